@@ -121,7 +121,7 @@ def _table(where: str, value: Any, declared: dict[Any, Any], entry: str) -> dict
         )
     for name in declared:
         if isinstance(name, str) and name.endswith("*") and name[:-1] not in entries:
-            what = "the table" if isinstance(declared[name], dict) else "it"
+            what = "the table" if isinstance(declared[name], dict) else "this entry"
             raise BadInputError(f"{where}: {prefix}{name[:-1]} is missing; add {what}")
     return entries
 

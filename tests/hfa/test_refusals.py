@@ -141,7 +141,7 @@ REFUSED_BY_EXTENSIONS = (
         "hfa_servo",
         "solve",
         "--design servo --dihedral 11 --units si",
-        "in the units of the declaration; leave it out",
+        "in the units of the declaration; remove this option",
     ),
     ("hfa_servo", "design", "given.npz", "given.npz: the file is not a controller file"),
     (

@@ -137,7 +137,7 @@ def test_a_critic_history_must_settle_in_time() -> None:
     assert_refused(
         hfa(*words, *discounted),
         BAD_INPUT,
-        "the file contains a history, but --discount needs one critic",
+        "the file contains a history, but --discount requires one critic",
     )
     single = stored("single.npz", P=exact)
     refused = hfa("verify", "--model", plant, "--weights", single, "--set", "predefined_time=2")

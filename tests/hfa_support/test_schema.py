@@ -46,7 +46,7 @@ def test_declared_numbers_are_read_as_floats() -> None:
         ({"delta": math.nan}, "f.toml: delta is nan; give a number above 0"),
         ({"delta": True}, "f.toml: delta is True; give"),
         ({"delta": 10**400}, "f.toml: delta is 1000"),
-        ({"open": {"b": 1}}, "f.toml: open.a is missing; add it"),
+        ({"open": {"b": 1}}, "f.toml: open.a is missing; add this entry"),
         (
             {"open": {"a": 1e200}},
             "f.toml: open.a is 1e+200; give a finite number of at least 0, at most 1e+100",

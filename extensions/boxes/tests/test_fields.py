@@ -213,7 +213,7 @@ def test_the_digest_of_a_network_is_compared(cart: Model) -> None:
         compare(content, FIELDS, _given(loops[1], "the user"))
     with pytest.raises(BadInputError, match="another policy"):
         BoxStatement.read(content, cart, loops[1].policy)
-    with pytest.raises(BadInputError, match="concerns a policy in a file"):
+    with pytest.raises(BadInputError, match="is about a policy in a file"):
         BoxStatement.read(content, cart, None)
 
 

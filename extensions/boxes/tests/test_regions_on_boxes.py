@@ -223,7 +223,7 @@ def test_another_digest_of_the_policy_is_refused(proved: Any) -> None:
     model = load_model(PENDULUM)
     assert check_region(*read_content(copy.deepcopy(content), model, _same_policy(proved))) > 0
     content["statement"]["policy"] = "0" * 64
-    with pytest.raises(BadInputError, match="concerns another policy"):
+    with pytest.raises(BadInputError, match="is about another policy"):
         read_content(content, model, _same_policy(proved))
 
 

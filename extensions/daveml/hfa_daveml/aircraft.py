@@ -100,7 +100,7 @@ class _Files:
             other = self._outputs[variable.name][0].path
             raise document.error(
                 f"variable {variable.key}",
-                f"the variable is also an output of {other}; remove one of the two outputs",
+                f"this output is also an output of {other}; remove one of the two outputs",
             )
         self._outputs[variable.name] = (document, variable)
 
@@ -118,8 +118,8 @@ class _Files:
         if missing:
             files = "+".join(document.path for document in self._documents)
             raise BadInputError(
-                f"{files}: outputs missing: {', '.join(missing)}; add the file that defines them, "
-                "joined by +"
+                f"{files}: missing outputs: {', '.join(missing)}; add +FILE with the file that "
+                "defines these outputs"
             )
 
     def model(self, source: tuple[str, str]) -> Model:
@@ -177,8 +177,8 @@ class _Files:
         if not upward > 0.0:
             files = "+".join(document.path for document in self._documents)
             raise BadInputError(
-                f"{files}: the aerodynamic force at alpha = 5 deg is not upward; check"
-                " the signs of its coefficients"
+                f"{files}: the aerodynamic force at alpha = 5 deg is not upward; check the signs "
+                "of the force coefficients"
             )
         weight = _number(constants(names.MASS)) * _GRAVITY
         area = _number(constants(names.AREA))

@@ -155,7 +155,7 @@ def _variable(document: Document, case: CheckCase, signal: Signal) -> Variable:
     if len(set(units)) > 1:
         raise document.error(
             place,
-            f"{signal.name} is in {signal.units} in the check case but in {variable.units} in its"
-            " definition; use the same unit",
+            f"{signal.name} is in {signal.units} in the check case but in {variable.units} in "
+            "the definition; give the same unit in both",
         )
     return variable

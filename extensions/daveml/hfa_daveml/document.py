@@ -152,7 +152,7 @@ def read_document(path: str) -> Document:
     content = regular_file(path).read_bytes()
     if b"<!ENTITY" in content or b"\0" in content:
         raise BadInputError(
-            f"{path} contains entities or is not UTF-8; save it as UTF-8 without entities"
+            f"{path} contains entities or is not UTF-8; save the file as UTF-8 without entities"
         )
     try:
         root = ElementTree.fromstring(content)
@@ -229,7 +229,9 @@ class _Reader:
         by_key: dict[str, _T] = {}
         for key, value in values:
             if key in by_key:
-                raise self._error(f"{kind} {key}", "there are two definitions; remove one of them")
+                raise self._error(
+                    f"{kind} {key}", "there are two definitions; remove one definition"
+                )
             by_key[key] = value
         return by_key
 
@@ -264,8 +266,8 @@ class _Reader:
         if result is None:
             raise self._error(
                 f"function {element.get('name', '')}",
-                "<dependentVarRef> is missing; add it with the varID of the variable that the "
-                "function defines",
+                "<dependentVarRef> is missing; add <dependentVarRef> with the varID of the "
+                "variable that the function defines",
             )
         key = self._attribute(result, "varID")
         axes = tuple(self._axis(each, key) for each in element.iter("independentVarRef"))
@@ -282,7 +284,7 @@ class _Reader:
         if len(axes) != len(table.ends):
             raise self._error(
                 f"function for {key}",
-                f"the function has {len(axes)} arguments, but its table has {len(table.ends)} "
+                f"the function has {len(axes)} arguments, but the table has {len(table.ends)} "
                 "axes; correct the function or the table",
             )
         return Function(key, axes, table)
@@ -354,22 +356,24 @@ class _Reader:
             raise self._error(place, "the table has no <bpRef>; add a <bpRef> for each argument")
         if missing:
             raise self._error(
-                place, f"breakpoints {', '.join(missing)} are not defined; define them"
+                place,
+                f"breakpoints {', '.join(missing)} are not defined; add a <breakpointDef> for each",
             )
         breakpoints = tuple(self._breakpoints[key] for key in keys)
         for key, points in zip(keys, breakpoints, strict=True):
             if points.size < 2 or not (np.diff(points) > 0.0).all():
                 raise self._error(
                     f"breakpoints {key}",
-                    "the breakpoints are not two or more increasing numbers; correct them",
+                    "the breakpoints are not two or more increasing numbers; correct the "
+                    "breakpoints",
                 )
         values = self._numbers(element, "dataTable")
         shape = tuple(points.size for points in breakpoints)
         if values.size != math.prod(shape):
             raise self._error(
                 place,
-                f"the table has {values.size} values, but its breakpoints require"
-                f" {math.prod(shape)}; correct the table or the breakpoints",
+                f"the table has {values.size} values, but the breakpoints require "
+                f"{math.prod(shape)}; correct the table or the breakpoints",
             )
         return GriddedTable(breakpoints, values.reshape(shape))
 
@@ -394,7 +398,7 @@ class _Reader:
             name = texts.get("signalName") or texts.get("varID") or texts.get("signalID", "")
             place = f"check case {case}, {name}"
             if "signalValue" not in texts:
-                raise self._error(place, "<signalValue> is missing; add it")
+                raise self._error(place, "<signalValue> is missing; add <signalValue>")
             value = self._number(texts["signalValue"], place)
             tolerance = self._number_or(texts.get("tol"), place, 0.0)
             yield Signal(name, texts.get("signalUnits", ""), value, tolerance)
@@ -408,7 +412,7 @@ class _Reader:
         child = element.find(tag)
         place = f"<{element.tag}> {element.get('bpID') or element.get('gtID') or ''}".rstrip()
         if child is None:
-            raise self._error(place, f"<{tag}> is missing; add it")
+            raise self._error(place, f"<{tag}> is missing; add <{tag}>")
         return self._numbers_in(child, place)
 
     def _numbers_in(self, child: ElementTree.Element, place: str) -> np.ndarray:
@@ -449,7 +453,9 @@ class _Reader:
     def _attribute(self, element: ElementTree.Element, name: str) -> str:
         value = element.get(name)
         if not value:
-            raise self._error(f"<{element.tag}>", f"the attribute {name} is missing; add it")
+            raise self._error(
+                f"<{element.tag}>", f"the attribute {name} is missing; add this attribute"
+            )
         return value
 
     def _error(self, place: str, fault: str) -> BadInputError:

@@ -55,7 +55,8 @@ class Expressions:
             circle = ", ".join(self._asked[self._asked.index(key) :])
             raise self._document.error(
                 f"variable {key}",
-                f"the variable depends on itself ({circle}); remove the circular definition",
+                f"the definition of the variable is circular ({circle}); remove the circular "
+                "dependence",
             )
         self._asked.append(key)
         try:

@@ -66,13 +66,12 @@ def _check_bands(path: str, data: Mapping[str, Any], model: Model) -> None:
         low, high = band
         if not low <= high:
             raise BadInputError(
-                f"{path}: the band of {name} is {shown(band)}; the lower limit must not exceed "
-                "the upper limit"
+                f"{path}: the band of {name} is {shown(band)}; give the lower limit first"
             )
         if not (is_finite(values[name]) and low <= values[name] <= high):
             raise BadInputError(
-                f"{path}: {name} is {shown(values[name])}, outside its band {shown(band)}; correct"
-                " the value or the band"
+                f"{path}: {name} is {shown(values[name])}, outside the band {shown(band)}; "
+                "correct the value or the band"
             )
 
 

@@ -85,8 +85,8 @@ def completed(linear: LinearModel) -> dict[str, Any]:
     for name, matrix, shape in (("A", A, (n, n)), ("B", B, (n, m))):
         if matrix.shape != shape or not matrix.size:
             raise BadInputError(
-                f"{name} is {shape_text(matrix.shape)}; it must be {shape_text(shape)}, with at "
-                "least one state and one input"
+                f"{name} is {shape_text(matrix.shape)}; give {shape_text(shape)}, with at least "
+                "one state and one input"
             )
     names = PlantNames(tuple(linear.states), tuple(linear.inputs)).completed(n, m)
     C = np.eye(n) if linear.C is None else checked_matrix("C", linear.C, LARGEST)
@@ -94,7 +94,7 @@ def completed(linear: LinearModel) -> dict[str, Any]:
     for name, matrix, width in (("C", C, n), ("D", D, m)):
         if matrix.shape != (len(C), width):
             wanted = shape_text((len(C), width))
-            raise BadInputError(f"{name} is {shape_text(matrix.shape)}; it must be {wanted}")
+            raise BadInputError(f"{name} is {shape_text(matrix.shape)}; give {wanted}")
     usual = names.states if linear.C is None else numbered("y", len(C))
     outputs = tuple(linear.outputs) or usual
     if len(outputs) != len(C):

@@ -118,7 +118,7 @@ def _flat(values: Mapping[str, Any], where: str) -> Iterator[tuple[str, Entry]]:
         place = f"{where}, [{key}]" if isinstance(value, Mapping) else where
         for name, held in inner.items():
             if name in seen:
-                raise BadInputError(f"{place}: {shown(name)} is given twice; leave one out")
+                raise BadInputError(f"{place}: {shown(name)} is given twice; remove one entry")
             seen.add(name)
             yield name, Entry(held, place)
 
@@ -146,7 +146,7 @@ def _rows(path: str, content: bytes) -> dict[str, Entry]:
         if len(cells) < 2 or not cells[1]:
             raise BadInputError(f"{where}: {shown(cells[0])} has no value; write name,value,unit")
         if cells[0] in entries:
-            raise BadInputError(f"{where}: {shown(cells[0])} is given twice; leave one out")
+            raise BadInputError(f"{where}: {shown(cells[0])} is given twice; remove one row")
         unit = f" {cells[2]}" if len(cells) > 2 and cells[2] else ""
         values = [f"{value.strip()}{unit}" for value in cells[1].split(":")]
         entries[cells[0]] = Entry(values if len(values) > 1 else values[0], where)
@@ -228,7 +228,7 @@ def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
     low, high = (_number(name, Entry(value, entry.where), unit) for value in entry.value)
     if low >= high:
         raise entry.error(
-            f"{name}: the lower limit must be less than the upper limit; correct the limits"
+            f"{name}: the lower limit is not less than the upper limit; correct the limits"
         )
     return low, high
 
@@ -270,7 +270,7 @@ def _factor(name: str, entry: Entry, stated: str, unit: str) -> float:
     factor = _ANGLES.get(stated) if unit == "rad" else conversion(stated, unit)
     if factor is None:
         known = " or ".join(_ANGLES) if unit == "rad" else f"{unit} or {si_unit(unit)}"
-        raise entry.error(f"{name} is in {shortened(stated)}; give it in {known}")
+        raise entry.error(f"{name} is in {shortened(stated)}; give {name} in {known}")
     return factor
 
 
@@ -284,15 +284,15 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
     derivatives = (f"{each}_{argument}" for each in COEFFICIENTS for argument in arguments)
     known = (*UNITS, *_TEXTS, *surfaces, *derivatives, INDUCED, THRUST_INPUT)
     if name in known:
-        return entry.error(f"{name} has a single value; give its lower and upper limit")
+        return entry.error(f"{name} has a single value; give the lower and the upper limit")
     alike = [each for each in known if each[:2] == name[:2]]  # CL is lift, Cl is roll
     if near := advice(name, alike or known):
         return entry.error(f"unknown entry {shown(name)}{near}")
     coefficient, _, argument = name.partition("_")
     if coefficient in COEFFICIENTS and argument.isidentifier():
         return entry.error(
-            f"{name}: {argument} has no limits, so it is not a control surface; give"
-            f' {argument} = ["-25 deg", "25 deg"], or leave the entry out'
+            f"{name}: {argument} has no limits and is therefore not a control surface; give "
+            f'{argument} = ["-25 deg", "25 deg"], or remove the entry'
         )
     return entry.error(
         f"unknown entry {shown(name)}; use {', '.join(UNITS)}, {', '.join(_TEXTS)}, derivatives"
@@ -311,7 +311,7 @@ def _refuse_missing(
     if "mass" not in values and "weight" not in values:
         missing.append("mass")
     if missing:
-        raise BadInputError(f"{where}: missing entries: {', '.join(missing)}; add them")
+        raise BadInputError(f"{where}: missing entries: {', '.join(missing)}; add these entries")
 
 
 def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> None:
@@ -325,7 +325,7 @@ def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> 
         if name in values and values[name] <= 0.0:
             raise entries[name].error(f"{name} is {values[name]:g}; give a positive number")
     if {"mass", "weight"} <= set(values):
-        raise entries["weight"].error("both mass and weight are given; leave out mass or weight")
+        raise entries["weight"].error("both mass and weight are given; remove mass or weight")
     if values["Ixx"] * values["Izz"] <= values.get("Ixz", 0.0) ** 2:
         raise entries["Ixz"].error(
             "Ixx Izz must exceed Ixz^2 for a rigid body; correct Ixx, Izz or Ixz"

@@ -488,8 +488,8 @@ def test_a_csv_file_equals_a_dictionary(folder):
         ({"CL_alpha": "steep"}, "CL_alpha is 'steep'; give a number"),
         ({"CL_alpha": math.nan}, "give a finite number"),
         ({"CL_alpha": True}, "give a finite number"),
-        ({"elevator": [1.0, -1.0]}, "lower limit must be less than the upper limit"),
-        ({"elevator": ["-20 m", "20 m"]}, "in m; give it in rad or deg"),
+        ({"elevator": [1.0, -1.0]}, "lower limit is not less than the upper limit"),
+        ({"elevator": ["-20 m", "20 m"]}, "in m; give elevator in rad or deg"),
         ({"geometry": {"span": 33.4, "chord": 5.7}}, "missing entries: wing_area"),
         ({"mass": {"mass": -1.0, "Ixx": 1.0, "Iyy": 1.0, "Izz": 1.0}}, "give a positive number"),
         ({"Ixz": 1e6}, "Ixx Izz must exceed Ixz^2"),
@@ -508,7 +508,9 @@ def test_faulty_entries_are_refused(change, message):
 def test_faulty_rows_are_refused(folder):
     """A faulty row of a CSV file is refused with its number."""
     Path("uav.csv").write_text("units,si\nwing_area,0.5,s\n")
-    with pytest.raises(hfa.BadInputError, match=r"uav.csv, row 2: wing_area is in s; give it in"):
+    with pytest.raises(
+        hfa.BadInputError, match=r"uav.csv, row 2: wing_area is in s; give wing_area in"
+    ):
         from_derivatives("uav.csv")
 
 

@@ -67,9 +67,9 @@ def test_lqr_of_matrices_refuses_a_disturbance() -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ({"A": A, "B": np.ones((3, 1))}, "B is 3 x 1; it must be 2 x 1"),
-        ({"A": np.ones((2, 3)), "B": B}, "A is 2 x 3; it must be 2 x 2"),
-        ({"A": A, "B": B, "C": np.ones((1, 3))}, "C is 1 x 3; it must be 1 x 2"),
+        ({"A": A, "B": np.ones((3, 1))}, "B is 3 x 1; give 2 x 1"),
+        ({"A": np.ones((2, 3)), "B": B}, "A is 2 x 3; give 2 x 2"),
+        ({"A": A, "B": B, "C": np.ones((1, 3))}, "C is 1 x 3; give 1 x 2"),
         ({"A": A, "B": B, "states": ("x",)}, "states has 1 entries"),
         (
             {"A": A, "B": B, "outputs": ("y",)},

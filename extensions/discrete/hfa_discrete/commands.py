@@ -27,7 +27,7 @@ RESULTS = (
     " hfa.options.games:Weights hfa.options.games:NamedGame",
 )
 #: Reason why an option is refused.
-_CONTINUOUS = "applies only to continuous time; leave it out of a plant with time = discrete"
+_CONTINUOUS = "applies only to continuous time; remove this option for a plant with time = discrete"
 
 
 def question_of_time(game: Game) -> str:
@@ -85,7 +85,7 @@ def verify(request: VerifyRequest, named: NamedGame, paths: list[Path]) -> int:
 
     if len(paths) != 1:
         raise BadInputError(
-            "a discrete-time plant needs exactly one critic; give --weights FILE once"
+            "a discrete-time plant requires exactly one critic; give --weights FILE once"
         )
     request.refuse(("discount", "dt", "region", "flights", "draws", "picture"), _CONTINUOUS)
     (path,) = paths
@@ -116,8 +116,8 @@ def verify_discounted(
     assert request.discount is not None
     if critic.time is not None:
         raise BadInputError(
-            f"{path}: the file contains a history, but --discount needs one critic; give a file "
-            "with a single critic"
+            f"{path}: the file contains a history, but --discount requires one critic; give a "
+            "file with a single critic"
         )
     scope = replace(scope, progress=ProgressLine("prove"))
     return check_discounted(

@@ -147,7 +147,9 @@ def _judged(
     refuse_unless_positive("limit", limit)
     exact = solve_discrete(problem)
     if not critic.finite:
-        raise BadInputError("the critic has entries that are too large or not finite; correct them")
+        raise BadInputError(
+            "the critic has entries that are too large or not finite; correct these entries"
+        )
     step = problem.step
     box = scope.box or balanced_box(step)
     critic = discrete_critic(problem, critic)
@@ -234,7 +236,7 @@ def _errors_of_parts(
         L = checked_matrix("L", parts["L"], LARGEST_CRITIC_ENTRY)
         if L.shape != exact.disturbance_gain.shape:
             shape = shape_text(exact.disturbance_gain.shape)
-            raise BadInputError(f"L is {shape_text(L.shape)}; on this plant it must be {shape}")
+            raise BadInputError(f"L is {shape_text(L.shape)}; give {shape} for this plant")
         error = relative_error(L, exact.disturbance_gain)
         checks.append(error_check("L_rel_error", error, limit, "L"))
     if "H" in parts:

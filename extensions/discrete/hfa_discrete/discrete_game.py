@@ -41,21 +41,20 @@ class DiscreteGame(Reported):
         """
         if not (is_finite(self.discount) and 0.0 < self.discount <= 1.0):
             raise BadInputError(
-                f"discount is {self.discount}; the factor per step must be above 0 and at most 1"
+                f"discount is {self.discount}; give a factor per step above 0 and at most 1"
             )
         shape = self.step.B.shape
         N = np.zeros(shape) if self.N is None else checked_matrix("N", self.N, LARGEST)
         if N.shape != shape:
-            raise BadInputError(
-                f"N is {shape_text(N.shape)}; with this B it must be {shape_text(shape)}"
-            )
+            raise BadInputError(f"N is {shape_text(N.shape)}; give {shape_text(shape)}, to match B")
         A_low = np.zeros_like(self.step.A) if self.A_low is None else self.A_low
         object.__setattr__(self, "N", N)
         object.__setattr__(self, "A_low", A_low)
         object.__setattr__(self, "discount", float(self.discount))
         if N.any() and not is_semidefinite(self._weights()):
             raise BadInputError(
-                "[[Q, N], [N', R]] is not positive semidefinite; make N smaller or Q and R larger"
+                "[[Q, N], [N', R]] is not positive semidefinite; give a smaller N, or larger Q "
+                "and R"
             )
 
     def _weights(self) -> np.ndarray:
@@ -128,7 +127,7 @@ class DiscreteGame(Reported):
         H = checked_matrix("H", H, LARGEST)
         if H.shape not in shapes.values():
             rules = [f"{shape_text(shape)} over {names}" for names, shape in shapes.items()]
-            raise BadInputError(f"H is {shape_text(H.shape)}; it must be {' or '.join(rules)}")
+            raise BadInputError(f"H is {shape_text(H.shape)}; give {' or '.join(rules)}")
         asymmetry = np.abs(H - H.T)
         if asymmetry.max() > 1e-6 * np.abs(H).max():
             row, column = np.unravel_index(asymmetry.argmax(), H.shape)

@@ -191,8 +191,8 @@ class _QLearner:
         cost = problem.q_function(np.zeros_like(problem.step.A))
         if together.shape[1] != len(cost):
             raise BadInputError(
-                f"the steps have {together.shape[1]} columns of x, u and w, but the game needs"
-                f" {len(cost)}"
+                f"the steps have {together.shape[1]} columns of x, u and w, but the game "
+                f"requires {len(cost)}; record all columns"
             )
         scales = np.sqrt(np.mean(together**2, axis=0))
         if not scales.all():
@@ -240,8 +240,8 @@ class _QLearner:
             raise NoSolutionError("Q-learning diverges: no policy stabilizes the plant")
         if not self.has_saddle(H):
             raise NoSolutionError(
-                f"at delta = {self.problem.step.delta:g}, the disturbance gains more than it "
-                "costs; choose a larger delta (`hfa solve` reports the smallest)"
+                f"at delta = {self.problem.step.delta:g}, the disturbance increases the cost "
+                "without bound; choose a larger delta (`hfa solve` reports the smallest)"
             )
         return H
 

@@ -24,8 +24,8 @@ def step_model(path: Path) -> Model:
     problem = stored_game(path).discrete
     if problem is None:
         raise BadInputError(
-            f'{path} is in continuous time, but hfa fly --model needs time = "discrete"; use'
-            " --aircraft FILE.py:NAME for a continuous-time plant"
+            f'{path} is in continuous time, but hfa fly --model requires time = "discrete"; for '
+            "a continuous-time plant, give --aircraft FILE.py:NAME"
         )
     step = problem.step
     names = step.names

@@ -229,7 +229,7 @@ def test_a_game_without_cost_has_zero_value():
 def test_wrong_cross_weights_are_refused():
     """Cross weights of wrong shape or sign and an asymmetric H are refused."""
     step = _game()
-    with pytest.raises(BadInputError, match="N is 2 x 4; with this B it must be 4 x 2"):
+    with pytest.raises(BadInputError, match="N is 2 x 4; give 4 x 2, to match B"):
         DiscreteGame(step, 1.0, np.zeros((2, 4)))
     with pytest.raises(BadInputError, match="is not positive semidefinite"):
         DiscreteGame(step, 1.0, 10.0 * np.ones((4, 2)))

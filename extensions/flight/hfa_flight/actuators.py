@@ -41,9 +41,7 @@ class ActuatorFault:
             if (value := getattr(self, name)) is not None:
                 refuse_unless_positive(f"the {name} after a fault", value)
         if not (math.isfinite(self.begin) and self.begin >= 0.0):
-            raise BadInputError(
-                f"a fault begins at {self.begin:g} s; give a start time of at least 0 s"
-            )
+            raise BadInputError(f"the start time of a fault is {self.begin:g} s; give at least 0 s")
 
 
 @dataclass(frozen=True)
@@ -90,11 +88,11 @@ class ActuatorBank:
                 )
             if not lowest < highest:
                 raise BadInputError(
-                    f"the position limits of {name} are {lowest} and {highest}; the lower limit"
-                    " must be less than the upper limit"
+                    f"the position limits of {name} are {lowest} and {highest}; give the lower "
+                    "limit first"
                 )
         if self.order not in (1, 2):
-            raise BadInputError(f"the order of the actuators is {self.order}; it must be 1 or 2")
+            raise BadInputError(f"the order of the actuators is {self.order}; give 1 or 2")
         refuse_unless_positive("the damping of the actuators", self.damping)
         for fault in self.faults:
             for name in fault.inputs:
@@ -126,8 +124,8 @@ class ActuatorBank:
         for name, value, lowest, highest in rows:
             if not lowest <= value <= highest:
                 raise BadInputError(
-                    f"{name} is {value:.6g} at trim, outside the limits of its actuator,"
-                    f" {lowest:.6g} to {highest:.6g}; widen the limits"
+                    f"{name} is {value:.6g} at trim, outside the limits of the actuator, "
+                    f"{lowest:.6g} to {highest:.6g}; widen the limits"
                 )
 
     @property

@@ -167,8 +167,8 @@ class NonlinearPlant(Plant):
         _, angle = model.layout.expressions(vectors, (ANGLE_OF_ATTACK,), _values(winds, model))
         if ca.depends_on(angle, u):
             raise BadInputError(
-                f"{model.name}: output {ANGLE_OF_ATTACK} depends on an input, so it is not a flow "
-                "angle; rename the output"
+                f"{model.name}: output {ANGLE_OF_ATTACK} depends on an input and is therefore "
+                "not a flow angle; rename the output"
             )
         return angle - getattr(self.point.states, ALPHA)
 
@@ -274,8 +274,7 @@ class ClosedLoop:
             self.scenario.actuators.refuse_trim(self.plant.trim)
         if isinstance(self.policy, GainPolicy) and self.policy.gains.shape[1:] != (m, k):
             raise BadInputError(
-                f"the gain has shape {self.policy.gains.shape[1:]}; this aircraft needs {m} x {k},"
-                " inputs by states"
+                f"the gain has shape {self.policy.gains.shape[1:]}; give {m} x {k}, inputs x states"
             )
         if isinstance(self.policy, FunctionPolicy):
             function = self.policy.function
@@ -283,12 +282,12 @@ class ClosedLoop:
             if sizes != (m, k):
                 raise BadInputError(
                     f"the policy {self.policy.name} computes {sizes[0]} inputs from {sizes[1]} "
-                    f"states; this aircraft has {m} inputs and {k} states"
+                    f"states; give a policy for {m} inputs and {k} states"
                 )
         for name in ("reference", "disturbance", "noise"):
             signal = getattr(self.scenario, name)
             if signal is not None and signal.size != k:
-                raise BadInputError(f"the {name} has {signal.size} channels; it must have {k}")
+                raise BadInputError(f"the {name} has {signal.size} channels; give {k}")
 
     @cached_property
     def state_sizes(self) -> StateParts:

@@ -67,7 +67,9 @@ def from_control(
     if getattr(system, "updfcn", None) is None:
         raise BadInputError(f"{name} has no update function; give a system made by control.nlsys")
     if system.dt:
-        raise BadInputError(f"{name} is in discrete time; give a system in continuous time")
+        raise BadInputError(
+            f"{name} is in discrete time, which is not supported; give a system in continuous time"
+        )
     states = system.state_labels
     inputs = system.input_labels
     constants = dict(system.params)
@@ -105,10 +107,13 @@ def from_control(
     with warnings.catch_warnings(action="ignore", category=FutureWarning):
         rates, seen = values(time, *columns)  # CasADi warns about NumPy functions
     if ca.depends_on(ca.vertcat(*map(ca.SX, (*rates.values(), *seen.values()))), time):
-        raise BadInputError(f"{name} depends on time; make the time-dependent term an input")
+        raise BadInputError(
+            f"{name} depends on time, which is not supported; declare the time-dependent term as "
+            "an input"
+        )
     if model.layout.has_nan:
         raise BadInputError(
-            f"{name} cannot be evaluated with symbols, because it uses float or math; use NumPy's"
-            " functions"
+            f"{name} uses float or math, which cannot be evaluated with symbols; use functions "
+            "of NumPy"
         )
     return model

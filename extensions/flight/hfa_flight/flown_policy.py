@@ -109,7 +109,7 @@ def command_steps(given: Mapping[str, Any]) -> CommandSteps:
     """
     for name, pairs in given.items():
         if callable(pairs):
-            raise BadInputError(f"the steps of {name} are a function; {_FORMS}")
+            raise BadInputError(f"the steps of {name} are given as a function; {_FORMS}")
     steps = {name: numbers_in(f"the steps of {name}", pairs) for name, pairs in given.items()}
     for name, pairs in steps.items():
         if pairs.ndim != 2 or pairs.shape[1] != 2:
@@ -117,7 +117,7 @@ def command_steps(given: Mapping[str, Any]) -> CommandSteps:
         times = pairs[:, 0].tolist()
         if times[0] < 0.0 or any(later <= earlier for earlier, later in pairwise(times)):
             raise BadInputError(
-                f"the times of {name} are {times}; they must increase, starting at 0 or later"
+                f"the times of {name} are {times}; give increasing times of at least 0 s"
             )
     times = sorted({time for pairs in steps.values() for time in pairs[:, 0].tolist()})
     values = np.zeros((len(times), len(steps)))

@@ -51,17 +51,18 @@ class GainSchedule(Reported):
         n = len(self.model.linear)
         if np.shape(self.gains) not in ((count, m, n), (count, m, n + m)):
             raise BadInputError(
-                f"K has shape {np.shape(self.gains)}; with {count} breakpoints it must be"
-                f" ({count}, {m}, {n})"
+                f"K has shape {np.shape(self.gains)}; give ({count}, {m}, {n}) for {count} "
+                "breakpoints"
             )
         if not (np.all(np.isfinite(self.breakpoints)) and np.all(np.isfinite(self.gains))):
             raise BadInputError(
-                "K or its breakpoints contain a number that is not finite; give finite numbers"
+                "K or the list of breakpoints contains a number that is not finite; give finite "
+                "numbers"
             )
         if np.ndim(self.breakpoints) != 1 or count < 1 or np.any(np.diff(self.breakpoints) <= 0.0):
             raise BadInputError(
-                f"{self.model.schedule_key} must contain the breakpoints of the table, in "
-                "increasing order"
+                f"{self.model.schedule_key} is not a list of increasing breakpoints; give the "
+                "breakpoints of the table in increasing order"
             )
 
     @cached_property
@@ -92,7 +93,8 @@ class GainSchedule(Reported):
             covered = f"{self.model.describe(name, first)} to {self.model.describe(name, last)}"
             flown = f"{self.model.describe(name, lowest)} to {self.model.describe(name, highest)}"
             raise BadInputError(
-                f"the gains cover {covered}, not {flown}; use values within the covered range"
+                f"the gains cover {covered}, but {flown} is requested; choose values within the "
+                "covered range"
             )
 
 
@@ -126,12 +128,12 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
             return GainSchedule(np.zeros(1), gain[None], model)
 
         if key not in stored:
-            raise BadInputError(
-                f"{key} is missing; a table of gains K needs one value for each gain"
-            )
+            raise BadInputError(f"{key} is missing; give one value for each gain K of the table")
         breakpoints = np.ravel(numbers_in(key, stored[key]))
         if breakpoints.size < 2:
-            raise BadInputError(f"{key} must contain at least two values, in increasing order")
+            raise BadInputError(
+                f"{key} has fewer than two values; give at least two, in increasing order"
+            )
         count = breakpoints.size
         is_matlab_stack = K.shape[0] == m and K.shape[2] == count
         is_stack = K.shape[:2] == (count, m)

@@ -84,7 +84,8 @@ class OneMinusCosine(Gust):
             refuse_unless_positive(f"the gust's {name}", getattr(self, name))
         if not np.isfinite([self.peak, self.begin]).all():
             raise BadInputError(
-                f"the gust's peak is {self.peak} and its start {self.begin}; give finite numbers"
+                f"the peak of the gust is {self.peak} and the start time {self.begin}; give "
+                "finite numbers"
             )
 
     @property

@@ -92,11 +92,13 @@ class MonteCarlo(StatesAndInputs, Reported):
         object.__setattr__(self, "scenario", self.scenario.on(self.model))
         for name in ("reference", "disturbance", "noise"):
             if not hasattr(getattr(self.scenario, name), "to_dict"):
-                raise BadInputError(f"the {name} of a Monte Carlo simulation must be a Waveform")
+                raise BadInputError(
+                    f"the {name} of a Monte Carlo simulation is not a Waveform; give a Waveform"
+                )
         if self.scenario.samples is not None:
             raise BadInputError(
-                "the random quantities of the scenario are already drawn; give a scenario in which "
-                "they are not"
+                "the random quantities of the scenario are already drawn; give the scenario "
+                "before drawn()"
             )
         refuse_start(self.envelope, np.array(self.point.states) + self.scenario.initial)
         for name in self.scenario.uncertainty.errors:

@@ -148,7 +148,8 @@ def _happening(model: Model, given: Scenario, seconds: float | None, initial: An
     """
     if given.uncertainty != Uncertainty():
         raise BadInputError(
-            "the scenario has random quantities; draw them with scenario.drawn(seed, member, point)"
+            "the random quantities of the scenario are not drawn; call scenario.drawn(seed, "
+            "member, point)"
         )
     scenario = given if seconds is None else replace(given, duration=float(seconds))
     if isinstance(initial, Mapping):

@@ -94,7 +94,7 @@ def _command(model: Model, name: str, text: str) -> list[tuple[float, float]]:
     steps = [(number(time), quantity(model, name, value)) for time, value in pairs]
     times = [time for time, _ in steps]
     if times[0] < 0.0 or any(later <= earlier for earlier, later in pairwise(times)):
-        raise BadInputError(f"is {text!r}; the times must increase, starting at 0 or later")
+        raise BadInputError(f"is {text!r}; give increasing times of at least 0 s")
     return steps
 
 
@@ -143,10 +143,10 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
         instead = [name for name in _IN_PLACE if getattr(self, name) is not None]
         for name in instead:
             without_effect = [each for each in _IN_PLACE[name] if each not in self.prices]
-            self.refuse(without_effect, f"has no effect with --{name}; leave it out")
+            self.refuse(without_effect, f"has no effect with --{name}; remove this option")
         if self.law == NONE:
             of_law = [name for name in ("delta", "Q", "R") if name not in self.prices]
-            self.refuse(of_law, f"applies only to a law; leave it out with --law {NONE}")
+            self.refuse(of_law, f"applies only to a law; remove this option or --law {NONE}")
         reads = {*READING_SETTINGS} & {*self.set}
         if reads and self.weights is None:
             raise BadInputError(
@@ -275,7 +275,7 @@ def _turbulence(text: str) -> Turbulence:
     """
     word, *typed = text.split(":")
     if not word[:1].isalpha() and len(typed) == 1:  # the form of version 0.3
-        raise BadInputError(f"is {text!r}; write own:{text} for turbulence of this intensity")
+        raise BadInputError(f"is {text!r}; for turbulence of this intensity, give own:{text}")
     spectrum, _, level = word.rpartition("-")
     least, most = (2, 3) if level == "own" else (0, 2)
     known = level in (*LEVELS, "own") and spectrum in ("", *SPECTRA)
@@ -347,7 +347,8 @@ def gust_at(
     length, peak, begin = typed
     if not 0 <= begin < duration:
         raise BadInputError(
-            f"--gust begins at {begin:g} s; it must begin during the flight, 0 to {duration:g} s"
+            f"--gust begins at {begin:g} s; give a begin from 0 to {duration:g} s, during the "
+            "flight"
         )
     return OneMinusCosine(length, peak, gust_speed(point), begin)
 
@@ -434,7 +435,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
         model = point.model
         assert duration is not None
         if delay and not 0.0 < delay < duration:
-            raise BadInputError(f"--delay is {delay:g} s; it must lie between 0 and the duration")
+            raise BadInputError(f"--delay is {delay:g} s; give a delay between 0 and the duration")
         names = model.linear
         disturbed = self.disturbance
         common = Scenario(
@@ -449,7 +450,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
             },
         )
         if self.gust is not None and self.turbulence is not None:
-            raise BadInputError("--gust and --turbulence cannot be combined; leave out one of them")
+            raise BadInputError("--gust and --turbulence cannot be combined; remove one of the two")
         gust = self._gust(point, common)
         if self.members is not None:
             turbulence = at_held_altitude(self.turbulence, self.hold)
@@ -567,7 +568,7 @@ class FlightOptions(ScenarioOptions):
             scheduled = scheduled_gains(name, controller, point, steps, condition)
             return scheduled, scheduled.path
         if self.actuators is None:
-            raise BadInputError("--controller needs actuators; add --actuators LAG:RATE")
+            raise BadInputError("--controller requires actuators; add --actuators LAG:RATE")
         steps = CommandSteps(steps.names, steps.times, steps.values, *controller.command_filter)
         policy = controllers.servo_policy(controller, steps, model, point)
         return policy, CommandedStates(steps, model.linear)
@@ -625,7 +626,8 @@ def actuators_of(
     lag, degrees_per_second, order = typed
     if degrees_per_second <= 0:
         raise BadInputError(
-            f"the rate limit of --actuators is {degrees_per_second:g} deg/s; it must be positive"
+            f"the rate limit of --actuators is {degrees_per_second:g} deg/s; give a positive "
+            "rate limit"
         )
     rates = {"rad": math.radians(degrees_per_second), "deg": degrees_per_second}
     inputs = model.inputs

@@ -31,11 +31,13 @@ def refuse_method(model: Model, method: str, step: float | None) -> None:
     step: value of --step, or None. Only the method "jsbsim" accepts a step.
     """
     if method not in METHODS:
-        raise BadInputError(f"unknown method {shortened(method)}; {choice_of(method, METHODS)}")
+        raise BadInputError(
+            f"--method (method= in Python) is {shortened(method)}; {choice_of(method, METHODS)}"
+        )
     if method != JSBSIM and step is not None:
         raise BadInputError(
-            f"--step (step= in Python) applies only to --method {JSBSIM}; leave out --step, or use"
-            " this method"
+            f"--step (step= in Python) applies only to --method {JSBSIM}; remove --step, or use "
+            "this method"
         )
     if method == JSBSIM and not hasattr(model.equations, "jsbsim_steps"):
         raise BadInputError(
@@ -84,7 +86,9 @@ def in_own_steps(loop: ClosedLoop) -> CompiledLoop:
     }
     for what, is_present in extra.items():
         if is_present:
-            raise BadInputError(f"--method {JSBSIM} does not support {what}; leave it out")
+            raise BadInputError(
+                f"--method {JSBSIM} does not support {what}; use --method {RUNGE_KUTTA}"
+            )
     return CompiledLoop(loop, tick=lambda compiled: _OwnTick(compiled, make))
 
 

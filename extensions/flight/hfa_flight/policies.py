@@ -132,7 +132,7 @@ class GainPolicy(Policy):
         if gains.ndim not in (2, 3) or not gains.size or not np.all(np.isfinite(gains)):
             raise BadInputError(
                 f"the gain has shape {np.shape(self.gains)}; give a matrix of finite numbers, "
-                "inputs by states"
+                "inputs x states"
             )
         stack = gains.reshape(-1, *gains.shape[-2:])
         object.__setattr__(self, "gains", stack)

@@ -64,7 +64,8 @@ class Uncertainty:
         for name, value in (*self.errors.items(), *self.noise.items()):
             if not (is_finite(value) and value >= 0.0):
                 raise BadInputError(
-                    f"the standard deviation of {name} is {shown(value)}; it must be at least 0"
+                    f"the standard deviation of {name} is {shown(value)}; give a number of at "
+                    "least 0"
                 )
 
     def factors(self, seed: int, member: int) -> np.ndarray:
@@ -154,7 +155,7 @@ class Scenario(Reported):
                     f" change {name} or {part}"
                 )
         if self.duration > MOST_STEPS * self.step * (1 + 1e-9):
-            most = f"with a step of {self.step:g} s it must not exceed {MOST_STEPS * self.step:g} s"
+            most = f"give at most {MOST_STEPS * self.step:g} s with a step of {self.step:g} s"
             raise BadInputError(f"duration is {self.duration:g} s; {most}")
         if self.actuators is not None:
             self.actuators.refuse_step(self.step)
@@ -171,7 +172,7 @@ class Scenario(Reported):
             raise BadInputError(f"gust is {shown(self.gust)}; give a gust such as {example}")
         if self.gust is not None and self.uncertainty.turbulence is not None:
             raise BadInputError(
-                "the scenario has both a gust and random turbulence; remove one of them"
+                "the scenario has both a gust and random turbulence; remove one of the two"
             )
 
     @property
@@ -220,8 +221,8 @@ class Scenario(Reported):
         for name in gusts:
             if name not in in_gusts(model).disturbances:
                 raise BadInputError(
-                    f"{model.name} declares no disturbance {name}, which a gust needs; declare "
-                    "this disturbance"
+                    f"{model.name} declares no disturbance {name}, which a gust requires; "
+                    "declare this disturbance"
                 )
         n = len(model.states)
         no_signal = zero(len(model.linear))

@@ -136,8 +136,8 @@ def scheduled_gains(
     model = schedule.model
     if model.schedule not in model.linear:
         raise BadInputError(
-            f"the scheduling variable of {model.name} is {model.schedule or 'not declared'};"
-            " a gain schedule needs a state of the linear model"
+            f"the scheduling variable of {model.name} is {model.schedule or 'not declared'}; "
+            "declare a state of the linear model as the scheduling variable"
         )
     if schedule.gains.shape[-1] != len(model.linear):
         raise BadInputError(
@@ -147,8 +147,8 @@ def scheduled_gains(
     for commanded in commands.names:
         if commanded != model.schedule:
             raise BadInputError(
-                f"a gain schedule follows only commands of {model.schedule}; leave out the "
-                f"command of {commanded}"
+                f"a gain schedule follows only commands of {model.schedule}; remove the command "
+                f"of {commanded}"
             )
     start = base.values[model.schedule]
     if not commands.names:

@@ -58,8 +58,8 @@ class Waveform(Result, Reported):
         ):
             if len(size) != 1 or np.shape(part) != size:
                 raise BadInputError(
-                    f"a waveform has parts of shape {size} and {np.shape(part)}; make their"
-                    " lengths equal"
+                    f"the parts of a waveform have shapes {size} and {np.shape(part)}; give "
+                    "parts of equal length"
                 )
             if not np.all(np.isfinite(part)):
                 raise BadInputError(
@@ -136,9 +136,12 @@ class CommandSteps(Reported):
             )
         for name in self.names:
             if self.names.count(name) > 1:
-                raise BadInputError(f"the command of {name} is given twice; give it once")
+                raise BadInputError(f"the command of {name} is given twice; remove one command")
         if len(self.times) and not (self.times[0] >= 0.0 and np.all(np.diff(self.times) > 0.0)):
-            raise BadInputError("the times of the commands must increase, starting at 0 or later")
+            raise BadInputError(
+                "the times of the commands do not increase from 0 s or later; give increasing "
+                "times of at least 0 s"
+            )
         for name in ("bandwidth", "damping"):
             refuse_unless_positive(f"the {name} of the command filter", getattr(self, name))
 

@@ -195,8 +195,8 @@ class CompiledLoop:
         if lost.any():
             time = (begin + int(np.argmax(lost))) * self.loop.scenario.step
             raise NoSolutionError(
-                f"the simulation diverges at t = {time:.6g} s; the loop is unstable or the step"
-                " too long"
+                f"the simulation diverges at t = {time:.6g} s; check that the policy stabilizes "
+                "the aircraft, or shorten the step"
             )
         return lost
 

@@ -120,8 +120,7 @@ class Turbulence:
                 )
         if "scale" in numbers and self.altitude is not None:
             raise BadInputError(
-                "with your own intensity, turbulence does not depend on altitude; leave out the "
-                "altitude"
+                "turbulence of your own intensity does not depend on altitude; remove the altitude"
             )
 
     def air(self, point: OperatingPoint, interval: float, ticks: int, seed: int) -> TurbulentAir:
@@ -154,8 +153,8 @@ class Turbulence:
         if not taken:
             needed = ", ".join(missing_states(model, "w"))
             raise BadInputError(
-                f"{model.name} has no gust input and no state {needed};"
-                f" declare a disturbance {UPDRAFT}"
+                f"{model.name} has neither a gust input nor a state {needed}, which turbulence "
+                f"requires; declare a disturbance {UPDRAFT}"
             )
         return TurbulentAir(
             self,
@@ -182,14 +181,14 @@ class Turbulence:
         give = f"give --turbulence {self.level}:ALTITUDE (in Python altitude=)"
         if "altitude" not in model.states:
             raise BadInputError(
-                f"{model.name} has no state altitude, which turbulence needs; {give}"
+                f"{model.name} has no state altitude, which turbulence requires; {give}"
             )
         altitude = float(point.values["altitude"])
         if altitude == model.trim.get("altitude"):
             unit = model.unit("altitude")
             raise BadInputError(
-                f"turbulence needs an explicit altitude, not the default of {altitude:g} {unit};"
-                f" {give}"
+                f"turbulence requires an explicit altitude, not the default of {altitude:g} "
+                f"{unit}; {give}"
             )
         return altitude
 
@@ -202,8 +201,8 @@ def _feet(model: Model) -> float:
     units = {"ft/s": 1.0, "m/s": si_factor("ft")}
     if "speed" not in model.signals or model.unit("speed") not in units:
         raise BadInputError(
-            f"{model.name} has no speed in ft/s or m/s, which turbulence needs; declare speed in "
-            "one of these units"
+            f"{model.name} has no speed in ft/s or m/s, which turbulence requires; declare speed "
+            "in ft/s or m/s"
         )
     return units[model.unit("speed")]
 
@@ -227,8 +226,8 @@ def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales
     """
     if not _LOWEST <= altitude <= _ALTITUDES[-1]:
         raise BadInputError(
-            f"turbulence is requested at {altitude:g} ft, but MIL-F-8785C defines it from 10 to"
-            " 80000 ft; give another altitude"
+            f"turbulence is requested at {altitude:g} ft, but MIL-F-8785C covers only 10 to "
+            "80000 ft; give an altitude in this range"
         )
     high_length = _LENGTH[spectrum]
     high_intensity = float(np.interp(max(altitude, _HIGH), _ALTITUDES, _INTENSITIES[level]))

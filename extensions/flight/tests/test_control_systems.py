@@ -61,15 +61,15 @@ def test_a_system_of_python_control_is_traced() -> None:
         ),
         (
             lambda: system(lambda t, x, u, p: [x[1], math.sin(x[0])]),
-            "because it uses float or math",
+            "uses float or math",
         ),
         (
             lambda: system(lambda t, x, u, p: [x[1], np.sin(t)]),
-            "pendulum depends on time; make the time-dependent term an input",
+            "pendulum depends on time, which is not supported; declare",
         ),
         (
             lambda: system(pendulum, dt=0.1),
-            "pendulum is in discrete time; give a system in continuous time",
+            "pendulum is in discrete time, which is not supported; give a system in continuous time",
         ),
     ],
 )

@@ -114,7 +114,7 @@ def test_a_controller_is_exported_to_c_and_fmu(tmp_path: Path, published_aircraf
     for more, said in (
         (("--actuators", "0.5:60", "--dihedral", "25"), "controller small covers dihedral 5 to 20"),
         (("--law", "exact", "--actuators", "0.5:60"), "--law has no effect with --controller"),
-        (("--dihedral", "10"), "needs actuators in an FMU; add --actuators LAG:RATE"),
+        (("--dihedral", "10"), "requires actuators in an FMU; add --actuators LAG:RATE"),
     ):
         assert_refused(
             hfa(
@@ -136,7 +136,7 @@ def test_an_fmu_needs_a_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     # The compiler is searched only once in a process.
     monkeypatch.setattr(fmu, "c_compiler", lambda: None)
     assert_refused(
-        hfa("export", "-o", str(tmp_path / "a.fmu")), 1, "needs a C compiler", "install gcc"
+        hfa("export", "-o", str(tmp_path / "a.fmu")), 1, "requires a C compiler", "install gcc"
     )
     assert list(tmp_path.iterdir()) == []
 
@@ -152,7 +152,7 @@ def test_the_fmu_of_a_sweep_has_swept_inputs(tmp_path: Path) -> None:
     for name in ("scheduled_dihedral", "scheduled_speed", "aileron_outer", "pitch_rate"):
         assert f'name="{name}"' in described
     assert_refused(
-        hfa("sweep", "--dihedral", "5", "-o", str(path)), 2, "at least two values of dihedral"
+        hfa("sweep", "--dihedral", "5", "-o", str(path)), 2, "fewer than two values of dihedral"
     )
 
 

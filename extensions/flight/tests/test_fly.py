@@ -121,7 +121,7 @@ def test_gains_and_critics_in_files_equal_law_exact(game: Game) -> None:
     stored("V.npz", W=np.ones(25))
     stored("small.npz", K=np.eye(2))
     for words, named in (
-        ("--weights K.json --law exact", "--law has no effect with --weights; leave it out"),
+        ("--weights K.json --law exact", "--law has no effect with --weights; remove this option"),
         ("--weights P.npz --delta 300", "--delta has no effect with --weights"),
         ("--weights K.json --seed 3", "nothing is random in this run"),
         (
@@ -203,7 +203,7 @@ def test_unsuitable_controllers_faults_and_commands_are_refused() -> None:
         ("--fault 0.2", "give EFFECTIVENESS:BANDWIDTH[:BEGIN]"),
         ("--command speed=1:1", "cannot follow a command of 'speed'"),
         ("--command dihedral=1", "give NAME=TIME:VALUE"),
-        ("--command dihedral=2:1,1:0", "the times must increase"),
+        ("--command dihedral=2:1,1:0", "give increasing times"),
         ("--law exact", "--law has no effect with --controller"),
     ):
         assert_refused(hfa(*FLOWN[:-2], *words.split()), 2, named)

@@ -20,7 +20,7 @@ from hfa.main import BAD_INPUT
         ("fly --dihedral 15 --command gamma=1:1", "a gain cannot follow a command of 'gamma'"),
         (
             "fly --dihedral 15 --duration 1e8",
-            "duration is 1e+08 s; with a step of 0.001 s it must not exceed 10000 s",
+            "duration is 1e+08 s; give at most 10000 s with a step of 0.001 s",
         ),
         ("fly --dihedral 15 --delay 1e-9", "delay is 1e-09 s; give a multiple of the tick"),
         ("fly --dihedral 15 --resume", "--resume applies only to --samples"),
@@ -32,7 +32,7 @@ from hfa.main import BAD_INPUT
         ("fly --dihedral 15 --samples 2 -o a.json", "are written to a Zarr store"),
         (
             "fly --dihedral 15 --samples 2 --picture a.png",
-            "--picture needs a single flight or --draws",
+            "--picture applies only to a single flight or --draws",
         ),
         ("export ", "the following arguments are required: --output"),
         (
@@ -42,7 +42,7 @@ from hfa.main import BAD_INPUT
         ("export -o out --set samples=30", "--set applies only to a learning law"),
         (
             "export -o out --actuators 0.5:60",
-            "--actuators applies only to --controller; leave it out",
+            "--actuators applies only to --controller; remove this option",
         ),
     ],
 )

@@ -150,11 +150,11 @@ def test_noise_and_turbulence_have_specified_deviations(plan: MonteCarlo) -> Non
     [
         (
             lambda: Uncertainty({"lift_slope": -0.1}),
-            "deviation of lift_slope is -0.1; it must be at least 0",
+            "deviation of lift_slope is -0.1; give a number of at least 0",
         ),
         (lambda: Scenario(step=0.003), "whole number of steps"),
         (lambda: Scenario(duration=np.inf), "duration is inf"),
-        (lambda: OneMinusCosine(10.0, np.nan, 68.0), "peak is nan"),
+        (lambda: OneMinusCosine(10.0, np.nan, 68.0), "peak of the gust is nan"),
         (lambda: Uncertainty(turbulence=(3.0, 1750.0)), "give hfa.Turbulence"),
         (
             lambda: replace(ACTUATORS, lag=Input(0.1, 0.0, 0.1, 0.1, 0.1)),
@@ -174,9 +174,9 @@ def test_noise_and_turbulence_have_specified_deviations(plan: MonteCarlo) -> Non
         ),
         (
             lambda: GainPolicy("bad", np.full((5, 6), np.nan)),
-            "the gain has shape .*; give a matrix of finite numbers, inputs by states",
+            "the gain has shape .*; give a matrix of finite numbers, inputs x states",
         ),
-        (lambda: Waveform(np.zeros(2), np.zeros(3)), "parts of shape"),
+        (lambda: Waveform(np.zeros(2), np.zeros(3)), "the parts of a waveform have shapes"),
     ],
 )
 def test_unusable_scenarios_are_refused(make: Callable[[], object], said: str) -> None:

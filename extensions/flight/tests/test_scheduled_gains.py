@@ -145,9 +145,9 @@ def test_scheduled_gains_stay_inside_the_envelope() -> None:
 @pytest.mark.parametrize(
     ("changes", "command", "said"),
     [
-        ({}, "speed", "follows only commands of dihedral; leave out the command of speed"),
+        ({}, "speed", "follows only commands of dihedral; remove the command of speed"),
         ({"gains": np.zeros((2, 5, 11))}, "dihedral", "K has 11 columns"),
-        ({"breakpoints": np.radians([5.0, 8.0])}, "dihedral", "cover 5 deg to 8 deg, not 5 deg to"),
+        ({"breakpoints": np.radians([5.0, 8.0])}, "dihedral", "cover 5 deg to 8 deg, but 5 deg to"),
     ],
 )
 def test_unusable_schedules_are_refused(changes: dict[str, Any], command: str, said: str) -> None:

@@ -243,7 +243,7 @@ def test_constant_and_sinusoidal_disturbances_give_exact_solution() -> None:
     gust = OneMinusCosine(10.0, 1.0, 10.0)
     with pytest.raises(
         BadInputError,
-        match="tank declares no disturbance updraft, which a gust needs; declare this disturbance",
+        match="tank declares no disturbance updraft, which a gust requires; declare this disturbance",
     ):
         stepped(model, Scenario(gust=gust))
 

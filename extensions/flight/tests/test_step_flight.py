@@ -53,7 +53,7 @@ def test_policies_and_critics_in_files_cost_equally():
     assert hfa(*words).out.startswith("PASS: the state decays, cost ")
     assert hfa(*words, "--weights", wrong).out.startswith("FAIL: the state does not decay, cost ")
     for refused, message in (
-        (("fly", "--model", continuous, "--initial", "x1=1"), 'needs time = "discrete"'),
+        (("fly", "--model", continuous, "--initial", "x1=1"), 'requires time = "discrete"'),
         (("fly", "--model", plant), "add --initial NAME=VALUE"),
         ((*words, "--gust", "400:5"), "--gust applies only to an aircraft"),
         (("fly", "--model", plant, "--initial", "y=1"), "y is unknown; choose from x1, x2"),

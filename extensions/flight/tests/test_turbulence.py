@@ -154,7 +154,11 @@ def test_scales_and_intensities_equal_the_specification() -> None:
     assert middle.lengths == (1375.0,) * 3
     at_2000 = np.interp(2000.0, [1750.0, 3750.0], [6.9, 7.4])
     assert middle.intensities == pytest.approx((0.5 * (2.53172 + at_2000),) * 3, rel=1e-5)
-    for altitude, said in ((5.0, "from 10 to 80000"), (9e4, "from 10"), (60e3, "no light")):
+    for altitude, said in (
+        (5.0, "covers only 10 to 80000"),
+        (9e4, "covers only"),
+        (60e3, "no light"),
+    ):
         with pytest.raises(BadInputError, match=said):
             scales_and_intensities("light", altitude, "dryden")
 
@@ -261,16 +265,16 @@ def test_disturbances_of_a_flight_equal_the_random_ones() -> None:
     [
         (
             "fly --turbulence light",
-            "turbulence needs an explicit altitude, not the default of 40000 ft",
+            "turbulence requires an explicit altitude, not the default of 40000 ft",
         ),
         ("fly --turbulence calm:3", "give LEVEL[:ALTITUDE[:SPAN]] with light, moderate, severe"),
         (
             "fly --turbulence 3:1750",
-            "is '3:1750'; write own:3:1750 for turbulence of this intensity",
+            "is '3:1750'; for turbulence of this intensity, give own:3:1750",
         ),
         ("fly --turbulence own:3", "or own:SIGMA:SCALE[:SPAN]"),
         ("fly --turbulence light:-3", "is '-3'; give a finite number above 0"),
-        ("fly --turbulence light:90000", "MIL-F-8785C defines it from 10 to 80000 ft"),
+        ("fly --turbulence light:90000", "MIL-F-8785C covers only 10 to 80000 ft"),
         ("fly --aircraft examples/gtm.py:GTM --turbulence severe", "GTM has no state altitude"),
         ("fly --aircraft examples/pendulum.py:PENDULUM --turbulence light:9", "has no speed"),
     ],
@@ -295,9 +299,7 @@ def test_a_users_turbulence_intensity_is_applied(capsys) -> None:
     found = AirFilter.of(air)
     spread = np.sqrt(np.diag(found.C @ found.covariance @ found.C.T))
     np.testing.assert_allclose(0.3048 * spread[:3], 2.0, rtol=1e-9)
-    with pytest.raises(
-        BadInputError, match="turbulence does not depend on altitude; leave out the altitude"
-    ):
+    with pytest.raises(BadInputError, match="does not depend on altitude; remove the altitude"):
         Turbulence((2.0, 300.0), 100.0)
 
 

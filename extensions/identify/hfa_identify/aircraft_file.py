@@ -23,7 +23,7 @@ def aircraft_text(found: Identified) -> str:
     source = found.model.extras.source[0]
     if not source:
         raise BadInputError(
-            "-o FILE.toml needs an aircraft that was read from a file; add --aircraft FILE"
+            "-o FILE.toml requires an aircraft that was read from a file; add --aircraft FILE"
         )
     own = [name for name in found.parameters if name in found.model.parameters]
     errors = [name for name in found.parameters if name not in own]

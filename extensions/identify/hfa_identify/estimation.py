@@ -106,7 +106,7 @@ def identify(
     logs = [each for each in (*listed, *validate) if isinstance(each, str | Path)]
     if columns is not None and not any(Path(each).suffix == ".ulg" for each in logs):
         raise BadInputError(
-            "columns applies only to PX4 logs (.ulg), and no record is a log; leave columns out"
+            "columns applies only to PX4 logs (.ulg), and no record is a log; remove columns"
         )
     read = _as_records(model, listed, held, inputs, columns)
     kept_out = _as_records(model, validate, held, inputs, columns)
@@ -115,7 +115,7 @@ def identify(
     responses = Responses(model, names, measured)
     if turbulence:
         if plan:
-            raise BadInputError("plan and turbulence cannot be combined; leave out one of them")
+            raise BadInputError("plan and turbulence cannot be combined; remove one of the two")
         responses = Predictions(model, names, measured, Condition.of(model, read, measured, held))
     if sum(len(record.time) for record in read) > _MANY:
         responses.compile()
@@ -215,8 +215,8 @@ def _free_names(
     if isinstance(free, str) or not free:
         if not model.parameters:
             raise BadInputError(
-                f"{model.name} has no parameters to identify; declare them: "
-                "Model(..., parameters={NAME: Signal(...)})"
+                f"{model.name} has no parameters to identify; declare parameters by Model(..., "
+                "parameters={NAME: Signal(...)})"
             )
         possible = ", ".join(model.parameters)
         raise BadInputError(
@@ -230,7 +230,7 @@ def _free_names(
             fitting = [each for each in fnmatch.filter(model.parameters, name) if each not in given]
             if not fitting:
                 raise BadInputError(
-                    f"no free parameter of {model.name} matches {name!r}; leave out this pattern"
+                    f"no free parameter of {model.name} matches {name!r}; remove this pattern"
                 )
             names += fitting
             continue

@@ -76,8 +76,8 @@ class Condition:
         turbulence = {name: size for name, size in sizes.items() if name in moved}
         if not turbulence:
             raise BadInputError(
-                f"{model.name} has none of the states {', '.join(sizes)}, which turbulence"
-                " disturbs; leave turbulence out"
+                f"{model.name} has none of the states {', '.join(sizes)}, which turbulence "
+                "disturbs; remove turbulence"
             )
         return cls(
             state,
@@ -144,8 +144,8 @@ class Predictions(Responses):
         if self._late_outputs:
             name = self.free[next(iter(self._late_outputs.values()))]
             raise BadInputError(
-                f"{name} cannot be free with turbulence, which is estimated from sample to sample;"
-                " shift the column, or leave turbulence out"
+                f"{name} cannot be free with turbulence, which is estimated from sample to "
+                "sample; shift the column, or remove turbulence"
             )
         self._gains: tuple[bytes, Gain, GainSlopes] | None = None
         self._update = self._correction()

@@ -204,7 +204,7 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
         rows = list(csv.reader(io.StringIO(path.read_text("utf-8-sig"))))
     except (UnicodeDecodeError, csv.Error) as error:
         raise BadInputError(
-            f"{path} cannot be read as CSV ({error}); save it as CSV in UTF-8"
+            f"{path} cannot be read as CSV ({error}); save the record as CSV in UTF-8"
         ) from error
     rows = [row for row in rows if any(cell.strip() for cell in row)]
     if not rows:
@@ -272,7 +272,9 @@ def _head(path: str | Path, cell: str, model: Model) -> tuple[str, float]:
     factor = conversion(stated, unit)
     if factor is None:
         known_units = " or ".join(dict.fromkeys((unit, si_unit(unit))))
-        raise BadInputError(f"{path}: {name} is in {shortened(stated)}; give it in {known_units}")
+        raise BadInputError(
+            f"{path}: {name} is in {shortened(stated)}; give {name} in {known_units}"
+        )
     return name, factor
 
 
@@ -308,12 +310,12 @@ def _check_time(name: str, time: np.ndarray) -> None:
         raise BadInputError(f"{name} has {len(time)} samples; give at least {FEWEST}")
     if not np.isfinite(time).all():
         first = int(np.flatnonzero(~np.isfinite(time))[0])
-        raise BadInputError(f"{name}: sample {first + 1} has no time; leave that row out")
+        raise BadInputError(f"{name}: sample {first + 1} has no time; remove this row")
     late = np.flatnonzero(np.diff(time) <= 0.0)
     if len(late):
         raise BadInputError(
-            f"{name}: time does not increase at sample {late[0] + 2} ({time[late[0] + 1]:g} s);"
-            " sort the record and leave repeated rows out"
+            f"{name}: time does not increase at sample {late[0] + 2} ({time[late[0] + 1]:g} s); "
+            "sort the record and remove repeated rows"
         )
 
 
@@ -337,17 +339,19 @@ def _check_measured(
     another column moves.
     """
     if np.isinf(values).any():
-        raise BadInputError(f"{name}: {column} contains infinite values; leave these samples empty")
+        raise BadInputError(
+            f"{name}: {column} contains infinite values; leave the cells of these samples empty"
+        )
     seen = values[np.isfinite(values)]
     if len(seen) < FEWEST:
         raise BadInputError(
-            f"{name}: {column} has {len(seen)} finite values; give at least {FEWEST}, or leave "
-            "the column out"
+            f"{name}: {column} has {len(seen)} finite values; give at least {FEWEST}, or remove "
+            "the column"
         )
     if np.ptp(seen) == 0.0:
         raise BadInputError(
-            f"{name}: {column} is {seen[0]:g} at every sample, as from a frozen sensor; leave the"
-            " column out"
+            f"{name}: {column} is {seen[0]:g} at every sample, as from a frozen sensor; remove "
+            "the column"
         )
     first, last = _longest_repeat(seen)
     places = np.flatnonzero(np.isfinite(values))[[first, last]]
@@ -360,8 +364,8 @@ def _check_measured(
     is_fine = repeated - (longest - 1) <= _SELDOM * len(seen)
     if longest > (_FROZEN if is_fine else max(FEWEST, len(seen) // 5)):
         raise BadInputError(
-            f"{name}: {column} repeats one value {longest} times, as from a frozen sensor; leave"
-            " these samples empty"
+            f"{name}: {column} repeats one value {longest} times, as from a frozen sensor; leave "
+            "the cells of these samples empty"
         )
 
 
@@ -371,10 +375,14 @@ def _check_size(model: Model, name: str, column: str, values: np.ndarray) -> Non
     far = _far_beyond(signal, values)
     if far.any():
         unit = signal.unit
-        advice = "; if it is in degrees, add [deg] to the column's name" if unit == "rad" else ""
+        advice = (
+            ("; if the column is in degrees, add [deg] to the name of the column")
+            if unit == "rad"
+            else ""
+        )
         raise BadInputError(
-            f"{name}: {column} reaches {values[far][0]:g} {unit}, far beyond the model's limits"
-            f" {signal.min:g} to {signal.max:g}{advice or '; check its unit'}"
+            f"{name}: {column} reaches {values[far][0]:g} {unit}, far beyond the model's limits "
+            f"{signal.min:g} to {signal.max:g}{advice or '; check the unit'}"
         )
 
 

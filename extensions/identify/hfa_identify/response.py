@@ -310,8 +310,9 @@ class Responses:
         fastest = self._fastest(record, start, theta)
         if longest * fastest > _FAR_TOO_LONG:
             raise BadInputError(
-                f"{record.name}: samples are up to {longest:g} s apart, and the model's fastest"
-                f" mode has a time constant of {1.0 / fastest:.2g} s; check that the time is in s"
+                f"{record.name}: samples are up to {longest:g} s apart, but the fastest mode of "
+                f"the model has a time constant of {1.0 / fastest:.2g} s; check that the time is "
+                "in s"
             )
 
     def steps_between(

@@ -73,7 +73,7 @@ def ulog_columns(path: Path, table: Path | None, model: Model) -> dict[str, np.n
     """
     if table is None:
         raise BadInputError(
-            f"{path}: a log needs a file that defines the columns; add --columns FILE.toml"
+            f"{path}: a log requires a file that defines the columns; add --columns FILE.toml"
         )
     data = read_toml(table)
     listed = _listed(table, data, model)
@@ -132,7 +132,7 @@ def _log(path: Path) -> Any:
         from pyulog import ULog
     except ModuleNotFoundError as error:
         raise BadInputError(
-            "PX4 logs need the package pyulog; install it with `pip install .[ulog]`"
+            "PX4 logs require the package pyulog; type `pip install .[ulog]`"
         ) from error
     try:
         with path.open("rb") as file:
@@ -159,8 +159,8 @@ def _series(path: Path, log: Any, column: LoggedColumn) -> tuple[np.ndarray, np.
     fields = messages.get((column.message, column.instance))
     if fields is None:
         raise BadInputError(
-            f"{path}: {column.message} has no instance {column.instance}; correct or leave out "
-            "the entry instance"
+            f"{path}: {column.message} has no instance {column.instance}; correct or remove the "
+            "entry instance"
         )
     if column.field in ("roll", "pitch", "yaw") and column.field not in fields:
         values = _angle(path, column, fields)

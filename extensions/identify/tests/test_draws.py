@@ -183,14 +183,14 @@ def test_parameters_of_the_hfa_are_sampled(capsys):
 @pytest.mark.parametrize(
     ("covariance", "message"),
     [
-        ("", "has no [covariance], which --draws needs"),
+        ("", "has no [covariance], which --draws requires"),
         (
             "[covariance]\nnames = ['CL_alpha']\nrows = [[1.0, 2.0]]",
-            "must contain names of parameters and one row",
+            "does not consist of names of parameters and one row",
         ),
         (
             "[covariance]\nnames = ['Cl']\nrows = [[1.0]]",
-            "must contain names of parameters and one row",
+            "does not consist of names of parameters and one row",
         ),
         ("[covariance]\nnames = ['CL_alpha']\nrows = [[-1.0]]", "is not a covariance"),
     ],
@@ -207,9 +207,9 @@ def test_a_wrong_covariance_is_refused(covariance, message, folder, capsys):
     [
         (
             "[bands]\nCm_q = [-30.0, -40.0]",
-            "band of Cm_q is [-30.0, -40.0]; the lower limit must not exceed the upper",
+            "band of Cm_q is [-30.0, -40.0]; give the lower limit first",
         ),
-        ("[bands]\nCm_q = [-2.0, -1.0]", "outside its band [-2.0, -1.0]; correct the value or the"),
+        ("[bands]\nCm_q = [-2.0, -1.0]", "outside the band [-2.0, -1.0]; correct the value or the"),
         ("[bands]\nCm_p = [-2.0, -1.0]", "unknown parameter 'Cm_p'; did you mean"),
         ("[bands]\nCm_q = [nan, 1.0]", "band of Cm_q is [nan, 1.0]"),
         ("[bands]\nCm_q = 3.0", "band of Cm_q is 3.0; give [low, high]"),

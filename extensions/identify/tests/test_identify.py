@@ -699,7 +699,7 @@ def test_a_wrong_unit_is_refused(folder, capsys):
     written("flight.csv", record(model=AIRCRAFT), {"alpha": "m"})
     words = ["identify", "flight.csv", "--aircraft", UAV, "--free", "Cm_q"]
     assert main(words) == 2
-    assert "flight.csv: alpha is in m; give it in rad" in capsys.readouterr().err
+    assert "flight.csv: alpha is in m; give alpha in rad" in capsys.readouterr().err
 
 
 def test_a_flight_file_is_accepted_as_a_record(folder):

@@ -95,7 +95,9 @@ def test_each_parameter_has_its_standard_error(parameter_set: ParameterSet) -> N
 
 def test_unusable_sampling_arguments_are_refused(parameter_set: ParameterSet) -> None:
     """Parameters without covariance or with value 0, and wrong counts and seeds, are refused."""
-    with pytest.raises(BadInputError, match="random samples need parameters with a covariance"):
+    with pytest.raises(
+        BadInputError, match="the parameters have no covariance, which random samples"
+    ):
         sample_parameters(replace(parameter_set, covariance=np.zeros((0, 0))), 3, seed=0)
     zero = replace(parameter_set, values=parameter_set.values._replace(zero_lift_moment=0.0))
     with pytest.raises(BadInputError, match="zero_lift_moment is identified as 0"):

@@ -209,7 +209,7 @@ def _of_writers(equations: Equations) -> list[Note]:
         elif not (name in properties.asked or without_numbers(name).startswith(_IDLE)):
             raise _refusal(
                 mine[-1],
-                f"{shortened(name)} is a built-in JSBSim property, and setting it is not supported",
+                f"{shortened(name)} is a built-in JSBSim property that cannot be set",
             )
         if "-cmd-norm" in name and name in properties.asked and len(writers) > len(mine):
             notes.append(Note(_SET_TWICE, shortened(name), mine[-1].where))
@@ -231,4 +231,4 @@ def _of_prefix(name: str, reasons: dict[str, str]) -> str:
 
 
 def _refusal(writer: Writer, fault: str) -> BadInputError:
-    return BadInputError(f"{writer.where}: {fault}; remove the element that sets it")
+    return BadInputError(f"{writer.where}: {fault}; remove the element that sets this property")

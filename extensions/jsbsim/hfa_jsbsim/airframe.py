@@ -231,8 +231,8 @@ def _inertia_of_contents(element: Element, capacity: float) -> Callable[[Any], l
         bore = 0.0
     if length <= 0.0 or radius <= bore:
         raise grain.error(
-            "the grain has no volume; give a positive length, and a radius larger "
-            "than that of the bore"
+            "the grain has no volume; give a positive length, and a radius larger than the bore "
+            "radius"
         )
     volume = math.pi * length * (radius**2 - bore**2)
 

@@ -410,7 +410,10 @@ def _second_order(component: Element, properties: Properties) -> Any:
         properties.leave_out(component, "its dynamics are omitted")
         return value * c3 / c6
     if is_constant(c4) and float(c4) == 0.0:
-        raise component.error("<c4> is 0, so the filter is of first order; use a lead_lag_filter")
+        raise component.error(
+            "<c4> is 0, so the filter is of first order, which is not supported here; use a "
+            "lead_lag_filter"
+        )
     first = properties.add_state(component)
     second = properties.add_state(component)
     properties.set_rate(first, lambda: second)
@@ -470,7 +473,10 @@ def _holds(test: Element, properties: Properties) -> ca.SX:
     conditions = []
     for line, text in test.lines:
         if "\t" in text:
-            fault = "the condition contains a tab, so JSBSim ignores the <test>; write spaces"
+            fault = (
+                "the condition contains a tab, so JSBSim ignores the <test>; replace the tab "
+                "with a space"
+            )
             raise test.error_at(line, fault)
         words = text.split()
         sign = _WORDS.get(words[1], words[1]) if len(words) == 3 else ""
@@ -478,7 +484,10 @@ def _holds(test: Element, properties: Properties) -> ca.SX:
             fault = f"{shortened(text)!r} is not a condition; write PROPERTY lt NUMBER"
             raise test.error_at(line, fault)
         if number_of(words[0]) is not None:
-            fault = f"{shortened(text)!r} begins with a number; write PROPERTY lt NUMBER"
+            fault = (
+                f"{shortened(text)!r} begins with a number, which is not supported; write "
+                "PROPERTY lt NUMBER"
+            )
             raise test.error_at(line, fault)
         one, other = (properties.value(word, test) for word in (words[0], words[2]))
         conditions.append(_COMPARISONS[sign](ca.SX(one), ca.SX(other)))

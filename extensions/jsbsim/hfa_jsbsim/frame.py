@@ -323,8 +323,8 @@ def refuse_surface(name: str, pilot_input: PilotInput, is_position: bool) -> Non
     if is_position or pilot_input.unit != "1":
         part = "a throttle position" if is_position else "a surface"
         raise BadInputError(
-            f"the input {name} is {part}, not a pilot command, and --method jsbsim does not"
-            " support it; use another method"
+            f"the input {name} is {part}, not a pilot command, which --method jsbsim does not "
+            "support; use another method"
         )
 
 

@@ -226,7 +226,7 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
         wanted = str(fewest) if fewest == most else f"{fewest} or more"
         raise element.error(f"the number of elements in <{name}> is {len(values)}; give {wanted}")
     if name == "atan2" and any(_is_minus_zero(value) for value in values):
-        raise element.error("<atan2> with -0 is not supported; write 0")
+        raise element.error("<atan2> with the argument -0 is not supported; write 0")
     return operation(*(ca.SX(value) for value in values))
 
 
@@ -303,7 +303,9 @@ def read_table(element: Element) -> Table:
         table = _rows(nested[0] if nested else element)
     for points in table.breakpoints:
         if len(points) < 2:
-            raise element.error("an axis of the table has only one breakpoint; give at least two")
+            raise element.error(
+                "an axis of the table has only one breakpoint; give at least two breakpoints"
+            )
         if not np.all(np.diff(points) > 0.0):
             raise element.error(
                 "the breakpoints of the table do not increase; give breakpoints in increasing order"
@@ -323,12 +325,12 @@ def _stacked(nested: list[Element]) -> Table:
     first = tables[0]
     if first.dimensions < 2:
         raise nested[0].error(
-            "a <tableData> of a table with three axes has no columns; add a row of column values"
+            "a <tableData> of a table with three axes has no row of column values; add this row"
         )
     if any(table.dimensions != first.dimensions for table in tables):
         raise nested[0].error(
-            "the <tableData> elements have different numbers of axes; give all <tableData> the "
-            "same axes"
+            "the <tableData> elements have different numbers of axes; give the same axes in all "
+            "<tableData>"
         )
     alike = all(
         len(one) == len(other) and np.array_equal(one, other)
@@ -374,8 +376,8 @@ def _rows(data: Element) -> Table:
         return Table(pairs[:, 1], [pairs[:, 0]])
     if len(rows) < 2 or {len(row) for row in rows[1:]} != {len(rows[0]) + 1}:
         raise data.error(
-            "the rows of the table differ in length; after the row of column values, "
-            "give each row one number more"
+            "a row of the table has the wrong length; after the row of column values, give one "
+            "number more in each row"
         )
     body = np.array(rows[1:])
     columns = np.array(rows[0])

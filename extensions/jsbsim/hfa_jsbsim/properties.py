@@ -330,7 +330,7 @@ class Properties:
                 writer.value = writer.compute()
             except RecursionError as error:
                 raise BadInputError(
-                    f"{writer.where}: functions are nested too deeply; reduce the nesting"
+                    f"{writer.where}: functions are nested too deeply; use fewer levels"
                 ) from error
             finally:
                 self._running.pop()

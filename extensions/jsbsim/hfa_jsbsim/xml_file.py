@@ -251,7 +251,7 @@ def parsed(text: bytes, file: str) -> Element:
         line = parser.CurrentLineNumber
         if value is None or is_parameter or "&" in value or len(value) > _LONGEST_ENTITY:
             fault = f"the entity {shortened(name)} refers to a file, is too long or contains others"
-            raise BadInputError(f"{file}:{line}: {fault}; replace the entity by its text")
+            raise BadInputError(f"{file}:{line}: {fault}; replace the entity by the text")
 
     parser.StartElementHandler = start
     parser.EndElementHandler = end
@@ -380,12 +380,12 @@ class Folders:
             path = (folder / relative).resolve()
             if not path.is_relative_to(folder.resolve()):
                 raise element.error(
-                    f"the file {shortened(name)} is outside the aircraft's folders; move the file "
-                    "into one of these folders"
+                    f"the file {shortened(name)} is outside the aircraft's folders; move the "
+                    "file into a folder of the aircraft"
                 )
             if path.is_file():
                 return path
         raise element.error(
-            f"the file {shortened(name)} is not in {', '.join(map(str, folders))}; add the file to "
-            "one of these folders"
+            f"the file {shortened(name)} is not in {', '.join(map(str, folders))}; move the file "
+            "into such a folder"
         )

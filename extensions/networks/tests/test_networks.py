@@ -170,7 +170,7 @@ def test_the_scale_of_inputs_is_applied(game: Game) -> None:
     path = torch_file("scaled.pt", {"weight": -gain(game) / scale})
     assert check_critic(game, from_network(game, path, scale=scale), scope=on_the_box(1)).ok
     assert (
-        "must contain 6 finite numbers"
+        "does not consist of 6 finite numbers"
         in hfa("verify", *AT_15, "--weights", path, "--set", "scale=1,2").err
     )
 
@@ -196,7 +196,7 @@ def test_value_and_policy_of_one_file_are_named(game: Game) -> None:
         read_critic("ppo.zip", game, network="policy_net+action_net", activation="tanh")
     assert caught[0].filename == __file__
     assert (
-        "the word before = must be one of V, gradient, policy, V+policy"
+        "the word before = is not a kind of output; choose from V, gradient, policy, V+policy"
         in hfa(*words, "W=value_net").err
     )
 
@@ -289,7 +289,8 @@ def test_networks_with_unsuitable_output_numbers_are_refused(game: Game) -> None
         "verify", *AT_15, "--weights", torch_file("policy.pt", {"weight": np.zeros((3, 6))})
     ).err
     assert (
-        "the network has 3 outputs, but on this plant V has 1, gradient has 6, policy has 5" in said
+        "the network has 3 outputs, but for this plant V has 1, gradient has 6, policy has 5"
+        in said
     )
     plant = stored("plant.json", **GOPS["plant"])
     path = torch_file("policy.pt", {"weight": -np.ones((1, 3))})

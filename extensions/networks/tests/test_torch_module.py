@@ -124,7 +124,7 @@ def test_unsupported_modules_and_settings_are_refused() -> None:
         (_sequential(_module("Identity")), "no linear layer"),
         (
             _sequential(layer, _linear(np.ones((1, 3)), None)),
-            "layer 1 has 3 inputs, but layer 0 before it has 1 outputs",
+            "layer 1 has 3 inputs, but the preceding layer 0 has 1 outputs",
         ),
         (_sequential(_linear(None, None)), "layer 0 has weights of the type torch.bfloat16"),
         (_sequential(_linear([[np.nan, 1.0]], None)), "not finite"),
@@ -133,7 +133,7 @@ def test_unsupported_modules_and_settings_are_refused() -> None:
     ):
         with pytest.raises(BadInputError, match=said):
             hfa.verify(GAME, network)
-    with pytest.raises(BadInputError, match="function, but only a torch"):
+    with pytest.raises(BadInputError, match="function, but only torch"):
         hfa.from_network(GAME, lambda z: z)
 
 

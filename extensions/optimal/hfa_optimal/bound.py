@@ -34,8 +34,8 @@ def plant_of(problem: FlightProblem) -> Plant:
     if problem.carried:
         names = " and ".join(problem.carried)
         raise BadInputError(
-            f"the rates of {model.title} depend on {names}, which the cost does not include; no "
-            "bound can be proved for this aircraft"
+            f"the rates of {model.title} depend on {names}, which the cost does not include; "
+            "give an aircraft without these variables"
         )
     states = {name: float(value) for name, value in problem.point.states._asdict().items()}
     envelope = problem.envelope

@@ -283,7 +283,7 @@ class FlightProblem:
             ):
                 raise BadInputError(
                     f"the two trims differ in {name}, which is not a state of the linear model; "
-                    f"impose the same {name} in both trims"
+                    f"impose the same value of {name} in both trims"
                 )
         return off[self.places]
 
@@ -372,7 +372,8 @@ def named_initial(
     """
     if (initial is None) == (start is None):
         raise BadInputError(
-            "give one initial condition: initial={state: deviation from the trim}, or another trim"
+            "the initial condition is missing or given twice; give either initial={state: "
+            "deviation from the trim} or another trim"
         )
     given = start if initial is None else initial
     assert given is not None

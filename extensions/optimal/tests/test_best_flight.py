@@ -173,7 +173,9 @@ def test_initial_and_start_have_the_same_effect() -> None:
     ]
     assert costs[0] == costs[1]
     for wrong in ({}, {"initial": {"position": 0.1}, "start": {"position": 0.1}}):
-        with pytest.raises(hfa.BadInputError, match="give one initial condition"):
+        with pytest.raises(
+            hfa.BadInputError, match="the initial condition is missing or given twice"
+        ):
             hfa.best_flight(model, point, **wrong)
 
 

@@ -104,7 +104,7 @@ def test_an_interrupted_table_contains_the_finished_flights() -> None:
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ([], "give exactly one of --start NAME=VALUE,..., --starts N and --to NAME=VALUE"),
+        ([], "give either --start NAME=VALUE,..., --starts N or --to NAME=VALUE"),
         (["--start", "height=3"], "height is unknown; choose from angle"),
         (["--start", "angle"], "'angle' is not NAME=VALUE"),
         (["--start", "angle=1,angle=2"], "angle is given twice (1 and 2)"),

@@ -118,7 +118,7 @@ def test_optimize_finds_a_flight_between_trims(capsys: pytest.CaptureFixture[str
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--to", "angle=10", "--start", "angle=1"], "give exactly one of --start"),
+        (["--to", "angle=10", "--start", "angle=1"], "give either --start"),
         (["--to", "height=3"], "height"),
         (
             ["--hold", "angle=10", "--to", "angle=10", "--minimize", "time"],

@@ -121,7 +121,7 @@ def load_claims(path: Path) -> Claims:
         return Claims(data, verdicts, about, claims_table(data["claims"]), models)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise BadInputError(
-            f"{file} is damaged ({error!r}); write it again with {study}"
+            f"{file} is damaged ({error!r}); write the file again with {study}"
         ) from error
 
 

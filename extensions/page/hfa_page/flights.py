@@ -102,7 +102,7 @@ def load_flights(path: Path) -> StoredFlights:
         return StoredFlights(data, table, limits_in_words(data["limits"]), models)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise BadInputError(
-            f"{file} is damaged ({error!r}); write it again with {_STUDY}"
+            f"{file} is damaged ({error!r}); write the file again with {_STUDY}"
         ) from error
 
 

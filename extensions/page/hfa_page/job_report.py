@@ -312,7 +312,7 @@ def plotly_script() -> str:
     try:
         from plotly.offline import get_plotlyjs
     except ImportError as error:
-        raise BadInputError("a page needs Plotly; install it with `pip install .[page]`") from error
+        raise BadInputError("a page requires Plotly; type `pip install .[page]`") from error
     text = str(get_plotlyjs())
     packed = base64.b64encode(gzip.compress(text.encode(), 6, mtime=0)).decode()
     license_ = text.partition("*/")[0].removeprefix("/**")

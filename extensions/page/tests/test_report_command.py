@@ -202,7 +202,7 @@ def test_a_failed_report_leaves_no_folder(monkeypatch: pytest.MonkeyPatch) -> No
     [
         ("", "--output FILE.html, --output FOLDER or --json"),
         ("-o file", "cannot make the folder"),
-        ("-o a.html --free dihedral", "the angles of a report are given by --dihedral and --sweep"),
+        ("-o a.html --free dihedral", "--dihedral and --sweep define the angles of a report"),
         ("-o a.html --dihedral 5 --dynamics unsteady", "more than seven states"),
     ],
 )

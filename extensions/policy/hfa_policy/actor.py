@@ -76,7 +76,7 @@ def read_actor(
     path = folder / source
     if path.suffix.lower() not in SUFFIXES:
         raise BadInputError(
-            f"policy.file is {path}; give a file with one of the suffixes {', '.join(SUFFIXES)}"
+            f"policy.file is {path}; give a file with the suffix {', '.join(SUFFIXES)}"
         )
     if path.suffix.lower() == ".zip" and is_stable_baselines(path):
         actor = _of_zip(path, entries, observations, history)
@@ -107,14 +107,14 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: 
     frames, rest = divmod(stored.observations, observations)
     if rest == 0 and frames != history:
         raise BadInputError(
-            f"{path} expects {stored.observations} observations, {frames} times as many as the "
-            f"deployment file lists; list all observations, or give history = {frames} in [timing] "
-            f"if the policy was trained on {frames} stacked samples"
+            f"{path} requires {stored.observations} observations, {frames} times as many as the "
+            f"deployment file lists; list all observations, or give history = {frames} in "
+            f"[timing] if the policy was trained on {frames} stacked samples"
         )
     if rest:
         raise BadInputError(
-            f"{path} expects {stored.observations} observations, but the deployment file "
-            f"lists {observations}; list all training observations, in the order used in training"
+            f"{path} requires {stored.observations} observations, but the deployment file lists "
+            f"{observations}; list all training observations, in the order used in training"
         )
     network = network_in(path, stored.observations, stored.activation, {"policy": stored.part})
     return Actor(
@@ -142,7 +142,7 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
         return Actor(gain_function(gain), f"a gain {gain.shape[0]} x {gain.shape[1]}", squash)
     if path.suffix.lower() == ".onnx" and "activation" in entries:
         raise BadInputError(
-            f"policy.activation is given, but {path} contains its activations; remove "
+            f"policy.activation is given, but {path} contains the activations; remove "
             "policy.activation"
         )
     parts = {"policy": str(entries.get("network", ""))}
@@ -165,8 +165,8 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
         return Actor(function, network.chain, squash, rows=rows)
     if entries.get("squash") is False:
         raise BadInputError(
-            f"policy.squash is false, but {path} contains action_scale, which requires tanh before "
-            "it; remove policy.squash"
+            f"policy.squash is false, but {path} contains action_scale, which requires a "
+            "preceding tanh; remove policy.squash"
         )
     if not np.all(stored.scale > 0.0):
         raise BadInputError(
@@ -228,7 +228,7 @@ def _refuse_sizes(function: ca.Function, what: Any, observations: int, actions: 
     gives = function.numel_out(0)
     if takes != observations:
         raise BadInputError(
-            f"{what} expects {takes} observations, but the deployment file lists "
+            f"{what} requires {takes} observations, but the deployment file lists "
             f"{observations}; list all training observations, in the order used in training"
         )
     if gives != actions:

@@ -100,7 +100,7 @@ def weights_at(
         wrong = [name for name, row in zip(outputs, slopes.D, strict=True) if row.any()]
         raise BadInputError(
             f"cost.Q.{wrong[0]} weights an output that depends directly on the inputs, which is "
-            "not supported; weight states instead"
+            "not supported; give weights of states instead"
         )
     rows = [list(deployed.model.states).index(name) for name in linear]
     Q = np.diag([float(cost["Q"].get(name, 0.0)) for name in linear])

@@ -174,8 +174,8 @@ class Deployed:
         a = np.array(self.act(o)).ravel()
         if not np.isfinite(a).all():
             raise BadInputError(
-                "the output of policy.file is not finite at the trim; check the policy's weights "
-                "and its normalizer"
+                "the output of policy.file is not finite at the trim; check the weights and the "
+                "normalizer of the policy"
             )
         return a
 
@@ -366,7 +366,7 @@ def _refuse_undefined(
     for name, defined in zip(entries, is_defined.tolist(), strict=True):
         if not defined:
             raise BadInputError(
-                f"{table}.{name}: the formula or its derivative is not finite at the trim; write a "
-                "formula that is smooth there"
+                f"{table}.{name}: the formula or the derivative is not finite at the trim; write "
+                "a formula that is smooth at the trim"
             )
     return values

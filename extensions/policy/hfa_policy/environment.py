@@ -124,7 +124,7 @@ def _deployment(
             if value is not None:
                 entry = "timing.dt" if name == "dt" else f"cost.{name}"
                 raise BadInputError(
-                    f"{name} is given together with a deployment; change {entry} of the "
+                    f"{name} cannot be combined with a deployment; change {entry} of the "
                     "deployment instead"
                 )
         return Deployment.of(given)

@@ -71,7 +71,9 @@ def read_formula(text: Any, known: tuple[str, ...]) -> Formula:
     `_LONGEST` characters, and for anything that is not a formula.
     """
     if not isinstance(text, str) or len(text) > _LONGEST:
-        raise BadInputError(f"{shown(text)} must be a formula of at most {_LONGEST} characters")
+        raise BadInputError(
+            f"{shown(text)} is too long for a formula; give at most {_LONGEST} characters"
+        )
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:

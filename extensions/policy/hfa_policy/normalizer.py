@@ -45,7 +45,10 @@ class Normalizer:
         for name in ("mean", "variance"):
             values = np.atleast_1d(numbers_in(f"{name} of the normalizer", getattr(self, name)))
             if values.ndim != 1 or not np.all(np.isfinite(values)):
-                raise BadInputError(f"{name} of the normalizer must be a list of finite numbers")
+                raise BadInputError(
+                    f"{name} of the normalizer is not a list of finite numbers; give one finite "
+                    "number for each observation"
+                )
             object.__setattr__(self, name, values)
         if self.mean.shape != self.variance.shape:
             raise BadInputError(
@@ -54,8 +57,8 @@ class Normalizer:
             )
         if not is_finite(self.epsilon) or np.any(self.variance + self.epsilon <= 0.0):
             raise BadInputError(
-                f"epsilon of the normalizer is {self.epsilon}; epsilon must be "
-                "finite, and every variance plus epsilon positive"
+                f"epsilon of the normalizer is {self.epsilon}; give a finite epsilon such that "
+                "every variance plus epsilon is positive"
             )
         if not self.clip > 0.0:
             raise BadInputError(f"clip of the normalizer is {self.clip}; give a number above 0")
@@ -144,7 +147,9 @@ def _number_in(name: str, attributes: Mapping[str, Any]) -> float:
     """
     numbers = numbers_in(f"{name} of the VecNormalize object", attributes.get(name))
     if numbers.size != 1:
-        raise BadInputError(f"{name} of the VecNormalize object must be one number")
+        raise BadInputError(
+            f"{name} of the VecNormalize object is not one number; save the normalizer again"
+        )
     return float(numbers.item())
 
 

@@ -68,7 +68,7 @@ def rough_scenario(scenario: Scenario, model: Model, samples: int) -> Scenario:
     on_model = scenario.on(model)
     if not _disturbed_by(on_model):
         raise BadInputError(
-            "the scenario has no noise, gust or turbulence; add at least one of the three"
+            "the scenario has no noise, gust or turbulence; add noise, a gust or turbulence"
         )
     return on_model
 

@@ -138,7 +138,8 @@ class RowCode:
         for each, width in zip((table, *results), (*self._widths, *self._sizes), strict=True):
             if each.shape != (len(table), width) or each.dtype != float or not each.data.contiguous:
                 raise ValueError(
-                    "a bound table must be a contiguous array of doubles with all rows"
+                    "a bound table is not a contiguous array of doubles with all rows; copy the "
+                    "table"
                 )
         count = ctypes.c_longlong(len(table))
         return partial(self._call, count, _addresses([table]), _addresses(results))

@@ -274,8 +274,7 @@ def _activation(stored: Any, usual: str) -> str:
     name = made_of.rpartition(".")[2]
     if name not in _ACTIVATIONS:
         raise BadInputError(
-            f"the activation {shortened(made_of)} is not supported; use one of "
-            f"{', '.join(_ACTIVATIONS)}"
+            f"the activation {shortened(made_of)} is not supported; use {', '.join(_ACTIVATIONS)}"
         )
     return _ACTIVATIONS[name]
 

@@ -367,6 +367,6 @@ def test_cost_weights_equal_those_of_a_game() -> None:
     ):
         environment(model, Q=np.ones((n, n)))
     with pytest.raises(
-        BadInputError, match=r"R is given together with a deployment; change cost\.R"
+        BadInputError, match=r"R cannot be combined with a deployment; change cost\.R"
     ):
         environment(model, stored_deployment("ppo_gtm"), R=R)

@@ -85,11 +85,11 @@ def test_an_action_formula_undefined_at_trim_is_refused(tmp_path, map_):
     path.write_text(text.replace("trim + 14*a", map_))
     model = aircraft("ppo_gtm")
     with pytest.raises(
-        BadInputError, match=r"action\.throttle: the formula or its derivative is not finite"
+        BadInputError, match=r"action\.throttle: the formula or the derivative is not finite"
     ):
         flown_card(path, model, trims("ppo_gtm")[0])
     with pytest.raises(
-        BadInputError, match=r"action\.throttle: the formula or its derivative is not finite"
+        BadInputError, match=r"action\.throttle: the formula or the derivative is not finite"
     ):
         Episodes(Deployment.load(path).on(model), trims("ppo_gtm")[:1], 1)
 

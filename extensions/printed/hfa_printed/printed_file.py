@@ -163,8 +163,8 @@ def read_block(
     for index, row in enumerate(rows):
         if len(row) != len(rows[0]):
             raise BadInputError(
-                f"{name}, row {index + 1}: the length is {len(row)}, but the length of row 1 is "
-                f"{len(rows[0])}; make all rows equally long"
+                f"{name}, row {index + 1}: the length is {len(row)}, but row 1 has length "
+                f"{len(rows[0])}; give rows of equal length"
             )
     if exponent:
         rows = _multiplied(name, rows, exponent)
@@ -270,7 +270,7 @@ def _printed_file(content: dict[str, Any]) -> PrintedFile:
         if name in answer_texts
     }
     if not answer:
-        raise BadInputError("[printed] contains no matrix; give at least one of P, K, L, W and H")
+        raise BadInputError("[printed] contains no matrix; give P, K, L, W or H")
     _check_answer(answer, answer_texts, plant)
     flags = {}
     for name in ("learned", "plant_rounded"):

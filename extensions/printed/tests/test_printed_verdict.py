@@ -387,7 +387,7 @@ def test_time_that_fits_every_digit_is_proposed(verdict_of):
             '"0.3127"',
             "B, row 2: B is 1 x 1; give 2 x 1, as this plant requires",
         ),
-        ("0.8223 -1.0774", "0.8223", "A, row 2: the length is 1, but the length of row 1 is 2"),
+        ("0.8223 -1.0774", "0.8223", "A, row 2: the length is 1, but row 1 has length 2"),
         (
             'R = "1"',
             'R = "1"\nE = "1; 0"',

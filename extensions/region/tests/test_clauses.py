@@ -220,8 +220,8 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
         _put([-9.0, 1.0], "statement", "limits", "x"),
         "x is not proved to stay",
     ),
-    "held above its limits": (_put({"z": 1.5}, "statement", "held"), "the constant value of z"),
-    "held below its limits": (_put({"z": -1.5}, "statement", "held"), "the constant value of z"),
+    "held above its limits": (_put({"z": 1.5}, "statement", "held"), "z has the constant value"),
+    "held below its limits": (_put({"z": -1.5}, "statement", "held"), "z has the constant value"),
     "lower limit of an output": (
         _put([-1.0, 9.0], "statement", "limits", "sum"),
         "sum is not proved to stay",

@@ -101,8 +101,8 @@ def design_controller(
     if by not in model.linear:
         choices = f"one of {', '.join(model.linear)}"
         raise BadInputError(
-            f"the scheduling variable of {model.name} must be a state of its linear model; declare"
-            f" schedule=NAME, where NAME is {choices}"
+            f"the scheduling variable of {model.name} is not a state of the linear model; "
+            f"declare schedule=NAME, where NAME is {choices}"
         )
     design = design.of(model)
     controllers: list[LinearController] = []

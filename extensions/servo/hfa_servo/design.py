@@ -63,7 +63,7 @@ class Actuator:
     def __post_init__(self) -> None:
         """Raise BadInputError if a number is out of range."""
         if self.order not in (1, 2):
-            raise BadInputError(f"the order of an actuator is {self.order}; it must be 1 or 2")
+            raise BadInputError(f"the order of an actuator is {self.order}; give 1 or 2")
         for name in ("bandwidth", "damping", "effectiveness"):
             refuse_unless_positive(f"the {name} of an actuator", getattr(self, name))
 
@@ -218,14 +218,19 @@ class Design:
         for name, factors in shaping.schedule.items():
             if len(factors) != len(shaping.breakpoints):
                 raise BadInputError(
-                    f"{where} shaping.schedule.{name} needs one factor for each {variable}"
+                    f"{where} shaping.schedule.{name} has a wrong number of factors; give one "
+                    f"for each {variable}"
                 )
         if len(following.filter) != 2:
             raise BadInputError(
-                f"{where} shaping.following.filter must be a bandwidth and a damping ratio"
+                f"{where} shaping.following.filter does not have two entries; give a bandwidth "
+                "and a damping ratio"
             )
         if not shaping.breakpoints or np.any(np.diff(shaping.breakpoints) <= 0.0):
-            raise BadInputError(f"{where} shaping.{variable}s must be a non-empty increasing list")
+            raise BadInputError(
+                f"{where} shaping.{variable}s is empty or does not increase; give an increasing "
+                "list"
+            )
 
     def _require_for_every_input(self, where: str, what: str, table: Mapping[str, Any]) -> None:
         """Raise BadInputError if a setting is missing for some input.
@@ -236,7 +241,7 @@ class Design:
         """
         for name in self.inputs:
             if name not in table:
-                raise BadInputError(f"{where} input {name} has no {what}; every input needs one")
+                raise BadInputError(f"{where} input {name} has no {what}; add one for every input")
 
     @property
     def plant_states(self) -> tuple[str, ...]:
@@ -272,7 +277,7 @@ def _refuse_names(unknown: str, names: Sequence[str], choices: Sequence[str]) ->
         refuse_unknown(unknown, name, choices)
         if names.count(name) > 1:
             what = unknown.replace(" unknown ", " ")
-            raise BadInputError(f"{what} {name} is named twice; name it once")
+            raise BadInputError(f"{what} {name} is named twice; remove one {name}")
 
 
 def signal_unit(model: Model, name: str) -> str:

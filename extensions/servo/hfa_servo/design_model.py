@@ -124,7 +124,9 @@ class DesignModel(Reported):
             if not alone or not _full_rank(rows[: plant + k + 1]):
                 others = f" independently of {', '.join(names[:k])}" if alone else ""
                 why = f"no input changes its steady value{others} (a transmission zero at 0)"
-                raise BadInputError(f"integrated output {name}: {why}; leave it out of integrals")
+                raise BadInputError(
+                    f"integrated output {name}: {why}; remove this output from integrals"
+                )
 
 
 @checks_arguments

@@ -22,7 +22,7 @@ def designed_game(request: PlantOptions, linear: LinearModel) -> NamedGame:
     from hfa.options.games import NamedGame
 
     why = "cannot be combined with --design, whose weights are in the units of the declaration"
-    request.refuse(("units",), f"{why}; leave it out")
+    request.refuse(("units",), f"{why}; remove this option")
     built = design_model(linear.point.model, linear, request.design)
     with said_of(f"design {built.design.name}"):
         game = replace(built.game(), **request.changed_weights())

@@ -128,8 +128,7 @@ class GeneralizedPlant(Reported):
         for name in needed:
             if name not in matrices:
                 raise BadInputError(
-                    f"{name} is missing; a plant needs A, B1, B2, C1, D12"
-                    " and, with measurements, C2 and D21"
+                    f"{name} is missing; give A, B1, B2, C1, D12 and, with measurements, C2 and D21"
                 )
         n = len(matrices["A"])
         k = matrices["B1"].shape[1]
@@ -151,11 +150,13 @@ class GeneralizedPlant(Reported):
             matrix = matrices.get(name, np.zeros(shape))
             if matrix.shape != shape:
                 raise BadInputError(
-                    f"{name} has shape {matrix.shape}; with the other matrices it must be {shape}"
+                    f"{name} has shape {matrix.shape}; give {shape}, to match the other matrices"
                 )
             object.__setattr__(self, name, matrix)
         if 0 in (n, m):
-            raise BadInputError("the plant has no state or no input u; give at least one of each")
+            raise BadInputError(
+                "the plant has no state or no input u; give at least one state and one input"
+            )
         _check_rank("D12", self.D12, "column", "every u needs its own cost in z")
         if p:
             _check_rank("D21", self.D21.T, "row", "every y needs its own noise from w")

@@ -195,7 +195,7 @@ def _held_for_ever(
     solution = np.linalg.lstsq(system, right, rcond=None)[0]
     if np.abs(system @ solution - right).max() > 1e-6:
         raise NoSolutionError(
-            "the inputs cannot track every command of the outputs; command fewer outputs"
+            "the inputs cannot track every command of the outputs; declare fewer commanded outputs"
         )
     Pi = solution[: 3 * q * size].reshape(3 * q, size).T
     Gamma = solution[3 * q * size :].reshape(3 * q, m).T

@@ -155,7 +155,7 @@ class ScheduledController(ByValue, Reported):
             values = getattr(self, name)
             if np.shape(values) != shape:
                 raise BadInputError(
-                    f"{where} {name} has shape {np.shape(values)}; the shape must be {shape}"
+                    f"{where} {name} has shape {np.shape(values)}; give shape {shape}"
                 )
             if not np.all(np.isfinite(values)):
                 raise BadInputError(
@@ -164,12 +164,13 @@ class ScheduledController(ByValue, Reported):
         positive = all(0.0 < number < np.inf for number in self.command_filter)
         if len(self.command_filter) not in (0, 2) or not positive:
             raise BadInputError(
-                f"{where} command_filter must be a bandwidth and a damping ratio, both positive,"
-                " or empty"
+                f"{where} command_filter is invalid; give a positive bandwidth and a positive "
+                "damping ratio, or an empty list"
             )
         if count < 1 or np.any(np.diff(self.breakpoints) <= 0.0):
             raise BadInputError(
-                f"{where} {self.model.schedule}s must be at least one value, in increasing order"
+                f"{where} {self.model.schedule}s is empty or does not increase; give at least "
+                "one value, in increasing order"
             )
 
     def at(self, eta: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -383,8 +384,7 @@ def save_controller(path: str | Path, controller: ScheduledController) -> None:
     target = Path(path)
     if target.suffix.lower() not in SUFFIXES:
         raise BadInputError(
-            f"{path}: a controller is written as {' or '.join(SUFFIXES)}; choose one of these "
-            "suffixes"
+            f"{path}: the suffix {target.suffix!r} is unknown; use {' or '.join(SUFFIXES)}"
         )
     about = json.dumps(jsonable(controller.about))
     units: Literal["si"] | None = None if controller.model.extras.native is None else "si"
@@ -406,7 +406,8 @@ def load_controller(path: str | Path, model: Model) -> ScheduledController:
     content = read_arrays(path)
     if not _is_controller(content):
         raise BadInputError(
-            f"{path}: the file is not a controller file ({SCHEMA}); create one with `hfa design -o`"
+            f"{path}: the file is not a controller file ({SCHEMA}); create a controller file "
+            "with `hfa design -o`"
         )
     try:
         with said_of(path):

@@ -145,11 +145,11 @@ def test_controller_matrices_are_interpolated_linearly(
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"A": np.zeros((3, 2, 2))}, r"A has shape \(3, 2, 2\); the shape must be \(3, 1, 1\)"),
+        ({"A": np.zeros((3, 2, 2))}, r"A has shape \(3, 2, 2\); give shape \(3, 1, 1\)"),
         ({"D": np.full((3, 1, 4), math.nan)}, "D has an entry that is not finite"),
         (
             {"breakpoints": np.array([0.2, 0.1, 0.3])},
-            "dihedrals must be at least one value, in increasing order",
+            "dihedrals is empty or does not increase; give",
         ),
         ({"measurements": ("pitch_rate", "lift")}, "unknown measurement 'lift'"),
         (
@@ -157,7 +157,7 @@ def test_controller_matrices_are_interpolated_linearly(
             "a state is called 'A = 1000'; use letters, digits and _, as in C",
         ),
         ({"commands": ("dihedral_command", "dihedral_wish")}, "unknown command 'dihedral_wish'"),
-        ({"command_filter": (0.5,)}, "command_filter must be a bandwidth and a damping ratio"),
+        ({"command_filter": (0.5,)}, "command_filter is invalid; give a positive bandwidth"),
     ],
 )
 def test_inconsistent_controllers_are_refused(
@@ -231,7 +231,7 @@ def test_damaged_controller_files_are_refused(published_aircraft: Model, tmp_pat
     for name in ("good.json", "good.mat"):
         with pytest.raises(BadInputError, match=f"{name}: a controller is read from a .npz file"):
             load_controller(tmp_path / name, hfa.aircraft())
-    with pytest.raises(BadInputError, match=r"a controller is written as \.npz or \.mat"):
+    with pytest.raises(BadInputError, match=r"use \.npz or \.mat"):
         save_controller(tmp_path / "good.json", small_controller(published_aircraft))
 
 

@@ -344,7 +344,7 @@ def own(**changes: Any) -> Design:
             lambda: own(disturbances={"updraft": 0.0}),
             "the intensity of disturbance updraft is 0.0; give a positive number",
         ),
-        (lambda: Actuator(order=3), "the order of an actuator is 3; it must be"),
+        (lambda: Actuator(order=3), "the order of an actuator is 3; give 1 or 2"),
         (
             lambda: Actuator(damping=math.nan),
             "the damping of an actuator is nan; give a positive number",

@@ -431,13 +431,13 @@ def test_rounding_does_not_make_an_integrator_controllable() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"B2": [[1.0]]}, r"B2 has shape \(1, 1\); with the other matrices it must be \(2, 1\)"),
+        ({"B2": [[1.0]]}, r"B2 has shape \(1, 1\); give \(2, 1\), to match the other matrices"),
         ({"D12": [[0.0, 1.0]]}, "D12 has shape"),
         ({"D12": [[0.0, 0.0], [1.0, 2.0]], "B2": np.eye(2)}, "D12 has rank 1, but 2 columns"),
         ({"C2": np.eye(2), "D21": [[0.0, 1.0], [0.0, 1.0]]}, "D21 has rank 1, but 2 rows"),
         ({"D21": None}, "D21 is missing"),
         ({"B1": None}, "B1 is missing"),
-        ({"A": 5.0}, "A has 0 dimension"),
+        ({"A": 5.0}, "the number of dimensions of A is 0"),
         ({"C2": None}, "without C2"),
         ({"A": [[0.0, math.nan], [0.0, 0.0]]}, r"A\[0\]\[1\] is nan"),
     ],

@@ -286,15 +286,15 @@ def test_a_loop_shaping_controller_has_its_filter() -> None:
         ),
         (
             ("filter = [0.5, 2.0]", "filter = [0.5]"),
-            "filter must be a bandwidth and a damping ratio",
+            "filter does not have two entries",
         ),
         (
             ("dihedrals = [0, 3,", "dihedrals = [3, 3,"),
-            "shaping.dihedrals must be a non-empty increasing list",
+            "shaping.dihedrals is empty or does not increase",
         ),
         (
             ("pitch_rate = [", "pitch_rate = [1.0, "),
-            "shaping.schedule.pitch_rate needs one factor for each dihedral",
+            "shaping.schedule.pitch_rate has a wrong number of factors; give one for each dihedral",
         ),
         (
             ("[shaping]\n", "[sensors]\npitch_rate = 1.0\n[shaping]\n"),

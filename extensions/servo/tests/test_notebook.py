@@ -610,7 +610,9 @@ def test_errors_name_the_correct_call() -> None:
         hfa.optimize(MODEL, initial={"alpha": 0.1}, minimize="time")
     with pytest.raises(BadInputError, match="identify: the argument model is missing, only"):
         hfa.identify("flight.csv", states=["speed"])
-    with pytest.raises(BadInputError, match="the steps of throttle are a function; give a gain K"):
+    with pytest.raises(
+        BadInputError, match="the steps of throttle are given as a function; give a gain K"
+    ):
         linear.point.simulate(duration=1.0, inputs={"throttle": lambda t: t})
     with pytest.raises(BadInputError, match="or the file in which the policy is saved"):
         hfa.verify(game, Trained())
@@ -656,7 +658,7 @@ def test_wrong_calls_raise_one_line_errors() -> None:
         (lambda: hfa.load("nofile.toml"), "nofile.toml"),
         (lambda: hfa.verify(5, 6), "game is 5"),
         (lambda: hfa.sweep(LinearModel([[0.0]], [[1.0]]).model, at=[1.0]), "cannot sweep 'at'"),
-        (lambda: hfa.sweep(MODEL, at=[0.1]).plot(5), "plot needs names"),
+        (lambda: hfa.sweep(MODEL, at=[0.1]).plot(5), "no variable is given to plot"),
         (lambda: hfa.linearize(MODEL, None), "point is None"),
         (lambda: hfa.identify(Table()), "model is a Table; give a Model"),
         (lambda: hfa.identify("flight.csv", "uav.toml"), r"identify\(aircraft, records\)"),
@@ -665,7 +667,7 @@ def test_wrong_calls_raise_one_line_errors() -> None:
         (lambda: hfa.optimize(_linear().point, np.ones((5, 6))), "a gain K is not an argument"),
         (lambda: hfa.verify(game, lambda t, X: X), "the critic is a function; give a gain K"),
         (lambda: hfa.fly(_linear().point, initial={"alpha": 20.0}), r"1148.72 deg \(20\.\d+ rad\)"),
-        (lambda: hfa.fly(_linear().point, small), "computes 1 inputs from 2 states; this aircraft"),
+        (lambda: hfa.fly(_linear().point, small), "computes 1 inputs from 2 states; give a policy"),
         (lambda: hfa.load_policy("policy.onnx"), "give the game as the second argument"),
         (lambda: small.u(np.ones(3)), r"z has shape \(3,\); give \(2,\) or \(N, 2\)"),
     ):

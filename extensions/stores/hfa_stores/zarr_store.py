@@ -359,8 +359,8 @@ def _refuse_another(path: Path, job: RowJob) -> None:
         )
     if not _same_labels(path, job.row, labels):
         raise BadInputError(
-            f"{path} is damaged: its names or units differ from those of this {job.what}; start a "
-            "new store"
+            f"{path} is damaged: the names or units differ from the names or units of this "
+            f"{job.what}; start a new store"
         )
 
 

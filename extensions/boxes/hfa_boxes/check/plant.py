@@ -79,8 +79,8 @@ class Plant:
             ((low, high),) = self.ends((name,))
             if not low <= value <= high:
                 raise Rejected(
-                    f"the constant value of {name}, {value:g}, is outside its limits, "
-                    f"{low:g} to {high:g}"
+                    f"{name} has the constant value {value:g}, outside the limits {low:g} to "
+                    f"{high:g}"
                 )
 
     def rates_at(self, x: ca.SX, u: ca.SX, w: Sequence[Any] | None = None) -> tuple[ca.SX, ca.SX]:

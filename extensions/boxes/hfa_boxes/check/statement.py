@@ -130,13 +130,13 @@ class BoxStatement:
             policy = stated.function(tuple(plant.inputs))
         elif policy is None:
             raise BadInputError(
-                "the certificate concerns a policy in a file; give this file with --weights or "
+                "the certificate is about a policy in a file; give this file with --weights or "
                 "--policy"
             )
         elif stated != digest_of(policy):
             raise BadInputError(
-                "the certificate concerns another policy; give the file and the options with "
-                "which the certificate was proved"
+                "the certificate is about another policy; give the file and the options used to "
+                "prove the certificate"
             )
         loop = Loop(**vars(plant), policy=policy)
         equilibrium = entries.all_numbers("equilibrium", states)

@@ -90,7 +90,8 @@ def scalars(policy: ca.Function) -> ca.Function:
         return policy.expand()
     except RuntimeError as error:
         raise BadInputError(
-            "the policy is computed iteratively; give a network whose output is the policy"
+            "the policy is computed iteratively from a network, which is not supported; give a "
+            "network whose output is the policy"
         ) from error
 
 
@@ -164,7 +165,7 @@ def _earlier(path: Path, loop: Loop, policy: str | Gain) -> BoxStatement:
     statement = check_certificate(path, loop.policy, ProgressLine("check"), loop.model).statement
     forget_read(path)
     if _subject(statement.loop, statement.policy) != _subject(loop, policy):
-        raise BadInputError(f"{path} is a certificate of another loop; give another path with -o")
+        raise BadInputError(f"{path} is the certificate of another loop; give another path with -o")
     return statement
 
 

@@ -330,7 +330,7 @@ class RegionSearch:
             widest = float(np.min(self._room**2 / widths))
             sampled.append((origin, self._good(Shape.of_matrix(P / widest, self.J, 2), quick=True)))
         if not sampled:
-            raise NoSolutionError("no V was found that decreases near the equilibrium")
+            raise NoSolutionError("no Lyapunov function V decreases near the equilibrium")
         sampled.sort(key=lambda each: -each[1].size())
         firsts: list[tuple[str, Shape]] = []
         for origin, shape in sampled[:_SAMPLED]:

@@ -93,9 +93,9 @@ def export(request: ExportRequest) -> int:
     if request.output.suffix.lower() == ".m":
         return _write_function(request)
     if request.controller is None:
-        request.refuse(("actuators",), "applies only to --controller; leave it out")
+        request.refuse(("actuators",), "applies only to --controller; remove this option")
     elif _is_fmu(request) and request.actuators is None:
-        raise BadInputError("--controller needs actuators in an FMU; add --actuators LAG:RATE")
+        raise BadInputError("--controller requires actuators in an FMU; add --actuators LAG:RATE")
     request.check_policy()
     model = request.flown_aircraft()
     point = request.operating_point(model)
@@ -121,8 +121,8 @@ def _write_function(request: ExportRequest) -> int:
     target = request.output
     if not re.fullmatch(r"[A-Za-z]\w*", target.stem, re.ASCII):
         raise BadInputError(
-            f"{target}: the file name is also the name of the function; use a letter, then"
-            " letters, digits and _, as in hfa_models.m"
+            f"{target}: the file name is not a name of a function; give a letter, then letters, "
+            "digits and _, as in hfa_models.m"
         )
     write_text(target, files("hfa_flight.export").joinpath("hfa_models.m").read_text("utf-8"))
     print_report(_report([target]), request)

@@ -84,7 +84,7 @@ def fly(request: FlyRequest) -> int:
     if request.members is not None:
         many = "--samples" if request.draws is None else "--draws"
         request.refuse(
-            ("method", "frame"), f"applies only to a single flight; leave it out with {many}"
+            ("method", "frame"), f"applies only to a single flight; remove this option or {many}"
         )
         return _fly_members(request)
     from hfa_flight.flight_figure import flight_figure
@@ -93,7 +93,9 @@ def fly(request: FlyRequest) -> int:
     from hfa_flight.scheduled_gains import ScheduledGainPolicy
     from trim.point.linearize import linearize
 
-    request.refuse(("workers", "resume"), "applies only to --samples or --draws; leave it out")
+    request.refuse(
+        ("workers", "resume"), "applies only to --samples or --draws; remove this option"
+    )
     if request.output is not None and request.output.suffix == ".zarr":
         raise BadInputError(
             f"{request.output} is a store for the flights of --samples or --draws; add --samples N"
@@ -143,12 +145,12 @@ def _fly_steps(request: FlyRequest, path: Path) -> int:
 
     used = {"steps", "initial", "duration", "weights", *ReadingOptions.declared()}
     others = request.typed - used - {*OutputOptions.declared()} | (request.typed & {"picture"})
-    request.refuse(sorted(others), "applies only to an aircraft; leave it out with --model")
+    request.refuse(sorted(others), "applies only to an aircraft; remove this option or --model")
     stored = stored_game(path)
     problem = stored.discrete
     assert problem is not None
     if not request.initial:
-        raise BadInputError("--model needs an initial state; add --initial NAME=VALUE")
+        raise BadInputError("--model requires an initial state; add --initial NAME=VALUE")
     duration = request.duration
     assert duration is not None
     if not (duration == int(duration) and 1 <= duration <= _MOST_STEPS):
@@ -185,12 +187,13 @@ def _fly_members(request: FlyRequest) -> int:
     if request.draws is not None:
         request.refuse(
             ("samples",),
-            "and --draws both set the number of flights; leave out one of these options",
+            "and --draws both set the number of flights; remove one of these options",
         )
     target = request.output
     if request.draws is None:
         request.refuse(
-            ("picture",), "needs a single flight or --draws; leave it out with --samples"
+            ("picture",),
+            "applies only to a single flight or --draws; remove this option or --samples",
         )
     if target is not None and target.suffix != ".zarr":
         raise BadInputError(

@@ -81,8 +81,8 @@ def c_function(
     for each in inner:
         if not each.is_a("SXFunction"):
             raise BadInputError(
-                f"{name}: the function {each.name()} ({each.class_name()}) of the model cannot be"
-                " written as C; replace it with CasADi SX expressions"
+                f"{name}: the function {each.name()} ({each.class_name()}) of the model cannot "
+                "be written as C; use CasADi SX expressions instead"
             )
     called = "".join(
         c_function(each, f"{name}_{each.name()}", ("x",), ("y",), real, operations)
@@ -118,8 +118,8 @@ def c_function(
         else:
             words = [word for word in dir(ca) if word[:3] == "OP_" and getattr(ca, word) == code]
             raise BadInputError(
-                f"{name}: the operation {words[0]} cannot be written as C; "
-                "write the equations without it"
+                f"{name}: the operation {words[0]} cannot be written as C; write the equations "
+                "without this operation"
             )
     used = dict.fromkeys(re.findall(r"\bw\d+", " ".join(lines)))
     work = textwrap.fill(", ".join(used), 100)

@@ -61,7 +61,7 @@ def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
     compiler = c_compiler()
     if compiler is None:
         raise NoSolutionError(
-            "an FMU needs a C compiler, but none was found; install gcc or clang, or set the "
+            "an FMU requires a C compiler, but none was found; install gcc or clang, or set the "
             "environment variable CC to a compiler"
         )
     sources = {

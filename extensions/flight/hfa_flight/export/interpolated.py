@@ -52,8 +52,7 @@ class InterpolatedModel:
         for name, count in zip(plan.variables, plan.sizes, strict=not plan.listed):
             if plan.listed or count < 2:
                 raise BadInputError(
-                    f"an interpolation needs a grid with at least two values of {name}; sweep "
-                    "such a grid"
+                    f"the sweep has fewer than two values of {name}; sweep a grid with at least two"
                 )
         for values, reason in zip(self.sweep.values, self.sweep.reasons, strict=True):
             if reason:

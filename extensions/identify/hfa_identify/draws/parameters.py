@@ -26,14 +26,14 @@ def spread_of_file(path: str, model: Model) -> ParameterSpread:
     data = read_toml(path) if path.endswith(".toml") and Path(path).is_file() else {}
     table = data.get("covariance")
     if table is None:
-        raise BadInputError(f"{path} has no [covariance], which --draws needs; {_ADVICE}")
+        raise BadInputError(f"{path} has no [covariance], which --draws requires; {_ADVICE}")
     names = table.get("names", ()) if isinstance(table, Mapping) else ()
     rows = table.get("rows", ()) if isinstance(table, Mapping) else ()
     known = isinstance(names, list) and all(name in model.parameters for name in names)
     if not names or not known or not _is_square(rows, len(names)):
         raise BadInputError(
-            f"{path}: [covariance] must contain names of parameters and one row for each name; "
-            f"{_ADVICE}"
+            f"{path}: [covariance] does not consist of names of parameters and one row for each "
+            f"name; {_ADVICE}"
         )
     matrix = np.array(rows, dtype=float)
     if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(_scaled(matrix)).min() < -1e-8:
@@ -57,8 +57,8 @@ def spread_of(request: Any) -> ParameterSpread:
         known = request.parameter_set
         if not known.covariance.size:
             raise BadInputError(
-                "--draws needs the covariance of the parameters; give --parameters FILE with a "
-                "[covariance]"
+                "--draws requires the covariance of the parameters; give --parameters FILE with "
+                "a [covariance]"
             )
         spread = spread_of_set(known)
     if model.extras.native is not None:

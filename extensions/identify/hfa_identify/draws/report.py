@@ -38,7 +38,7 @@ def with_draws(report: Report, request: Any, subject: Any) -> Report:
         return reported(report, drawn.linear_models(subject, progress))
     named, gain = subject
     if named.linear is None:
-        raise BadInputError("--draws does not support --design; leave out one of them")
+        raise BadInputError("--draws does not support --design; remove one of the two")
     drawn = _drawn(request, named.linear.point)
     return reported(report, drawn.gain(named.game, gain, progress))
 

@@ -19,8 +19,8 @@ def samples_of_set(known: Any, count: int, seed: int) -> tuple[Any, ...]:
     """
     if not known.covariance.size:
         raise BadInputError(
-            "random samples need parameters with a covariance; use the parameters.toml written by"
-            " `python -m studies.identification`"
+            "the parameters have no covariance, which random samples require; use the "
+            "parameters.toml written by `python -m studies.identification`"
         )
     refuse_unless_whole("count", count, 1)
     refuse_unless_whole("seed", seed, 0)
@@ -28,8 +28,8 @@ def samples_of_set(known: Any, count: int, seed: int) -> tuple[Any, ...]:
     for name, value in spread.values.items():
         if value == 0.0:
             raise BadInputError(
-                f"{name} is identified as 0, and its logarithm cannot be sampled; give {name} a"
-                " fixed value"
+                f"{name} is identified as 0, so the logarithm of {name} cannot be sampled; give "
+                f"{name} a fixed value"
             )
     samples = []
     for row in spread.draws(count, seed).tolist():

@@ -68,7 +68,7 @@ def from_network(
     scales = np.ones(n) if scale is None else np.asarray(scale, dtype=float)
     if scales.shape != (n,) or not np.all(np.isfinite(scales) & (scales != 0.0)):
         raise BadInputError(
-            f"scale must contain {n} finite numbers other than 0, one for each state"
+            f"scale does not consist of {n} finite numbers other than 0; give one for each state"
         )
     functions = basis("quadratic", n) if features is None else features
     if isinstance(source, ca.Function):
@@ -207,8 +207,8 @@ def _on_basis(
     others = sorted(set(parts) - {"", "V"})
     if others:
         raise BadInputError(
-            "the single layer on the basis functions is a value function V; leave out "
-            f"{others[0]}= in --network"
+            f"the single layer on the basis functions is a value function V; remove {others[0]}= "
+            "from --network"
         )
     weights = layer.weight[0]
     if isinstance(functions, Basis):
@@ -227,8 +227,8 @@ def _parts(network: str) -> dict[str, str]:
         output, equals, part = item.strip().rpartition("=")
         if equals and output not in OUTPUTS:
             raise BadInputError(
-                f"--network {shortened(item)!r}: the word before = must be one of "
-                f"{', '.join(OUTPUTS)}"
+                f"--network {shortened(item)!r}: the word before = is not a kind of output; "
+                f"choose from {', '.join(OUTPUTS)}"
             )
         parts[output] = part
     return parts
@@ -271,13 +271,13 @@ def _kinds(sizes: Mapping[str, int], n: int, m: int, part: str) -> dict[str, str
         if not fitting:
             meanings = ", ".join(f"{kind} has {count}" for kind, count in counts.items())
             raise BadInputError(
-                f"the network has {size} outputs, but on this plant {meanings}; give a network "
-                "with one of these numbers of outputs"
+                f"the network has {size} outputs, but for this plant {meanings}; give a network "
+                "with such a number of outputs"
             )
         if len(fitting) > 1:
             raise BadInputError(
-                f"a network with {size} outputs may be {' or '.join(fitting)}; state which, for "
-                f'example network="{fitting[0]}={part}"',
+                f"a network with {size} outputs may be {' or '.join(fitting)}; select one, for "
+                f'example by network="{fitting[0]}={part}"',
                 ("--network", f"{fitting[0]}={part}"),
             )
         kinds[name] = fitting[0]

@@ -194,14 +194,16 @@ def _refuse_unread(
     normalizer = found[name].normalizer
     if normalizer is not None and len(normalizer.mean) != layers[0].inputs:
         raise BadInputError(
-            f"normalizer {shortened(normalizer.name)} has {len(normalizer.mean)} entries, but the "
-            f"network has {layers[0].inputs} inputs; save the network with its own normalizer"
+            f"normalizer {shortened(normalizer.name)} has {len(normalizer.mean)} entries, but "
+            f"the network has {layers[0].inputs} inputs; save the network with the normalizer of "
+            "the training"
         )
     squash = found[name].squash
     if squash is not None and {len(squash.scale), len(squash.bias)} != {layers[-1].outputs}:
         raise BadInputError(
-            f"action_scale has {len(squash.scale)} entries and action_bias has {len(squash.bias)}; "
-            f"each must have {layers[-1].outputs} entries, one per output of the network"
+            f"action_scale has {len(squash.scale)} entries and action_bias has "
+            f"{len(squash.bias)}; give {layers[-1].outputs} entries in each, one per output of "
+            "the network"
         )
 
 
@@ -387,8 +389,8 @@ def _activated(layers: list[Layer]) -> list[int]:
 
 def _unknown_place(norm: Layer) -> BadInputError:
     return BadInputError(
-        "the names of the layers do not determine whether the activation is before "
-        f"or after the LayerNorm {shortened(norm.name)!r}; export the network to ONNX"
+        "the names of the layers do not determine whether the activation precedes the LayerNorm "
+        f"{shortened(norm.name)!r}; export the network to ONNX"
     )
 
 

@@ -496,8 +496,8 @@ def check_width(width: int, states: int, inputs: int) -> None:
         )
     if width != states + inputs:
         raise BadInputError(
-            f"the network has {width} inputs; this plant requires {states} (its states) or, for a "
-            f"Q function, {states + inputs} (states and plant inputs)"
+            f"the network has {width} inputs; give {states} (the states of the plant) or, for a "
+            f"Q function, {states + inputs} (states and inputs of the plant)"
         )
 
 

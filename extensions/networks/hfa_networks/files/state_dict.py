@@ -270,8 +270,8 @@ def _normalizer(stem: str, group: Tensors) -> Normalizer | None:
             deviation, clip = divisor(group)
             if not np.all(deviation > 0.0):
                 raise BadInputError(
-                    f"normalizer {shortened(stem)} has a variance <= 0; every variance must be "
-                    "positive"
+                    f"normalizer {shortened(stem)} has a variance <= 0; save the network with "
+                    "positive variances"
                 )
             return Normalizer(stem, group[mean].ravel(), deviation.ravel(), clip)
     return None

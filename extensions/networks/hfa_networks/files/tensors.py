@@ -59,8 +59,8 @@ def tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
         return {name: numbers_in(name, rows) for name, rows in json.loads(content).items()}
     if content[:2] != b"PK":
         raise BadInputError(
-            "the file was not written by torch.save of torch 1.6 or later; save state_dict() with "
-            "a later torch"
+            "the file was not written by torch.save of torch 1.6 or later; save state_dict() "
+            "with such a version"
         )
     return _torch_zip(content)
 
@@ -148,8 +148,8 @@ def _view(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.ndar
     is_inside = 0 <= offset <= last < storage.size and min(stride, default=0) >= 0
     if math.prod(size) > storage.size or not is_inside:
         raise BadInputError(
-            f"the file is damaged (a tensor of shape {size} extends beyond its storage); save the "
-            "network again"
+            f"the file is damaged (a tensor of shape {size} extends beyond the storage); save "
+            "the network again"
         )
     strides = [step * storage.itemsize for step in stride]
     return np.lib.stride_tricks.as_strided(storage[offset:], size, strides, writeable=False)
@@ -172,7 +172,7 @@ def refuse_pickle_bomb(content: bytes) -> None:
     for count, (opcode, argument, _) in enumerate(pickletools.genops(content)):
         if "PUT" in opcode.name and isinstance(argument, int) and argument > len(content):
             raise BadInputError(
-                "the pickle is damaged (a memo index exceeds its number of bytes); save the file "
+                "the pickle is damaged (a memo index exceeds the number of bytes); save the file "
                 "again"
             )
         if count > _MOST_STEPS:
@@ -299,8 +299,8 @@ def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
     is_encrypted = entry.flag_bits & 1
     if is_encrypted or entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise BadInputError(
-            f"member {shortened(name)} is encrypted, or its compression is not supported; save the "
-            "file again without encryption"
+            f"member {shortened(name)} is encrypted or compressed in an unsupported way; save "
+            "the file again with torch.save"
         )
     if entry.file_size > LARGEST:
         raise BadInputError(

@@ -58,8 +58,8 @@ def module_network(module: Callable[..., Any], kind: str, states: int, inputs: i
     for before, layer in pairwise(layers):
         if before.outputs != layer.inputs:
             raise BadInputError(
-                f"layer {layer.name} has {layer.inputs} inputs, but layer {before.name} before it "
-                f"has {before.outputs} outputs; make the two numbers equal"
+                f"layer {layer.name} has {layer.inputs} inputs, but the preceding layer "
+                f"{before.name} has {before.outputs} outputs; make the two numbers equal"
             )
     function, on_rows = composed(steps, None)
     widths = [f"{activation} {layer.outputs}".strip() for layer, activation in steps]
@@ -89,8 +89,8 @@ def _parts(name: str, module: Any) -> Iterator[tuple[str, Any]]:
         yield name, module
     elif kind != "Identity":
         raise BadInputError(
-            f"the network contains {shortened(kind)}, but only a torch.nn.Sequential of Linear and "
-            f"{', '.join(_ACTIVATIONS)} is supported; {_ELSE}"
+            f"the network contains {shortened(kind)}, but only torch.nn.Sequential with Linear "
+            f"and {', '.join(_ACTIVATIONS)} is supported; {_ELSE}"
         )
 
 

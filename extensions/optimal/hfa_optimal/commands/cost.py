@@ -114,7 +114,7 @@ def cost(request: CostRequest) -> int:
         )
     if request.resume and request.output is None:
         raise BadInputError(
-            "--resume requires the unfinished certificate; give its path with -o FILE.json"
+            "--resume requires an unfinished certificate; give the path with -o FILE.json"
         )
     return _prove(request)
 
@@ -138,7 +138,9 @@ def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
         ("plant",),
         "is a linear plant, but the certificate is about a nonlinear aircraft; use --aircraft",
     )
-    request.refuse(("weights", "basis", "design"), "does not apply to a bound; remove this option")
+    request.refuse(
+        ("weights", "basis", "design"), "does not apply to a bound of the cost; remove this option"
+    )
     own = request.model if request.own else None
     typed = {name: value for name, value in request.changed_weights().items() if name != "delta"}
     given = {name: Given(value, f"--{name}") for name, value in typed.items()}

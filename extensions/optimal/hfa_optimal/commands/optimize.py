@@ -166,7 +166,8 @@ def optimize(request: OptimizeRequest) -> int:
     begins = (bool(request.deviations), request.starts is not None, bool(request.to))
     if begins.count(True) != 1:
         raise BadInputError(
-            "give exactly one of --start NAME=VALUE,..., --starts N and --to NAME=VALUE"
+            "the initial condition is missing or given twice; give either --start "
+            "NAME=VALUE,..., --starts N or --to NAME=VALUE"
         )
     if request.minimize == "time":
         request.refuse(_OF_COST, "applies only to --minimize cost; remove this option")

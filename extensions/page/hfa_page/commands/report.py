@@ -100,8 +100,8 @@ def report(request: ReportRequest) -> int:
         plotly_script()  # refused before anything is computed if Plotly is missing
     if "dihedral" in (*request.free, *request.hold):
         raise BadInputError(
-            "the angles of a report are given by --dihedral and --sweep; do not free or hold "
-            "dihedral"
+            "dihedral is held or free, but --dihedral and --sweep define the angles of a report; "
+            "remove --hold dihedral or --free dihedral"
         )
     asked = array_of("--dihedral", request.at or ASKED, MOST_ASKED)
     swept = array_of("--sweep", request.sweep, MOST_SWEPT)

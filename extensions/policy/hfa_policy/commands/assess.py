@@ -216,8 +216,8 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
             raise BadInputError(f"{gains[0]}: a gain K requires a sample time; add --sample-time S")
         if self.sample_time is not None and not gains:
             raise BadInputError(
-                "--sample-time applies only to a file with a gain K; give such a file, or "
-                "remove --sample-time"
+                "--sample-time applies only to a file with a gain K; give a file with a gain K, "
+                "or remove --sample-time"
             )
         found = []
         for card in self.cards:

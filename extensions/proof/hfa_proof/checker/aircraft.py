@@ -29,14 +29,14 @@ def model_of(name: Any, source: Any, own: Model | None) -> Model:
     if own is not None:
         if (own.name, own.extras.source[1]) != (name, source):
             raise BadInputError(
-                f"the certificate concerns {shown(name)} from a file other than the given file of "
-                f"{own.name}; give the aircraft file with which the certificate was proved"
+                f"the certificate is about {shown(name)} from another file than the given file "
+                f"of {own.name}; give the aircraft file used to prove the certificate"
             )
         return own
     flexible = None if source else aircraft_of(name)
     if flexible is None:
         raise BadInputError(
-            f"the certificate concerns {shown(name)}; give the aircraft file with --aircraft "
+            f"the certificate is about {shown(name)}; give the aircraft file with --aircraft "
             "FILE.py:NAME"
         )
     return flexible

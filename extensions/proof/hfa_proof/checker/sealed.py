@@ -75,8 +75,8 @@ def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
         )
     if edited:
         raise BadInputError(
-            f"{path}: the certificate was edited (its digest does not match); prove the statement "
-            "again"
+            f"{path}: the certificate was edited (the digest does not match); prove the "
+            "statement again"
         )
     return content, written
 

@@ -173,7 +173,8 @@ def check_branches(flight: Flight, boxes: Sequence[LinearModelBox]) -> None:
     ascending = sorted(boxes, key=lambda box: (box.trim.low, box.trim.high))
     if ascending and not (starts and starts[0] <= ascending[0].trim.low):
         raise Rejected(
-            "a box begins below the first stated trim, so its branch of trims is not stated"
+            "a box begins below the first trim in the certificate, so the branch of this box is "
+            "unknown"
         )
     for stated, following in zip(flight.trims, [*starts[1:], math.inf], strict=True):
         own = [box for box in ascending if stated.breakpoint <= box.trim.low < following]

@@ -58,7 +58,9 @@ def prove(request: CheckRequest) -> int:
     flint_or_refusal()
     if request.check is None:
         known = ", ".join(words_after("prove"))
-        raise BadInputError(f"no statement to prove is given; add one of {known}, or --check FILE")
+        raise BadInputError(
+            f"no statement to prove is given; choose from {known}, or add --check FILE"
+        )
     of_others = offered(PARTS).get(f"check.{kind_of(request.check)}")
     if of_others is not None:
         code: int = loaded(of_others)(request, request.check)

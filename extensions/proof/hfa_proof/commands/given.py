@@ -138,7 +138,7 @@ def _given_plant(statement: GameStatement, request: CheckRequest) -> dict[str, G
     """
     request.refuse(
         (*_OF_THE_AIRCRAFT, "at"),
-        "names an aircraft, but the certificate is about a plant; remove this option",
+        "gives an aircraft, but the certificate is about a plant; remove this option",
     )
     given = {
         f"weights.{name}": Given(value, f"--{name}")

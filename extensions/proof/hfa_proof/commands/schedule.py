@@ -109,7 +109,7 @@ def schedule(request: ScheduleRequest) -> int:
 
     if request.resume and request.output is None:
         raise BadInputError(
-            "--resume requires the unfinished certificate; give its path with -o FILE.json"
+            "--resume requires an unfinished certificate; give the path with -o FILE.json"
         )
     intervals = request.intervals()
     family = family_of(request, request.error)
@@ -121,7 +121,7 @@ def schedule(request: ScheduleRequest) -> int:
         )
         loop = loop_of_file(request.weights, request.design, family.model, intervals)
     else:
-        request.refuse(("design",), "requires a controller; give its file with --weights FILE.npz")
+        request.refuse(("design",), "requires a controller; give the file with --weights FILE.npz")
         changes = request.changed_weights()
         loop = exact_gains(family, low, high, intervals, **changes)
     file = None

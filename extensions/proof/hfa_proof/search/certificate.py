@@ -141,8 +141,8 @@ class CertificateFile:
         subjects = [_subject(content_of(claim)) for claim in (verified, statement)]
         if subjects[0] != subjects[1] or content["toolchain"] != VERSION:
             raise BadInputError(
-                f"{self.path} is a certificate of another statement or version; give another path "
-                "with -o"
+                f"{self.path} is the certificate of another statement or version; give another "
+                "path with -o"
             )
         witness: Content = content["witness"]
         return witness

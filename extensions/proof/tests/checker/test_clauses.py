@@ -277,7 +277,7 @@ FORGED |= {
     "a trim stated within the flights": (
         "two trims",
         put([{"breakpoint": 1.25, "unknowns": {"x": 1.5}}], *FLIGHT, "trims"),
-        "below the first stated trim",
+        "below the first trim in the certificate",
     ),
     "fixed actuators that do little": (
         "memory",

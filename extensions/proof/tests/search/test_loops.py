@@ -239,7 +239,7 @@ def test_gains_of_the_navion_are_proved(tmp_path: Any) -> None:
         check_certificate(path)
     extras = replace(flights.model.extras, source=("other.py:NAVION", "0" * 64))
     other = replace(flights.model, extras=extras)
-    with pytest.raises(BadInputError, match="from a file other than"):
+    with pytest.raises(BadInputError, match="from another file than"):
         check_certificate(path, model=other)
     negated = loop_of_gains(flights.model, [160.0, 176.0], -K)
     assert prove_schedule(flights, negated, 160.0, 161.0).data["refuted"]

@@ -80,7 +80,7 @@ def prove_on_boxes(request: RegionRequest) -> int:
     """
     from controller.riccati.gare import solve_game
 
-    request.refuse(_OF_SQUARES, "cannot be used with a network or --policy; remove this option")
+    request.refuse(_OF_SQUARES, "cannot be combined with a network or --policy; remove this option")
     if request.prover == "squares":
         raise BadInputError(
             "--prover squares supports only gains and polynomials; use --prover boxes"
@@ -131,7 +131,7 @@ def _policy_of(request: RegionRequest) -> tuple[LinearModel, ProvedPolicy, Game]
     from controller.critic.critic_file import critic_in
 
     if request.policy is not None:
-        request.refuse(_OF_NETWORKS, "cannot be used with --policy; remove this option")
+        request.refuse(_OF_NETWORKS, "cannot be combined with --policy; remove one of the two")
     named = request.game()
     assert named.linear is not None
     if request.policy is not None:
@@ -192,7 +192,7 @@ def _refuse_inputs_taken(deployed: Deployed) -> None:
     if deployed.past:
         raise BadInputError(
             "timing.history: a proof does not support a policy of several samples; give a policy "
-            "of the present sample alone"
+            "of the present sample only"
         )
     entries = {
         "observation": (deployed.observe, 1, tuple(deployed.deployment.observation)),
@@ -202,6 +202,6 @@ def _refuse_inputs_taken(deployed: Deployed) -> None:
         taken = function.jac_sparsity(0, argument).get_triplet()[0]
         for row in sorted(taken):
             raise BadInputError(
-                f"{deployed.deployment.origin}: {table}.{names[row]} depends on an input, which "
-                "the policy itself sets and a proof does not support; use `hfa assess` instead"
+                f"{deployed.deployment.origin}: {table}.{names[row]} depends on an input that "
+                "the policy sets, which a proof does not support; use `hfa assess` instead"
             )

@@ -129,7 +129,7 @@ def region(request: RegionRequest) -> int:
         )
     if request.resume and request.output is None:
         raise BadInputError(
-            "--resume requires the unfinished certificate; give its path with -o FILE.json"
+            "--resume requires an unfinished certificate; give the path with -o FILE.json"
         )
     if request.policy is None and not _is_network(request):
         return _prove(request)
@@ -154,7 +154,7 @@ def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
     request.refuse(_OF_THE_SEARCH, "has no effect with --check; remove this option")
     request.refuse(
         ("plant",),
-        "is a linear plant, but the certificate concerns an aircraft; give the aircraft with "
+        "is a linear plant, but the certificate is about an aircraft; give the aircraft with "
         "--aircraft",
     )
     request.refuse(
@@ -276,7 +276,7 @@ def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | 
     statement = check_certificate(path, model=own).statement
     forget_read(path)
     if _subject(statement.loop) != _subject(loop):
-        raise BadInputError(f"{path} is a certificate of another loop; give another path with -o")
+        raise BadInputError(f"{path} is the certificate of another loop; give another path with -o")
     return PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
 
 

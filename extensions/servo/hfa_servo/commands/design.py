@@ -120,7 +120,7 @@ def design(request: DesignRequest) -> int:
     if design is None:
         assert stored is not None
         request.refuse(
-            ("at", "output"), "applies only to a design; leave it out with a controller file"
+            ("at", "output"), "applies only to a design; remove this option for a controller file"
         )
         controller = load_controller(stored, model)
     else:

@@ -94,7 +94,7 @@ def _plot(value: Any) -> Callable[[], Any] | None:
     Raises AttributeError for a Model.
     """
     if isinstance(value, Model):
-        raise AttributeError("a Model has no picture; write model.trim().plot()")
+        raise AttributeError("a Model has no plot; write model.trim().plot()")
     if isinstance(value, Solution):
         return partial(_draw_poles, value)
     if isinstance(value, TrainingRun):

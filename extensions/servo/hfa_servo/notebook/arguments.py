@@ -364,7 +364,7 @@ class _Reading:
             if "records" not in self.parameters:
                 raise
             name = self.function.__name__
-            raise BadInputError(f"{error}; the arguments are {name}(aircraft, records)") from error
+            raise BadInputError(f"{error}; write {name}(aircraft, records)") from error
 
     def _game(self, value: Any, is_file: bool) -> Any:
         """Return the game made from a value, or None for another value.

@@ -67,7 +67,9 @@ def draw_curves(value: Any, *names: Any) -> np.ndarray:
     """
     shown = names[0] if len(names) == 1 and not isinstance(names[0], str) else names
     if not isinstance(shown, Sequence) or not shown:
-        raise BadInputError('plot needs names of variables; write plot("alpha", "pitch")')
+        raise BadInputError(
+            'no variable is given to plot; write names, such as plot("alpha", "pitch")'
+        )
     model = value.model
     is_sweep = isinstance(value, Sweep)
     table = sweep_frame(value) if is_sweep else {}
@@ -107,7 +109,7 @@ def _lines(swept: Sweep) -> list[Any]:
     size = swept.plan.sizes[-1]
     if len(swept) % size:
         raise BadInputError(
-            "the points of the sweep do not form complete lines along its last variable;"
-            " sweep a full grid"
+            "the points of the sweep do not form complete lines along the last variable; sweep a "
+            "full grid"
         )
     return [slice(first, first + size) for first in range(0, len(swept), size)]

@@ -154,7 +154,8 @@ def load(path: str | Path, *more: Any, **named: Any) -> Any:
     if "operating_point" not in stored and "residuals" in stored:
         if not more:
             raise BadInputError(
-                f"{text} is an operating point, which needs its model; write hfa.load(FILE, model)"
+                f"{text} is an operating point, which cannot be loaded without a model; write "
+                "hfa.load(FILE, model)"
             )
         return OperatingPoint.load(Path(text), *more, **named)
     if {"Q", "R"} <= {*stored} or ("delta" in stored and "A" in stored):

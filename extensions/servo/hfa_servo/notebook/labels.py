@@ -129,8 +129,8 @@ def _labels(value: Any) -> list[list[str]]:
         numbers = list(range(len(labels)))
         if len(axes) > 1 and labels != numbers and {*labels} == {*numbers}:
             raise BadInputError(
-                f"the labels of the {type(value).__name__} are {labels}; label its rows and columns"
-                " by name, or write .to_numpy() to read it by position"
+                f"the labels of the {type(value).__name__} are {labels}; label rows and columns "
+                "by name, or write .to_numpy() to use positions"
             )
         names.append(labels if any(isinstance(label, str) for label in labels) else [])
     return names

@@ -50,7 +50,9 @@ def simulated(
     named = {} if u is None else u
     is_named = isinstance(named, Mapping)
     if callable(named):
-        raise BadInputError("u is a function; give its values at the times, or numbers by input")
+        raise BadInputError(
+            "u is a function; give the values of u at the times, or numbers by input"
+        )
     time = _times(system, time, dt, None if is_named else max(np.shape(u), default=0))
     if is_named:
         rows = _values("input", named, model.inputs)
@@ -149,8 +151,8 @@ def _single(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
     loop = chosen(model, inputs, outputs)
     if len(loop.inputs) != 1 or len(loop.outputs) != 1:
         raise BadInputError(
-            f"a single loop needs one input and one output, not {len(loop.inputs)} and "
-            f"{len(loop.outputs)}; select them with inputs= and outputs="
+            f"a single loop has one input and one output, not {len(loop.inputs)} and "
+            f"{len(loop.outputs)}; select one of each with inputs= and outputs="
         )
     return loop
 
