@@ -291,9 +291,11 @@ def release(
     hold = hold or {}
     for name in (*free, *hold):
         condition.model.refuse_unheld("unknown trim variable", name)
-    both = sorted(set(free) & set(hold))
-    if both:
-        raise BadInputError(f"{both[0]} is both free and held; free or hold the variable, not both")
+    for name in free:
+        if name in hold:
+            raise BadInputError(
+                f"{name} is both free and held; free or hold the variable, not both"
+            )
     values, held_rates = _values_and_rates(condition.model, hold)
     rates = {name: rate for name, rate in condition.rates.items() if f"{name}_dot" not in free}
     imposed = without_alternatives(condition.model, condition.imposed, values) | values

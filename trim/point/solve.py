@@ -65,7 +65,8 @@ def find_operating_point(
     held: further values of `hold`, as keyword arguments: speed=100.0
 
     Raises TrimError if the equations cannot be balanced within the limits. Raises BadInputError if
-    the condition is not well posed, or numbers overflow in the equations of the model.
+    the condition is not well posed, if `held` also gives the scheduling variable of `at`, or if
+    numbers overflow in the equations of the model.
 
     Source: Stevens, Lewis, Johnson, Aircraft Control and Simulation, Section 3.6.
 
@@ -77,6 +78,8 @@ def find_operating_point(
     condition = condition or usual_condition(model)
     refuse_unfit(condition, model)
     if at is not None:
+        if model.schedule in held:
+            raise BadInputError(f"at and {model.schedule} are the same variable; give one of them")
         held[model.schedule or "at"] = at
     hold = {**(hold or {}), **held}
     if hold or free:

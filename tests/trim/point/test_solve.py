@@ -157,6 +157,8 @@ def test_at_sets_the_scheduling_variable(aircraft: Model) -> None:
     assert find_operating_point(aircraft, at=0.2) == find_operating_point(aircraft, dihedral=0.2)
     with pytest.raises(BadInputError, match="unknown trim variable 'at'"):
         find_operating_point(replace(aircraft, schedule=""), at=0.2)
+    with pytest.raises(BadInputError, match="at and dihedral are the same variable"):
+        find_operating_point(aircraft, at=0.2, dihedral=0.1)
 
 
 @pytest.mark.parametrize("extra", [(), ("aileron_center",)])
