@@ -208,7 +208,7 @@ def remove_unfinished() -> None:
     """Remove the temporary files and folders of this process, and its new folders that are empty.
 
     The function must be called just before the process ends. The removal of a folder is repeated up
-    to `_REMOVALS` times. A compiler may still write into the folder.
+    to `_REMOVALS` times, because a compiler may still write into the folder.
     """
     for path in tuple(_UNFINISHED):
         with suppress(OSError):

@@ -17,7 +17,8 @@ class LinearTable(ByValue):
     breakpoints: (N,), strictly increasing
     values: (N, ...), the array at each breakpoint
 
-    Raises BadInputError if the breakpoints do not increase or if their number differs from N.
+    Raises BadInputError if the breakpoints do not increase, or if the numbers of breakpoints and
+    values differ.
     """
 
     breakpoints: np.ndarray

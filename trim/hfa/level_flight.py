@@ -47,7 +47,7 @@ def load_condition(name: str, usual: TrimCondition = LEVEL_FLIGHT) -> TrimCondit
     name: name of the condition, or path of the file
     usual: condition to which the file is applied as changes
 
-    Raises BadInputError, which names the file and the fault.
+    Raises BadInputError, which names the file and the fault, if the file is not a valid condition.
     """
     from trim.point.condition_file import read_condition
 

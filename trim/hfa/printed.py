@@ -192,8 +192,8 @@ def printed_at(point: OperatingPoint) -> PublishedModel | None:
 
 
 def compared_with_print(report: Report, model: LinearModel, published: PublishedModel) -> Report:
-    """Return the report of a linear model, with a table that compares its entries with the printed
-    ones.
+    """Return the report of a linear model, with a table that compares A and B with the printed
+    matrices.
 
     published: the printed pair (A, B)
     """

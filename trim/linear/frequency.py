@@ -144,8 +144,8 @@ def bode_frequencies(model: LinearModel) -> np.ndarray:
 
     The frequencies extend from a tenth of the smallest to ten times the largest magnitude of the
     nonzero eigenvalues of A, or from 0.01 to 100 if all eigenvalues are 0. The frequencies are
-    dense near the magnitude of each eigenvalue. The phase of lightly damped modes changes fast
-    there.
+    dense near the magnitude of each eigenvalue, where the phase of lightly damped modes changes
+    fast.
     """
     frequencies = np.abs(np.linalg.eigvals(model.A))
     moving = frequencies[frequencies > _STILL * frequencies.max(initial=0.0)]

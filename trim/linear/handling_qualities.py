@@ -26,7 +26,7 @@ class Quantity(Result):
     """Measure of handling qualities, such as the short-period damping.
 
     name: name of the measure
-    value: number in this unit
+    value: number in `unit`
     unit: unit of the value
     """
 
