@@ -21,7 +21,7 @@ def slopes_around(model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarra
     """Return the slopes of the rates around N points along some states and inputs, (N, 6, n,
     columns).
 
-    The six slopes are those between points at -3, -2, ..., 3 finite-difference steps.
+    The six slopes are those between adjacent points at -3, -2, ..., 3 finite-difference steps.
 
     z: (N, n + m), states and inputs
     p: (N, k), parameters

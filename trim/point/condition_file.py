@@ -41,7 +41,8 @@ def read_condition(
     angle is in degrees if its name has the suffix _deg (alpha_deg), otherwise in rad. `free` is a
     list of variables. The table [limits] has entries variable = [lowest, highest], also with _deg.
 
-    Raises BadInputError, which names the file, the entry and the fault.
+    Raises BadInputError, which names the file, the entry and the fault, if the file is not a valid
+    condition.
     """
     data = read_named("condition", name, shipped, "trim.hfa", _FILE)
     model = usual.model

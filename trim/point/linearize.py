@@ -35,7 +35,8 @@ def linearize(
     outputs: names of outputs or states; by default the states of the linear model
     disturbances: names; by default the first disturbance if `outputs` are given, otherwise none
 
-    Raises BadInputError if the point belongs to another model, or a name is unknown.
+    Raises BadInputError if the point belongs to another model, or a name is unknown. Raises
+    FloatingPointError if a derivative is not finite.
 
     >>> import hfa
     >>> point = hfa.find_operating_point(hfa.aircraft(), hfa.paper.level_flight(0.2))

@@ -158,8 +158,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     def scheduled(self) -> dict[str, float] | None:
         """Value of the scheduling variable, name -> value.
 
-        The mapping is empty without a scheduling variable, and None for the flexible aircraft
-        (`dihedral_deg`).
+        The mapping is empty without a scheduling variable and for a parameter, and None for the
+        flexible aircraft (`dihedral_deg`).
         """
         if self.model.extras.names_schedule:
             return None
@@ -168,8 +168,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def at_scheduled(self) -> str:
-        """Text with the scheduling variable and its value, "at dihedral 15 deg", or "" without such
-        a variable.
+        """Text with the scheduling variable and its value, "at dihedral 15 deg", or "" if the
+        variable is not in `values`.
         """
         name = self.model.schedule
         if name not in self.values:
@@ -293,7 +293,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         path: file of the point, of a trim, or of a linear model
         model: model of the point
 
-        Raises BadInputError, which names the file and the fault.
+        Raises BadInputError, which names the file and the fault, if the file contains no point of
+        the model.
         """
         from trim.point.saved_point import loaded_point
 

@@ -161,8 +161,8 @@ class TrimProblem:
         """Yield initial points for further searches, evenly spread within the limits, (k,) each.
 
         Of `STARTS` points, those at which the equations cannot be evaluated are omitted. Points at
-        which the Jacobian equals the Jacobian at the guess are also omitted. Equations with a
-        constant Jacobian have one solution. No point is yielded without unknowns, or with more
+        which the Jacobian equals the Jacobian at the guess are also omitted, because equations with
+        a constant Jacobian have one solution. No point is yielded without unknowns, or with more
         equations than unknowns.
 
         The points are k α modulo 1 with α_j = φ^-j, φ^(d+1) = φ + 1 (Roberts' generalized golden
