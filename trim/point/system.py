@@ -436,7 +436,7 @@ class TrimSystem:
         return table
 
     def _constant(self, name: str, columns: Mapping[str, np.ndarray]) -> float | np.ndarray:
-        """Return the value of one of the constants, whose values are not given for each point.
+        """Return the value of a constant that is not given for each point.
 
         The result is an array (N,) if the condition has a table over the scheduling variable, and
         otherwise one number.

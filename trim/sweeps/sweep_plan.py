@@ -27,7 +27,7 @@ class Steps:
     """Evenly spaced values of a swept variable, each computed when it is read.
 
     start: first value
-    step: distance of two values
+    step: difference of consecutive values
     count: number of values
     """
 

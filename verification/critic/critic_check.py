@@ -214,9 +214,10 @@ def _smallest_eigenvalue(P: np.ndarray) -> float:
 def _flight_section(game: Game, critic: Critic, lost: FlightCost) -> Section:
     """Return a section of the report that compares a critic with the optimum.
 
-    The section lists cost, L2 gain, distance to instability and disk margin of both.
+    The section lists the cost above the optimum, the L2 gain, the distance to instability and the
+    disk margin.
 
-    lost: cost and L2 gain of the critic
+    lost: cost, L2 gain and distance to instability of the critic and the optimum (`_flight_cost`)
     """
     learned = None
     if math.isfinite(lost.gain):

@@ -185,10 +185,10 @@ def box_errors(
     """Return the checks of a critic's errors in a box: of V, each ∂V/∂z_i, and each entry of u and
     d.
 
-    The errors are upper bounds. The error of V is relative to the sum of its terms at the corner of
-    the box, and all other errors to the largest exact value in the box. u is the critic's policy,
-    and d = ½ δ⁻²E'∂V/∂z is the worst disturbance. Without P, only the policy is checked. With δ =
-    inf, d is not checked.
+    The errors are upper bounds. The error of V is relative to the sum of the magnitudes of the
+    terms of the exact value at the corner of the box, and all other errors to the largest exact
+    value in the box. u is the critic's policy, and d = ½ δ⁻²E'∂V/∂z is the worst disturbance.
+    Without P, only the policy is checked. With δ = inf, d is not checked.
 
     exact: solution of the game
     box: (n,), half-widths

@@ -26,7 +26,7 @@ def critic_given(
     parts: "K", "P", "W" -> array or None
     run: the training run of a file or a gain, or None if unknown
 
-    Raises BadInputError if no critic is given, or an array does not fit the game.
+    Raises BadInputError if no critic is given, or if the given object is not a critic of the game.
     """
     if isinstance(given, (str, Path)):
         return critic_in(given, game), run
