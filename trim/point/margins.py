@@ -63,9 +63,9 @@ class Margin(Result):
         """Distance to the nearer limit, as a fraction of highest - lowest: 0 at a limit, 0.5
         halfway.
 
-        The share is 0 if the range is infinite and the distance is finite.
+        The share is 0 if only one of the limits is finite, and `distance` if the limits are equal.
         """
-        return self.distance / (self.highest - self.lowest)
+        return self.distance / (self.highest - self.lowest or 1.0)
 
     @property
     def at_limit(self) -> bool:
@@ -148,5 +148,5 @@ def _limits_through(
     moved = point.states._replace(**{state: x + step})
     y = model.outputs_at(point.states, point.inputs, [output])[output]
     slope = (model.outputs_at(moved, point.inputs, [output])[output] - y) / step
-    ends = sorted(y + slope * (limit - x) for limit in limits)
-    return ends[0], ends[1]
+    lowest, highest = sorted(y + slope * (limit - x) for limit in limits)
+    return lowest, highest

@@ -233,3 +233,17 @@ def test_undetermined_trims_name_their_variable() -> None:
     assert "their Jacobian is singular here, along a; hold one of these" in report.text()
     _, report = reported(model, held)
     assert "singular" not in report.text()
+
+
+def test_an_input_with_equal_limits_is_reported() -> None:
+    """An input whose declared limits are equal is reported as held at its limit."""
+    inputs = {"thrust": Signal("lbf", max=20.0), "drag": Signal("lbf", min=0.0, max=0.0)}
+    model = Model(
+        "cart",
+        {"speed": Signal("ft/s")},
+        inputs,
+        lambda x, u, p, w: ({"speed": u.thrust + u.drag - x.speed}, {}),
+        trim={"speed": 1.0, "drag": 0.0},
+    )
+    text = find_operating_point(model).report().text()
+    assert re.search(r"^drag, lowest +0 +0\.00000 +lbf +0\.0 % +held there$", text, re.M)
