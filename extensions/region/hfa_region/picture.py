@@ -36,11 +36,11 @@ _FLOWN = 40
 
 
 def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
-    """Return a figure of sections through a region, one for each of the first pairs of states.
+    """Return a figure of sections through a region, one for each pair of states.
 
-    Each section shows the proved set, the lowest level with V' >= 0, and initial conditions that do
-    not converge, with the level of the nearest one. In each section all other deviations are 0.
-    Angles are in degrees.
+    At most `_MOST_PAIRS` pairs are shown. Each section shows the proved set, the lowest level with
+    V' >= 0, and initial conditions that do not converge, with the level of the nearest one. In each
+    section all other deviations are 0. Angles are in degrees.
 
     box: half-widths of the box in which critics are compared, (n,), in the units of the states, or
         None
@@ -135,7 +135,7 @@ def _cut(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return points (x, y) on the boundary of {V <= level} in the plane of deviations i and j.
 
-    A coordinate is nan if V does not reach the level in its direction.
+    Both coordinates are nan in a direction in which V does not reach the level.
 
     T: matrix of the coordinates z = T y, (n, n). The set is in the unit ball of y.
     """

@@ -127,7 +127,10 @@ def read_plant(entries: Fields, content: Any, own: Model | None) -> Plant:
 
 
 def _read_limits(entries: Fields, model: Model) -> Limits:
-    """Return signal -> (lowest, highest) from the entry `limits`, with infinity for null."""
+    """Return signal -> (lowest, highest) from the entry `limits`, with infinity for null.
+
+    Raises Malformed for the first wrong entry.
+    """
     stated = entries.value("limits", lambda value: isinstance(value, dict))
     limits = {}
     for name, pair in stated.items():

@@ -121,6 +121,8 @@ def prove(
     one.
 
     linear: linear model at the trim of the loop
+
+    Raises NoSolutionError if no region is proved.
     """
     loop = loop_of(linear, policy)
     stated = policy.gain or digest_of(loop.policy)

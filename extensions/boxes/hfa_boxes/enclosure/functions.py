@@ -51,8 +51,8 @@ class Slopes(NamedTuple):
 class Enclosed(NamedTuple):
     """Functions that enclose one kind of node over ranges of its argument.
 
-    curve: (t0, low, high) -> enclosure by a parabola, or None
-    line: (t0, low, high) -> enclosure by a line, or None
+    curve: (t0, low, high) -> enclosure by a parabola, or None if only lines are used
+    line: (t0, low, high) -> enclosure by a line, or None if only parabolas are used
     slopes: (low, high) -> lowest and highest slope
     """
 

@@ -204,9 +204,9 @@ class _Reader:
         return _plus(_plus({}, first, -_ONE), self._relu(first), Fraction(2))
 
     def _relu(self, row: Row) -> Row:
-        """Return the affine row of max(t, 0).
+        """Return the affine row of max(t, 0), with t the value of the given row.
 
-        If max(-t, 0) is already a node, the row is t + max(-t, 0).
+        If max(-t, 0) is already a node, the result is t + max(-t, 0).
         """
         opposite = self._known.get(_key("relu", (_plus({}, row, -_ONE),)))
         if opposite is not None:

@@ -22,8 +22,8 @@ def model_of(name: Any, source: Any, own: Model | None) -> Model:
     source: hash of the user's file in the statement, "" for the flexible aircraft
     own: the user's model, or None
 
-    Raises BadInputError if the statement concerns another model than the user's, or an aircraft
-    whose file is not given.
+    Raises Malformed unless `name` and `source` are strings. Raises BadInputError if the statement
+    concerns another model than the user's, or an aircraft whose file is not given.
     """
     require(isinstance(name, str) and isinstance(source, str), "dynamics", name)
     if own is not None:

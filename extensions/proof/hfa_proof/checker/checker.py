@@ -163,6 +163,8 @@ def _loop_bounds(
 
     If the loop is proved stable, but not with the claimed decay rate, the highest number is the
     number of all modes.
+
+    Raises Rejected if the data of the box prove no numbers.
     """
     model = statement.flight.model
     if isinstance(statement.actuators, UncertainActuators):

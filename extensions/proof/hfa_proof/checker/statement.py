@@ -463,8 +463,8 @@ class ModelsStatement:
     B: (g, n, m)
     inputs: inputs at the trims, (g, m, 1)
     K: gains of the exact solution of the game, (g, m, n)
-    errors: name -> upper bound of |X - X*| / |X*| (Frobenius norm) for A, B and K, and of |U - U*|
-        in nominal values for inputs
+    errors: name -> upper bound of |X - X̂| / |X| (Frobenius norm) for A, B and K, and of |U - Û| in
+        nominal values for inputs, with X̂ and Û interpolated
     """
 
     flight: Flight

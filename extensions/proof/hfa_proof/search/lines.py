@@ -36,7 +36,8 @@ def find_line(A: TaylorModel, rate: float = 0.0) -> tuple[int, Line] | None:
 
 
 def lines_beside_the_axis(A: TaylorModel) -> list[Line]:
-    """Return lines Re λ = -rate on which no eigenvalue of A is proved to be, with their matrices H.
+    """Return lines Re λ = -rate that are proved to contain no eigenvalue of A, with their matrices
+    H.
 
     The list contains the nearest line found on each side of the imaginary axis, at most one per
     side.
@@ -88,6 +89,9 @@ def _candidates(A: TaylorModel, rate: float) -> Iterator[tuple[np.ndarray, np.nd
     positive inverse, diag(h) G + G'diag(h) is positive definite (Berman and Plemmons 1979). The
     vector h = 1/|Re λ + a| solves Lyapunov's equation and suffices for small deviations. If the
     eigenvectors are nearly dependent, Lyapunov's equation is solved for the center matrix instead.
+
+    A: Taylor model of the matrix on the box
+    rate: a, 1/s
     """
     middle, *additions = A.parts
     A_middle = doubles(middle)

@@ -139,7 +139,7 @@ def loop_of_servo(
     model: Model,
     intervals: Intervals | None = None,
 ) -> Loop:
-    """Return the loop of a scheduled controller without its command inputs, and its actuators.
+    """Return the loop of a scheduled controller with its actuators, without the command inputs.
 
     actuators: input -> actuator of the design
     intervals: intervals of bandwidth, effectiveness and delay that replace the actuators' values,
@@ -192,6 +192,8 @@ def exact_gains(
     intervals: intervals of uncertain actuators, or None. With intervals, the game is that of the
         aircraft with its slowest actuators, without disturbance unless delta is changed.
     changes: weights that differ from the default game, name -> value
+
+    Raises NoSolutionError if a breakpoint has no trim or the game there has no solution.
     """
     model = family.model
     count = max(2, math.ceil((high - low) / (_STEP * family.step)) + 1)

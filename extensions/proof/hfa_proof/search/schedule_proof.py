@@ -295,7 +295,8 @@ class ScheduleSearch:
     def linear_model(self, box: Box) -> LinearModelBox:
         """Return the linear model on a box.
 
-        Raises Rejected if the box is too wide.
+        Raises Undecided or Rejected if the box is too wide or a trim may exceed its limits. Raises
+        TrimError if no trim exists at the center.
         """
         if self.family.spread and box.high - box.low > _WIDEST_WITH_ERRORS * self.family.step:
             raise Rejected("the parameter errors are enclosed only on narrower boxes")
@@ -431,9 +432,10 @@ def _lyapunov(A: np.ndarray, W: np.ndarray) -> np.ndarray:
 def _weight(points: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, np.ndarray]:
     """Return the largest rate of the scheduling variable that was found, and its W > 0.
 
-    A rate η' requires W ± η' dP/dη > 0 at all points (A, dA/dη). For the first W, P is the identity
-    in the modes of the center point. W is then moved, step by step, toward Σ |dP/dη|^p. The sum is
-    over the points, in units of W. The power p gives the largest terms the most weight.
+    A rate η' requires W ± η' dP/dη > 0 at all points (A, dA/dη). For the first W, P is a multiple
+    of the identity in the modes of the center point. W is then moved, step by step, toward (Σ
+    |dP/dη|^p)^(1/p). The sum is over the points, in units of W. The power p gives the largest terms
+    the most weight.
 
     points: pairs (A, dA/dη) of matrices (n, n)
     """
@@ -462,7 +464,7 @@ def _weight(points: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, np.
 
 
 def _first_weight(A: np.ndarray) -> np.ndarray:
-    """Return W (n, n) for which P is the identity in the modes of A.
+    """Return W (n, n) for which P is a multiple of the identity in the modes of A.
 
     If the modes are nearly dependent, W is the identity.
     """

@@ -110,7 +110,7 @@ class ExactGame:
         family: aircraft whose linear model has A and B, or None if the game's A and B are exact
         scheduling_value: scheduling value of the linear model, or None if `family` is None
 
-        Raises NoSolutionError unless Q >= 0 and R > 0, or if no trim is found.
+        Raises NoSolutionError unless Q >= 0 and R > 0, or if no trim is found or proved.
         """
         weights = weights_of(game)
         if family is None or scheduling_value is None:

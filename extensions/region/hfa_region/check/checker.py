@@ -78,11 +78,12 @@ def check_region(
 
 
 def check_covered(loop: RegionLoop, parts: Sequence[Mapping[str, str]]) -> None:
-    """Raise Rejected unless the parts cover every combination of inputs and disturbances.
+    """Raise Rejected unless the parts cover all conditions that may occur on the unit ball of y.
 
-    An input is free or at a limit, and a disturbance is at its lowest or highest value.
+    An input is free or at a limit that it may reach. A disturbance is at its lowest or highest
+    value.
 
-    parts: name of an input or disturbance -> its state in the part
+    parts: name of an input or disturbance -> its condition in the part
     """
     stated = [_ENDS[FREE]]  # a coordinate of all parts, so that a loop without inputs has one
     for name in loop.statement.loop.inputs:
@@ -105,7 +106,7 @@ def limits_of(loop: RegionLoop, inputs: Mapping[str, str]) -> dict[str, Polynomi
 
     All polynomials are >= 0 exactly where the inputs are free or at limits as stated.
 
-    inputs: input -> free, or at its lowest or highest value
+    inputs: input -> free, or at its lowest or highest value, or any. The last has no constraint.
     """
     constraints = {}
     for name in loop.statement.loop.inputs:

@@ -16,7 +16,7 @@ _PRECISION = 192
 def extents_of(statement: RegionStatement, T: np.ndarray) -> dict[str, tuple[float, float]]:
     """Return state -> lowest and highest deviation in a proved set, rounded outward.
 
-    - V of degree 2: the extents of the ellipsoid, ±sqrt(rho P⁻¹_ii)
+    - V = z'P z: the extents of the ellipsoid, ±sqrt(rho P⁻¹_ii)
     - V of higher degree: the stated extents, limited to the unit ball
 
     T: matrix of the coordinates z = T y, (n, n). The set is in the unit ball of y.

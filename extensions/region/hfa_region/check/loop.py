@@ -46,8 +46,8 @@ class Equilibrium:
     x: states, (n,), balls
     u: inputs, (m,), balls strictly within the limits
 
-    Raises Rejected if no equilibrium is proved near the trim. Raises ZeroDivisionError if the
-    Jacobian is singular.
+    Raises Rejected unless an equilibrium near the trim is proved, with inputs strictly within their
+    limits. Raises ZeroDivisionError if the Jacobian is singular.
     """
 
     def __init__(self, loop: SaturatedLoop) -> None:
@@ -400,7 +400,8 @@ def _value(terms: Sequence[_Term], z: Sequence[arb]) -> arb:
 
 
 def _without_center(rate: Taylor) -> Taylor:
-    """Return a rate's Taylor polynomial without its constant term, 0 at the equilibrium."""
+    """Return a rate's Taylor polynomial without its constant term, which is 0 at the equilibrium.
+    """
     return Taylor(rate.order, Polynomial([{}, *rate.polynomial.parts[1:]]), rate.remainder)
 
 
@@ -412,7 +413,7 @@ def _is_invertible(T: arb_mat) -> bool:
 def refuse_curved(loop: SaturatedLoop) -> None:
     """Raise BadInputError if a rate is not affine in the disturbances.
 
-    The worst case would then not be at the ends of the disturbances' ranges.
+    Otherwise the worst value of a disturbance might not be an end of its range.
     """
     if not loop.disturbances:
         return

@@ -128,7 +128,7 @@ def facts_of(model: Model) -> dict[str, Any]:
 
 
 def _read_disturbances(entries: Fields, model: Model) -> dict[str, float]:
-    """Return disturbance -> largest absolute value from a certificate, in the order of the model.
+    """Return disturbance -> its largest absolute value in a certificate, in the order of the model.
 
     Raises Malformed unless each value is positive.
     """

@@ -33,7 +33,7 @@ def given_for(
     statement: the proved statement
     request: options of the command
 
-    Raises BadInputError or TrimError if the options do not define a loop.
+    Raises BadInputError or NoSolutionError if the options do not define a loop.
     """
     if isinstance(request.at, tuple):
         request = at_one_value(request)
@@ -62,7 +62,7 @@ def given_on_boxes(
     statement: the proved statement, with the coefficients of its policy
     request: options of the command
 
-    Raises BadInputError or TrimError if the options do not define a loop.
+    Raises BadInputError or NoSolutionError if the options do not define a loop.
     """
     given: dict[str, Given] = {}
     at_a_trim = request.own or request.at is not None
@@ -148,7 +148,7 @@ def _given_trim(request: CheckRequest | RegionRequest) -> dict[str, Given]:
 
 
 def _given_policy(request: CheckRequest | RegionRequest) -> dict[str, Given]:
-    """Return the entry `K` of the policy that the options define, and its nonlinear terms."""
+    """Return the entries `K` and `policy`, gain and nonlinear terms, of the user's policy."""
     from hfa_region.commands.policy import loop_of
 
     _, K, _, policy = loop_of(request)

@@ -248,6 +248,9 @@ def _prove(request: RegionRequest) -> int:
 def _box(linear: LinearModel) -> np.ndarray | None:
     """Return the half-widths (n,) of the box in which `hfa verify` compares critics, or None.
 
+    The result is None if the model is not the paper's and a state has no limits, or its trim is at
+    or beyond a limit.
+
     linear: linear model at the trim
     """
     from verification.critic.about_trim import box_within_limits

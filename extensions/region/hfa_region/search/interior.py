@@ -109,7 +109,8 @@ def minimized(
 ) -> Point | None:
     """Return the solution of a semidefinite problem with the least cost, or with a sufficient cost.
 
-    Return None if the residual of an equation remains above `_WORSE` times the tolerance.
+    If the time limit or a failed factorization ends the iteration, the cost may be higher. Return
+    None if the residual of an equation remains above `_WORSE` times the tolerance.
 
     groups: groups of equations
     cost: weights c of the free unknowns in the cost c'f, (k,)
@@ -333,7 +334,8 @@ class _Search:
 
 
 def _longest(root: np.ndarray, step: np.ndarray) -> float:
-    """Return the largest s with root root' + s step positive semidefinite, or inf."""
+    """Return the largest s with root root' + s step positive semidefinite, or inf if there is none.
+    """
     scaled = _solved(root, _solved(root, step).T)
     least = float(np.linalg.eigvalsh((scaled + scaled.T) / 2)[0])
     return np.inf if least >= 0.0 else -1.0 / least

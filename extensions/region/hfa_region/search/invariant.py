@@ -108,6 +108,8 @@ class EdgeSearch(LevelSearch):
         """Return (name, polynomial) of the two constraints that define {V = share rho}.
 
         The polynomials are share - V / rho and V / rho - share.
+
+        share: the level as a share of rho
         """
         edge = self.V_terms + ONE.scaled(-share)
         return [(LEVEL, edge.scaled(-1.0)), (EDGE, edge)]
@@ -161,7 +163,8 @@ class _Candidate:
     T: coordinates z = T y in which the sets of V are measured, (n, n)
     level: highest level found with V' < 0 and the limits satisfied at all samples
     size: size of the set of this level
-    beyond: the next level that was tried and a state on it with V' >= 0, or (inf, None)
+    beyond: the next level that was tried and a state on it with V' >= 0, or (inf, None) if no such
+        state was found
     """
 
     V: PolynomialFunction

@@ -166,6 +166,8 @@ class LevelSearch:
         """Return (name, polynomial) of the constraint that defines {V <= share rho}.
 
         The polynomial is share - V / rho.
+
+        share: the level as a share of rho
         """
         return [(LEVEL, ONE.scaled(share) + self.V_terms.scaled(-1.0))]
 
@@ -399,7 +401,10 @@ def _evidence(
     variables: int,
     enough: float | None = None,
 ) -> dict[str, Any] | None:
-    """Return the Gram matrices found by `positive`, or None if the margin is below `MARGIN`."""
+    """Return the Gram matrices found by `positive`, or None.
+
+    The result is None if the solver fails or the margin is below `MARGIN`.
+    """
     found = positive(target, constraints, degrees, variables, enough)
     if found is None or found[0] < MARGIN:
         return None

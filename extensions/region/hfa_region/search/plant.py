@@ -121,7 +121,10 @@ class Plant:
         return np.array(values).ravel(), np.array(slopes)
 
     def _symbols(self) -> tuple[ca.SX, ca.SX, list[Any], list[Any]]:
-        """Return symbols of z and of the input deviations, and all states and inputs in them."""
+        """Return symbols of z and of the input deviations, and all states and inputs.
+
+        The states and inputs are expressions in these symbols.
+        """
         loop = self.loop
         z = ca.SX.sym("z", len(loop.states))
         v = ca.SX.sym("v", len(loop.inputs))

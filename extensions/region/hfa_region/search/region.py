@@ -81,7 +81,7 @@ class Region(Reported):
     plant: the loop in double precision
     T: matrix of the coordinates z = T y in which the set lies in the unit ball, (n, n)
     stopped: "interrupted" after Ctrl-C, otherwise ""
-    tried: all V of the search, each with a proof of level 1 in double precision
+    tried: the V that the search optimized, each with a proof of level 1 in double precision
     """
 
     proved: ProvedLevel
@@ -208,8 +208,8 @@ class RegionSearch:
     def _start(self) -> PolynomialFunction:
         """Return the first candidate V with a proved level, scaled to level 1.
 
-        The candidates are tried in descending order of their sampled sets. If no level is proved,
-        the candidate with the largest sampled set is returned.
+        At most `_TRIED` candidates are tried, in descending order of the size of their sampled
+        sets. If no level is proved, the candidate with the largest sampled set is returned.
         """
         candidates = self._sampled()
         for _, V, origin in candidates[:_TRIED]:

@@ -29,7 +29,9 @@ _SECONDS = 120.0
 def better(
     search: LevelSearch, rows: np.ndarray, room: np.ndarray, reach: float
 ) -> PolynomialFunction | None:
-    """Return a V, scaled to level 1, with a larger set than the search's V, or None.
+    """Return the V of the next step, scaled to level 1, or None if the problem is not solved.
+
+    The step minimizes the mean of V over the ball. The set usually becomes larger.
 
     search: search with the present V, whose level is proved in double precision
     rows: gradients of the signals with limits, (k, n)
