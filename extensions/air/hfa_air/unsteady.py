@@ -373,7 +373,7 @@ def _tip_moment(
 
     x: states
     p: parameters
-    speed: airspeed V of the outer panel without gusts, ft/s
+    speed: airspeed V of the outer panel without updraft and outward gust, ft/s
     air: density ρ, slug/ft^3
     """
     angle = -p.local_motion * x.dihedral_rate * p.panel_span / (2 * speed)

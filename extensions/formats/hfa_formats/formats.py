@@ -97,7 +97,7 @@ def _part(result: type[Result]) -> dict[str, Any]:
 def _joined(text: str) -> dict[str, Any]:
     """Return the schema of a declared result, with the entries of all classes in the declaration.
 
-    The entries of a class with "?" are optional.
+    The entries of `Stamp` are added. The entries of a class with "?" are optional.
     """
     first, *added = classes_of(text)
     schema = json_schema(first)

@@ -104,8 +104,8 @@ class PrintedFile:
 def load_printed(path: Path) -> PrintedFile:
     """Return the plant and its printed answer from a TOML file.
 
-    Raises BadInputError for text that is not a number, for a wrong shape and for missing entries.
-    The message names the matrix and the row.
+    Raises BadInputError if the file cannot be read, for text that is not a number, for a wrong
+    shape and for missing entries. The message on an entry names the matrix and the row.
     """
     try:
         content = read_toml(path)

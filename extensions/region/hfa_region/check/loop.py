@@ -400,7 +400,9 @@ def _value(terms: Sequence[_Term], z: Sequence[arb]) -> arb:
 
 
 def _without_center(rate: Taylor) -> Taylor:
-    """Return a rate's Taylor polynomial without its constant term, which is 0 at the equilibrium.
+    """Return a rate's Taylor polynomial without its constant term.
+
+    The constant term is 0, because the polynomial is about the equilibrium.
     """
     return Taylor(rate.order, Polynomial([{}, *rate.polynomial.parts[1:]]), rate.remainder)
 

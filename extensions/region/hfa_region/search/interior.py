@@ -334,8 +334,7 @@ class _Search:
 
 
 def _longest(root: np.ndarray, step: np.ndarray) -> float:
-    """Return the largest s with root root' + s step positive semidefinite, or inf if there is none.
-    """
+    """Return the largest s with root root' + s step positive semidefinite, inf if there is none."""
     scaled = _solved(root, _solved(root, step).T)
     least = float(np.linalg.eigvalsh((scaled + scaled.T) / 2)[0])
     return np.inf if least >= 0.0 else -1.0 / least
