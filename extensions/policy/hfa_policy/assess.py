@@ -50,7 +50,8 @@ def assess(
         assessed on the changed aircraft, with the trim values of the original
     scenario: sensor noise, gust or turbulence for at most 20 further flights from each trim, as in
         `hfa.fly`
-    box: linear state -> half-width of the initial-condition box, instead of the usual half-width
+    box: linear state -> half-width of the initial-condition box in the unit of the model, in place
+        of the usual half-width
     needs: requirement of `hfa assess --need`, such as "delay" (s) or "cost" (%) -> required value
 
     Raises BadInputError for a wrong argument or a deployment that does not fit the aircraft, and

@@ -366,13 +366,13 @@ class Assessment(Result, Reported):
         return text if len(where) == len(holding) else f"{text} {self._where(where)}"
 
     def _offset(self) -> str:
-        """Return a phrase on the largest steady-state error, relative to the box.
+        """Return a phrase on the largest steady-state error, relative to the initial-condition box.
 
         - A trim has no equilibrium: a phrase that reports this.
         - The error is negligible and the policy holds: "no steady-state error".
         - The error is negligible and the policy does not hold: "".
 
-        The box is the initial-condition box of each trim.
+        Linear states that do not decide whether a flight converges are omitted.
         """
         nowhere = [point for point in self.points if point.equilibrium is None]
         if nowhere:

@@ -126,6 +126,8 @@ class ChangeFlights:
 
         The flights have no delay. The result is None if the optimum does not exist. Each flight
         that stays within the limits counts as a flight that converges.
+
+        Raises BadInputError for the weight of an output that depends on the inputs.
         """
         gain = self._optimum()
         if gain is None:

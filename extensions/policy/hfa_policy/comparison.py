@@ -81,7 +81,9 @@ def _table(header: tuple[str, ...], names: Sequence[str], rows: Sequence[tuple[s
 
 
 def _short_names(origins: Sequence[str], longest: int) -> list[str]:
-    """Return the paths below the common folder of all files, shortened in the middle.
+    """Return the paths below the common folder of all files.
+
+    Paths that are too long are shortened in the middle.
 
     longest: largest number of characters, or `_NAME` if this is larger
     """
@@ -98,7 +100,8 @@ def _short_names(origins: Sequence[str], longest: int) -> list[str]:
 def _row(assessment: Assessment) -> tuple[str, ...]:
     """Return the row of a deployment without its name: the worst value over the trims.
 
-    The delay is the shortest one among the trims that have an unstable delay.
+    The delay is the shortest one among the trims that have an unstable delay. The disk margin is
+    "-" if a trim has no margins.
     """
     points = assessment.points
     held = sum(point.holds for point in points)

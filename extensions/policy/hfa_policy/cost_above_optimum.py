@@ -51,6 +51,8 @@ def cost_lost(deployed: Deployed, equilibrium: Equilibrium, chain: Chain) -> Cos
     """Return the cost above the optimum, or a sentence with the reason why no optimum exists.
 
     chain: sampled loop with its delay
+
+    Raises BadInputError for the weight of an output that depends on the inputs.
     """
     game = lqr_at(deployed, equilibrium)
     try:
@@ -71,7 +73,8 @@ def cost_lost(deployed: Deployed, equilibrium: Equilibrium, chain: Chain) -> Cos
 def lqr_at(deployed: Deployed, equilibrium: Equilibrium) -> Game:
     """Return the LQR problem of the linearization at the equilibrium.
 
-    Q and R are those of the deployment.
+    Q and R are those of the deployment. The states are those of `equilibrium.A`: the linear states,
+    or the coordinates of `equilibrium.basis`.
     """
     Q, R = weights_at(deployed, equilibrium)
     if equilibrium.basis is not None:
@@ -119,6 +122,7 @@ def _sampled_lost(step: Game, optimum: np.ndarray, chain: Chain) -> tuple[float,
 
     step: sampled LQR problem
     optimum: matrix P of the optimal cost x'P x
+    chain: the sampled loop with its delay
     """
     from scipy.linalg import solve_discrete_lyapunov
 

@@ -70,9 +70,8 @@ class Deployment(Reported):
         network's inputs. An observation is (value - about) / scale.
     action: input -> box (lowest, highest) and map, a formula of a, trim and names of the aircraft.
     timing: dt, delay and history. dt is the sample time, s. delay is the time from a sample until
-        its
-        action moves the input, s. history is the number of samples whose observations the policy
-        uses, the oldest first, by default 1.
+        its action moves the input, s. history is the number of samples whose observations the
+        policy uses, the oldest first, by default 1.
     cost: Q of states or outputs, R of inputs, or None if unknown.
     folder: folder of relative file names.
     origin: name of the deployment file, for messages.
@@ -348,10 +347,12 @@ class Deployment(Reported):
 
 
 def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
-    """Return the deployment of the gain K in a critic's file: u = -K x with all inputs.
+    """Return the deployment of the gain K in an .npz file or a critic's file.
 
-    x are the deviations of all linear states from the trim, sampled every dt seconds. Raises
-    BadInputError if K has another shape or the file contains no K.
+    The policy is u = -K x with all inputs. x are the deviations of all linear states from the trim,
+    sampled every dt seconds.
+
+    Raises BadInputError if K has another shape or the file contains no linear policy.
     """
     wanted = (len(model.inputs), len(model.linear))
     in_arrays = path.suffix.lower() == ".npz"

@@ -27,6 +27,7 @@ def drawn_policy(
     as stable if the sampled loop is also stable at every trim.
 
     assessed: results on the original aircraft, at each trim
+    request: arguments of `hfa assess`
     """
     spread = spread_of(request)
     models = spread.aircraft(request.flown_aircraft(), request.draws, SEED)

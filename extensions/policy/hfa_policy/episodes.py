@@ -54,10 +54,10 @@ class Stepped(NamedTuple):
 class Episodes:
     """N episodes of a deployment on its aircraft, each about one of several trims.
 
-    The reward of a sample is -dt (x'Q x + u'R u). x are deviations from the trim at the sample, and
-    u the commanded inputs minus the trim. Q and R are those of the deployment file, by default
-    1/nominal² of the linear states and the commanded inputs. If an episode leaves the limits, the
-    cost of that sample is also counted for each remaining sample.
+    The reward of a sample is -dt (x'Q x + u'R u). x are the deviations of states and outputs from
+    the trim at the sample, and u the commanded inputs minus the trim. Q and R are those of the
+    deployment file, by default 1/nominal² of the linear states and the commanded inputs. If an
+    episode leaves the limits, the cost of that sample is also counted for each remaining sample.
 
     states: (N, n), X of each episode.
     inputs: (N, m), the input just before the sample.

@@ -129,8 +129,10 @@ def flown_deployment(
 ) -> DeployedPolicy:
     """Return the policy of a deployment about a trim.
 
-    Warns of mistakes that the policy's files show. Raises BadInputError if an observation, the
-    policy or a map is not finite at the trim.
+    Warns of mistakes that the policy's files show. Raises BadInputError if the deployment does not
+    fit the aircraft, or if an observation, the policy or a map is not finite at the trim.
+
+    name: name of the policy in reports
     """
     deployed = deployment.on(point.model)
     deployed.refuse_undefined_at([point])

@@ -89,9 +89,9 @@ class AircraftEnvironment(gymnasium.Env):
         """Begin an episode and return the observation (k,) and `info`.
 
         The initial state is random, about a random trim. options={"start": X, "trim": index} sets
-        both instead. The default of "trim" is 0.
+        both instead. The default of "trim" is 0. Without "start", "trim" is ignored.
 
-        Raises BadInputError for wrong options.
+        Raises BadInputError for a wrong "start" or "trim".
         """
         super().reset(seed=seed)
         if options and "start" in options:

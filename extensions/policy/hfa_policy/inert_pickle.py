@@ -119,7 +119,8 @@ _NUMPY_CALLS: Mapping[str, Callable[..., Any]] = {
 class _Restricted(pickle.Unpickler):
     """Unpickler that refuses classes and functions by name, before an object is created.
 
-    Arrays, OrderedDict, deque, and objects of the packages `_KEPT_PACKAGES` are accepted.
+    Arrays, OrderedDict, deque, random generators of NumPy, and objects of the packages
+    `_KEPT_PACKAGES` are accepted.
     """
 
     def find_class(self, module: str, name: str) -> Any:

@@ -15,8 +15,8 @@ def mistakes_of(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Iterat
     """Yield the mistakes of a deployment.
 
     - First, the mistakes that the files show.
-    - If all of these are unclear, and flights were simulated: changes that clearly improve the
-      flights.
+    - If flights were simulated, and the files show no mistake or only unclear ones: changes that
+      clearly improve the flights.
 
     Nothing is yielded for a policy that uses earlier samples.
     """

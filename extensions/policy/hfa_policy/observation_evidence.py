@@ -101,7 +101,7 @@ class _Observed(NamedTuple):
         The observation remains absolute or a deviation, as the deployment file declares.
 
         - Deviations are consistent if the mean in the training is near 0.
-        - Absolute values of a state that can be 0 are always consistent.
+        - Absolute values of a formula, or of a state that can be 0, are always consistent.
         - Absolute values of another state, such as a speed, are consistent if the mean is far from
           0.
 

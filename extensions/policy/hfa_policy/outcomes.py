@@ -66,7 +66,8 @@ def start_box(model: Model, point: OperatingPoint) -> np.ndarray:
     """Return the half-widths (k,) of the initial-condition box in the linear states about a trim.
 
     - Angles and angular rates: the nominal value.
-    - Other states with a trim value of at least half the nominal value: 10 % of the nominal value.
+    - Other states with a trim value of at least half the nominal value in magnitude: 10 % of the
+      nominal value.
     - Other states: the nominal value.
 
     A half-width is at most half the distance to a limit.

@@ -166,7 +166,7 @@ def _is_a_gain(flown: Flown, none: Flown, other_gains: Sequence[Flown]) -> bool:
 
 
 class _Trial:
-    """Trials of changes, simulated together at the trims with the worst flights."""
+    """Trials of changes, simulated together at the trims where the fewest flights converge."""
 
     def __init__(self, assessor: Assessor, assessed: Sequence[AssessedPoint]) -> None:
         self.deployed = assessor.deployed
@@ -181,8 +181,8 @@ class _Trial:
     def named(self) -> Iterator[Mistake]:
         """Yield the best change of each kind, the best first, at most `_MOST_NAMED`.
 
-        A change that costs `_AS_GOOD` times as much as the best change is omitted. Nothing is
-        yielded if the delay alone explains the flights.
+        A change is omitted if its median cost is at least `_AS_GOOD` times that of the best change.
+        Nothing is yielded if the delay alone explains the flights.
         """
         if self._is_only_late():
             return
@@ -258,9 +258,10 @@ class _Trial:
         - Most flights converge with the change, and it is clearly better than the file as written.
         - The observations in the training do not contradict the change.
         - Unless these observations support the change, neither a change of gain nor the absence of
-          control is about as good.
-        - A change of order reduces the cost to a third. Its flights converge if they end in the box
-          (`Flown.into_box`).
+          control is about as good. The absence of control is disregarded if many flights leave the
+          envelope with the file as written and the change weakens no observation or action.
+        - A change of order reduces the cost to at most a third. Its flights converge if they end in
+          the box (`Flown.into_box`).
         - A change of a map is clearly better than weaker actions.
 
         flown: results with the change

@@ -22,6 +22,8 @@ def trims_of(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint
     - A point is neither an operating point nor a finite number.
     - A number is given for a model without a scheduling variable.
     - `points` is empty.
+
+    Raises TrimError if no trim is found.
     """
     if points is None:
         return (find_operating_point(model, usual_condition(model)),)

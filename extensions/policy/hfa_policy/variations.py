@@ -57,7 +57,7 @@ class Variation(Result):
 def changes_of(
     deployed: Deployed, vary: Mapping[str, tuple[float, float]]
 ) -> list[tuple[str, float]]:
-    """Return the changes of the aircraft, each as (name of a parameter or input, value).
+    """Return `VALUES` changes of the aircraft for each variation, as (name, value).
 
     vary: parameter, or input that no action moves -> (lowest, highest)
 

@@ -230,7 +230,8 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     def compared(self, deployment: Deployment) -> int:
         """Return the number of flights at each trim to be compared with the best flights.
 
-        The default is 0 if the deployment has no cost.
+        The default is `_COMPARED` or the number of initial conditions, whichever is smaller. It is
+        0 if the deployment has no cost or no installed extension finds best flights.
         """
         if self.best is not None:
             return self.best
