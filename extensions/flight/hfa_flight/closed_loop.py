@@ -258,8 +258,8 @@ class ClosedLoop:
     scenario: initial x(0), x_d, d and n (default 0), noise samples, gust, other disturbances,
       actuators and delay
 
-    Raises BadInputError if a signal or a gain does not have the size of the plant, or a trim input
-    is outside its actuator's position limits.
+    Raises BadInputError if a signal, a gain or the function of a policy does not have the size of
+    the plant, or a trim input is outside its actuator's position limits.
     """
 
     plant: Plant
@@ -291,9 +291,7 @@ class ClosedLoop:
 
     @cached_property
     def state_sizes(self) -> StateParts:
-        """Numbers of entries of the loop's state y for the plant, the actuators and the policy's
-        memory.
-        """
+        """Sizes of the parts of the loop's state y: plant, actuators and memory of the policy."""
         actuators = self.scenario.actuators
         return StateParts(
             plant=self.plant.chosen.shape[1],

@@ -31,7 +31,8 @@ class GainSchedule(Reported):
 
     K is constant beyond the breakpoints.
 
-    breakpoints: (G,), increasing values of η, radians for angles. A single gain has any one value
+    breakpoints: (G,), increasing values of η, radians for angles. With a single gain, the value of
+      the breakpoint has no effect
     gains: (G, m, n) in the units of the model, for the n states of the linear model, or
       (G, m, n + m) with columns for the actuator positions
     model: model with the scheduling variable, states and inputs

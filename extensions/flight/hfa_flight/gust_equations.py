@@ -105,10 +105,11 @@ def in_gusts(model: Model) -> Model:
     """Return the model with added disturbances (`ADDED`) for undeclared gust components.
 
     A component is added only if the model has the states that the component needs. The states
-    remain relative to the ground. Let v be the velocity and ω the angular velocity of the aircraft.
-    Relative to the air, v_a = v - (u, v, w) and ω_a = ω + (p, q, r). Forces and moments are those
-    of the model at v_a, ω_a. The model's equation v' = a(v_a, ω_a) - ω_a x v_a becomes v' = a(v_a,
-    ω_a) - ω x v. Angles and position change with v and ω.
+    remain relative to the ground. Let V be the velocity and ω the angular velocity of the aircraft,
+    and V_g the velocity (u, v, w) of the air, all resolved in body axes. Relative to the air,
+    V_a = V - V_g and ω_a = ω + (p, q, r). Forces and moments are those of the model at V_a, ω_a.
+    The model's equation V' = a(V_a, ω_a) - ω_a x V_a becomes V' = a(V_a, ω_a) - ω x V. Angles and
+    position change with V and ω.
 
     Approximation: gyroscopic moments are evaluated at ω_a, an error of second order in the rates.
     """

@@ -221,7 +221,7 @@ class Flight(StatesAndInputs, Result, Reported):
     predicted: flight of the linear model, or None if it was not simulated
     decay: decaying oscillation at the end: name, time to half in s, frequency in rad/s, or None.
     method: "runge-kutta" or "jsbsim"
-    weights: Q (k, k) and R (m, m) of its cost, or None without a cost
+    weights: Q (k, k) and R (m, m) of the cost of the flight, or None without a cost
 
     >>> import hfa
     >>> model = hfa.aircraft()
@@ -347,8 +347,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def final(self) -> Mapping[str, float]:
-        """Absolute value at the end of each state, and of the angle of attack if the model outputs
-        it.
+        """Final absolute value of each state, and of the angle of attack if the model outputs it.
         """
         values = _by_name(self.model.states, self.states[-1])
         if flown_through_air(self.model):

@@ -340,7 +340,8 @@ def gust_at(
     typed: length, peak and start of the gust, in the units of the model and s
     duration: s
 
-    Raises BadInputError if the gust begins outside the duration.
+    Raises BadInputError if the gust begins outside the duration, its length is not positive, or the
+    model has no state or output `speed`.
     """
     if typed is None:
         return None

@@ -117,7 +117,7 @@ class Policy(Reported):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GainPolicy(Policy):
-    """Policy u = -K z.
+    """Policy u = -K z, with the measured error z = x - x_d of the states of the linear model.
 
     gains: K (m, k), or (N, m, k) with a gain for each tick. Both are stored as (N, m, k)
 
@@ -157,6 +157,8 @@ class GainPolicy(Policy):
 @dataclass(frozen=True, eq=False, repr=False)
 class FunctionPolicy(Policy):
     """Policy u = sat(π(z), lowest, highest) of a nonlinear critic, such as a network.
+
+    z = x - x_d is the measured error of the states of the linear model.
 
     function: π as a CasADi Function, z (k,) -> u (m,)
     lowest, highest: (m,), limits of the inputs as deviations from trim

@@ -131,6 +131,7 @@ def _estimated(search: Search) -> dict[str, SensorError]:
     - an error that the search estimates
     - an error that the model does not support
     - the scale error or delay of a constant input
+    - every error of an input that is 0 in all records
     """
     responses = search.responses
     steady = search.steady_inputs()
@@ -168,9 +169,9 @@ def _slopes(search: Search, fit: Fit, number: int, errors: Sequence[SensorError]
 def _effect(search: Search, fit: Fit, number: int, error: SensorError) -> np.ndarray:
     """Return the derivative (N, k) of a record's measured quantities by one column error.
 
-    An error c changes the column by c d, where d is 1 for a bias, the column for a scale, and minus
-    the column's time derivative for a delay. The correction of an input also changes the
-    simulation. In turbulence the correction of any column changes the predictions.
+    An error c changes the column by c d, where d is 1 for a bias, the column without its bias for a
+    scale, and minus the column's time derivative for a delay. The correction of an input also
+    changes the simulation. In turbulence the correction of any column changes the predictions.
 
     number: index of the record
     """

@@ -209,8 +209,8 @@ def _free_names(
     given: names of fixed parameters
     measured: names of the measured quantities
 
-    Raises BadInputError if `free` is empty, a pattern matches nothing, a name is unknown, or a name
-    is also given.
+    Raises BadInputError if `free` is empty or a single text, a pattern matches nothing, a name is
+    unknown, or a name is also given.
     """
     if isinstance(free, str) or not free:
         if not model.parameters:

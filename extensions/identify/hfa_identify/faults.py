@@ -326,11 +326,12 @@ def fault_of_columns(
     """Return the faults of columns that explain the records, joined by "or", or "".
 
     A fault is a wrong sign or unit of a column, or the exchange of two columns. It explains the
-    records if they are clearly more likely after its correction, or nearly as likely with
-    parameters closer to their initial values. Only faults that explain the records equally well are
-    returned. The result is "" if the fit shows no sign of a faulty column.
+    records if the fit after its correction converges and does not contradict the measured motion.
+    With a fit of the uncorrected records, the corrected records must also be clearly more likely,
+    or nearly as likely with parameters closer to their initial values. Only faults that explain the
+    records equally well are returned. The result is "" if the fit shows no sign of a faulty column.
 
-    fit: None if the simulation diverges
+    fit: fit of the uncorrected records, or None if their simulation diverges
     errors: name of a column error -> its estimate by one Newton step from 0
     """
     if fit is not None and not _suspicious(search, fit, errors):
@@ -449,9 +450,10 @@ def _change(search: Search, theta: np.ndarray, usual: float = 0.0) -> float:
 
 
 def _compared(search: Search, undone: _Undone, fit: Fit) -> float:
-    """Return L of a fit to corrected records, converted to the units of the uncorrected records.
+    """Return the negative log-likelihood L of a fit to corrected records.
 
-    With the conversion, the values of L of different corrections can be compared.
+    L is converted to the units of the uncorrected records, so that the values of different
+    corrections can be compared.
     """
     if undone.column not in search.responses.measured:
         return fit.likelihood

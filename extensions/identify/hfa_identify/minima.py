@@ -66,7 +66,8 @@ def _far_values(search: Search, fit: Fit) -> list[np.ndarray]:
     At most `_TRIED` values within the limits are returned, the most promising first. Each differs
     from the fit in one parameter. The new value of this parameter is one of:
 
-    - a value for which the state derivatives along the simulation are similar
+    - a value for which the state derivatives and measured quantities along the simulation are
+      similar
     - without such a value, the negative of the estimate, if L there rises by less than the fraction
       `_FALL` of its rise at 0
     """
@@ -105,14 +106,14 @@ def _with(fit: Fit, place: int, value: float) -> np.ndarray:
 
 
 def _alike(multiples: np.ndarray, different: np.ndarray) -> Iterator[tuple[float, float]]:
-    """Yield (multiple, ratio) for each second minimum of the change of the state derivatives.
+    """Yield (multiple, ratio) for each second minimum of the change of the equations.
 
     The first minimum is the one nearest to the multiple 1. The ratio is the value at the second
     minimum divided by the largest value between both. Only minima with a ratio below `_FALL` are
     yielded.
 
     multiples: multiples of an estimate
-    different: change of the state derivatives at each multiple
+    different: change of the equations at each multiple (`Responses.differences`)
     """
     middle = different[1:-1]
     lowest = 1 + np.flatnonzero((middle <= different[:-2]) & (middle < different[2:]))

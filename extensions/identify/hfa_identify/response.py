@@ -149,7 +149,7 @@ class Responses:
 
     @property
     def turbulent(self) -> int:
-        """Number of leading unknowns that describe turbulence and sensor noise."""
+        """Number of leading unknowns that describe turbulence and sensor noise, 0 in calm air."""
         return 0
 
     def wider(self, names: Sequence[str]) -> Responses:

@@ -62,9 +62,9 @@ class LoggedColumn:
 def ulog_columns(path: Path, table: Path | None, model: Model) -> dict[str, np.ndarray]:
     """Return the columns that a table defines, read from a log, by name, (N,) each.
 
-    The column "time" contains s after the first sample. The times are those of the measured
-    quantity with the most samples. Samples of other measured quantities are assigned to the nearest
-    of these times. Inputs keep their last value.
+    The column "time" contains the time after its first sample, s. The times are those of the
+    measured quantity with the most samples. Samples of other measured quantities are assigned to
+    the nearest of these times. Inputs keep their last value.
 
     table: TOML file that defines the columns
 

@@ -181,7 +181,7 @@ def _refuse_readers(equations: Equations) -> None:
 def _of_writers(equations: Equations) -> list[Note]:
     """Return notes on built-in JSBSim properties that the files set.
 
-    The notes concern pilot commands that a component also sets, and settings without effect.
+    The notes concern pilot commands that the files also set, and settings without effect.
 
     Raises BadInputError if a file sets a read-only property, or a property that this package does
     not allow to be set.

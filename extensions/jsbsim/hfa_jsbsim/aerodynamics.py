@@ -219,7 +219,7 @@ def _frames(element: Element | None) -> tuple[str, str]:
 def _functions_along_axes(element: Element | None) -> dict[int, list[Element]]:
     """Return index of a component (forces 0 to 2, moments 3 to 5) -> its functions.
 
-    If two axes have the same component, only the second is used.
+    If several axes have the same component, only the last is used.
 
     Raises BadInputError for an unknown axis.
     """

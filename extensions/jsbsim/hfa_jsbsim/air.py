@@ -173,7 +173,8 @@ def motion_of(x: Any, winds: Winds) -> Motion:
 
 
 def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]:
-    """Return name -> value of the JSBSim properties that depend on the states alone.
+    """Return name -> value of the JSBSim properties that depend only on the states, the wind and
+    the geometry.
 
     The ground is at sea level.
 

@@ -297,8 +297,8 @@ def pushed(
 def jet(file: EngineFile, around: Surroundings, thrust: Any) -> Effect:
     """Return the `Effect` of an engine without propeller.
 
-    A nozzle reduces the thrust by ambient pressure times area. A reverser changes the direction of
-    the thrust.
+    A nozzle reduces the thrust by ambient pressure times area. A reverser multiplies the thrust of
+    a direct thruster by the cosine of the reverser's angle.
 
     thrust: lb
     """
@@ -530,7 +530,8 @@ def rocket_thrust(file: EngineFile, around: Surroundings) -> Any:
 def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
     """Return the power of a turboprop, hp (`FGTurboProp::Run`).
 
-    In steady-state equations, the power at the torque limit is limited smoothly.
+    In steady-state equations, only the fraction `_BEYOND` of the power beyond the torque limit
+    remains.
 
     Raises BadInputError if a table is missing.
     """
@@ -632,7 +633,10 @@ def add_engine(file: EngineFile, around: Surroundings, compute: Any) -> Writer:
 
 
 def _add_shafts(file: EngineFile, around: Surroundings) -> None:
-    """Define the properties n1 and n2, the speeds of a turbine's shafts, %."""
+    """Define the properties n1 and n2, the speeds of a turbine's shafts, %.
+
+    Reading n1 raises BadInputError if the speed n2 is a state.
+    """
     for name in ("n1", "n2"):
 
         def speed(name: str = name) -> Any:

@@ -287,7 +287,7 @@ class Frames:
     def _end_of_frame(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Return loads, engine states and stored values at the end of a frame, as expressions.
 
-        Turbine shafts and blade angles advance before the thrust is computed, propeller speeds
+        Engine states advance before the thrust is computed, except propeller speeds, which advance
         afterwards.
         """
         equations = self._equations

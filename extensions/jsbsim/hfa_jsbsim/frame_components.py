@@ -202,7 +202,8 @@ def _refuse_delay(component: Element) -> None:
 
 
 def _kinematic(component: Element, properties: Properties) -> Any:
-    """Return the position of a <kinematic> that moves between detents at given rates."""
+    """Return the position of a <kinematic>, which moves between detents in the given travel times.
+    """
     detents(component)
     settings = list(component.need("traverse").all("setting"))
     positions = [setting.need("position").number() for setting in settings]
@@ -265,11 +266,13 @@ _WEIGHTS = {
 def _pid(component: Element, properties: Properties) -> Any:
     """Return the output of a <pid> or an <integrator> with the input u.
 
-    The integral follows JSBSim's integration rules.
-
     - <pid>: kp u + ki ∫ u dt + kd u'
     - <pid> of type "standard": kp (u + ki ∫ u dt + kd u')
     - <integrator>: the formula of a <pid> with ki = c1
+
+    u' is <pvdot>, or without it the difference from the previous frame divided by the frame's
+    duration. The integral follows JSBSim's integration rules. It is constant while <trigger> is
+    positive, and is set to 0 by a negative <trigger>.
     """
     value = ca.SX(input_of(component, properties))
     past = _Past(component, properties)

@@ -235,8 +235,9 @@ def _boosted(
 def _gears(engine: Element) -> list[tuple[float, float, float, float]]:
     """Return (multiplier, rated speed, rated pressure, switch pressure) of each gear.
 
-    The speed is in rpm and the pressures are in Pa. Below the switch pressure of the air the next
-    gear is used. Gears from the first invalid one on have the multiplier 1. The list is empty
+    The speed is in rpm and the pressures are in Pa. The next gear is used if the ambient pressure
+    is more than 1000 Pa below the switch pressure. If a gear is invalid, the number of gears is
+    reduced by one, and those from the invalid one on have the multiplier 1. The list is empty
     without a supercharger.
     """
     count = int(engine.value_of("numboostspeeds", 0.0))

@@ -340,7 +340,7 @@ class Properties:
     def read_or(self, name: str, default: Any, where: str) -> Any:
         """Return the value of a property, or the default if the files do not set it.
 
-        The default is also returned, with a note, if the value depends on itself.
+        The default is also returned, with a note, if the value depends on itself or on all forces.
         """
         self.asked.add(plain(name))
         if self.writer(name) is None:

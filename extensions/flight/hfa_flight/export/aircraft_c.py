@@ -124,7 +124,11 @@ def _parameters(model: Model) -> str:
 
 
 def _policy_function(policy: FunctionPolicy) -> str:
-    """Return the source of the C function `static void policy(const double *z, double *v)`."""
+    """Return the source of the C function `static void policy(const double *z, double *v)`.
+
+    z: deviations of the states of the linear model from trim
+    v: deviations of the inputs from trim, within the control limits
+    """
     z = ca.SX.sym("z", policy.function.numel_in(0))
     return c_function(ca.Function("policy", [z], [policy.expression(z)]), "policy", ("z",), ("v",))
 

@@ -230,8 +230,9 @@ def interpolated_loop(between: InterpolatedModel) -> ExportedLoop:
 def _channels(
     model: Model, names: Iterable[str], values: Iterable[float], *, rates: bool = False
 ) -> list[Channel]:
-    """Return the channels of signals of a model, with these initial values.
+    """Return the channels of signals of a model.
 
+    values: initial value of each signal
     rates: whether the units of the rates are included
     """
     channels = []

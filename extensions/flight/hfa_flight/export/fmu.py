@@ -224,5 +224,8 @@ def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
 
 
 def write_sweep(sweep: Sweep, path: Path, provenance: Provenance) -> None:
-    """Write the interpolated linear models of a sweep as an FMU, for `hfa sweep`."""
+    """Write the interpolated linear models of a sweep as an FMU, for `hfa sweep`.
+
+    Raises the errors of `InterpolatedModel` and `write_fmu`.
+    """
     write_fmu(interpolated_loop(InterpolatedModel(sweep)), path, provenance)

@@ -73,7 +73,7 @@ def spread_of(request: Any) -> ParameterSpread:
 
 
 def spread_of_set(known: Any) -> ParameterSpread:
-    """Return the uncertain parameters of a `ParameterSet`, with the covariance of their logarithms.
+    """Return the uncertain parameters of a `ParameterSet`, with normally distributed logarithms.
 
     The uncertain parameters are those that the set identifies.
     """

@@ -52,7 +52,8 @@ class Draws(Result):
     stable_alone: number of aircraft whose linear model is stable without control, or None with a
         gain.
     cost_lost_worst_percent: largest excess of the gain's cost over the optimum of an aircraft's
-        linear model, percent, NaN if no game has a solution, or None without a gain.
+        linear model, percent, inf if a loop is unstable, NaN if no game has a solution, or None
+        without a gain.
     bands: quantity -> its band.
     unsolved: number of aircraft whose game has no solution, or None without a gain.
     """

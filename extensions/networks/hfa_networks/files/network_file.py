@@ -76,7 +76,7 @@ class Layer(NamedTuple):
 class NetworkFile(NamedTuple):
     """Content of a network's file.
 
-    functions: requested part, or name of an output -> function from x (n,) to the output (k,).
+    functions: requested kind, or name of an output -> function from x (n,) to the output (k,).
     chain: the operations in their order, such as "6 -> tanh 64 -> 1".
     precision: precision of the weights in the file, such as "float32".
     on_basis: single layer whose inputs are the functions of the basis, or None. With such a layer,

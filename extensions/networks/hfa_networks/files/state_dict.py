@@ -167,9 +167,12 @@ def parts_of(tensors: Tensors, part: str, *, is_policy: bool) -> Parts:
 def refuse_others(others: Tensors, unused: Tensors, takes: int, gives: int) -> None:
     """Raise BadInputError if an unread tensor may act on the inputs or outputs of a network.
 
-    Other linear layers are accepted as a separate network, unless their sizes fit before, after or
-    in parallel to this network. Unused layers with one output are accepted as a critic. Unused
-    tensors of a standard deviation are accepted if their size is the number of outputs.
+    - Linear layers are accepted as a separate network, unless their sizes fit before, after or in
+      parallel to this network. Unused layers with one output are accepted as a critic, and unused
+      layers of a standard deviation if they have as many outputs as the network.
+    - Another unused tensor is accepted unless its size is the number of inputs or of outputs. The
+      size 1 is accepted, and for a standard deviation the number of outputs.
+    - Any other tensor is refused.
 
     others: tensors of a state dict that belong to no network that is read
     unused: tensors whose names indicate a critic or the standard deviation of an action

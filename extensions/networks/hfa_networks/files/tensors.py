@@ -184,10 +184,10 @@ def refuse_pickle_bomb(content: bytes) -> None:
 
 
 def _refuse_shared_tuples(content: bytes) -> None:
-    """Raise BadInputError if a tuple has more than `_MOST_STEPS` leaves, with each use counted.
+    """Raise BadInputError if a tuple or frozenset has more than `_MOST_STEPS` leaves.
 
-    A tuple that is a dictionary key is hashed while the pickle is read, and hashing visits all its
-    leaves.
+    Each use of a shared leaf counts. A tuple that is a dictionary key is hashed while the pickle is
+    read, and hashing visits all its leaves.
     """
     stack: list[int] = []
     marks: list[int] = []

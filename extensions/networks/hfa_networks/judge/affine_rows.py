@@ -32,7 +32,7 @@ _LINEAR = {
 
 
 class NotReadError(Exception):
-    """Error for a function that contains an unsupported operation or is too large."""
+    """Error for a function that is too large, or contains an unsupported operation or constant."""
 
 
 class Node(NamedTuple):
@@ -55,8 +55,9 @@ def affine_rows(function: ca.Function) -> tuple[list[Row], list[Node]]:
     monomials. Each monomial is one node, so common terms of two polynomials cancel. The rows
     represent the expression that CasADi stores, including simplifications that CasADi made.
 
-    Raises NotReadError if the function is too large, or has other operations than +, -, *, division
-    by a constant, small integer powers, tanh, min, max, |t|, sign, comparisons, not and conditions.
+    Raises NotReadError if the function is too large, contains a constant that is not finite, or has
+    other operations than +, -, *, division by a constant, small integer powers, tanh, min, max,
+    |t|, sign, comparisons, not and conditions.
     """
     if function.n_instructions() > _INSTRUCTIONS:
         raise NotReadError

@@ -110,8 +110,9 @@ class Comparison(NamedTuple):
     def errors(self, z: ca.SX, kinds: Sequence[str] = ()) -> tuple[list[str], ca.SX]:
         """Return the kind of each error, and the errors as expressions of the symbols z.
 
-        Each error is relative to the largest exact V, dV/dz_i or u_i in the box. The constant of V
-        is subtracted, because no policy depends on it.
+        Errors of V are relative to b'|P| b, an upper bound on the exact V in the box. Other errors
+        are relative to the largest exact dV/dz_i or u_i in the box, bounded below (`_floored`). The
+        constant of V is subtracted, because no policy depends on it.
 
         kinds: the functions to compare, or () for all that the critic has
         """

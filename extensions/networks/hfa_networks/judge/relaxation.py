@@ -90,7 +90,7 @@ def _highest_above(
 
     The bound does not include rounding errors of g. For t < 0, g is convex, so its maximum is at an
     end. For t > 0, g is concave, so it lies below its tangent at any point p. The chosen p is the
-    computed point with tanh'(p) = slope.
+    point of the interval with t >= 0 closest to the computed solution of tanh'(p) = slope.
 
     at_ends: the larger of g(low) and g(high)
     """
