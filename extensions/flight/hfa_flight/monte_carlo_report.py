@@ -122,6 +122,7 @@ def quantiles(model: Model, read: Read, inside: np.ndarray) -> dict[str, Any]:
     The result maps quantity -> variable -> values at the levels `QUANTILES`. The values of a
     variable are None if no member is inside.
 
+    read: function from the name of a result to its values, (N, ...), one row for each member
     inside: mask of these members, (N,)
     """
     quantities = {

@@ -127,7 +127,7 @@ class GainPolicy(Policy):
     gains: np.ndarray
 
     def __post_init__(self) -> None:
-        """Check the gains and store them column by column as held inputs."""
+        """Raise BadInputError for invalid gains, and store them column by column in `held`."""
         gains = numbers_in("the gain", self.gains)
         if gains.ndim not in (2, 3) or not gains.size or not np.all(np.isfinite(gains)):
             raise BadInputError(

@@ -175,7 +175,7 @@ class CommandSteps(Reported):
         return total
 
     def _response(self, late: Any) -> tuple[Any, Any]:
-        """Return the step response s and its derivative s' at the time τ >= 0 after a step.
+        """Return the step response s and its derivative s' at τ = max(late, 0) s after a step.
 
         s = 1 - e c - ζω e σ,  s' = ω² e σ,
         e = exp(-ζωτ),  c = cosh(vτ),  σ = sinh(vτ)/v,  v² = ω² (ζ² - 1)

@@ -223,6 +223,9 @@ def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales
 
     Between 1000 and 2000 ft both are interpolated linearly. Raises BadInputError below 10 ft, above
     80,000 ft, and where Figure 7 defines no turbulence of this level.
+
+    level: light, moderate or severe
+    spectrum: dryden or karman
     """
     if not _LOWEST <= altitude <= _ALTITUDES[-1]:
         raise BadInputError(
@@ -381,7 +384,7 @@ class AirFilter:
 
     @classmethod
     def of(cls, air: TurbulentAir) -> AirFilter:
-        """Return the filter that generates this turbulence."""
+        """Return the filter that generates the turbulence `air`."""
         along, across = FILTERS[air.turbulence.spectrum]
         parts = [
             _cascade(

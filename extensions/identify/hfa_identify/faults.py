@@ -396,6 +396,7 @@ def _tried(
     a penalty on the change of the parameters. The lowest level is first. Candidates whose
     simulation diverges are omitted.
 
+    candidates: corrections, each with the search on the corrected records
     steps: largest number of Gauss-Newton steps
     windows: approximate largest number of windows
     """
@@ -436,6 +437,9 @@ def _change(search: Search, theta: np.ndarray, usual: float = 0.0) -> float:
 
     r is the ratio of a parameter to its initial value. If r is negative, the term is at least
     (ln 100)². Parameters that are or were 0 are omitted.
+
+    theta: unknowns, (p,), or the unknowns in calm air
+    usual: magnitude of ln r without a penalty
     """
     total = 0.0
     # Turbulence and sensor noise come first in the unknowns.

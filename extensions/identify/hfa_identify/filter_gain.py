@@ -118,6 +118,10 @@ def _discrete(A: np.ndarray, W: np.ndarray, interval: float) -> tuple[np.ndarray
     """Return Φ and Q between two samples, (N, n, n) each, from series of third order.
 
     The series are evaluated over short intervals and composed.
+
+    A: (N, n, n)
+    W: power of the turbulence, (N, n, n)
+    interval: time between samples, s
     """
     norm = float(np.abs(A).sum(axis=2).max())
     doublings = _HALVINGS + max(0, math.ceil(math.log2(max(norm * interval, 1.0))))
@@ -145,6 +149,9 @@ def _predicted_covariance(
     """Return the predicted covariance P after 2^`_DOUBLINGS` samples from P = 0, (N, n, n).
 
     The result is finite even if a drifting unobservable state has no steady covariance.
+
+    Phi, C, Q: matrices of N models
+    R: diagonals of the sensor covariances, (N, k)
     """
     A = Phi.transpose(0, 2, 1)
     G = C.transpose(0, 2, 1) @ (C / R[:, :, None])

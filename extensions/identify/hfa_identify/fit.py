@@ -244,6 +244,7 @@ class OutputError:
         Each trial, an entry of `_TRIALS`, scales the step and adds damping to it. The fit is None
         if every trial raises L or fails.
 
+        found: fit before the step
         undamped: the step without damping
         first: index of the first trial
         step: number of the Gauss-Newton step
@@ -362,6 +363,7 @@ class OutputError:
         """Return a record's normal equations, extended by the information in its noise variances.
 
         number: index of the record
+        residual: (N, k)
         noise: noise variances, which depend on the unknowns, (k,)
         slopes: derivatives of their logarithms with respect to the unknowns, (k, p)
         """
@@ -385,6 +387,7 @@ class OutputError:
 
         number: index of the record
         slopes: sensitivities to parameters and initial state, (N, k, p + n)
+        residual: (N, k)
         noise: noise variances, (k,)
         pull: contribution of the guess to the right-hand side of the initial state, (n,)
 
@@ -424,6 +427,7 @@ class OutputError:
         - The parameter is at a bound and the step points outward.
         - The records do not determine the parameter within its bounds.
 
+        found: fit before the step
         damping: Levenberg's factor on the diagonal of the normal equations
         """
         p = len(found.theta)

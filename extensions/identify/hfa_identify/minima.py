@@ -132,6 +132,9 @@ def _searched(
     - The search diverges or does not converge.
     - L exceeds that of the original fit by `AS_LIKELY` or more.
     - Both fits agree.
+
+    theta: unknowns at which the search begins, (p,)
+    starts: initial state of each record, (n,) each
     """
     try:
         other = search.whole(theta, starts)

@@ -273,6 +273,7 @@ class Responses:
     def _delayed(self, record: Record, theta: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return the simulated quantities with their delays applied, (N, k).
 
+        theta: unknowns, (p,)
         y: quantities without delays, (N, k)
         """
         from scipy.interpolate import CubicSpline
@@ -305,6 +306,9 @@ class Responses:
         """Raise BadInputError if the sampling intervals are too long for a time in seconds.
 
         The limit is `_FAR_TOO_LONG` time constants of the fastest mode at the initial state.
+
+        start: initial state, (n,)
+        theta: unknowns, (p,)
         """
         longest = float(np.diff(record.time).max())
         fastest = self._fastest(record, start, theta)
@@ -320,6 +324,8 @@ class Responses:
     ) -> int:
         """Return the number of integration steps between two samples, at most `_MOST_STEPS`.
 
+        start: initial state, (n,)
+        theta: unknowns, (p,)
         step: largest step, in time constants of the fastest mode at the initial state
         """
         longest = float(np.diff(record.time).max())
@@ -342,6 +348,9 @@ class Responses:
         """Return the largest magnitude of an eigenvalue of ∂f/∂x at the initial state, 1/s.
 
         The result is 0 if the Jacobian is not finite.
+
+        start: initial state, (n,)
+        theta: unknowns, (p,)
         """
         driven, rest = self._driven(record.part(0, 2), theta)
         _, slopes = self._rates_at(start[None], driven[:1], rest[None])

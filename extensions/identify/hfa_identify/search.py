@@ -143,7 +143,13 @@ class Search:
     def thin(
         self, theta: np.ndarray, starts: Sequence[np.ndarray], most_steps: int = MOST_STEPS
     ) -> Fit:
-        """Return the fit of the thinned records, from given unknowns (p,) and initial states."""
+        """Return the fit of the thinned records, from given unknowns (p,) and initial states.
+
+        starts: initial state of each record, (n,) each
+        most_steps: largest number of Gauss-Newton steps
+
+        Raises FloatingPointError as `OutputError.fit` does.
+        """
         return self._thin.fit(theta, starts, small=_ROUGH, most_steps=most_steps)
 
     def whole(
@@ -156,6 +162,9 @@ class Search:
         """Return the fit of the complete records, from given unknowns (p,) and initial states.
 
         starts: initial state of each record, (n,) each, or None for the guesses
+        most_steps: largest number of Gauss-Newton steps
+
+        Raises FloatingPointError as `OutputError.fit` does.
         """
         begin = self.guesses if starts is None else starts
         return self._whole.fit(theta, begin, progress, most_steps=most_steps)

@@ -189,6 +189,7 @@ def _angle(path: Path, column: LoggedColumn, fields: Mapping[str, np.ndarray]) -
 def _cut(table: Path, data: Mapping[str, Any], time: np.ndarray, begin: float) -> np.ndarray:
     """Return the times inside the interval [flight] of a table.
 
+    data: content of the table
     time: times of the samples, s
     begin: time of the start of the log, s
 

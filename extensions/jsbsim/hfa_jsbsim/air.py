@@ -173,8 +173,7 @@ def motion_of(x: Any, winds: Winds) -> Motion:
 
 
 def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]:
-    """Return name -> value of the JSBSim properties that depend only on the states, the wind and
-    the geometry.
+    """Return name -> value of the JSBSim properties that follow from states, wind and geometry.
 
     The ground is at sea level.
 

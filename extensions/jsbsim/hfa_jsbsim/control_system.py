@@ -74,6 +74,9 @@ def _add_component(
     properties.
 
     Raises BadInputError for an <output> with a sign.
+
+    commands: symbols of the pilot's commands
+    order: position of the component in JSBSim's order of evaluation
     """
     name = component.attributes.get("name", "")
     names = [name if "/" in name else f"fcs/{lower_dashes(name)}"]
@@ -181,6 +184,8 @@ def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
     - Otherwise: the steady-state output, or an expression of filter states.
 
     Raises BadInputError if the component has no steady-state output.
+
+    commands: symbols of the pilot's commands
     """
     if properties.step and component.name in WITH_MEMORY:
         value = WITH_MEMORY[component.name](component, properties)
@@ -514,6 +519,8 @@ def _controller(component: Element, properties: Properties, commands: ca.SX) -> 
     The integral is 0 unless filters are states. u' is <pvdot>, or 0 without it.
 
     Raises LoopError as `_integral` does.
+
+    commands: symbols of the pilot's commands
     """
     value = ca.SX(input_of(component, properties))
     integral = component.find("ki") if component.name == "pid" else component.need("c1")

@@ -160,7 +160,10 @@ def read_engine(
 
     If the engine or its thruster is not supported, the element of the unsupported part is returned.
 
+    number: index of the engine
+    mount: the <engine> element
     opened: function that returns the root of the file that an element names
+    tanks: tanks of the aircraft
     """
     thruster_mount = mount.need("thruster")
     engine = opened(mount)

@@ -262,6 +262,7 @@ class Frames:
         """Return loads, engine states and stored values at the end of the frame.
 
         x: states, with the engine states of the previous frame
+        u, p: inputs and parameters of the model
         others: time derivatives of alpha and beta, angular velocity of the earth in body axes,
             stored values
         """

@@ -202,8 +202,7 @@ def _refuse_delay(component: Element) -> None:
 
 
 def _kinematic(component: Element, properties: Properties) -> Any:
-    """Return the position of a <kinematic>, which moves between detents in the given travel times.
-    """
+    """Return the position of a <kinematic>, which moves between detents in given travel times."""
     detents(component)
     settings = list(component.need("traverse").all("setting"))
     positions = [setting.need("position").number() for setting in settings]

@@ -39,7 +39,10 @@ def explain(parts: Parts, steered: bool, imposed: Mapping[str, float], solve: So
 
 
 def _of_engines(parts: Parts, imposed: Mapping[str, float], solve: Solve) -> Iterator[str]:
-    """Yield a sentence on the thrust missing at full throttle, or on the excess thrust at idle."""
+    """Yield a sentence on the thrust missing at full throttle, or on the excess thrust at idle.
+
+    imposed, solve: as for `explain`
+    """
     full = None
     if parts.engines and "throttle" not in imposed:
         full = solve({"throttle": 1.0}, ("speed_dot",))
@@ -68,7 +71,10 @@ def _is_power(name: str) -> bool:
 
 
 def _of_lift(solve: Solve) -> Iterator[str]:
-    """Yield a sentence on the greatest lift if it is less than the weight."""
+    """Yield a sentence on the greatest lift if it is less than the weight.
+
+    solve: as for `explain`
+    """
     greatest: tuple[float, float] | None = None
     for alpha in _ANGLES.tolist():
         values = solve({"alpha": alpha, "throttle": 0.5}, ("alpha_dot", "speed_dot"))
@@ -83,7 +89,10 @@ def _of_lift(solve: Solve) -> Iterator[str]:
 
 
 def _of_moments(solve: Solve) -> Iterator[str]:
-    """Yield a sentence on the unbalanced pitching moment if all other equations have a solution."""
+    """Yield a sentence on the unbalanced pitching moment if all other equations have a solution.
+
+    solve: as for `explain`
+    """
     for free in (("pitch_rate_dot",), ("pitch_rate_dot", "speed_dot")):
         values = solve({}, free)
         if values is not None:

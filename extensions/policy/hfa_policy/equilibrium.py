@@ -291,9 +291,12 @@ class EquilibriumSearch:
         )
 
     def _observed_slopes(self, X: np.ndarray, U: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the slopes C and D of the observations, as defined in `Frames`.
+        """Return the slopes C and D of the observations at X and U, as defined in `Frames`.
 
         Slopes that are nan are replaced by 0.
+
+        X: (n,)
+        U: (m,)
         """
         observe = self.deployed.observe
         slopes = observe.jacobian()(X, U, self.trim, observe(X, U, self.trim))
@@ -301,7 +304,13 @@ class EquilibriumSearch:
         return by_states[:, self.rows], by_inputs[:, self.columns]
 
     def _frames(self, X: np.ndarray, U: np.ndarray) -> Frames:
-        """Return the derivatives of the policy with respect to the observations of each sample."""
+        """Return the derivatives of the policy by the observations of each sample, at X and U.
+
+        X and U are constant over the whole history.
+
+        X: (n,)
+        U: (m,)
+        """
         o = np.array(self.deployed.observe(X, U, self.trim)).ravel()
         past = np.tile(o, self.deployed.deployment.history - 1)
         sampled = self.deployed.sampled
@@ -390,7 +399,10 @@ class EquilibriumSearch:
 
 
 def _reaches(value: float, lowest: float, highest: float) -> bool:
-    """Return whether a value is at an end of an interval or outside the interval."""
+    """Return whether a value is near an end of an interval or outside the interval.
+
+    Near means at most the fraction `_AT_CLIP` of the width from the end.
+    """
     width = highest - lowest
     slack = _AT_CLIP * width if np.isfinite(width) else 0.0
     return bool(value <= lowest + slack or value >= highest - slack)

@@ -152,8 +152,9 @@ def _distance_from_lines(original: np.ndarray, last: np.ndarray) -> float:
 def _jumps(deployed: Deployed, stored: Zip) -> bool:
     """Return whether the observed states change faster in one sample than an aircraft can.
 
-    The median over the observed states is compared with `_JUMP`. The result is False if no
-    observation is a state.
+    The changes are those from the original to the last observations in the policy's zip. The median
+    over the observed states is compared with `_JUMP`. The result is False if no observation is a
+    state.
     """
     assert stored.last is not None
     assert stored.last_original is not None

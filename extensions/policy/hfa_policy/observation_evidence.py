@@ -174,6 +174,9 @@ def mistakes_of_observations(
     - The other kind of values (absolute or deviations) does not fit the statistics: nothing.
     - Another scale would also explain the statistics: an unclear mistake.
     - Otherwise: absolute values in place of deviations, or the reverse.
+
+    stored: settings in the policy's zip, or None
+    normalizer: normalizer of the training, or None
     """
     seen = _seen(stored, normalizer)
     if seen is None:
@@ -211,6 +214,8 @@ def _exchanged_with(
     Two observations may have been exchanged if each agrees with the statistics of the other.
 
     number: index of the one observation
+    observed: all observations of the deployment file
+    records: statistics of each observation in the training
     """
     names = []
     for place, other in enumerate(observed):
@@ -223,6 +228,8 @@ def _exchanged_with(
 def _unclear(one: _Observed, record: _Record, exchanged: Sequence[str]) -> Mistake:
     """Return the mistake of an observation that contradicts its statistics for an unclear reason.
 
+    one: the observation
+    record: statistics of the observation in the training
     exchanged: names of observations that may be exchanged with this observation
     """
     given = ", ".join(f"{value:.3g}" for value in one.given(one.is_absolute))
@@ -265,6 +272,9 @@ def _seen(
 
     The third result is True if these are statistics of many observations. The result is None if
     nothing is known.
+
+    stored: settings in the policy's zip, or None
+    normalizer: normalizer of the training, or None. If given, its statistics are used
     """
     if normalizer is not None:
         has_statistics = not math.isfinite(normalizer.count) or normalizer.count > 1000.0

@@ -181,6 +181,8 @@ class Outcome(Result):
 def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[Any, Any]:
     """Return random initial conditions (count, n) and disturbance pulses (count, k) about a trim.
 
+    A pulse is added to the rates of the linear states.
+
     pushed: False if the pulses are 0
     """
     model = place.point.model
@@ -335,6 +337,7 @@ class FlownRows:
         farther from the equilibrium than in the window before. If a mode diverges, no flight has
         converged yet.
 
+        flying: indices of the flights
         distance: largest distance from the equilibrium in the window, in half-widths of the ball,
             (N,)
         """

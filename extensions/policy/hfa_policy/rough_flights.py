@@ -87,6 +87,7 @@ def rough_flights(
     uncertainty.
 
     scenarios: noise, gust and turbulence at each trim, from `rough_scenario`
+    seed: seed of noise and turbulence
     """
     found = []
     for number, (point, happens) in enumerate(zip(points, scenarios, strict=True)):

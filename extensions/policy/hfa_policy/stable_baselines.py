@@ -285,6 +285,8 @@ def _box(data: Mapping[str, Any], name: str, what: str) -> tuple[np.ndarray, np.
     Raises BadInputError if the space is not a Box, does not have exactly one axis, or has a lower
     bound above its upper bound.
 
+    data: entries of the zip's file `data`
+    name: name of the entry
     what: "actions" or "observations", for messages
     """
     space = _stored(data, name)
@@ -309,7 +311,11 @@ def _box(data: Mapping[str, Any], name: str, what: str) -> tuple[np.ndarray, np.
 
 
 def _observations(data: Mapping[str, Any], name: str) -> np.ndarray | None:
-    """Return stored observations as an array (E, k) of doubles, or None for any other entry."""
+    """Return stored observations as an array (E, k) of doubles, or None for any other entry.
+
+    data: entries of the zip's file `data`
+    name: name of the entry
+    """
     stored = _stored(data, name)
     if not isinstance(stored, np.ndarray) or stored.ndim != 2:
         return None

@@ -72,6 +72,7 @@ def c_function(
     compiles without warnings about empty or unused variables.
 
     function: the Function. It may call one other SX Function with one argument and one result
+    arguments, results: names of the pointers in C
     real: number type in C
     operations: C expression of each CasADi operation for this type
 

@@ -122,6 +122,9 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
 
     The variables are the states, the rates of the states, the inputs that a policy sets, and the
     inputs of the loop. The outputs are the aircraft states and the inputs that a policy sets.
+
+    origin: provenance
+    guid: identifier of the FMU
     """
     root = xml.Element(
         "fmiModelDescription",

@@ -521,7 +521,10 @@ def _constants(
 def _external(onnx: Any, tensor: Any, folder: Path | None) -> np.ndarray:
     """Return the array of a tensor stored in a separate file.
 
-    Raises BadInputError if the file is not in the folder of the graph.
+    Raises BadInputError if the file is not in the folder of the graph, or if this folder is
+    unknown.
+
+    folder: folder of the graph, or None if unknown
     """
     entries = {entry.key: entry.value for entry in tensor.external_data}
     location = entries.get("location", "")

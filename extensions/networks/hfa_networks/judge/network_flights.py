@@ -406,6 +406,8 @@ def rest_check(rest: np.ndarray | None, b: np.ndarray, limit: float) -> Check:
     """Return the check of the distance max_i |rest_i| / b_i between equilibrium and trim.
 
     rest: equilibrium, (n,), or None for an infinite distance
+    b: half-widths of the box of states, (n,)
+    limit: largest distance that passes
     """
     if rest is None:
         return at_most("rest_point", math.inf, limit, "no equilibrium near trim", kind="rest")
