@@ -347,8 +347,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def final(self) -> Mapping[str, float]:
-        """Final absolute value of each state, and of the angle of attack if the model outputs it.
-        """
+        """Final absolute values of all states, and of the angle of attack if an output."""
         values = _by_name(self.model.states, self.states[-1])
         if flown_through_air(self.model):
             values[ANGLE_OF_ATTACK] = float(self.angles_of_attack[-1])
