@@ -121,7 +121,8 @@ class RecordCase:
     def by_hand(self, v: np.ndarray) -> np.ndarray:
         """Return the residuals of the record, in standard deviations, simulated in plain Python.
 
-        The simulation uses Runge-Kutta steps. If it fails, all residuals are `_DIVERGED`.
+        The simulation uses Runge-Kutta steps. If the simulation fails, all residuals are
+        `_DIVERGED`.
 
         v: unknowns, as in `unknown`
         """

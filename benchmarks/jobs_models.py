@@ -159,10 +159,11 @@ def six_state_rates(p: Parameters, altitude: float) -> Callable[..., np.ndarray]
     """Return the rates of the published dynamics as a function (t, x (6,), u (5,), params) -> x'
     (6,).
 
-    The function is plain Python, as a user of python-control would write it. A test compares it
-    with the project's model.
+    The function is plain Python, as a user of python-control would write it. A test compares the
+    function with the project's model.
 
-    altitude: ft; its air density is used at all times
+    p: parameters of the aircraft
+    altitude: ft, at which the air density is evaluated
     """
     rho = float(density(altitude))
     area = p.panel_span * p.chord
@@ -321,8 +322,8 @@ def _compiled(residual: ca.Function, function: ca.Function) -> Callable[..., Any
 
 
 def _trim(quick: bool) -> list[Row]:
-    """Return the comparison of one trim with its linear model, called from Python, with
-    python-control.
+    """Return the comparison with python-control of one trim and its linear model, called from
+    Python.
 
     quick: whether the trim is timed only once
     """

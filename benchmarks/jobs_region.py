@@ -45,7 +45,7 @@ def _gtm_region(quick: bool) -> list[Row]:
 
 def _recorded(sizes: list[int]) -> contextlib.AbstractContextManager[Any]:
     """Return a context manager that records the size of each matrix that `cho_factor` factors in
-    it.
+    the `with` block.
 
     sizes: list to which the sizes are appended
     """

@@ -354,7 +354,7 @@ class Model(Reported):
         """Return the unit of an entry of A or B.
 
         row: state whose rate is differentiated
-        column: state or input with respect to which it is differentiated
+        column: state or input with respect to which the rate is differentiated
         """
         return f"({self.rate_unit(row)})/({self.unit(column)})"
 

@@ -129,7 +129,7 @@ NO_STEP = 1e-30
 
 
 class Point(NamedTuple):
-    """Weights at one step of the learning, and the auxiliary problem that they approximately solve.
+    """Weights at one step of the learning, and the auxiliary problem of this step.
 
     weights: (M,), in scaled coordinates
     problem: discount and share

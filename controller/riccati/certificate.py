@@ -241,6 +241,7 @@ def shown_reach(form: NormalForm, X: np.ndarray, loops: Loops) -> np.ndarray:
     the condition number of the eigenvectors (Bauer and Fike). The bound is relative to |A| + |B| +
     |λ|, for the least favorable |λ|. Rounding is subtracted.
 
+    form: normal forms of N games
     X: (N, n, n), solutions of the games
     loops: closed loops of X
     """
@@ -259,7 +260,7 @@ def _certified_in(
 
     given: as for `hamiltonian_checks`
 
-    Raises NoSolutionError with the reason of the first failed test.
+    Raises NoSolutionError if a test fails, with the reason of the first failed test.
     """
     from controller.riccati.careful_derivations import by_refined_doubling, by_schur
 
@@ -278,9 +279,9 @@ def hamiltonian_checks(form: NormalForm, given: NormalForm | None = None) -> tup
 
     H must have n eigenvalues on each side of the imaginary axis, and none near the axis.
 
-    given: the original form, if `form` is its levelled form. If the other checks pass, a further
-        check shows that rounding of the given entries cannot move an eigenvalue to the axis.
-        Levelling enlarges the effect of this rounding.
+    given: form before `levelled`, if `form` is the result of `levelled`, otherwise None. If the
+        other checks pass, a further check shows that rounding of the given entries cannot move an
+        eigenvalue to the axis. Levelling enlarges the effect of this rounding.
 
     Raises NoSolutionError if entries of H overflow.
     """

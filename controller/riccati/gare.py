@@ -147,8 +147,8 @@ def solve_game(game: Game, progress: Progress | None = None) -> Solution:
     game: the game
     progress: called by the search for delta_min, which runs only if there is no solution
 
-    Raises NoSolutionError with one line that names the mode for which no delta has a solution, or
-    the failed test of the certificate and delta_min.
+    Raises NoSolutionError if there is no certified solution. The message names the mode for which
+    no delta has a solution, or the failed test of the certificate and delta_min.
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
 
     >>> import hfa
@@ -166,8 +166,8 @@ def certified(form: NormalForm, progress: Progress | None = None) -> Certified:
     form: normal form of the game
     progress: called by the search for delta_min, which runs only if there is no solution
 
-    Raises NoSolutionError with the failed test and delta_min, or with the reason why no delta has a
-    solution.
+    Raises NoSolutionError if there is no certified solution. The message contains the failed test
+    and delta_min, or the reason why no delta has a solution.
     """
     try:
         return certified_solution(form)

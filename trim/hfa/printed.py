@@ -369,7 +369,7 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
     dv/dp follows from the implicit function theorem.
 
     parameters: parameters of the model
-    condition: condition of its trim
+    condition: trim condition of the model
     model: the linear model
 
     Raises BadInputError if no bands exist for the parameters (`bands_known`), or the states of the
@@ -440,7 +440,7 @@ def _derivatives(layout: Layout, free: tuple[int, ...], zero: tuple[int, ...]) -
     v are the variables of a trim, from which states and inputs follow. f are the rates of all
     states.
 
-    free: indices of the free variables; derivatives are taken with respect to them
+    free: indices of the free variables, with respect to which the derivatives ∂/∂v are taken
     zero: indices of the variables that are always 0
     """
     (x, u, p), v = layout.symbols("x", "u", "p"), ca.SX.sym("v", len(layout.variables))

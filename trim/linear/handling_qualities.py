@@ -116,7 +116,7 @@ def _eigenvalues(linear: LinearModel, family: str) -> list[complex]:
 def _real_eigenvalue(linear: LinearModel, family: str) -> float | None:
     """Return the real eigenvalue of the mode with a declared name, 1/s.
 
-    The result is None unless the name has exactly one eigenvalue and this is real.
+    The result is None unless exactly one mode has this name and the eigenvalue of the mode is real.
 
     family: declared name, such as "roll"
     """

@@ -1,7 +1,7 @@
 """Kinks of the equations: points at which the slopes on both sides differ.
 
 A kink is the knot of a table, or the switching point of |x|, min, max, sign or a comparison. At a
-kink, A and B are the means of the slopes on both sides.
+kink, the affected entries of A and B are the means of the slopes on both sides.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ def with_means_at_kinks(
     A: (N, n, n), derivatives of the rates with respect to the states
     B: (N, n, m), derivatives of the rates with respect to the inputs
 
-    An entry is at a kink if the finite-difference slopes on each side are constant but differ from
-    the derivative. If the rate itself jumps, the entry is unchanged and gets a note. Points without
-    a trim (nan) are skipped.
+    An entry is at a kink if the finite-difference slopes are constant on each side, but differ from
+    the derivative on at least one side. If the rate itself jumps, the entry is unchanged and gets a
+    note. Points without a trim (nan) are skipped.
     """
     near, columns = near_switches(model, x, u, p)
     if not near.size:

@@ -25,7 +25,7 @@ class Spectrum(NamedTuple):
     values: (n,); an eigenvalue or a real part that is not larger than its error is replaced by 0
     errors: (n,), absolute
     right: (n, n), eigenvectors as columns
-    left: (n, n), inverse of `right`
+    left: (n, n), left eigenvectors as rows, the pseudo-inverse of `right`
     """
 
     values: np.ndarray

@@ -22,8 +22,8 @@ _MINOR = 1e-3
 def failure(problem: TrimProblem, found: np.ndarray) -> str:
     """Return the reason why a condition has no trim, as one line of text.
 
-    - If all equations balance within the limits of the unknowns, the line names the outputs beyond
-      their limits.
+    - If all equations balance within the limits of the unknowns, the line names the states and
+      outputs beyond their limits.
     - Otherwise the line names the equations that do not balance, with their residuals, the active
       limits, and free variables without an independent effect.
 

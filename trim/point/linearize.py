@@ -29,7 +29,7 @@ def linearize(
     two slopes.
 
     model: model of the aircraft
-    point: its operating point
+    point: operating point of the model
     full: whether all states are kept; by default only the model's linear states, for the flexible
         aircraft the paper's six (Section 2.2)
     outputs: names of outputs or states; by default the states of the linear model

@@ -107,7 +107,8 @@ class TrimProblem:
     def solved(self, z: np.ndarray) -> bool:
         """Return whether scaled unknowns z, (k,), are a trim.
 
-        The equations must balance, and the unknowns and outputs must be within their limits.
+        The equations must balance, and the unknowns and the watched states and outputs must be
+        within their limits.
         """
         if not self.balanced(z):
             return False

@@ -196,7 +196,7 @@ def _effort_program(structure: Structure) -> ca.Function:
     """Return the IPOPT solver for a trim of least effort.
 
     The effort is the sum of z_i² of the free inputs. All unknowns z are decision variables. The
-    constraints g are the residuals that the unknowns affect, and the watched outputs.
+    constraints g are the residuals that the unknowns affect, and the watched signals.
 
     structure: structure of the equations
     """

@@ -63,7 +63,7 @@ class Equations:
     layout: equations and names of the model
     z: (k, 1), the unknowns divided by their scales
     c: values of `constants`, followed by the parameters
-    x, u, y: states, inputs and watched outputs
+    x, u, y: states, inputs, and watched states and outputs (`Structure.watched`)
     residual: (e, 1); the equations that the unknowns affect come first
     jacobian: (m, k), derivatives of these first equations
     scales: (k,), scale of each unknown
@@ -104,7 +104,7 @@ class Equations:
     def point_rows(self) -> RowFunction:
         """Function of rows (z, c) that returns x, u, y, r and its derivatives (e, k) as one column.
 
-        y are the watched outputs.
+        y are the watched states and outputs.
         """
         unmoved = ca.SX(len(self.names) - self.moved, len(self.unknowns))
         derivatives = ca.vertcat(self.jacobian, unmoved)
@@ -115,7 +115,7 @@ class Equations:
     def linear_rows(self) -> RowFunction:
         """Function of rows (z, c) that returns x, u, y, A, B and r as one column.
 
-        y are the watched outputs. A and B are stored row by row.
+        y are the watched states and outputs. A and B are stored row by row.
         """
         x, u = self.layout.symbols("x", "u")
         p = self.c[len(self.constants) :]
@@ -284,10 +284,10 @@ class Evaluation(NamedTuple):
     """State, input, residuals and Jacobian of a trim's equations at one point.
 
     x, u: states and inputs, by name
-    y: watched outputs, by name
+    y: watched states and outputs (`Structure.watched`), an array
     residual: (e,), in scaled units
     jacobian: (e, k), derivatives of the residuals with respect to the scaled unknowns
-    finite: True if all of them are finite
+    finite: True if all these numbers are finite
     """
 
     x: Any

@@ -43,7 +43,7 @@ class TrimResult(Result):
     variables: name -> value, unit, role, limits, margin.
     nearest_limits: variables nearest to a limit.
     binding: variables at a limit, without held ones.
-    equations: equation -> imposed rate, residual, tolerance, unit, verdict.
+    equations: equation -> imposed value, residual, tolerance, unit, verdict.
     rates_left: rate of each state that the trim does not balance.
     search: numbers of equations and unknowns, whether effort was minimized, number of the initial
         point, idle variables, other trims found.

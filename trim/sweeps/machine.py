@@ -266,7 +266,7 @@ class CompiledSystem(SharedSystem):
 
     @property
     def linear_rows(self) -> RowsOf:
-        """Function of rows (z, c) that returns x, u, watched outputs, A, B and the residuals.
+        """Function of rows (z, c) that returns x, u, watched signals, A, B and the residuals.
 
         The function is machine code if the system is compiled.
         """

@@ -30,7 +30,7 @@ class SharedSystem(TrimSystem):
 
     @property
     def linear_rows(self) -> RowsOf:
-        """Function of rows (z, c) that returns x, u, watched outputs, A, B and the residuals."""
+        """Function of rows (z, c) that returns x, u, watched signals, A, B and the residuals."""
         return self.equations.linear_rows if self.is_quick else self._shared[2]
 
     def linear(
@@ -38,7 +38,7 @@ class SharedSystem(TrimSystem):
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return the trims, linear models and residuals of N points.
 
-        The result consists of x, u and the w watched outputs (N, n + m + w), A (N, n, n), B (N, n,
+        The result consists of x, u and the w watched signals (N, n + m + w), A (N, n, n), B (N, n,
         m) and the residuals r (N, e).
 
         z: (N, k), scaled unknowns

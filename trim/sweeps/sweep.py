@@ -588,6 +588,7 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
     """Return the results of a sweep, computed in memory.
 
     plan: variables and values of the sweep
+    progress: called with (finished points, all points), or None
 
     Raises BadInputError for more than `MOST_POINTS` points.
     """

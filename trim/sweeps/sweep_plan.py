@@ -47,7 +47,7 @@ class SweepPlan:
     """Points of a sweep: the values of named variables of one model, in the units of the model.
 
     axes: variable -> its values, as a list or as `Steps`. The points are all combinations, in which
-        the last variable varies fastest.
+        the last variable varies fastest, unless `listed` is True.
     model: model of the aircraft.
     condition: condition of all other variables; by default the trim that the model declares.
     start: initial point of the search at each point, or None for the default.

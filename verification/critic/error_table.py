@@ -37,7 +37,7 @@ class ErrorTable(Result):
     """Errors of a critic at each time of its history.
 
     times: (N,), s.
-    errors: column as in `COLUMNS` -> errors (N,), nan if P is unknown.
+    errors: column as in `COLUMNS` -> errors (N,); errors of P are nan if P is unknown.
     decides: name of the column that must settle.
     limit: limit of this column.
     predefined_time: T_w, s, or None.

@@ -27,7 +27,7 @@ class Scheduled(NamedTuple):
 
     says: value -> text, "at dihedral 12.0000 deg"
     game_at: value -> game at this value
-    starts: initial values of a search, or none if the model does not depend on the variable
+    starts: initial values of a search; empty if the model does not depend on the variable
     """
 
     says: Callable[[float], str]

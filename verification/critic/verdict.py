@@ -177,7 +177,7 @@ class Verdict(Checked, Result, Reported):
 
         - "exact": every check passes.
         - "near": the only failed checks are those of errors, or of an equilibrium that is off by at
-          most `NEAR_REST`, and the cost is at most `NEAR` above the optimum.
+          most `NEAR_REST`, and the cost is at most `NEAR` percent above the optimum.
         - "fail": all other cases.
         """
         if self.ok:
