@@ -92,10 +92,11 @@ class Group(NamedTuple):
 class Program:
     """Groups of nodes in the order of evaluation, and the rows of the outputs.
 
-    function: SX or MX function of one vector.
-
     Group 0 contains the constant 1 and the inputs. Each coefficient is the double nearest to a
     rational number, with a relative error of at most 2⁻⁵³.
+
+    function: SX or MX function of one vector
+    name: name of the function, for messages
 
     Raises BadInputError if an operation cannot be enclosed or the function is too large.
     """

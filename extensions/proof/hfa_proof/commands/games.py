@@ -139,7 +139,7 @@ def _prepared(request: SolutionRequest) -> None:
 def _shown(stated: Stated, proof: Proof, critic_file: str) -> int:
     """Print the report of a proof and return the exit code, 0 if the full claim is proved.
 
-    The certificate is written if an output file is given and a part of the claim is proved.
+    The certificate is written if an output file is given and the proof has a witness.
 
     critic_file: file of the critic, for the report, or ""
     """

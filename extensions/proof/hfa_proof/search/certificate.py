@@ -44,7 +44,7 @@ class Proof(Reported):
     """A statement with its proof.
 
     statement: the proved statement
-    witness: data for the checker, {} if no part of the claim is proved
+    witness: data for the checker. {} for the solution of a game whose full claim is not proved.
     data: the result for JSON, with the entry `proved` except for interpolated models
     """
 
@@ -72,7 +72,7 @@ class Proof(Reported):
         path: file of the certificate
         origin: provenance of the run, which the digest does not cover
 
-        Raises NoSolutionError if no part of the claim is proved.
+        Raises NoSolutionError if the witness is {}.
         """
         if not self.witness:
             raise NoSolutionError("no part of the claim is proved, so no certificate is written")

@@ -203,7 +203,8 @@ class TrimSearch:
     low, high: ends of the interval
     measured: names of the outputs of the linear models
 
-    Raises BadInputError if an equation that depends on no unknown is not satisfied.
+    Raises BadInputError if an equation that depends on no unknown is not satisfied. Raises
+    TrimError if no trim exists at `low`.
     """
 
     def __init__(

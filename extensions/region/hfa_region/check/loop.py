@@ -269,7 +269,8 @@ class RegionLoop:
 
         part: input -> `FREE`, `LOWEST` or `HIGHEST`, and disturbance -> `LOWEST` or `HIGHEST`
 
-        Raises Rejected if an output is not proved to stay within its limits.
+        Raises Rejected if an output is not proved to stay within its limits, and Undecided if the
+        equations are not proved to be smooth on the unit ball.
         """
         total = self._taylor(Polynomial([{}]))
         for slope, rate in zip(self.gradient, self.rates(part), strict=True):
@@ -281,7 +282,8 @@ class RegionLoop:
 
         part: input -> `FREE`, `LOWEST` or `HIGHEST`, and disturbance -> `LOWEST` or `HIGHEST`
 
-        Raises Rejected if an output is not proved to stay within its limits for all disturbances.
+        Raises Rejected if an output is not proved to stay within its limits for all disturbances,
+        and Undecided if the equations are not proved to be smooth on the unit ball.
         """
         key = tuple(part.values())
         if key not in self._rates:

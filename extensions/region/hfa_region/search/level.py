@@ -124,7 +124,10 @@ class LevelSearch:
         return self._targets[key]
 
     def _decrease_of(self, part: Mapping[str, str]) -> Taylor:
-        """Return the Taylor polynomial of -V' / rho on a part of the unit ball."""
+        """Return the Taylor polynomial of -V' / rho on a part of the unit ball.
+
+        Raises NoSolutionError if the rates are not enclosed on the ball.
+        """
         key = tuple(part.values())
         if key not in self._decreases:
             self._decreases[key] = self.ball.decrease(part)
