@@ -172,7 +172,8 @@ class _Equations:
         lag = {"alphadot": alpha_rate * sizes.chord / (2.0 * x.speed)}
         lift_lag = self._coefficient("CL", p, lag)
         drag_lag = self._coefficient("CD", p, lag)
-        lag_force = force * ca.mtimes(stability, ca.vertcat(-drag_lag, 0.0, -lift_lag))
+        side_lag = self._coefficient("CY", p, lag)
+        lag_force = force * ca.mtimes(stability, ca.vertcat(-drag_lag, side_lag, -lift_lag))
         arguments |= lag
         moments = [self._coefficient(name, p, arguments) for name in ("Cl", "Cm", "Cn")]
         arms = ca.vertcat(sizes.span, sizes.chord, sizes.span)
@@ -229,8 +230,8 @@ class _Equations:
     def _alpha_rate(self, x: Any, p: Any, motion: Motion, specific: Any) -> Any:
         """Return the rate of alpha, rad/s, including the lift due to this rate.
 
-        The derivative of this lift is CL_alphadot. The drag due to the rate of alpha acts along the
-        flight path and does not change alpha.
+        The derivative of this lift is CL_alphadot. The drag and the side force due to the rate of
+        alpha do not change this rate.
 
         specific: force per mass without the forces that depend on the rate of alpha, (3,)
         """

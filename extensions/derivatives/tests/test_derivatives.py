@@ -440,6 +440,20 @@ def test_rate_of_alpha_and_its_lift_are_consistent():
     assert load_factor(rates, x) == pytest.approx(outputs["load_factor"], rel=1e-12)
 
 
+def test_rate_of_alpha_causes_side_force():
+    """CY_alphadot adds the side force q̄ S CY_alphadot α' c/2V and does not change α'."""
+    x = [170.0, 0.1, 0.0, 0.1, 0.2, -0.1, 0.3, 0.2, 0.0, 100.0]
+    u = [300.0, 0.05, 0.0, 0.0]
+    rates, _ = evaluated(from_derivatives({**NAVION, "CY_alphadot": 2.0}), x, u)
+    before, _ = evaluated(from_derivatives(NAVION), x, u)
+    pressure = 0.5 * float(air_at(100.0).density) * x[0] ** 2
+    coefficient = 2.0 * rates["alpha"] * 5.7 / (2.0 * x[0])
+    side_acceleration = pressure * 184.0 * coefficient / (2750.0 / 32.2)
+    assert rates["alpha"] == pytest.approx(before["alpha"], rel=1e-12)
+    changed = x[0] * (rates["beta"] - before["beta"])
+    assert changed == pytest.approx(side_acceleration, rel=1e-9)
+
+
 def test_si_units_do_not_change_the_eigenvalues():
     """The Navion in SI units has the same eigenvalues."""
     slug = 0.45359237 * 9.80665 / 0.3048
