@@ -347,7 +347,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def final(self) -> Mapping[str, float]:
-        """Final absolute values of all states, and of the angle of attack if an output."""
+        """Final absolute values of all states, and of the output `angle_of_attack` if it exists."""
         values = _by_name(self.model.states, self.states[-1])
         if flown_through_air(self.model):
             values[ANGLE_OF_ATTACK] = float(self.angles_of_attack[-1])

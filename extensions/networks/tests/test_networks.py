@@ -262,6 +262,18 @@ def test_a_basis_is_accepted_as_text_or_function(game: Game) -> None:
         from_weights(game, np.ones(6), features_of(FEATURES, 6))
 
 
+@pytest.mark.parametrize("features", [None, features_of(FEATURES.removeprefix("1, "), 6)])
+def test_scale_applies_to_the_inputs_of_a_basis(game: Game, features: ca.Function | None) -> None:
+    """A layer on a basis, named or of formulas, is evaluated at the scaled states."""
+    weights = np.arange(1.0, 22.0)
+    scale = np.array([0.5, 6.0, 1.0, 4.0, 3.0, 0.25])
+    path = stored("layer.npz", weight=weights[None], bias=np.zeros(1))
+    own = from_network(game, path, features=features)
+    scaled = from_network(game, path, features=features, scale=scale)
+    np.testing.assert_allclose(scaled.P, own.P * np.outer(scale, scale), rtol=1e-12)
+    assert scaled.P[0, 1] != own.P[0, 1]
+
+
 def test_kind_of_an_npy_file_follows_from_shape(game: Game) -> None:
     """The shape of the array in an .npy file determines whether the array is W, P or K.
 

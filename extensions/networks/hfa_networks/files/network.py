@@ -191,7 +191,7 @@ def _on_basis(
     game: game of the critic
     stored: content of the file
     functions: functions of the basis
-    scales: (n,), factors on the states
+    scales: (n,), factors on the states before the functions
     parts: kind of `OUTPUTS` -> requested part of the file
     origin: description of the critic
 
@@ -213,6 +213,9 @@ def _on_basis(
     weights = layer.weight[0]
     if isinstance(functions, Basis):
         weights = weights * functions.scaling(scales)
+    else:
+        z = symbols_for([functions], len(scales))
+        functions = ca.Function("features", [z], [functions(ca.DM(scales) * z)])
     critic = from_weights(game, weights, functions, float(layer.bias[0]), stored.precision)
     return replace(critic, origin=origin, is_layer=True)
 
