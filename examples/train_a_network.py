@@ -1,11 +1,12 @@
-r"""Fit a network to the exact game solution at 15 deg with CasADi's gradient and SciPy's L-BFGS.
+r"""Fit a network to the exact game solution with CasADi's gradient and SciPy's L-BFGS.
 
     python examples/train_a_network.py critic.npz --of V --hidden 32,32
-    hfa verify --dihedral 15 --weights critic.npz --set activation=tanh \\
+    hfa verify --dihedral 15 --weights critic.npz --set activation=tanh \
         --set scale=0.142857142857,10,10,10,10,10
 
-The inputs of the network are z_i / b_i, where b_i are the half-widths of the box. With `--of V` the
-network is fitted to V and dV/dz. Otherwise it is fitted to dV/dz or to u.
+The dihedral angle is 15 deg, or that of `--dihedral`. The inputs of the network are z_i / b_i, where
+b_i are the half-widths of the box. With `--of V` the network is fitted to V and dV/dz, with
+`--of gradient` to dV/dz, and with `--of policy` to u.
 """
 
 from __future__ import annotations

@@ -58,8 +58,7 @@ _SEED = 0
 def problem_of(source: str) -> FlightProblem:
     """Return the problem of flights to a trim of an aircraft.
 
-    source: "published" or "newton" for the HFA at the dihedral angle `_DIHEDRAL`, with the paper's
-        Q
+    source: "published" or "newton" for the HFA at the dihedral angle `_DIHEDRAL` with the paper's Q
         and R, or a file of an aircraft for its default trim and weights
     """
     if source not in ("published", "newton"):

@@ -1,8 +1,8 @@
 """Identification of the aircraft from the printed matrices by weighted least squares.
 
 The unknowns are the parameters. The trim inputs are not printed. They are functions of the
-parameters and are computed at every step. Each printed entry is weighted by half a unit of its
-last digit.
+parameters and are computed at every step. The error of each printed entry is divided by half a
+unit of its last digit.
 """
 
 from __future__ import annotations
@@ -253,6 +253,7 @@ def run_identification(seed: int = 0, progress: Progress | None = None) -> Ident
 
     The computation takes a few seconds.
 
+    seed: seed of the initial guesses
     progress: called with (finished alternatives, all alternatives)
     """
     best, starts = identify(seed)
@@ -313,7 +314,7 @@ def fit(
 
     models: printed pairs to fit
     structure: the dynamics
-    noise: added to the logarithm of the rough initial guess
+    noise: added to the logarithm of the rough initial guess, or None for 0
     """
     from scipy.optimize import least_squares
 

@@ -223,6 +223,8 @@ def own_slopes(point: OperatingPoint) -> dict[str, float]:
 def linear_model(slopes: Mapping[str, float], free: Sequence[str]) -> Model:
     """Return a linear model in deviations from the trim.
 
+    The derivative of speed's rate with respect to pitch_rate is 0 unless it is free.
+
     slopes: value of each slope by name
     free: names of the slopes that are parameters of the model. The other slopes are constant.
     """

@@ -128,12 +128,12 @@ def measured(name: str, points: Sequence[Mapping[str, Any]], seconds: float = 60
 def answered(items: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list[Any]:
     """Return JSBSim's response to each request, computed in child processes.
 
-    The response is {"error": message} if JSBSim refuses the file, and None if JSBSim terminated.
+    The response is {"error": message} if JSBSim refuses the file, and None if JSBSim terminated. In
+    a request, "root" and "earth" are optional. "root" is a folder that contains the folder
+    "aircraft", by default JSBSim's. With "earth", JSBSim's earth replaces a sphere without
+    rotation.
 
-    items: requests {"aircraft": NAME, "point": {...}, "root": FOLDER, "earth": "own"}. FOLDER
-        contains
-      the folder "aircraft", and is by default JSBSim's. With "earth", JSBSim's earth replaces a
-      sphere without rotation. "root" and "earth" are optional.
+    items: requests {"aircraft": NAME, "point": {...}, "root": FOLDER, "earth": "own"}
     seconds: time limit of each child process, s
     """
     answers: list[Any] = []

@@ -116,6 +116,8 @@ class Evidence:
         group: name of the group, as in `flights_of`
         name: name of the metric
         of: names of states or inputs, or () for all
+
+        Raises FlightLostError if one of the flights left the envelope.
         """
         plans = flights_of(group, self.setting.configuration, law)
         return np.array([_numbers(self.record(plan).metrics, name, of) for plan in plans])
@@ -145,7 +147,8 @@ def measure_of(said: str | Mapping[str, Any]) -> Measure:
     HOW is one of the following:
     - worst, smallest: largest or smallest number
     - spread: largest (largest - smallest) / largest between the flights. The spread is inf if a
-      number is inf in some flights only. A number that is inf in all flights is left out.
+      number is inf in some flights only. A number that is inf in all flights is left out. If no
+      number remains, the spread is inf.
     - ratio: largest ratio of a number to the same number in the other group
     """
     if isinstance(said, str):

@@ -64,7 +64,7 @@ ANGLES = (5.0, 11.0, 15.0)
 
 
 def flown_actuators(acting: Actuator, faults: tuple[ActuatorFault, ...] = ()) -> ActuatorBank:
-    """Return five equal actuators with the control limits of a trim and without a rate limit.
+    """Return five equal actuators with the limits `CONTROL_LIMITS` and without a rate limit.
 
     acting: dynamics of each actuator. An effectiveness other than 1 is added as a fault of the
       surfaces.
@@ -127,7 +127,7 @@ def gust_held(
 def largest_held(held: Callable[[float], bool], highest: float, apart: float) -> float:
     """Return the largest number up to `highest` for which `held` is true, or 0 if none is found.
 
-    The method is bisection.
+    The method is bisection. `held` must not become true again above a number for which it is false.
 
     apart: resolution
     """

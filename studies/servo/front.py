@@ -33,8 +33,9 @@ LARGEST = 60.0
 def front(aircraft: Model) -> Report:
     """Return a report of tracking errors, largest updrafts and margins for several gains on A_z.
 
-    The tracking error of A_z is simulated with the fault of `order-1-fault`. The dihedral angle is
-    11 deg, and the actuators are of order 1. The margins are the smallest of all inputs.
+    The dihedral angle is 11 deg. The tracking errors are simulated with the actuators and the fault
+    of `order-1-fault`, and the updrafts with first-order actuators of 2 rad/s. The margins are the
+    smallest of all inputs and sensors, with actuators of order 1 and 2 at 2 and 10 rad/s.
     """
     design = load_design("servo", hfa.aircraft()).of(aircraft)
     model = level_model(aircraft, math.radians(TRIM_DEG))

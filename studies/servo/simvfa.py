@@ -328,6 +328,8 @@ class Tuner:
     def drive(self, gamma: float, regressor: ca.SX, error: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Set the regressor ν and the error e, and return Ψ with its first two derivatives.
 
+        The change of g is neglected in the derivatives.
+
         gamma: adaptation rate γ
         regressor: ν
         error: e

@@ -63,10 +63,11 @@ def margins(
 
 
 def flier(plant: str, degrees: float) -> Callable[[float, float], float]:
-    """Return the function (length in ft, sign) -> largest tolerated 1-cosine updraft in ft/s.
+    """Return the function (length in ft, sign) -> largest tolerated peak of a 1-cosine gust, ft/s.
 
-    The updraft is tolerated if every state and input stays within its limits. The resolution is 0.5
-    ft/s. The largest updraft that is tested is 60 ft/s.
+    The sign is 1 for an updraft and -1 for a downdraft. The gust is tolerated if every state and
+    input stays within its limits. The resolution is 0.5 ft/s. The largest peak that is tested is 60
+    ft/s.
 
     plant: name of the dynamics
     degrees: dihedral angle

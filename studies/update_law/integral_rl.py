@@ -121,7 +121,7 @@ class IntegralLearning:
     def record(self) -> Record:
         """Data of the simulated flight, with the integrals over each interval.
 
-        Raises BadInputError if the flight grows without bound.
+        Raises BadInputError if the flight grows beyond `LARGEST_STATE`.
         """
         s = self.settings
         nodes, quadrature = np.polynomial.legendre.leggauss(NODES)

@@ -145,6 +145,7 @@ def bellman(
     gradient: ∂ψ_j, (N, M, n)
     drifts: F_j, (N, n)
     costs: z'Qz, (N,)
+    S: (n, n)
     weights: W, (M,)
     policy: W_p, (M,)
     """

@@ -251,6 +251,9 @@ class _Files:
         """Return the coefficients (C_X, C_Y, C_Z) of the aerodynamic force in body axes, (3,).
 
         If no file defines C_X, C_X and C_Z are computed from lift and drag.
+
+        value: function from the name of an output to its value
+        alpha: angle of attack, rad
         """
         side = value(names.FORCES[1])
         if names.FORCES[0] in self._outputs:

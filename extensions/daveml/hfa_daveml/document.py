@@ -123,7 +123,10 @@ class Document:
         return BadInputError(f"{self.path}, {place}: {fault}")
 
     def by_name(self, name: str) -> Variable | None:
-        """Return the variable with a varID, else the first with this standard name, or None."""
+        """Return the variable whose varID is `name`, else the first whose standard name is `name`.
+
+        Returns None if no variable has this varID or standard name.
+        """
         if name in self.variables:
             return self.variables[name]
         return next((each for each in self.variables.values() if each.name == name), None)
@@ -406,8 +409,8 @@ class _Reader:
     def _numbers(self, element: ElementTree.Element, tag: str) -> np.ndarray:
         """Return the numbers in the child element `tag`, separated by commas or blanks.
 
-        XML comments are skipped. Raises BadInputError if there is no such child, or if one of the
-        numbers is not finite.
+        XML comments are skipped. Raises BadInputError if there is no such child, or if a word in
+        the child is not a finite number.
         """
         child = element.find(tag)
         place = f"<{element.tag}> {element.get('bpID') or element.get('gtID') or ''}".rstrip()
@@ -420,7 +423,7 @@ class _Reader:
 
         place: place in the file, for the message
 
-        Raises BadInputError if one of them is not a finite number.
+        Raises BadInputError if a word in the element is not a finite number.
         """
         words = [word for word in re.split(r"[,\s]+", "".join(child.itertext())) if word]
         try:

@@ -41,7 +41,8 @@ def best_costs(
     seed: seed of the initial conditions
     certificate: file with a lower bound of the cost of these flights, or None
 
-    Raises BadInputError and NoSolutionError as `hfa_optimal.bound.lower_bound` does.
+    Raises BadInputError if the certificate is about other flights. Raises BadInputError or
+    NoSolutionError if the certificate does not prove its statement.
     """
     point = assessed.point
     model = point.model

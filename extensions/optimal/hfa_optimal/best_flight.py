@@ -358,13 +358,14 @@ def best_flight(
     point: trim at which the flight ends
     initial: state of the linear model -> deviation from the trim, in the units of the model, or
         another trim
-    Q, R: weights, as `hfa.game` accepts them. R is the weight of the moving inputs.
-    start: earlier name of `initial`, accepted for one version
+    Q, R: weights, as `hfa.game` accepts them, by default diag(1/nominal²). R is the weight of the
+        moving inputs.
+    start: earlier name of `initial`, accepted for one version. Exactly one of the two is required.
     seconds: horizon, s; by default long enough for a negligible cost after it
     inputs: inputs that move, by default all. The others are constant.
     limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
-    bound: certificate of `hfa prove cost`. It is verified, and its bound is `.lower_bound` of the
-        result.
+    bound: certificate of `hfa prove cost`, or None. The certificate is verified, and its bound is
+        `.lower_bound` of the result.
 
     Raises BadInputError for unknown names, an initial condition outside the limits, a horizon that
     is too short, and a certificate about other flights. Raises NoSolutionError if no flight was

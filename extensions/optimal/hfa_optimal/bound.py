@@ -79,7 +79,7 @@ def given_of(problem: FlightProblem, option: str, weights: Mapping[str, Any]) ->
     option: option that selects the aircraft, for messages
     weights: Q and R if the user gave them, else {}
 
-    Raises BadInputError as `plant_of` does.
+    Raises BadInputError if derivatives depend on a state that the cost omits.
     """
     plant = plant_of(problem)
     widths = SAME_TRIM * plant.nominal
@@ -118,9 +118,9 @@ def lower_bound(
 
     weights_from: file that contains Q and R, or "" if they are given by options
 
-    Raises BadInputError if an input of the problem is constant or the certificate is about other
-    flights. Raises BadInputError or NoSolutionError if the certificate does not prove its
-    statement.
+    Raises BadInputError if an input of the problem is constant, derivatives depend on a state that
+    the cost omits, or the certificate is about other flights. Raises BadInputError or
+    NoSolutionError if the certificate does not prove its statement.
     """
     if problem.inputs != tuple(problem.model.inputs):
         raise BadInputError(

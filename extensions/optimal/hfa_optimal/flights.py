@@ -222,6 +222,10 @@ class Flights:
         """Return a simulated flight with its cost, first departure from the envelope and saturated
         inputs.
 
+        The flight converges if z'Pz at its end is at most the fraction `SETTLED` of the cost.
+        Otherwise the cost is inf.
+
+        policy: the simulated policy
         rows: deviations of the simulated states and inputs from the trim
         """
         problem = self.problem

@@ -188,12 +188,16 @@ class FlightProblem:
 
     @cached_property
     def has_kinks(self) -> bool:
-        """True if the equations contain tables or kinks. They are smoothed for the optimizer."""
+        """True if the equations have kinks, such as those of tables, that are smoothed for the
+        optimizer.
+        """
         return self.smooth_rates is not self.rates
 
     @cached_property
     def smooth_rates(self) -> ca.Function:
-        """The function `rates` with smoothed tables and kinks, or `rates` itself without kinks."""
+        """The function `rates` with smoothed tables and kinks, or `rates` itself if no kink is
+        smoothed.
+        """
         of_states, of_inputs = self.sizes
         pairs = zip(self.state_limits, self.input_limits, strict=True)
         below, above = (np.concatenate([z / of_states, v / of_inputs]) for z, v in pairs)
@@ -342,12 +346,14 @@ def flight_problem(
 ) -> FlightProblem:
     """Return the optimal control problem of flights to a trim.
 
-    Q, R: weights, as `hfa.game` accepts them; R is the weight of the moving inputs
+    Q, R: weights, as `hfa.game` accepts them, by default diag(1/nominal²); R is the weight of the
+        moving inputs
     inputs: inputs that move, by default all; the others are constant
-    limits: state -> (lowest, highest), replacing the limits of the flight envelope
+    limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
 
-    Raises BadInputError for a point of another model, and for names and weights that do not fit the
-    model. Raises NoSolutionError if the linear model cannot be stabilized at a finite cost.
+    Raises BadInputError for a point of another model, a trim outside the limits, and for names and
+    weights that do not fit the model. Raises NoSolutionError if the linear model cannot be
+    stabilized at a finite cost.
     """
     point.refuse_other(model)
     linear = linearize(model, point)

@@ -58,7 +58,8 @@ _HELD = 0.5
 class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
     """Quickest flight found from an initial condition to a trim within limits.
 
-    A quicker flight may exist. The flight ends when it reaches the arrival box around the trim.
+    A quicker flight may exist. The proposal ends at the trim. At the time of this end, the
+    simulated flight is in the arrival box around the trim.
 
     problem: aircraft, trim and limits.
     proposal: the optimizer's flight.
@@ -88,7 +89,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def seconds(self) -> float:
-        """Duration of the flight, s."""
+        """Duration of the proposal, s. The simulation continues after it."""
         return self.proposal.cost
 
     @property
@@ -253,8 +254,9 @@ def quickest_flight(
     model: the aircraft
     point: trim at which the flight ends
     initial: another trim, or state of the linear model -> deviation from the trim
-    Q, R: weights of the linear policy that follows the proposal, as `hfa.game` accepts them
-    start: earlier name of `initial`, accepted for one version
+    Q, R: weights of the linear policy that follows the proposal, as `hfa.game` accepts them, by
+        default diag(1/nominal²)
+    start: earlier name of `initial`, accepted for one version. Exactly one of the two is required.
     inputs: inputs that move, by default all; the others are constant
     limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
 

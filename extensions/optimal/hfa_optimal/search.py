@@ -361,11 +361,14 @@ class BestFlights:
         guess.
 
         A first proposal on a geometric mesh is solved again on a mesh that is adapted to this
-        proposal.
+        proposal. If a first proposal equals an earlier one, the earlier second proposal is
+        returned.
 
-        adapted: pairs (first proposal, second proposal), extended by a pair for each new first
-            proposal.
-            The stored second proposal is returned for a first proposal that equals a stored one.
+        start: initial deviations z, (k,)
+        seconds: horizon, s
+        guesses: name -> function from times, s, to (z, v)
+        adapted: pairs (first proposal, second proposal); a pair is added for each new first
+            proposal
         price: factor on R in the first proposal
         """
         lengths = self._mesh(seconds, INTERVALS)

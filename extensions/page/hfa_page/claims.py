@@ -59,7 +59,8 @@ class Claims(NamedTuple):
     def flew(self, regeneration: Regeneration) -> bool:
         """Return whether the stored flights used the same A and B as a regeneration.
 
-        Returns False if claims.json contains no linear model.
+        Returns False if claims.json contains no linear model, or a model at an angle that the
+        regeneration omits.
         """
         regenerated = {pair.published.dihedral_deg: pair.model for pair in regeneration.pairs}
         return bool(self.models) and all(

@@ -14,11 +14,11 @@ class MainJobData(Result):
     """Numbers of the page of `hfa report`.
 
     ok: whether every check passes.
-    regeneration: as of hfa regenerate.
-    sweep: as of hfa sweep.
-    critics: as of hfa verify, at each requested angle.
+    regeneration: content of the file of hfa regenerate.
+    sweep: content of the file of hfa sweep.
+    critics: content of the file of hfa verify, at each requested angle.
     angles: for each requested angle: dihedral_deg; reason, empty if everything was computed; trim,
-      model, solution and critic as of hfa trim, linearize, solve and verify.
+      model, solution and critic as in the files of hfa trim, linearize, solve and verify.
     claims: claims of studies.section5, read from --claims.
     flights: flights of studies.best_flights, read from --flights.
     """
@@ -41,10 +41,12 @@ class ClaimsData(Result):
 
     setting: matrices and configuration.
     laws: laws that were simulated.
-    verdicts: number of claims with each verdict: confirmed, not confirmed, not decidable.
+    verdicts: number of claims with each verdict: confirmed, not confirmed, not decidable from the
+      paper.
     lost_flights: flights that left the envelope: section, name, law, lost_at (s).
     own_failures: flights of this project's laws that failed.
-    claims: for each claim: claim, number, limit, verdict.
+    claims: for each claim: number, says, measured, relation, limit, subject, verdict, reason,
+        findings.
     experiments: flights and pictures of each section.
     """
 

@@ -100,8 +100,8 @@ def commanded_policy(
 ) -> CommandedPolicy:
     """Return a controller about a trim, with its command filter and with commands as symbols.
 
-    Raises BadInputError if the controller was made for another model, or for other values of the
-    scheduling variable.
+    Raises BadInputError if the controller was made for another model, or does not cover the
+    scheduling variable at the trim.
     """
     names = commandable(controller)
     r = ca.SX.sym("r", len(names))
@@ -123,8 +123,8 @@ def controller_steering(
     """Return the steering of an exported loop by a controller. Its arguments are the commands.
 
     The states of the controller and of its command filter become states of the loop. Raises
-    BadInputError if the controller was made for another model, or for other values of the
-    scheduling variable.
+    BadInputError if the controller was made for another model, or does not cover the scheduling
+    variable at the trim.
     """
     commanded = commanded_policy(controller, model, point)
     names = commandable(controller)
@@ -157,9 +157,9 @@ def c_controller_texts(
     origin: provenance, for comments
     actuators: actuators of the example, or None
 
-    Raises BadInputError if the controller was made for another model or other values of the
-    scheduling variable, a trim input is outside its actuator's limits, or the controller measures
-    actuator states that do not exist.
+    Raises BadInputError if the controller was made for another model or does not cover the
+    scheduling variable at the trim, a trim input is outside its actuator's limits, or the
+    controller measures actuator states that do not exist.
     """
     header, source, example = CONTROLLER_FILES
     commanded = commanded_policy(controller, model, point)

@@ -233,9 +233,10 @@ def _shaped(model: Model, built: DesignModel, shaping: Shaping) -> LinearControl
 
       u = u_m - W1 F x̂
 
-    x_m, u_m and y_m are states, inputs and outputs of the reference model, which follows the
-    commands. x̂ is the observer's estimate of the shaped plant's state, from y_s = W2 (y - y_m) and
-    the applied inputs.
+    W1 is the diagonal matrix of the input gains, W2 contains the output weights, and F is the state
+    feedback of the shaped plant. x_m, u_m and y_m are states, inputs and outputs of the reference
+    model, which follows the commands. x̂ is the observer's estimate of the shaped plant's state,
+    from y_s = W2 (y - y_m) and the applied inputs.
     """
     design = built.design
     z = np.zeros

@@ -199,8 +199,8 @@ class Design:
     def _check_shaping(self, where: str, shaping: Shaping) -> None:
         """Raise BadInputError if the loop-shaping settings are incomplete or inconsistent.
 
-        The errors are an unknown name, an input without an actuator or rate weight, and an entry
-        with a wrong number of values.
+        The errors are an unknown name, an input without an actuator or rate weight, an entry with a
+        wrong number of values, and breakpoints that are missing or do not increase.
 
         where: beginning of the message, "design NAME:"
         """

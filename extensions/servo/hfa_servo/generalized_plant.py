@@ -260,7 +260,8 @@ class GeneralizedPlant(Reported):
         return self.in_axes(self.axes)
 
     def minimum_delta(self) -> DeltaMin:
-        """Return the smallest δ for which `solve_plant` finds a controller.
+        """Return the smallest δ for which a controller exists, with the condition that fails below
+        it.
 
         The relative accuracy is `TOLERANCE`. Raises NoSolutionError if no δ permits a controller,
         or if rounding hides whether a controller exists.
@@ -335,8 +336,8 @@ class OutputFeedback(Reported):
     Y: (n, n), stabilizing solution of the filter equation
     delta: upper bound of the gain from w to z
     coupling: ρ(X Y) / δ², below 1
-    checks: checks of the certificates of both equations, of the coupling, of the closed loop and of
-      the second derivation
+    checks: checks of the certificates of both equations, of the coupling, of the closed loop, and
+      of the agreement with the controller derived from the transposed plant
     """
 
     Ak: Matrix
@@ -492,7 +493,7 @@ def central_controller(
       Ck = F2 - Dk (C2 + D21 F1),  Bk = Z ((B2 + L1 D12) Dk - L2),
       Ak = A + B1 F1 + B2 F2 - Bk (C2 + D21 F1)
 
-    Dk minimizes the gain due to D11. Raises NoSolutionError if the algebraic loop with D22 has no
+    Dk is that of `_feedthrough`. Raises NoSolutionError if the algebraic loop with D22 has no
     solution.
     """
     control, filter_ = plant.sides
@@ -515,10 +516,10 @@ def central_controller(
 
 
 def _feedthrough(plant: GeneralizedPlant, delta: float) -> np.ndarray:
-    """Return the Dk that minimizes the gain of D11 + D12 Dk D21 and makes the controller central.
+    """Return the Dk of the central controller, with which the gain of D11 + D12 Dk D21 is below δ.
 
     In orthonormal coordinates of z and w, D11 = [[a, b], [c, d]], where u and y reach only the
-    block d. There, Dk is
+    block d. This block of D12 Dk D21 is
 
       -d - c a' (δ² I - a a')⁻¹ b.
     """

@@ -108,7 +108,8 @@ class Weights(NamedTuple):
 def output_weights(outputs: Mapping[str, OutputWeight]) -> Weights:
     """Return the weights k (1 + c/s) / (1 + τ s) of all outputs as one system.
 
-    For c > 0, v = y + c e with the state e' = y. For τ > 0, the state is τ x' = v - x.
+    For c > 0, the system has a state e with e' = y, and v = y + c e. For c = 0, v = y. For τ > 0,
+    it has a state x with τ x' = v - x. The weighted output is k x, or k v for τ = 0.
     """
     names: list[str] = []
     for name, weight in outputs.items():

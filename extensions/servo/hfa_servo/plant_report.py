@@ -180,7 +180,8 @@ def solved_plant(file: Path, arrays: dict[str, Any], delta: float | None) -> Rep
     arrays: content of the file
     delta: bound of the gain, or None for the bound in the file
 
-    Raises NoSolutionError if there is no certified controller.
+    Raises BadInputError if an entry of the file is missing or invalid. Raises NoSolutionError if
+    there is no certified controller.
     """
     plant, stored_delta, notes = stored_plant(file, arrays)
     bound = stored_delta if delta is None else delta

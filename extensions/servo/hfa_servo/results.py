@@ -59,8 +59,8 @@ class ControllerData(ControllerTable):
     delta: delta of the game, null for none.
     angles: for each scheduling value: dihedral or the scheduling variable, delta_min or gamma_min,
       checks.
-    margins: ok, rows of angle, actuators, abscissa and loops: gain dB, phase deg, crossover rad/s,
-      delay s.
+    margins: ok, checks, and rows of scheduling value, actuators, abscissa and loops: gain dB, phase
+      deg, crossover rad/s, delay s.
     """
 
     schema = "hfa.controller-design/1"

@@ -313,7 +313,8 @@ def check_margins(
     scheduling_values: (N,)
     bandwidths: bandwidths of the actuators, rad/s, equal at all inputs; empty for no actuators
 
-    Raises BadInputError if the controller was made for another model or other scheduling values.
+    Raises BadInputError if the controller was made for another model or does not cover the
+    scheduling values.
     """
     lowest = float(scheduling_values.min())
     controller.refuse_other(model, lowest, float(scheduling_values.max()))

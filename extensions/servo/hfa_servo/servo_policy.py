@@ -154,8 +154,9 @@ def servo_policy(
     `fastest` of the policy is the magnitude of the fastest eigenvalue of A, or 0 for a gain without
     memory.
 
-    Raises BadInputError if the controller was made for another model or other values of the
-    scheduling variable, or does not accept a command.
+    Raises BadInputError if the controller was made for another model or does not accept a command.
+    Raises BadInputError also if a controller with several breakpoints does not cover the scheduling
+    variable at the trim and in the commands.
     """
     followed = [name.removesuffix(COMMAND_SIGNALS[0]) for name in controller.commands]
     for name in commands.names:

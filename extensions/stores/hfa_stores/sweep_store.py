@@ -120,7 +120,7 @@ def reported_sweep(
 ) -> Report:
     """Compute a sweep in a store and return its report.
 
-    The arguments are those of `fill_store`.
+    The keyword arguments are those of `fill_store`.
     """
     dataset = stream_sweep(
         plan, path, workers=workers, resume=resume, provenance=provenance, progress=progress

@@ -1,8 +1,9 @@
 """Comparison of JSBSim constructs between this project and JSBSim.
 
 Each construct must give equal results, be refused, or be named in a note. The exit code is 1 if a
-result differs without a note. All constructs are compared, or those whose names contain a given
-text. `--drawn N [SEED]` compares N random constructs instead, with seeds from SEED on.
+result differs without a note or this project fails with a traceback. All constructs are compared,
+or those whose names contain a given text. `--drawn N [SEED]` compares N random constructs instead,
+with seeds from SEED on.
 """
 
 from __future__ import annotations

@@ -60,7 +60,10 @@ class Draw:
         return self.number() if self._rng.random() < 0.5 else self._signal()
 
     def term(self, depth: int) -> str:
-        """Return the XML of a random term of a function, nested at most `depth` levels deep."""
+        """Return the XML of a random term of a function.
+
+        depth: largest number of levels of terms inside this term
+        """
         kind = self._rng.random()
         if depth == 0 or kind < 0.1:
             if self._rng.random() < 0.4:

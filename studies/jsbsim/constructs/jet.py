@@ -110,6 +110,9 @@ def coefficient(*terms: str, length: str = "") -> str:
     """Return the XML of the function q S length (sum of the terms).
 
     Without `length`, the XML is that of q S (sum of the terms).
+
+    terms: XML of each term
+    length: property of the reference length without "metrics/", such as cbarw-ft
     """
     arm = f"<p>metrics/{length}</p>" if length else ""
     body = "".join(terms)

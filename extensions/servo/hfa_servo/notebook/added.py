@@ -153,8 +153,9 @@ def _to_pandas(value: Any) -> Callable[[], Any] | None:
 
 
 def _html_table(value: Any) -> Callable[[], str] | None:
-    """Return the method that displays named entries as a table in a notebook, or None for another
-    value, or if pandas is not installed.
+    """Return the method that displays named entries as a table in a notebook.
+
+    Returns None for another value, for an empty list, or if pandas is not installed.
     """
     is_shown = isinstance(value, ByName) and len(value) > 0 and find_spec("pandas") is not None
     return (lambda: entries_frame(value).to_html()) if is_shown else None

@@ -115,8 +115,8 @@ def call_meant(
 def _identities(
     arguments: tuple[Any, ...], named: dict[str, Any]
 ) -> tuple[list[int], dict[str, int]]:
-    """Return the identity (`id`) of each argument and keyword. Identities of arrays are
-    comparable.
+    """Return the identity (`id`) of each argument and keyword, because arrays cannot be compared
+    with ==.
     """
     return [*map(id, arguments)], {name: id(value) for name, value in named.items()}
 
@@ -250,7 +250,10 @@ class _Reading:
         The argument is taken as given, from another place of the call, or made from other
         arguments.
 
+        parameter: parameter of the function with this name
         found: arguments determined so far, by name
+
+        Raises BadInputError if a gain K is given in place of Q.
         """
         holds = self.tests.get(name)
         link = _link(_classes(self.function, parameter))

@@ -44,8 +44,8 @@ def aligned(
 
     named: keywords of the call
 
-    Raises BadInputError if a name is unknown, missing or repeated, or if the labels of a matrix are
-    the numbers 0, 1, ... in another order.
+    Raises BadInputError if a name is unknown, missing or repeated, if nothing in the call names the
+    states, or if the labels of a matrix are the numbers 0, 1, ... in another order.
     """
     given = [*arguments, *named.values()]
     if not any(map(has_labels, given)) or "records" in inspect.signature(function).parameters:

@@ -25,6 +25,7 @@ def response(
 
     kind: "step" or "impulse", of size 1
     time: (N,), or the last time; None for python-control's default
+    inputs, outputs: selected names, or None for all
     """
     import control
 
@@ -42,7 +43,7 @@ def simulated(
     initial: (n,), or name of a state -> its initial deviation; other states are 0
     dt: sample time in place of an array of times, s, or None
 
-    Raises BadInputError if a name is unknown or shapes disagree.
+    Raises BadInputError if a name is unknown, shapes disagree or u is a function.
     """
     import control
 
@@ -89,7 +90,8 @@ def _times(system: control.StateSpace, time: Any, dt: float | None, count: int |
     dt: sample time, s, or None
     count: number of given samples of u, or None
 
-    Raises BadInputError if there are fewer than two times.
+    Raises BadInputError if there are fewer than two times, or if samples of u are given with
+    neither `time` nor `dt`.
     """
     import control
 
