@@ -143,6 +143,8 @@ def _judged(
 
     diagnose: function (exact solution, critic, box of states) -> sentence on the mistake, or ""
     more: further matrices L and H of the critic, or None
+
+    Raises the errors of `check_discrete`.
     """
     refuse_unless_positive("limit", limit)
     exact = solve_discrete(problem)

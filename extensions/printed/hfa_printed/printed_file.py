@@ -203,6 +203,8 @@ def _multiplied(name: str, rows: list[list[str]], exponent: int) -> list[list[st
 def _value_of(text: str, parameters: Mapping[str, float]) -> float:
     """Return the value of a formula with named numbers, such as "m*g/l".
 
+    parameters: name -> value
+
     Raises BadInputError for other text, and for a value that is not finite.
     """
     symbols = {name: ca.SX(value) for name, value in parameters.items()}

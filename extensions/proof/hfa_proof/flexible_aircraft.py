@@ -22,6 +22,8 @@ def standard_errors_of(dynamics: str, parameters: ParameterSet) -> Mapping[str, 
     """Return parameter -> standard error of the aircraft with the given dynamics.
 
     The result is {} for dynamics of other packages.
+
+    parameters: parameter set that stores the standard errors
     """
     return parameters.standard_errors if dynamics in VARIANTS else {}
 

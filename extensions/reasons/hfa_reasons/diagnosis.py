@@ -123,6 +123,7 @@ def named(view: View, hypotheses: Iterable[Hypothesis], demands: Demands) -> Cau
     "".
 
     hypotheses: hypotheses in the order of preference
+    demands: thresholds for naming a mistake
     """
     before = min(error_of(view, view.judged), 1.0)
     if before <= ROUNDING:

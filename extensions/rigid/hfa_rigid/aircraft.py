@@ -119,6 +119,7 @@ def rigid_aircraft(
     parameters: name -> signal.
     outputs: name -> signal, for the outputs in addition to those of `Motion`.
     holds_beta: whether the default trim imposes the sideslip.
+    extras: fields of the model that only file readers set.
     """
     length = LENGTH[system]
     foot = 1.0 if system == "english" else FT_TO_M

@@ -191,7 +191,8 @@ def check(
     policy: the user's policy
     own: the user's model, or None if the certificate concerns a built-in model
 
-    Raises NoSolutionError if the user's data differ from the certificate.
+    Raises BadInputError if the certificate concerns another model or policy. Raises NoSolutionError
+    if the statement is not proved or differs from the user's data.
     """
     verified = check_certificate(path, scalars(policy.function), ProgressLine("check"), own)
     content = verified.statement.content()

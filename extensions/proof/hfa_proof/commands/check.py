@@ -69,7 +69,13 @@ def prove(request: CheckRequest) -> int:
 
 
 def _check(request: CheckRequest, certificate: Path) -> int:
-    """Verify a certificate of a schedule, a game or models, and return the exit code."""
+    """Verify a certificate of a schedule, a game or models, and return the exit code.
+
+    The code is 0 if the full claim is proved, and 1 if only a part is proved or the claim is
+    refuted.
+
+    Raises NoSolutionError if the statement is not proved or differs from the user's data.
+    """
     from hfa_proof.checker.checker import check_certificate
     from hfa_proof.checker.statement import content_of, kind_of_statement
     from hfa_proof.commands.given import given_for

@@ -122,7 +122,7 @@ def _checked_verdict(statement: Statement, data: Content) -> str:
 def _flight_said(flight: Flight) -> tuple[str, Content]:
     """Return text and data about the aircraft of a statement.
 
-    They contain its parameters, their errors, its trims and limits.
+    They contain the parameters with their errors, the trims and the limits.
     """
     model = flight.model
     lines = [_aircraft_said(flight)]

@@ -54,7 +54,7 @@ class Box(NamedTuple):
 
     @property
     def middle(self) -> float:
-        """Center of the box, where it is divided."""
+        """Center of the box, at which the box is divided."""
         return (self.low + self.high) / 2
 
 
@@ -72,8 +72,8 @@ def bisected(
     boxes: boxes to prove, in ascending order
     prove: box -> result, or None
     narrowest: smallest width of a box that is halved
-    start: end of the part that is already proved. Boxes below it are skipped, and boxes that
-        contain it are halved without a trial. A resumed proof then has the same boxes as an
+    start: end of the part that is already proved. Boxes below `start` are skipped, and boxes that
+        contain `start` are halved without a trial. A resumed proof then has the same boxes as an
         uninterrupted one.
     """
     waiting = list(boxes)[::-1]

@@ -241,6 +241,9 @@ class ScheduleSearch:
     def resume(self, witness: Content) -> None:
         """Append the boxes that an earlier run has proved.
 
+        Boxes on which only bounds of the aircraft's number of unstable modes are proved are
+        omitted.
+
         witness: verified witness of the earlier run
         """
         for name, boxes in self.boxes.items():

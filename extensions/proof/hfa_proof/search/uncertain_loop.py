@@ -44,6 +44,8 @@ def _pieces(
 
     The interval is halved, at most `halvings` times, if no single function is found. The list is
     empty if a part is not covered.
+
+    bandwidth: lowest and highest bandwidth, rad/s
     """
     piece = _piece(loop, actuators, bandwidth)
     low, high = bandwidth
@@ -90,6 +92,8 @@ def _points(
     """Return pairs of matrices for ζ' and for (q, z), which act on the vector (ζ, d, e).
 
     There is one pair for each end of the box and each end of the bandwidths.
+
+    bandwidth: lowest and highest bandwidth, rad/s
     """
     least, most = actuators.effectiveness
     n = loop.G.nrows()

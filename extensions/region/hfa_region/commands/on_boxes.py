@@ -57,14 +57,15 @@ def better_on_boxes(request: RegionRequest, loop: SaturatedLoop) -> str:
 def prove_gain_on_boxes(
     request: RegionRequest, linear: LinearModel, gain: Gain, P: np.ndarray | None, reason: str
 ) -> int:
-    """Prove the region of a polynomial policy on boxes and return the exit code.
+    """Prove the region of a polynomial policy on boxes and return exit code 0.
 
     linear: linear model at the trim
     gain: coefficients of the policy
     P: matrix of the value of the game or critic, (n, n), or None
     reason: reason to use boxes, as returned by `better_on_boxes`
 
-    Raises BadInputError if an option applies only to sums of squares.
+    Raises BadInputError if an option applies only to sums of squares. Raises NoSolutionError if no
+    region is proved.
     """
     request.refuse(_OF_SQUARES, "applies only to --prover squares; remove this option")
     words = "gain of the game" if request.weights is None else str(request.weights)
@@ -74,9 +75,10 @@ def prove_gain_on_boxes(
 
 
 def prove_on_boxes(request: RegionRequest) -> int:
-    """Prove the region of a network or a deployment file on boxes and return the exit code.
+    """Prove the region of a network or a deployment file on boxes and return exit code 0.
 
-    Raises BadInputError if an option applies only to sums of squares.
+    Raises BadInputError if an option applies only to sums of squares. Raises NoSolutionError if the
+    game has no solution or no region is proved.
     """
     from controller.riccati.gare import solve_game
 
@@ -93,18 +95,22 @@ def prove_on_boxes(request: RegionRequest) -> int:
 
 
 def checked_on_boxes(request: RegionRequest, certificate: Path) -> int:
-    """Verify a certificate on boxes for a network or a deployment file and return the exit code.
+    """Verify a certificate on boxes for a network or a deployment file and return exit code 0.
 
     certificate: path of the certificate
+
+    Raises NoSolutionError if the statement is not proved or differs from the user's data.
     """
     linear, policy, _ = _policy_of(request)
     return check(request, certificate, linear, policy, request.model if request.own else None)
 
 
 def checked_gain_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> int:
-    """Verify a certificate on boxes for a polynomial policy and return the exit code.
+    """Verify a certificate on boxes for a polynomial policy and return exit code 0.
 
     certificate: path of the certificate
+
+    Raises NoSolutionError if the statement is not proved or differs from the user's data.
     """
     from hfa.output import ProgressLine, show
     from hfa_boxes.check.checker import check_certificate

@@ -139,11 +139,12 @@ def region(request: RegionRequest) -> int:
 
 
 def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
-    """Verify a certificate of a region proved by sums of squares and return the exit code.
+    """Verify a certificate of a region proved by sums of squares and return exit code 0.
 
     certificate: path of the certificate
 
-    Raises BadInputError if an option does not apply to the check.
+    Raises BadInputError if an option does not apply to the check. Raises NoSolutionError if the
+    statement is not proved or differs from the user's data.
     """
     from hfa_proof.subject import compare
     from hfa_region.check.certificate import check_certificate
@@ -178,11 +179,12 @@ def _checked(request: RegionRequest, certificate: Path) -> int:
 
 
 def check_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> int:
-    """Verify a certificate of a region proved on boxes and return the exit code.
+    """Verify a certificate of a region proved on boxes and return exit code 0.
 
     certificate: path of the certificate
 
-    Raises BadInputError if an option of the search is given.
+    Raises BadInputError if an option of the search is given. Raises NoSolutionError if the
+    statement is not proved or differs from the user's data.
     """
     from hfa_region.commands.on_boxes import checked_gain_on_boxes, checked_on_boxes
 

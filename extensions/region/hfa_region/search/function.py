@@ -135,6 +135,8 @@ def edge_points(V: PolynomialFunction, T: np.ndarray, level: float, seed: int = 
 
     On each random ray from the origin, the point with the smallest factor is returned. Rays that do
     not reach the level are omitted.
+
+    seed: seed of the random rays
     """
     generator = np.random.default_rng(seed)
     directions = generator.normal(size=(_DIRECTIONS, len(T)))
