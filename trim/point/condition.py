@@ -286,7 +286,8 @@ def release(
     hold: name -> imposed value; None for none
     limits: name -> (lowest, highest); None for no change of the limits
 
-    Raises BadInputError for an unknown name, and for a name that is both set free and held.
+    Raises BadInputError for an unknown name, for a name that is both set free and held, and as
+    `TrimCondition` does.
     """
     hold = hold or {}
     for name in (*free, *hold):

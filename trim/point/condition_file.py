@@ -89,7 +89,8 @@ def _table(model: Model, file: str, key: str, value: Any, factor: float) -> Line
     value: [scheduling value, value] rows; the scheduling value is in degrees if it is an angle
     factor: factor from the unit in the file to that of the model
 
-    Raises BadInputError if the rows are not pairs of numbers.
+    Raises BadInputError if the rows are not pairs of numbers, or the scheduling values do not
+    increase.
     """
     rows = checked(file, value, [[NUMBER]], key)
     if not rows or any(len(row) != 2 for row in rows):

@@ -17,9 +17,11 @@ if TYPE_CHECKING:
 def draw_point(point: OperatingPoint) -> Axes:
     """Draw the variables of a trim in percent of their ranges with pyplot, and return the Axes.
 
-    The lowest limit is at 0 %, the highest at 100 %. Variables without two limits are omitted.
+    The lowest limit is at 0 %, the highest at 100 %. Variables without two different limits are
+    omitted.
 
-    Raises BadInputError for a point that was not found by a search, and for a model without limits.
+    Raises BadInputError for a point that was not found by a search, and if all variables are
+    omitted.
     """
     if point.problem is None:
         raise BadInputError(

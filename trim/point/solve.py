@@ -53,7 +53,7 @@ def find_operating_point(
     - If the first search fails, further searches begin at the least-squares solution within the
       limits, follow a path from the trim that the model declares (continuation), and begin at
       `STARTS` other points within the limits. `started` of the result is the number of the
-      successful point.
+      successful point, or 0 for the first search.
 
     model: model of the aircraft
     condition: imposed and free variables; by default the trim that the model declares
@@ -61,12 +61,12 @@ def find_operating_point(
     hold: variable, output or rate (speed_dot) -> imposed value, in the units of the model; None for
         none
     free: variables to set free; a rate (h_dot) that is set free is not balanced
-    at: value of the scheduling variable, added to `hold`
+    at: value of the scheduling variable, added to `hold`; None if not given
     held: further values of `hold`, as keyword arguments: speed=100.0
 
     Raises TrimError if the equations cannot be balanced within the limits. Raises BadInputError if
-    the condition is not well posed, if `held` also gives the scheduling variable of `at`, or if
-    numbers overflow in the equations of the model.
+    the condition is not well posed, if `hold` or `held` also gives the scheduling variable of `at`,
+    or if numbers overflow in the equations of the model.
 
     Source: Stevens, Lewis, Johnson, Aircraft Control and Simulation, Section 3.6.
 
@@ -77,14 +77,14 @@ def find_operating_point(
     """
     condition = condition or usual_condition(model)
     refuse_unfit(condition, model)
+    held = {**(hold or {}), **held}
     if at is not None:
         if model.schedule in held:
             raise BadInputError(f"at and {model.schedule} are the same variable; give one of them")
         held[model.schedule or "at"] = at
-    hold = {**(hold or {}), **held}
-    if hold or free:
+    if held or free:
         free = (free,) if isinstance(free, str) else free
-        condition = release(condition, hold=hold, free=free)
+        condition = release(condition, hold=held, free=free)
     problem = TrimProblem(model, condition, start)
     try:
         with np.errstate(over="raise"):

@@ -159,6 +159,8 @@ def test_at_sets_the_scheduling_variable(aircraft: Model) -> None:
         find_operating_point(replace(aircraft, schedule=""), at=0.2)
     with pytest.raises(BadInputError, match="at and dihedral are the same variable"):
         find_operating_point(aircraft, at=0.2, dihedral=0.1)
+    with pytest.raises(BadInputError, match="at and dihedral are the same variable"):
+        find_operating_point(aircraft, hold={"dihedral": 0.1}, at=0.2)
 
 
 @pytest.mark.parametrize("extra", [(), ("aileron_center",)])
