@@ -40,8 +40,8 @@ def published_game(
     the plant does not have the paper's six states and five inputs. For a linear model in SI units,
     Q, R and E are converted.
 
-    Raises BadInputError for a matrix A without B, for an unknown name in `changes`, and for a
-    matrix of a wrong shape.
+    Raises BadInputError for a matrix A without B, for an unknown name in `changes`, and as
+    `Game` does.
 
     >>> import hfa
     >>> model = hfa.paper.level_model(hfa.aircraft(), 0.2)
@@ -94,6 +94,8 @@ def paper_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
 
     parts: entries of the file, with A and B
     names: names and units in the file
+
+    Raises BadInputError if a unit of a state cannot be converted.
     """
     m = len(INPUTS)
     n = len(LINEAR_STATES)

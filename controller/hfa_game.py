@@ -56,6 +56,8 @@ def paper_game(
     model: model of the plant. For a model in SI units, the paper's E, Q and R are converted. None
         for a plant in the paper's units.
     changes: Q, R, delta or E in place of the paper's
+
+    Raises BadInputError as `Game` does.
     """
     states = names.states
     settings = published_data()["game"]
@@ -90,6 +92,8 @@ def usual_game(
     B: (n, m)
     names: names of the plant; by default those of the model
     changes: Q, R, delta or E in place of the defaults
+
+    Raises BadInputError as `Game` does.
     """
     names = names or PlantNames(
         model.linear,

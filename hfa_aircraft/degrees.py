@@ -16,7 +16,7 @@ _KEEP_THE_UNIT = (ca.OP_ASSIGN, ca.OP_NEG, ca.OP_ADD, ca.OP_SUB)
 
 
 def notes_on_degrees(model: Model) -> list[str]:
-    """Return a warning for each signal in degrees whose sine, cosine or tangent is computed.
+    """Return a warning for each sine, cosine or tangent of a signal in degrees in the equations.
 
     The equations receive the signal in its declared unit. The angle is therefore wrong by the
     factor 180/π. Sums and differences of signals in degrees are examined too. A signal that the

@@ -42,8 +42,8 @@ def linearized(
     outputs: names of outputs or states
     disturbances: names of the disturbances in w
 
-    Raises BadInputError for an unknown disturbance, and for a state or input that affects f only in
-    steps.
+    Raises BadInputError for an unknown disturbance, for a state or input that affects f only in
+    steps, and for faulty equations.
     """
     x, u, p = layout.symbols("x", "u", "p")
     w = ca.SX.sym("w", len(disturbances))

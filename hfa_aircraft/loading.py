@@ -146,7 +146,8 @@ def _read(offer: EntryPoint, text: str) -> Model:
     offer: entry point of the reader
     text: argument of --aircraft
 
-    Raises BadInputError if the file cannot be read, or if the reader does not return a Model.
+    Raises BadInputError if the package cannot be imported, the file cannot be read, or the reader
+    does not return a Model.
     """
     read: AircraftReader = loaded(offer)
     with file_faults(text):

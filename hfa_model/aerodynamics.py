@@ -77,11 +77,11 @@ def panel_loads(
 
     L_w and L_t are the lifts of wing and tail, S and S_t their areas, c is the chord, and C_Lw =
     L_w/(q_i S). q_i = ½ρV_i² contains the speed V_i relative to the air at the panel. The drag
-    contains q = ½ρV² with the speed V of the aircraft, and the tail has no drag, as in the
+    contains q = ½ρV² with the speed V of the center of mass, and the tail has no drag, as in the
     published matrices.
 
     flow: air relative to the panel: V_i, α_i, sideslip
-    speed: V, ft/s
+    speed: V relative to the air, or to the ground (`aircraft_loads`), ft/s
     aileron: δ_a, rad
     elevator: δ_e, rad
     density: ρ, slug/ft^3

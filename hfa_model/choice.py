@@ -22,10 +22,10 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
     dynamics: "published", "newton", the name of dynamics from an installed package ("unsteady"), or
         a `Variant`. Text with "." or ":" is the file of another aircraft, loaded by
         `hfa.load_model`.
-    parameters: by default the identified ones
+    parameters: by default the identified ones; not used for another aircraft
 
-    Raises BadInputError for unknown dynamics, for a parameter that is not finite, and for a
-    negative size.
+    Raises BadInputError for unknown dynamics, for a parameter that is not finite, for a negative
+    size, and as `load_model` does.
 
     >>> import hfa
     >>> hfa.aircraft("newton").inputs["throttle"].max

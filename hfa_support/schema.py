@@ -143,7 +143,7 @@ def read_named(
     folder: name of the package
     declared: declaration of the entries
 
-    Raises BadInputError if there is no file of this name or if its entries are invalid.
+    Raises BadInputError if the file cannot be read, is not valid TOML, or has invalid entries.
     """
     try:
         path = str(files(folder).joinpath(packaged[name])) if name in packaged else name

@@ -33,7 +33,8 @@ def critics_over_time(
     Raises BadInputError
     - if a number is not finite or too large,
     - if a time is negative, or the times do not increase,
-    - if no array has one row per time, or an array has another number of rows or a wrong shape.
+    - if no array has one row per time, or an array has another number of rows or a wrong shape,
+    - if the name of the basis is unknown, or W and P define different values.
 
     >>> import hfa
     >>> import numpy as np

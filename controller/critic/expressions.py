@@ -21,7 +21,8 @@ def from_functions(
 ) -> Critic:
     """Return the critic whose functions are given as expressions of the symbols z.
 
-    K and P are the exact derivatives of these expressions at z = 0.
+    K = -∂u/∂z and P = ½ ∂²V/∂z² are exact derivatives at z = 0. If only "policy" is given, P is
+    None.
 
     game: the game; R⁻¹B' of the game defines the policy if "policy" is not in `outputs`
     z: (n,), symbols

@@ -36,7 +36,8 @@ def game(
     E: (n, k), disturbance matrix; by default the matrix of the model's disturbances, or the
         identity if it has none
 
-    Raises BadInputError if a name is unknown, a weight is missing, or a matrix has a wrong shape.
+    Raises BadInputError if a name is unknown or the weight of an input is missing, and as `Game`
+    does.
 
     >>> import hfa
     >>> model = hfa.aircraft()

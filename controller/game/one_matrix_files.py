@@ -24,6 +24,8 @@ def matrices(path: Path) -> dict[str, Any]:
     - a .csv file: the result also contains the names and units of states and inputs in the file
     - a .npy file that is not named after a matrix of a plant or critic: its matrix has the name
       `UNKNOWN`
+
+    Raises BadInputError as `_beside` does.
     """
     if path.suffix.lower() == ".csv":
         return matrices_and_names(_beside(path))

@@ -177,7 +177,8 @@ def _discrete(stored: Mapping[str, Any], game: Game) -> Any:
     stored: entries of the file, with `discount` and the cross weights `N` for discrete time
     game: game with the matrices of the file
 
-    Raises BadInputError if the file of a continuous-time plant contains entries for discrete time.
+    Raises BadInputError if the file of a continuous-time plant contains entries for discrete time,
+    or if such an entry is not valid.
     """
     if not is_discrete(stored):
         for key in DISCRETE_KEYS:
@@ -266,7 +267,7 @@ def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> G
     defaults: default values
     notes: list of notes for the user
 
-    Raises BadInputError if Q or R is missing and has no default.
+    Raises BadInputError if Q or R is missing and has no default, or if an entry is not valid.
     """
     n, m = parts["B"].shape
     values = {"E": np.eye(n), "delta": math.inf, **defaults.values}

@@ -450,6 +450,8 @@ class CertifiedLaw:
         stabilizes the plant with a decay rate of at least `RELATIVE_MARGIN` times the largest
         eigenvalue magnitude. Otherwise the discount is large enough for W(0) to stabilize the
         discounted plant.
+
+        Raises BadInputError as `initial_weights` does.
         """
         weights = self.equations.scaled(initial_weights(self.settings.initial_weights, self.basis))
         eigenvalues = self.equations.closed_loop_eigenvalues(weights, LQ)
@@ -521,8 +523,10 @@ class CertifiedLaw:
 
         here: initial weights, and the problem
         normaliser: (N_h,), normalization of the residuals
+        target: norm |ē| to reach, positive
 
-        Raises NoSolutionError if `stabilizing_step` fails.
+        Raises NoSolutionError if `stabilizing_step` fails, and numpy.linalg.LinAlgError as
+        `newton_step` does.
         """
         last = np.inf
         for _ in range(MOST_SUBSTEPS):
@@ -625,8 +629,9 @@ def certified_law(
     seed: seed of random samples
     pool: recorded samples, or None for random ones (`recording.random_pool`)
 
-    Raises BadInputError if the number or the rank of the chosen samples is below M, or if the pool
-    is smaller than the number of samples.
+    Raises BadInputError if the name of the basis is unknown, if the number or the rank of the
+    chosen samples is below the number of basis functions, or if the pool is smaller than the number
+    of samples.
     """
     functions = basis(chosen.basis, game.A.shape[0])
     samples = enough_for(functions.size, 50) if chosen.samples is None else chosen.samples
@@ -662,9 +667,9 @@ def learn(
     progress: called with (fraction done, 1, text), or None
     options: fields of `CertifiedSettings`
 
-    Raises BadInputError for an unknown law or option, for Q = 0, and for data that cannot determine
-    the weights. Raises NoSolutionError if the law cannot finish: the game has no value at this
-    delta, (A, B) is not stabilizable, or numbers overflow.
+    Raises BadInputError for an unknown law, an unknown or invalid option, for Q = 0, and for data
+    that cannot determine the weights. Raises NoSolutionError if the law cannot finish: the game has
+    no value at this delta, (A, B) is not stabilizable, or numbers overflow.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)

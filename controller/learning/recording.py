@@ -42,7 +42,10 @@ class Stack(Reported):
     drifts: np.ndarray
 
     def __post_init__(self) -> None:
-        """Check both arrays and make them read-only."""
+        """Check both arrays and make them read-only.
+
+        Raises BadInputError, as described for the class.
+        """
         for name in ("states", "drifts"):
             object.__setattr__(
                 self, name, checked_matrix(f"stack {name}", getattr(self, name), LARGEST)

@@ -57,8 +57,8 @@ class FlightCost(Result):
 def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
     """Return the cost, L2 gain and distance to instability of u = -K z, compared with the optimum.
 
-    If u = -K z does not stabilize, or K has an entry above `LARGEST_CRITIC_ENTRY`, the costs and
-    the L2 gain are inf, and the distance is 0.
+    If u = -K z does not stabilize, or |K_ij| <= `LARGEST_CRITIC_ENTRY` does not hold for every
+    entry, the costs and the L2 gain of K are inf, and its distance is 0.
 
     game: the game
     exact: solution of the game

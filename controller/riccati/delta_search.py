@@ -99,6 +99,8 @@ def smallest_delta(
 ) -> Bracket:
     """Return bounds of the smallest δ with a solution, by bisection of log δ.
 
+    Both bounds are 0 if a solution exists at every evaluated δ down to `LEAST` times `begin`.
+
     ask: function δ -> existence. The set of δ with a solution must be an interval (δ_min, inf].
     begin: a δ that should have a solution
     tolerance: relative width of the bounds, if no δ is undecided

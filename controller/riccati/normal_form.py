@@ -98,6 +98,8 @@ class NormalForm:
     def of_plants(cls, A: np.ndarray, B: np.ndarray, like: Game) -> NormalForm:
         """Return the normal form of games with different A and B, in balanced units of the states.
 
+        Entries too small for products with correct digits become 0 (`without_faint`).
+
         Source of the scaling by R^-½: Zhou, Doyle and Glover, Section 14.1.
 
         A: (..., n, n)

@@ -111,7 +111,8 @@ def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> Del
 
     The set of δ with a value is an interval (delta_min, inf]. A larger δ makes the disturbance more
     expensive. The search begins at twice the L2 gain of the LQR policy, an upper bound of
-    delta_min. If the LQR policy cannot be certified, the policy of the game is used instead.
+    delta_min. If the LQR policy cannot be certified, the policy of the game is used instead. Both
+    bounds are 0 if the disturbance does not affect the cost.
 
     form: normal form of the game
     progress: called during the search, or None

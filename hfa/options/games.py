@@ -211,6 +211,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         may_be_discrete: whether the command accepts a discrete-time plant
 
         Raises BadInputError in these cases:
+        - The plant file is not valid, or is combined with an option of the aircraft.
         - The plant is in discrete time, and `may_be_discrete` is False.
         - Neither a dihedral angle nor a plant file is given for the paper's flexible aircraft.
         Raises NoSolutionError if the aircraft has no trim.

@@ -369,7 +369,8 @@ class TrimOptions(HfaOptions):
         The condition is --condition or the default, changed by --hold, --free, --limit, --glide and
         --start.
 
-        Raises BadInputError if a variable is given twice or if --condition is a list of points.
+        Raises BadInputError if a variable is given twice, if --condition is a list of points, and
+        as `release` does.
         """
         self._refuse_doubles()
         model = self.model

@@ -34,7 +34,11 @@ def png_bytes(figure: Figure) -> bytes:
 def save(figure: Figure, path: Path, source: str = "") -> None:
     """Write a figure as .png, .svg or .pdf, completely or not at all.
 
-    source: provenance, printed below the picture and stored in the metadata of the file
+    path: path of the file
+    source: provenance, printed below the picture and stored in the metadata of the file; "" for
+        none
+
+    Raises KeyError for any other suffix, and BadInputError as `written_whole` does.
     """
     from matplotlib import rc_context
 

@@ -66,7 +66,7 @@ def check_critic(
     K, P, W: instead of the critic, its gain, value matrix, or weights of the basis "quadratic"
 
     Raises NoSolutionError if the game has no certified solution, and BadInputError if no critic is
-    given or the critic does not fit the game.
+    given, the critic does not fit the game, or the limit is not positive.
 
     >>> import hfa
     >>> game = hfa.paper.published_game(hfa.paper.level_model(hfa.aircraft(), 0.2))

@@ -225,8 +225,8 @@ def box_errors(
 def _higher_terms(critic: Critic, box: np.ndarray) -> tuple[float, np.ndarray]:
     """Return bounds of the terms of V that are not quadratic, and of their gradient (n,).
 
-    The bounds are valid in all boxes λb. Those of the gradient are multiplied by the half-widths
-    b_i.
+    Divided by λ², the terms in each box λb with 1/`REACH` <= λ <= `REACH` are within the bounds.
+    The bounds of the gradient are multiplied by the half-widths b_i.
 
     box: b, (n,)
     """
