@@ -89,6 +89,7 @@ class ScheduledGainPolicy(Policy):
     reference of `path`. U0 depends on r and not on η. Therefore the policy is u = -K z if
     linearized about a trim, with the K of that trim.
 
+    schedule: K(η)
     path: trims at the commanded scheduling variable
     """
 

@@ -7,7 +7,8 @@ largest where
 
 is least. The sums are over quantities, with r = Σ v² / N. If the unknowns include r (in
 turbulence), the first term is ½ Σ (N ln r + Σ v² / r - N). The second term keeps initial states
-that no sample determines near their guess. The factor 10 applies to measured states.
+that no sample determines near their guess. The factor 10 applies to measured states. It is 1 for
+other states that a trim balances, and 1e-6 for the remaining states.
 
 Gauss-Newton steps use exact sensitivities. A step that does not lower L is damped by Levenberg's
 rule. The initial state of each record is eliminated from the normal equations.

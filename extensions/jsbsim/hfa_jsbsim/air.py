@@ -105,6 +105,7 @@ class Motion:
     wind_to_body: rotation matrix (3, 3) of `FGAuxiliary::UpdateWindMatrices`.
     climb: climb rate relative to the ground, ft/s.
     pressure_head: dynamic pressure, lb/ft².
+    mach: Mach number of the airflow.
     calibrated: calibrated airspeed, ft/s.
     air: atmosphere at the altitude.
     """

@@ -118,6 +118,7 @@ class Properties:
     step: duration of JSBSim's frame (time step), s, or 0 for equations in continuous time.
     memories: name -> value that is stored for the next frame.
     travels: (component, target) of each <kinematic> that takes time to move.
+    asked: names of the properties that were read.
     filters: states of dynamic components.
     left_out: dynamic components whose dynamics are omitted.
     """

@@ -132,7 +132,7 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
     """Read the actor in an ONNX file, a state dict or a file with a gain K.
 
     Raises BadInputError if `entries` contradict the file, if the file contains no policy with this
-    number of observations, or if its action_scale is not positive.
+    number of observations, or if action_scale in the file is not positive.
 
     observations: number of inputs of the network, samples times observations
     """

@@ -314,8 +314,8 @@ class Assessor:
     def assessed(self, progress: Progress | None = None) -> list[AssessedPoint]:
         """Assess the policy at each trim.
 
-        Raises BadInputError for a trim at the limit of a state, or if an observation, the policy or
-        a map is not finite at a trim.
+        Raises BadInputError for a trim at the limit of a state, for the weight of an output that
+        depends on the inputs, or if an observation, the policy or a map is not finite at a trim.
         """
         refuse_edges(self.points)
         self.deployed.refuse_undefined_at(self.points)

@@ -114,7 +114,8 @@ def _normalizer_in_training(deployed: Deployed, stored: Zip) -> _Training:
     original observation. With a VecNormalize, each column of the last observation is a linear
     function of the original one. Without a VecNormalize, the original is the observation one sample
     earlier. With too few environments for a linear function, only implausibly large changes are
-    evidence. Without a stored last and original observation, the result is NONE.
+    evidence. The result is NONE if the last or the original observation is not stored, or if both
+    are equal.
     """
     if stored.last is None or stored.last_original is None:
         return _Training.NONE

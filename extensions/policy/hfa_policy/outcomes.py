@@ -133,8 +133,8 @@ class Outcome(Result):
     starts: number of flights.
     returned: number of flights that converged. Such a flight is within the ball about the
         equilibrium at the end, or earlier for half a period of the slowest oscillation and two
-        windows. If a mode diverges, only the end counts, and the distance must not grow before the
-        end.
+        windows. If a mode diverges, only the end counts. If the loop is unstable, the distance must
+        also not grow before the end.
     lost: number of flights that left the limits of the model's states.
     worst_start: linear state -> initial value of the worst flight.
     worst_outcome: outcome of the worst flight: "leaves the envelope", "does not converge" or
@@ -201,6 +201,9 @@ class FlownRows:
 
     A flight ends if it converges, leaves the envelope, is in a limit cycle, or remains at another
     equilibrium, or if its duration has elapsed.
+
+    rows: initial rows of the flights (`flights.py`).
+    owners: index of each flight's place, (N,).
     """
 
     def __init__(

@@ -127,6 +127,8 @@ class InTime:
     """Plant z' = A z + B u + E d in continuous time.
 
     Under the worst disturbance, a policy u has the cost J = V* + ∫ (u - u*)'R (u - u*) dt.
+
+    exact: exact solution of the game, with V* and u*
     """
 
     def __init__(self, game: Game, exact: Exact) -> None:
@@ -181,6 +183,8 @@ class InSteps:
 
     Under the worst disturbance, a policy u has the cost
     J = V* + Σ αᵏ (u - u*)'(R + α B'P*B)(u - u*).
+
+    exact: exact solution of the game, with V*, u* and P*
     """
 
     def __init__(self, exact: DiscreteSolution) -> None:
@@ -266,6 +270,9 @@ class _FlowLoop:
 
     rates and running are CasADi expressions of z (n,).
 
+    exact: exact solution, whose P measures convergence
+    time: duration of a simulation, s
+    b: half-widths of the box of states, (n,)
     rest: equilibrium near z = 0, or None if none is found
     """
 
@@ -331,6 +338,10 @@ class _FlowLoop:
 class _StepLoop:
     """Closed loop x⁺ = after(x) with cost Σ αᵏ paid(x_k).
 
+    expressions: symbols x (n,), after and paid
+    P: matrix of V*, (n, n)
+    sums: discount factor α and number of steps
+    by_exact: matrix of all steps of the exact loop, (n, n)
     rest: equilibrium near x = 0, or None if none is found
     """
 
