@@ -191,8 +191,7 @@ def found_in(words: list[str]) -> tuple[str, list[str]]:
     if later and words[1].startswith("-"):
         name = later[0].replace(".", " ")
         raise BadInputError(
-            f"an option is given before the second word of the command; write hfa {name} "
-            f"{shortened(words[1])} ..."
+            f"give both words of the command first: hfa {name} {shortened(words[1])} ..."
         )
     known = words_after(first)
     if known and len(words) > 1 and not words[1].startswith("-"):

@@ -106,8 +106,7 @@ def _failure(error: BaseException) -> tuple[str, int]:
             )
         case UnicodeError():
             return (
-                "a name contains an incomplete character, which is not allowed in files; choose "
-                "another name",
+                "a name contains an incomplete character; choose another name",
                 BAD_INPUT,
             )
         case MemoryError():

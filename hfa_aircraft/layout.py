@@ -227,8 +227,7 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
     if not (is_pair and all(hasattr(part, "keys") for part in returned)):
         raise BadInputError(
             f"{layout.name}: the equations return {shown(returned)}; return two dicts, rates by "
-            "state and outputs by name (for algebraic equations, solve for the unknowns or "
-            "declare the unknowns as states)"
+            "state and outputs by name (for algebraic equations, solve for the unknowns)"
         )
     rates, outputs = returned
     for kind, values, names in (
@@ -264,7 +263,6 @@ def _scalar(layout: Layout, kind: str, name: str, value: Any) -> ca.SX:
         ) from error
     if expression.numel() != 1:
         raise BadInputError(
-            f"{layout.name}: the {kind} {name} has {expression.numel()} entries; return one "
-            "number for each name"
+            f"{layout.name}: the {kind} {name} has {expression.numel()} entries; return one number"
         )
     return expression

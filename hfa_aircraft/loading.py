@@ -153,10 +153,7 @@ def _read(offer: EntryPoint, text: str) -> Model:
     with file_faults(text):
         model = read(text)
     if not isinstance(model, Model):
-        raise BadInputError(
-            f"{offer.value} reads {shown(text)} as {shown(model)}, not as a Model; correct that"
-            " package"
-        )
+        raise BadInputError(f"{offer.value} reads {shown(text)} as {shown(model)}; return a Model")
     return model
 
 

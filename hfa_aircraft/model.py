@@ -455,10 +455,7 @@ class Model(Reported):
         if self.layout.has_nan:
             return f"{self.name}: {what} contains NaN; use CasADi's functions (ca.sin), not math's"
         where = ", ".join(f"{self.describe(name, value)} {name}" for name, value in values.items())
-        return (
-            f"{self.name}: {what} is not a number at {where}; correct the equations or narrow min "
-            "and max"
-        )
+        return f"{self.name}: {what} is not a number at {where}; correct the equations or limits"
 
     def outputs_at(
         self, x: Sequence[float], u: Sequence[float], names: Sequence[str] | None = None

@@ -152,6 +152,5 @@ def variant_named(name: str) -> Variant:
         return VARIANTS[name]
     refuse_unknown("unknown dynamics", name, (*VARIANTS, *further_dynamics()))
     raise BadInputError(
-        f"the {name} dynamics have more than seven states, which is not supported here; use"
-        f" {' or '.join(VARIANTS)}"
+        f"the {name} dynamics have more than seven states; use {' or '.join(VARIANTS)}"
     )

@@ -42,8 +42,8 @@ def offered(group: str) -> dict[str, EntryPoint]:
         other = found.setdefault(entry.name, entry)
         if other.value != entry.value:
             raise BadInputError(
-                f"{_package(other)} and {_package(entry)} both offer {entry.name} in {group};"
-                " uninstall one of the packages"
+                f"{_package(other)} and {_package(entry)} both offer {entry.name}; uninstall one "
+                "package"
             )
     return found
 

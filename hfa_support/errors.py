@@ -68,7 +68,7 @@ def file_faults(file: str | Path) -> Iterator[None]:
         raise BadInputError(
             f"{file} cannot be read ({error.strerror}); give a readable file"
         ) from error
-    except ValueError as error:
+    except (ValueError, EOFError) as error:
         raise BadInputError(f"{file}: {error}; correct the file") from error
 
 

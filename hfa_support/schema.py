@@ -102,8 +102,7 @@ def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
 def _table(where: str, value: Any, declared: dict[Any, Any], entry: str) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise BadInputError(
-            f"{where}: {entry or 'content'} is {shown(value)}; give a "
-            f"table{entry and f' [{entry}]'}"
+            f"{where}: {entry or 'file'} is {shown(value)}; give a table{entry and f' [{entry}]'}"
         )
     kinds = {
         name.removesuffix("*"): kind for name, kind in declared.items() if isinstance(name, str)
@@ -150,7 +149,7 @@ def read_named(
         data = read_toml(path)
     except OSError as error:
         raise BadInputError(
-            f"{name}: there is no {what} of this name and no readable file; choose from "
+            f"{name}: no {what} and no readable file of this name; choose from "
             f"{', '.join(packaged)}"
         ) from error
     return checked(name, data, declared)

@@ -281,8 +281,7 @@ def single_parts(
         is_row = max(values.shape, default=1) == values.size
         if not values.size or (name == "W" and not is_row):
             raise BadInputError(
-                f"{name} has shape {values.shape}; give W as one row or one column, and P and K "
-                "as matrices"
+                f"{name} has shape {values.shape}; give W as a row or column, P and K as matrices"
             )
         flat = values.reshape(-1) if name == "W" else values
         parts[name] = checked_matrix(name, flat, LARGEST_CRITIC_ENTRY, DIMENSIONS[name])

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from hfa_support.errors import file_faults
 from hfa_support.files import regular_file
 
 #: Matrix -> sides that belong to the states: 0 for its rows, 1 for its columns.
@@ -29,7 +30,8 @@ def matrices_and_names(files: Mapping[str, Path]) -> dict[str, Any]:
     sides: dict[str, list[list[str]]] = {}
     matrices = {}
     for name, file in files.items():
-        matrices[name], *sides[name] = _table(name, file)
+        with file_faults(file):
+            matrices[name], *sides[name] = _table(name, file)
     return _named(sides) | matrices
 
 

@@ -67,9 +67,9 @@ def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
         of_plant = getattr(plant, key)
         if in_file != of_plant and sorted(in_file) == sorted(of_plant):
             raise BadInputError(
-                f"the {key} are {shortened(', '.join(in_file), 200)} in the file, but in the plant"
-                f" {shortened(', '.join(of_plant), 200)}; reorder the matrices, or remove {key}"
-                " from the file"
+                f"the {key} are {shortened(', '.join(in_file), 200)} in the file, but in the "
+                f"plant {shortened(', '.join(of_plant), 200)}; reorder the matrices or remove "
+                f"{key}"
             )
     units = words(stored, "state_units")
     scales = np.ones(len(plant.state_units))

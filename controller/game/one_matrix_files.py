@@ -9,7 +9,7 @@ import numpy as np
 
 from controller.game.csv_file import matrices_and_names
 from controller.game.file_entries import UNKNOWN
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, file_faults
 from hfa_support.files import regular_file
 
 #: Names of the matrices of a plant, in files next to A.csv, and of a critic.
@@ -29,12 +29,12 @@ def matrices(path: Path) -> dict[str, Any]:
     """
     if path.suffix.lower() == ".csv":
         return matrices_and_names(_beside(path))
-    if path.stem not in (*PLANT, *CRITIC):
-        return {UNKNOWN: np.load(regular_file(path), allow_pickle=False)}
-    return {
-        name: np.load(regular_file(file), allow_pickle=False)
-        for name, file in _beside(path).items()
-    }
+    files = _beside(path) if path.stem in (*PLANT, *CRITIC) else {UNKNOWN: path}
+    arrays = {}
+    for name, file in files.items():
+        with file_faults(file):
+            arrays[name] = np.load(regular_file(file), allow_pickle=False)
+    return arrays
 
 
 def _beside(path: Path) -> dict[str, Path]:
@@ -46,8 +46,8 @@ def _beside(path: Path) -> dict[str, Path]:
     """
     if path.stem not in (*PLANT[:1], *CRITIC):
         raise BadInputError(
-            f"{path}: a .csv file contains one matrix and is named after it (A and B in one folder,"
-            " or K, P, W); rename the file, or use .json, .npz or .mat for other tables"
+            f"{path}: a plant is read from A{path.suffix} (with B in the same folder), a critic "
+            "from K, P or W; give such a file, or use .json, .npz or .mat"
         )
     files = {path.stem: path}
     if path.stem == "A":

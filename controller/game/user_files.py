@@ -96,7 +96,7 @@ def stored_game(
             notes.append("E describes the wind and is not used")
         for key in ("A", "B"):
             if key not in parts:
-                beside = "a model file contains A and B (.csv, .npy: A.csv and B.csv in one folder)"
+                beside = "give A and B in one file, or in A.csv and B.csv"
                 raise BadInputError(f"there is no {key}; {beside}{found_in(stored)}")
             parts[key] = checked_matrix(key, parts[key], LARGEST)
         parts |= {key: value for key, value in changes.items() if value is not None}
@@ -154,8 +154,7 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
     if np.any((dt != 0) & (dt != None)):  # noqa: E711  entry by entry
         text = shortened(str(dt.item() if dt.size == 1 else dt.tolist()))
         raise BadInputError(
-            f"dt = {text} denotes discrete time; set dt = 0 for continuous time, or replace dt with"
-            ' time = "discrete"'
+            f'dt = {text} denotes discrete time; set dt = 0, or replace dt with time = "discrete"'
         )
     return stored, notes
 

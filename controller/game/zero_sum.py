@@ -80,8 +80,7 @@ class Game(ByValue, Reported):
         """
         if self.Q is None or self.R is None:
             raise BadInputError(
-                "Q or R is missing; write Q=..., R=... (matrices or diagonals), because the "
-                "third argument is E"
+                "Q or R is missing; write Q=..., R=..., because the third argument is E"
             )
         if self.E is None:
             vars(self)["E"] = np.eye(len(np.atleast_1d(self.A)))
@@ -213,8 +212,7 @@ def _checked_delta(delta: float) -> float:
     is_number = isinstance(delta, (int, float, np.floating))
     if not is_number or not (least <= delta <= most or delta == np.inf):
         raise BadInputError(
-            f"delta is {shown(delta)}; give a number from {least:g} to {most:g}, or inf for a "
-            "game without disturbance"
+            f"delta is {shown(delta)}; give a number from {least:g} to {most:g}, or inf"
         )
     return float(delta)
 

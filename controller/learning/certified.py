@@ -339,8 +339,8 @@ def initial_weights(value: Any, basis: Basis) -> np.ndarray:
     weights = checked_matrix("initial_weights", all_of_them, LARGEST_WEIGHT, ndim=1)
     if weights.size != basis.size:
         raise BadInputError(
-            f"initial_weights has {weights.size} elements; basis '{basis.name}' has {basis.size}"
-            " weights"
+            f"initial_weights has {weights.size} elements; give {basis.size} for basis "
+            f"'{basis.name}'"
         )
     return weights
 

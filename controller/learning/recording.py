@@ -52,8 +52,8 @@ class Stack(Reported):
             )
         if self.states.shape != self.drifts.shape:
             raise BadInputError(
-                f"states have shape {self.states.shape} and drifts {self.drifts.shape}; give both"
-                " as (N_h, n)"
+                f"states and drifts have shapes {self.states.shape} and {self.drifts.shape}; "
+                "give (N_h, n)"
             )
 
     @property
@@ -263,6 +263,5 @@ def refuse_poor(found: int, needed: int, what: str) -> None:
     if found < needed:
         raise BadInputError(
             f"the rank of {what} is {found} of {needed} (singular values below "
-            f"{RANK_TOLERANCE:g} of the largest do not count); record more states, or more "
-            "different states"
+            f"{RANK_TOLERANCE:g} of the largest do not count); record more different states"
         )

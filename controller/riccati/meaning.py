@@ -50,8 +50,7 @@ def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
     abscissa = spectrum(loop).abscissa
     if abscissa >= 0.0:
         raise NoSolutionError(
-            f"A - B K + E L has abscissa {abscissa:+.4g} 1/s: the cost of these policies is"
-            " infinite"
+            f"A - B K + E L has abscissa {abscissa:+.4g} 1/s: these policies have infinite cost"
         )
     cost = game.Q + K.T @ game.R @ K
     if math.isfinite(game.delta):

@@ -37,8 +37,8 @@ def solve(request: SolveRequest) -> int:
     """Solve the zero-sum game exactly, and report a certificate, the smallest delta, the cost of
     the policies and their stability margins.
 
-    If --model contains B1, B2, C1, D12 and optionally C2, D21, D11, D22, it is a generalized plant,
-    as for `hinfsyn`. The H-infinity norm of its closed loop is below delta, by default 1.01
+    A file of --model with B1, B2, C1, D12 and optionally C2, D21, D11, D22 is a generalized plant,
+    as for `hinfsyn`. The H-infinity norm of the closed loop is then below delta, by default 1.01
     delta_min. The exit code is 1 if there is no certified solution."""
     from controller.riccati import solution_report
 

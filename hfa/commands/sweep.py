@@ -132,8 +132,8 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
             varied = [name for name, values in axes.items() if np.ptp(values) > 0]
             if len(varied) > 1:
                 raise BadInputError(
-                    f"--picture requires a sweep in one variable, but {' and '.join(varied)} "
-                    "vary; fix all variables but one"
+                    "--picture requires a sweep in one variable; fix all but one of "
+                    f"{', '.join(varied)}"
                 )
         is_named = by in (*axes, *condition.free, *self.hold)
         if listing is None and self.model.extras.names_schedule and not is_named:
@@ -159,8 +159,7 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
         for name, values in {**self.hold, **ranges}.items():
             if name in axes or not (isinstance(values, tuple) and len(values) == 1):
                 raise BadInputError(
-                    f"{name} requires either a column of {listing} or an option with one value; "
-                    "correct the options"
+                    f"give {name} either as a column of {listing} or by an option with one value"
                 )
         for name, values in ranges.items():
             axes[name] = np.full(rows, values[0])
@@ -250,8 +249,8 @@ def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
     for index, row in enumerate(rows):
         if len(row) != len(names):
             raise BadInputError(
-                f"{path}: row {index + 2} has {len(row)} cells, but row 1 has {len(names)} "
-                "names; correct the row"
+                f"{path}: row {index + 2} has {len(row)} cells, but row 1 has {len(names)}; "
+                "correct the row"
             )
         for column, (name, text) in enumerate(zip(names, row, strict=True)):
             try:

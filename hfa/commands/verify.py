@@ -96,10 +96,10 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         _SETTINGS,
     )
     discount: float | None = option(
-        "discount factor per sample; needs --dt", "NUMBER", positive, part="verify.discounted"
+        "discount factor per sample; requires --dt", "NUMBER", positive, part="verify.discounted"
     )
     dt: float | None = option(
-        "sample time, s; needs --discount", "S", positive, part="verify.discounted"
+        "sample time, s; requires --discount", "S", positive, part="verify.discounted"
     )
     limit_error: float = option(
         f"largest accepted relative error; default {LIMIT:g}", "X", positive, default=LIMIT

@@ -180,7 +180,7 @@ def design_option(about: str | Callable[[Model], str] = _about_design) -> Any:
 def plant_option() -> Any:
     """Return the request field `plant`, whose option --model names a plant file."""
     return option(
-        f"file of your plant: A, B and optionally E, Q, R ({' '.join(MATRIX_FILES)})",
+        f"file with a plant: A, B and optionally E, Q, R ({' '.join(MATRIX_FILES)})",
         "FILE",
         input_file(*MATRIX_FILES),
         names="--model",

@@ -34,13 +34,10 @@ def advised(
         free_point = find_operating_point(aircraft, freed, request.start_point)
     except NoSolutionError:
         return error
-    describe = request.model.describe
-    held = describe("alpha", condition.imposed["alpha"])
-    trimmed = describe("alpha", free_point.states.alpha)
-    advice = "add --free alpha"
-    if "alpha" in request.hold:
-        advice = f"leave --hold alpha out and {advice}"
+    trimmed = request.model.describe("alpha", free_point.states.alpha)
+    is_typed = "alpha" in request.hold
+    advice = "replace --hold alpha by --free alpha" if is_typed else "add --free alpha"
     return TrimError(
-        f"{error}; with alpha free, not held at {held}, the trim is at {trimmed}: {advice}",
+        f"{error}; with alpha free, the trim is at {trimmed}: {advice}",
         error.attempt,
     )

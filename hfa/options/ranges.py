@@ -41,8 +41,7 @@ def value_range(model: Model, name: str, text: str) -> Range:
     if intervals >= MOST_POINTS:
         points = f"{np.floor(intervals) + 1.0:,.15g}"
         raise BadInputError(
-            f"is a range of {points} points, but at most {MOST_POINTS:,} are allowed; choose a "
-            "larger step"
+            f"is a range of {points} points (maximum {MOST_POINTS:,}); choose a larger step"
         )
     unit = quantity(model, name, "1")
     count = math.floor(intervals + 1e-9) + 1

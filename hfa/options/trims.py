@@ -237,8 +237,7 @@ def scheduled(
     def convert(model: Model, text: str) -> Any:
         if not model.schedule:
             raise BadInputError(
-                f"is not available, because {model.name} declares no scheduling variable; remove "
-                "this option"
+                f"must be removed, because {model.name} declares no scheduling variable"
             )
         return kind(model, text)
 
@@ -249,7 +248,7 @@ def scheduled(
         name = model.schedule or "the scheduling variable"
         shown_unit = "degrees" if unit(model) == "deg" else unit(model)
         more = about(model) if callable(about) else about
-        return ", ".join(filter(None, (name, shown_unit, more)))
+        return f"{name}, {shown_unit}".rstrip(", ") + f"; {more}".rstrip("; ")
 
     return option(
         words,
@@ -517,7 +516,7 @@ def output_option(
     def about(_: Model) -> str:
         """Return the help of -o, with the accepted suffixes."""
         use = purpose() if callable(purpose) else purpose
-        return f"also write {', '.join((*suffixes, *stores))}{use}"
+        return f"write results: {', '.join((*suffixes, *stores))}{use}"
 
     return option(about, "FILE", output_file(*suffixes, stores=stores), names="-o --output")
 

@@ -124,7 +124,7 @@ REFUSED = {
         ("--dihedral 15 --set tick=1e-320", "a number is too large or too small to compute with"),
         (
             "--dihedral 15 --set initial_weights=1,2",
-            "initial_weights has 2 elements; basis 'quadratic' has 21",
+            "initial_weights has 2 elements; give 21 for basis 'quadratic'",
         ),
     ],
     "verify": [

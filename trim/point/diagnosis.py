@@ -24,8 +24,9 @@ def failure(problem: TrimProblem, found: np.ndarray) -> str:
 
     - If all equations balance within the limits of the unknowns, the line names the states and
       outputs beyond their limits.
-    - Otherwise the line names the equations that do not balance, with their residuals, the active
-      limits, and free variables without an independent effect.
+    - Otherwise the line names the two equations with the largest residuals and the number of other
+      equations that do not balance, the active limits, and free variables without an independent
+      effect.
 
     problem: the trim problem
     found: the best unknowns found, (k,), possibly beyond their limits
@@ -36,19 +37,20 @@ def failure(problem: TrimProblem, found: np.ndarray) -> str:
         return f"no trim within limits: {'; '.join(problem.system.watched.broken(problem.at(z).y))}"
     can_balance = problem.balanced(found)
     binding = _binding(problem, z, found if can_balance else z)
-    reasons = [f"active limits: {'; '.join(binding)}" if binding else "no limit is active"]
+    notes = [f"active limits: {'; '.join(binding)}" if binding else "no limit is active"]
     equations, unknowns = problem.count
     if equations > unknowns and not can_balance:
-        reasons.append(f"{equations} equations for {unknowns} unknowns; free more variables")
+        notes.append(f"{equations} equations for {unknowns} unknowns; free more variables")
     idle = _without_effect(problem, z)
     if idle:
-        reasons.append(f"no effect of {' and '.join(idle)}; free another variable")
+        notes.append(f"no effect of {' and '.join(idle)}; free another variable")
     elif not can_balance:
         alike = _alike(problem, z)
         if alike:
-            reasons.append(f"{'; '.join(alike)}; free another variable")
+            notes.append(f"{'; '.join(alike)}; free another variable")
     kind = "equations" if problem.condition.equations[1] else "rates"
-    return f"no trim: these {kind} do not balance: {', '.join(off)} ({'; '.join(reasons)})"
+    more = f" and {len(off) - 2} more" if len(off) > 2 else ""
+    return f"no trim: these {kind} do not balance: {', '.join(off[:2])}{more} ({'; '.join(notes)})"
 
 
 def beyond_limits(model: Model, condition: TrimCondition, balancing: Mapping[str, float]) -> str:
@@ -141,9 +143,9 @@ def _binding(problem: TrimProblem, z: np.ndarray, wanted: np.ndarray) -> list[st
     for i, name in enumerate(problem.free):
         if not (low[i] or high[i]):
             continue
-        word, limit = ("lowest", limits.lowest[i]) if low[i] else ("highest", limits.highest[i])
-        sentence = f"{name} at its {word} value, {describe(name, limit)}"
+        word, limit = ("minimum", limits.lowest[i]) if low[i] else ("maximum", limits.highest[i])
+        sentence = f"{name} at {word} {describe(name, limit)}"
         if beyond[i]:
-            sentence += f", but {describe(name, needed[i])} would be needed"
+            sentence += f", {describe(name, needed[i])} required"
         sentences.append(sentence)
     return sentences

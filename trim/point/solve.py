@@ -91,8 +91,7 @@ def find_operating_point(
             return _solution(problem, problem.clip(problem.system.start))
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         raise BadInputError(
-            f"the equations overflow or divide by zero at this condition with these parameters; "
-            f"use other values ({error})"
+            f"the equations overflow or divide by zero; use other values or parameters ({error})"
         ) from error
 
 

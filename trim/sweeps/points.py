@@ -103,8 +103,8 @@ def trim_points(
     values = numbers_in("values", values)
     if values.ndim != 2 or values.shape[1] != len(variables):
         raise BadInputError(
-            f"values have shape {values.shape}; give shape (N, {len(variables)}), one column for "
-            "each variable"
+            f"values have shape {values.shape}; give (N, {len(variables)}), a column for each "
+            "variable"
         )
     if condition is None:
         condition = usual_condition(model)

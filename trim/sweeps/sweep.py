@@ -594,8 +594,8 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
     """
     if plan.count > MOST_POINTS:
         raise BadInputError(
-            f"the sweep has {plan.count:,} points, but at most {MOST_POINTS:,} fit in memory; use"
-            " larger steps"
+            f"the sweep has {plan.count:,} points (maximum in memory {MOST_POINTS:,}); use "
+            "larger steps"
         )
     model = plan.model
     rows = run_points(*plan.task(0, plan.count), progress)  # type: ignore[call-arg]

@@ -82,8 +82,8 @@ class SweepPlan:
             )
         if self.count > MOST_POINTS:
             raise BadInputError(
-                f"the sweep has {self.count:,.15g} points, but at most {MOST_POINTS:,} are "
-                "allowed; use larger steps"
+                f"the sweep has {self.count:,.15g} points (maximum {MOST_POINTS:,}); use larger "
+                "steps"
             )
         self._check_parameters()
         for corner in np.array(list(self._ends.values())).T:

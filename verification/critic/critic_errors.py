@@ -83,7 +83,7 @@ def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
     if value.shape != exact.shape:
         raise BadInputError(
             f"the learned value has shape {value.shape} and the exact value {exact.shape}; give "
-            "values of equal shape"
+            "equal shapes"
         )
     if not np.all(np.isfinite(value)):
         return math.inf

@@ -89,7 +89,7 @@ def test_an_unknown_design_is_refused() -> None:
     """A name that is not a design and not a readable file is refused with the list of designs."""
     with pytest.raises(
         BadInputError,
-        match="there is no design of this name and no readable file; choose from paper, servo",
+        match="no design and no readable file of this name; choose from paper, servo",
     ):
         load_design("nobody", hfa.aircraft())
 

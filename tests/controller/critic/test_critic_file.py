@@ -58,7 +58,7 @@ def test_parts_of_a_critic_file_are_read(name: str, content: dict[str, Any]) -> 
     ("content", "message"),
     [
         ({"A": np.eye(2)}, r"the file contains no W, P or K; .* \(found: A\)"),
-        ({"W": [[1.0, 2.0], [3.0, 4.0]]}, r"W has shape \(2, 2\); give W as one row or one"),
+        ({"W": [[1.0, 2.0], [3.0, 4.0]]}, r"W has shape \(2, 2\); give W as a row or"),
         ({"W": [1.0, math.inf]}, r"W\[1\] is inf"),
         ({"P": [1.0, 2.0]}, "the number of dimensions of P is 1; give 2"),
     ],

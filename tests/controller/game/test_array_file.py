@@ -185,7 +185,7 @@ def test_csv_matrices_are_read_with_optional_names(
             {"A": NAMED[0], "B": ",push\nalpha,1\nspeed,0.5\n"},
             "the rows of B are alpha, speed, but A has speed, alpha",
         ),
-        ({"plant": BARE[0]}, "use .json, .npz or .mat for other tables"),
+        ({"plant": BARE[0]}, "use .json, .npz or .mat"),
         ({"A": ""}, "A has no numbers"),
     ],
 )

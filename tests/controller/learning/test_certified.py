@@ -441,7 +441,7 @@ def test_a_plant_that_no_input_stabilizes_is_refused() -> None:
         ({"basis": "cubic"}, "unknown basis 'cubic'"),
         (
             {"initial_weights": (1.0, 2.0)},
-            "initial_weights has 2 elements; basis 'quadratic' has 21",
+            "initial_weights has 2 elements; give 21 for basis 'quadratic'",
         ),
         ({"initial_weights": np.nan}, r"initial_weights\[0\] is nan"),
         (

@@ -170,7 +170,7 @@ def test_malformed_samples_are_refused() -> None:
     A box without width is refused too.
     """
     game = stable_game()
-    with pytest.raises(BadInputError, match=r"give both as \(N_h, n\)"):
+    with pytest.raises(BadInputError, match=r"give \(N_h, n\)"):
         Stack(np.zeros((4, 2)), np.zeros((4, 3)))
     with pytest.raises(BadInputError, match=r"stack drifts\[0\]\[0\] is nan; give finite entries"):
         Stack(np.zeros((1, 2)), np.array([[np.nan, 0.0]]))

@@ -174,7 +174,7 @@ def test_a_binding_limit_is_named(aircraft: Model, extra: tuple[str, ...]) -> No
     message = str(caught.value)
     attempt = caught.value.attempt
     assert "\n" not in message
-    assert "throttle at its highest value, 30" in message
+    assert "throttle at maximum 30" in message
     # The thrust is 10 lbf less than 40, for 28 slug: the equation of the speed fails by this
     # amount.
     assert message.startswith("no trim: these rates do not balance: speed by -0.3")
@@ -194,9 +194,9 @@ def test_too_few_unknowns_name_the_equations(aircraft: Model) -> None:
     assert isinstance(error, TrimError)
     assert "4 equations for 2 unknowns" in str(error)
     failing = {name: value for name, value in error.attempt.residuals.items() if abs(value) > 1e-9}
-    assert failing
-    for name, value in failing.items():
-        assert f"{name} by {value:.3g}" in str(error)
+    named = [name for name, value in failing.items() if f"{name} by {value:.3g}" in str(error)]
+    assert len(named) == 2
+    assert f" and {len(failing) - 2} more (" in str(error)
 
 
 def test_an_equation_without_unknowns_is_named(aircraft: Model) -> None:

@@ -82,7 +82,7 @@ def test_each_point_equals_its_single_trim(aircraft: Model, name: str) -> None:
             with pytest.raises(TrimError) as caught:
                 find_operating_point(model, single)
             assert result.reasons[i] == str(caught.value)
-            assert " would be needed" in result.reasons[i]
+            assert " required" in result.reasons[i]
             continue
         point = find_operating_point(model, single)
         np.testing.assert_allclose(result.states[i], point.states, rtol=1e-9, atol=1e-11)
@@ -220,7 +220,7 @@ LISTS = [
         "the column of row 1 is unknown: 'spd'; did you mean speed? choose from speed, ",
     ),
     ("dihedral,dihedral\n5,64\n", "row 1 contains a name twice, or no values follow"),
-    ("dihedral,speed\n5,64,3\n", "row 2 has 3 cells, but row 1 has 2 names; correct the row"),
+    ("dihedral,speed\n5,64,3\n", "row 2 has 3 cells, but row 1 has 2; correct the row"),
     ("dihedral,speed\n", "row 1 contains a name twice, or no values follow"),
 ]
 
@@ -258,7 +258,7 @@ def test_a_list_of_points_is_swept_in_order(published_aircraft: Model, tmp_path:
     np.testing.assert_allclose(swept.A[1], alone.A, rtol=1e-9, atol=1e-12)
     stored = hfa(*words, "-o", str(tmp_path / "points.zarr"), "--json")
     assert json.loads(stored.out)["counts"]["trimmed"] == 2
-    assert_refused(hfa(*words, "--hold", "speed=60"), 2, "speed requires either a column of ")
+    assert_refused(hfa(*words, "--hold", "speed=60"), 2, "give speed either as a column of ")
     assert_refused(
         hfa("trim", "--dihedral", "5", *words[1:3]),
         2,
@@ -278,7 +278,7 @@ HIGHEST = [0.35, 75.0, 45_000.0, 0.07, 0.05]
 GLIDE = release(
     LEVEL_FLIGHT, free=("alpha", "gamma"), hold={"throttle": 0.0, "elevator_outer": 0.0}
 )
-WORDS = "the equations overflow or divide by zero at this condition with these parameters"
+WORDS = "the equations overflow or divide by zero"
 
 
 @pytest.mark.parametrize("dynamics", VARIANTS)
@@ -421,7 +421,7 @@ def test_an_extreme_parameter_is_refused(
 
 def test_wrong_tables_are_refused(aircraft: Model) -> None:
     """Tables of points with a wrong shape or with masked entries are refused."""
-    with pytest.raises(BadInputError, match=r"values have shape \(2,\); give shape \(N, 1\)"):
+    with pytest.raises(BadInputError, match=r"values have shape \(2,\); give \(N, 1\)"):
         trim_points(aircraft, ("speed",), [1.0, 2.0])
     with pytest.raises(BadInputError, match="values has masked entries"):
         trim_points(aircraft, ("speed",), np.ma.masked_array([[60.0], [68.0]], [[True], [False]]))
@@ -477,7 +477,7 @@ def test_a_range_too_long_is_refused(parameters: Parameters) -> None:
         BadInputError, match=r"dihedral is 80\.2\d* deg; give a value between -60 deg and 60 deg"
     ):
         SweepPlan({"dihedral": Steps(0.0, 0.1, 15)}, choice.aircraft(parameters=parameters))
-    with pytest.raises(BadInputError, match="has 1,234,570,000 points, but at most 1,000,000,000"):
+    with pytest.raises(BadInputError, match=r"has 1,234,570,000 points \(maximum 1,000,000,000\)"):
         SweepPlan(
             {"dihedral": Steps(0.0, 1e-9, 123457), "speed": Steps(60.0, 1e-6, 10**4)},
             choice.aircraft(parameters=parameters),

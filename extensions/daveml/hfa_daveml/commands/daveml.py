@@ -37,10 +37,10 @@ class DavemlRequest(OutputOptions):
 
 @command(DavemlRequest)
 def daveml(request: DavemlRequest) -> int:
-    """Recompute the check cases of a DAVE-ML file and compare each output with its printed value.
+    """Recompute the check cases of a DAVE-ML file, and compare the outputs with the file.
 
-    Exit code 0 if every output agrees within its tolerance. Exit code 1 if one does not, or if the
-    file has no check case.
+    Exit code 0: every output agrees within the tolerance in the file. Exit code 1: otherwise, or if
+    the file has no check case.
     """
     checked = checked_document(read_document(str(request.file)))
     show(checked.report(), request)

@@ -52,7 +52,7 @@ class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
     picture: Path | None = picture_option("the flight, or the flights of --draws")
     steps: Path | None = option(
         "simulate the discrete-time plant in FILE from --initial for --duration steps; policy: "
-        "the optimum of its game, or --weights",
+        "optimum of the game, or --weights",
         "FILE",
         input_file(*MATRIX_FILES),
         names="--model",

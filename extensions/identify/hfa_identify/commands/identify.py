@@ -104,7 +104,7 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
         "also estimate turbulence (filter error); recorded speed, alpha and beta must be "
         "relative to the air"
     )
-    plan: bool = option("rank candidate maneuvers by the widest confidence band that would remain")
+    plan: bool = option("rank candidate maneuvers by the widest confidence band after the maneuver")
     output: Path | None = output_option(AIRCRAFT, purpose=" (the identified aircraft)")
     picture: Path | None = picture_option("measured and fitted quantities, and residuals")
 
@@ -114,9 +114,9 @@ def identify(request: IdentifyRequest) -> int:
     """Identify parameters of an aircraft from flight records by maximum likelihood.
 
     The method is output error or, with --turbulence, filter error. The report contains estimates
-    with 95 % bands corrected for colored residuals, their correlations, and the quality of the fit.
-    Exit code 0 if there are no findings. Exit code 1 with findings, such as parameters that the
-    records do not determine; the first line names the most important ones.
+    with 95 % bands corrected for colored residuals, correlations, and the quality of the fit. Exit
+    code 0: no findings. Exit code 1: findings, such as parameters that the records do not
+    determine. The first line names the most important findings.
     """
     from hfa_identify.aircraft_file import aircraft_text
     from hfa_identify.estimation import identify as identified_of

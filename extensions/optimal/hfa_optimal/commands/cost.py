@@ -99,8 +99,8 @@ def cost(request: CostRequest) -> int:
     initial condition. Every flight that ends at the trim, within the envelope and the limits of the
     inputs, costs at least the smaller of W and the proved level. -o FILE.json writes a certificate,
     also if the run is interrupted. --check FILE verifies a certificate. `hfa optimize --bound FILE`
-    compares flights with it. Exit code 0 if the bound is proved. The command needs `pip install
-    .[proof]`.
+    compares flights with the bound. Exit code 0 if the bound is proved. The command requires `pip
+    install .[proof]`.
     """
     from hfa_proof.arithmetic import flint_or_refusal
 

@@ -83,11 +83,11 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         named=True,
     )
     bound: Path | None = option(
-        "certificate of `hfa prove cost`; the best cost found is compared with its lower bound",
+        "compare the best cost found with the lower bound in this certificate of `hfa prove cost`",
         "FILE",
         input_file(".json"),
     )
-    picture: Path | None = picture_option("the best flight found, and those of the policies")
+    picture: Path | None = picture_option("the best flight found, and the flights of the policies")
 
     def search(self) -> tuple[BestFlights, Game]:
         """Return the search for best flights to the trim, and the game of the linear model at
@@ -158,10 +158,10 @@ def optimize(request: OptimizeRequest) -> int:
     The cost is the integral of x'Qx + u'Ru, in deviations from the trim. Collocation proposes
     flights within the limits. A simulation of each proposal yields the reported cost. A cheaper
     flight may exist. The policies are the linear optimum and the exact game policy, both saturated
-    at the limits of the inputs, and those of --weights and --policy. --starts N prints a table for
-    many initial conditions. --to NAME=VALUE searches for flights from one trim to another, and
-    --minimize time for the quickest one. Exit code 1 if no flight was found, or if the simulation
-    refutes it.
+    at the limits of the inputs, and the policies of --weights and --policy. --starts N prints a
+    table for many initial conditions. --to NAME=VALUE searches for flights from one trim to
+    another, and --minimize time for the quickest flight. Exit code 1 if no flight was found, or if
+    the simulation refutes the flight.
     """
     begins = (bool(request.deviations), request.starts is not None, bool(request.to))
     if begins.count(True) != 1:

@@ -47,8 +47,8 @@ class ReportRequest(UnitsOption, TrimOptions):
     at: Range | None = scheduled(
         scheduled_range,
         "RANGE",
-        "dihedral angles shown in detail: a number, a list a,b,c or a range start:stop:step; "
-        "default: the printed 5 and 15",
+        "angles shown in detail: a number, a list a,b,c or a range start:stop:step; default: the "
+        "printed 5 and 15",
     )
     sweep: Range = option(
         "dihedral angles of the slider and the root locus, degrees; default 0:20:0.5",
@@ -57,7 +57,7 @@ class ReportRequest(UnitsOption, TrimOptions):
         default=tuple(SWEEP.tolist()),
     )
     outputs: tuple[str, ...] | None = option(
-        "outputs for which C and D are also shown", "a,b,...", some_of(*STATES, *OUTPUTS)
+        "additional outputs, shown with C and D", "a,b,...", some_of(*STATES, *OUTPUTS)
     )
     claims: Any = option(
         "claims.json written by `python -m studies.section5`, or the folder that contains the "
@@ -86,7 +86,7 @@ def report(request: ReportRequest) -> int:
     """Write an HTML page with trims, linear models, games and comparisons with the printed
     matrices.
 
-    Both printed pairs (A, B) are compared with the regenerated ones. A slider shows trim and
+    Both printed pairs (A, B) are compared with the regenerated pairs. A slider shows trim and
     linear model at each dihedral angle. For the angles of --dihedral, the page also shows the
     printed values, the exact game solution and a learned critic. The page contains Plotly
     (`pip install .[page]`) and loads nothing from a network. Exit code 1 if the printed matrices

@@ -123,8 +123,8 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         names="--aircraft --model",
     )
     sample_time: float | None = option(
-        "sample time, s, of a gain K that is given in place of a deployment file (u = -K x, with "
-        "all linear states and all inputs)",
+        "sample time, s, of a gain K that replaces the deployment file (u = -K x, with all "
+        "linear states and all inputs)",
         "S",
         number,
     )
@@ -149,7 +149,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         rare=True,
     )
     need: Mapping[str, float] = option(
-        "requirement: smallest tolerated delay (s), smallest disk margin, or largest linear cost "
+        "requirement: delay to tolerate (s), smallest disk margin, or largest linear cost "
         "(percent above the optimum); repeatable",
         "delay|margin|cost=X",
         _need,
@@ -157,7 +157,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     )
     vary: Mapping[str, tuple[float, float]] = option(
         "interval of a parameter, or of an input that is not an action; the unchanged policy is "
-        "also assessed at five values in it; repeatable",
+        "also assessed at five values in this interval; repeatable",
         "NAME=LOW:HIGH",
         OfModel(_varied),
         named=True,
@@ -169,15 +169,15 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     turbulence: Turbulence | None = turbulence_option()
     gust: tuple[float, ...] | None = gust_option()
     best: int | None = option(
-        "number of flights at each trim that are compared with the best flights found; 0 for "
-        "none; default 5 if the deployment file contains [cost]",
+        "number of flights at each trim to compare with the best flights found; 0 for none; "
+        "default 5 if the deployment file contains [cost]",
         "K",
         whole(0, _MOST_SAMPLES),
     )
     draws: int | None = draws_option()
     bound: Path | None = option(
-        "certificate of `hfa prove cost`; the costs of the flights of --best are compared with "
-        "its lower bound",
+        "compare the costs of the flights of --best with the lower bound in this certificate of "
+        "`hfa prove cost`",
         "FILE",
         input_file(".json"),
     )
@@ -283,15 +283,15 @@ def _assumed_trim(request: AssessRequest, points: tuple[OperatingPoint, ...]) ->
 
 @command(AssessRequest)
 def assess(request: AssessRequest) -> int:
-    """Assess a policy as it is deployed: sampled and held, with its normalizer and its delay.
+    """Assess a policy as deployed: sampled and held, with normalizer and delay.
 
     For each trim, the report contains the equilibrium, the spectral radius of the sampled loop with
-    0, 1, 2 ... samples of delay, and margins at the plant's input. It compares the linear cost with
+    0, 1, 2 ... samples of delay, margins at the plant's input, and the linear cost compared with
     the optimum for Q and R. Flights from a box of initial conditions are simulated with and without
     a disturbance pulse.
 
-    Exit code 0: the policy holds at every trim and satisfies every --need. Exit code 1: it does
-    not, or its files prove a mistake of the deployment file."""
+    Exit code 0: the policy holds at every trim and satisfies every --need. Exit code 1: otherwise,
+    or if the files of the policy prove a mistake in the deployment file."""
     from hfa_identify.draws.report import reported
     from hfa_policy.assess import judged
     from hfa_policy.assessment import Assessor

@@ -29,7 +29,7 @@ class CheckRequest(PlantOptions, OutputOptions):
         interval_of, "DEG|LOW:HIGH", "value or interval that the certificate must contain"
     )
     weights: Path | None = option(
-        "file of the gains or critic that the certificate must contain",
+        "file with the gains or critic that the certificate must contain",
         "FILE",
         input_file(*MATRIX_FILES),
     )
@@ -45,13 +45,13 @@ class CheckRequest(PlantOptions, OutputOptions):
 
 @command(CheckRequest)
 def prove(request: CheckRequest) -> int:
-    """Verify a certificate: prove its statement again in ball arithmetic.
+    """Verify a certificate by proving the statement again in ball arithmetic.
 
-    For your own aircraft, give its file by --aircraft. The other options are compared with the
-    statement: the aircraft with its parameters, trim and limits, or the plant of --model; the
-    weights; the gains or critic. The first line of the report names the parts that were not given.
-    Exit code 0: the statement is proved. Exit code 1: it is not proved, or differs from an option.
-    The command needs `pip install .[proof]`."""
+    For your own aircraft, give the file with --aircraft. The other options are compared with the
+    statement: the aircraft with parameters, trim and limits, or the plant of --model, and the
+    weights, gains or critic. The first line of the report names the parts that were not given.
+    Exit code 0: the statement is proved. Exit code 1: the statement is not proved, or differs from
+    an option. The command requires `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
     from hfa_proof.checker.sealed import kind_of
 

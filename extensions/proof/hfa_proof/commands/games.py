@@ -42,7 +42,7 @@ class Stated(NamedTuple):
 class SolutionRequest(PlantOptions, OutputOptions):
     """Options of `hfa prove solution`."""
 
-    at: Any = scheduled(interval_of, "DEG", "read as an exact decimal number")
+    at: Any = scheduled(interval_of, "DEG", "as an exact decimal number")
 
     def stated(self) -> Stated:
         """Return the game that the options define.
@@ -80,7 +80,7 @@ class CriticRequest(SolutionRequest):
     """Options of `hfa prove critic`."""
 
     file: Path = option(
-        f"file of the critic: W, P or K ({' '.join(MATRIX_FILES)})",
+        f"file with a critic: W, P or K ({' '.join(MATRIX_FILES)})",
         "FILE",
         input_file(*MATRIX_FILES),
         names="file",
@@ -96,8 +96,8 @@ def solution(request: SolutionRequest) -> int:
     """Prove that the game has one stabilizing solution within a radius of P, and bracket delta_min.
 
     The proof uses ball arithmetic. delta_min is the smallest delta for which the game has a
-    solution. -o FILE.json writes a certificate for hfa prove --check FILE. Exit code 0: the
-    statement is proved. Exit code 1: it is refuted or remains open. The command needs
+    solution. -o FILE.json writes a certificate for `hfa prove --check FILE`. Exit code 0: the
+    statement is proved. Exit code 1: the statement is refuted or remains open. The command requires
     `pip install .[proof]`."""
     from hfa_proof.search.solution_proof import prove_solution
 
@@ -113,9 +113,9 @@ def critic(request: CriticRequest) -> int:
     """Prove whether a critic's gain stabilizes the plant, and bound the distances of W, P or K.
 
     The proof uses ball arithmetic. The result contains lower and upper bounds on the distances
-    from the exact solution. -o FILE.json writes a certificate for hfa prove --check FILE.
+    from the exact solution. -o FILE.json writes a certificate for `hfa prove --check FILE`.
     Exit code 0: the gain is proved to stabilize the plant. Exit code 1: stability is refuted or
-    remains open. The command needs `pip install .[proof]`."""
+    remains open. The command requires `pip install .[proof]`."""
     from controller.critic.critic_file import Reading, critic_in
     from hfa_proof.search.solution_proof import prove_critic
 

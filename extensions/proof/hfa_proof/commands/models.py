@@ -25,12 +25,12 @@ class ModelsRequest(RangeOptions):
 
 @command(ModelsRequest)
 def models(request: ModelsRequest) -> int:
-    """Find linear models whose interpolation error is proved to be at most --limit-error.
+    """Find linear models with a proved interpolation error of at most --limit-error.
 
     A, B, the trim inputs and K of the exact game are interpolated linearly. The error is proved in
     ball arithmetic for every value of LOW:HIGH, with as few models as the proof allows. -o
-    FILE.json writes a certificate for hfa prove --check FILE; -o with another suffix writes the
-    models. The command needs `pip install .[proof]`."""
+    FILE.json writes a certificate for `hfa prove --check FILE`. -o with another suffix writes the
+    models. The command requires `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
     from hfa_proof.search.models_grid import prove_models
 

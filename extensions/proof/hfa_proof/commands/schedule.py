@@ -96,8 +96,8 @@ def schedule(request: ScheduleRequest) -> int:
 
     At every value, and not only on a grid, the trim is proved to exist within its limits and the
     loop to be Hurwitz. With --bandwidth, every actuator with a bandwidth in an interval is covered.
-    -o FILE.json writes a certificate for hfa prove --check FILE. Exit code 0: the statement is
-    proved. Exit code 1: it is refuted or remains open. The command needs
+    -o FILE.json writes a certificate for `hfa prove --check FILE`. Exit code 0: the statement is
+    proved. Exit code 1: the statement is refuted or remains open. The command requires
     `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
 

@@ -50,7 +50,7 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
     """Options of `hfa prove region`."""
 
     weights: Path | None = option(
-        "file of the policy: K, P, W, or a network (proved on boxes); default: policy of the "
+        "file with a policy: K, P, W, or a network (proved on boxes); default: policy of the "
         "exact game",
         "FILE",
         critic_path,
@@ -78,13 +78,14 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
         default=60.0,
     )
     prover: str | None = option(
-        "squares (sums of squares) or boxes (branch and bound); default: chosen for the loop",
+        "method of proof: squares (sums of squares) or boxes (branch and bound); default: "
+        "depends on the loop",
         "NAME",
         lambda text: one_of("squares", "boxes")(text),
     )
     disturbance: Mapping[str, float] = option(
-        "prove an invariant set, not a region of attraction, for every disturbance NAME of the "
-        "model up to SIZE; repeatable",
+        "instead of a region of attraction, prove a set that is invariant under every "
+        "disturbance NAME up to SIZE; repeatable",
         "NAME=SIZE",
         OfModel(_size),
         named=True,
@@ -106,14 +107,14 @@ def region(request: RegionRequest) -> int:
     """Prove a region of attraction of the nonlinear loop with saturated inputs.
 
     Every trajectory that begins in {V(z) <= rho} stays there and within all limits of the model,
-    and converges to the trim; z is the deviation from the trim. The policy is u = sat(u0 - K z)
-    with K of the exact game. With --weights it is the policy of a file: a gain, a polynomial or a
-    network. With --disturbance the set is proved invariant under every disturbance up to its size,
-    and convergence is not claimed. The report also names the state at which V' >= 0 was found, an
-    initial condition that does not converge, and the limits that bind. -o FILE.json writes a
-    certificate, and --check FILE verifies one; for networks and deployment files, repeat --weights
-    or --policy. Not covered: sampling, actuators, delays, and a linearization that is not Hurwitz.
-    Exit code 0: the set is proved. The command needs `pip install .[proof]`."""
+    and converges to the trim. z is the deviation from the trim. The policy is u = sat(u0 - K z)
+    with K of the exact game, or the gain, polynomial or network in the file of --weights. With
+    --disturbance NAME=SIZE, the set is proved invariant under every disturbance up to SIZE, and
+    convergence is not claimed. The report also names a state with V' >= 0, an initial condition
+    that does not converge, and the active limits. -o FILE.json writes a certificate, and --check
+    FILE verifies a certificate. For networks and deployment files, repeat --weights or --policy.
+    Not covered: sampling, actuators, delays, and a linearization that is not Hurwitz. Exit code 0:
+    the set is proved. The command requires `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
 
     flint_or_refusal()
