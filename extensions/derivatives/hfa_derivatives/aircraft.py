@@ -63,8 +63,8 @@ def from_derivatives(table: str | Path | Mapping[str, Any]) -> Model:
         the table's `units`, or texts with a unit, such as "2.4 deg". Derivatives are per rad, or
         per deg if `per` is "deg".
 
-    Raises BadInputError if `table` is neither a path nor a dictionary, or if an entry is missing,
-    unknown or invalid.
+    Raises BadInputError if `table` is neither a path nor a dictionary, if the file cannot be read,
+    or if an entry is missing, unknown or invalid.
 
     >>> import hfa
     >>> uav = hfa.from_derivatives("examples/uav.toml")

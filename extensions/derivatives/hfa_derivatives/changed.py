@@ -23,8 +23,8 @@ def changed_aircraft(path: str) -> Model | None:
     The entry `aircraft` names the other aircraft. The values in the table [parameters] are in the
     units of the other aircraft. Return None if the file has no entry `aircraft`.
 
-    Raises BadInputError if an entry is unknown or invalid, or if the other aircraft cannot be
-    loaded.
+    Raises BadInputError if the file or the other aircraft cannot be loaded, or if an entry is
+    unknown or invalid.
     """
     with file_faults(path):
         data = read_toml(path)

@@ -57,12 +57,14 @@ def check_discounted(
       x⁺ = A x + B u + E w,  J = Σ αᵏ (x'Qx + u'Ru - δ² w'w) dt
 
     A, B and E are the matrices of one sample time with constant u and w. `check_discrete` describes
-    the check.
+    the check and its errors.
 
     discount: α, the factor for one sample time
     dt: sample time, s. None: `game` is in discrete time, and J has no factor dt.
     limit: largest permitted relative error
     scope: extent of the checks of a network, by default `Scope()`
+
+    Raises BadInputError if the discount or dt is out of range.
     """
     if dt is None:
         return check_discrete(DiscreteGame(game, discount), critic, limit=limit, scope=scope)

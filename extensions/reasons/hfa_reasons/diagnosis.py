@@ -71,7 +71,7 @@ class Demands(NamedTuple):
 
     left: permitted remaining part of the error for each kind of `Hypothesis.fitted`. The part is
         smaller if numbers were fitted, because fitted numbers explain part of any error.
-    least: error below which `_EXACT` applies.
+    least: largest error of a critic for which the permitted part of `_EXACT` applies instead.
     entry: largest permitted error of an entry under the hypothesis (`View.entry_errors`).
     share: fraction of the informative entries that must satisfy `entry`.
     """

@@ -302,7 +302,7 @@ class Fit:
         """Return rows (N, K) and right sides (N,) of the inequality at samples.
 
         The inequality is grad W · f + (1 - kept margin) (z'Q z + v'R v) >= 0, divided by the
-        running cost.
+        running cost. The kept margin is `_KEPT` times the margin of the problem.
 
         z: state deviations, (N, n)
         v: input deviations, (N, m)

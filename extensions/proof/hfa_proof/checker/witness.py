@@ -63,7 +63,9 @@ class TrimBox:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """Matrix H that counts the eigenvalues on each side of the line Re λ = -rate.
+    """Matrix H that counts the eigenvalues of a matrix A on each side of the line Re λ = -rate.
+
+    A has as many eigenvalues with Re λ > -rate as H has negative eigenvalues.
 
     H: symmetric matrix, (n, n)
     turn: coordinates in which the signs of the eigenvalues of H are decided, (n, n)

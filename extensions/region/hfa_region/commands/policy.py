@@ -114,8 +114,8 @@ def loop_of(
     - the matrix P of the value of the game or critic, or None without inputs or without a P
     - input -> nonlinear terms of the policy
 
-    Raises NoSolutionError if the game has no solution. Raises BadInputError if --basis is given
-    without --weights or the policy is not a polynomial.
+    Raises NoSolutionError if no trim is found or the game has no solution. Raises BadInputError if
+    --basis is given without --weights or the policy is not a polynomial.
     """
     if request.basis is not None and request.weights is None:
         raise BadInputError(

@@ -133,8 +133,8 @@ class PolynomialFunction:
 def edge_points(V: PolynomialFunction, T: np.ndarray, level: float, seed: int = 0) -> np.ndarray:
     """Return points y (k, n) with V = level, in coordinates z = T y.
 
-    On each random ray from the origin, the point with the smallest factor is returned. Rays that do
-    not reach the level are omitted.
+    On each random ray from the origin, the first point with V = level is returned. Rays that do not
+    reach the level are omitted.
 
     seed: seed of the random rays
     """

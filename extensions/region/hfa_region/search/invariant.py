@@ -239,7 +239,7 @@ def _falls(
 ) -> tuple[bool, np.ndarray | None]:
     """Return whether V' < 0 and the limits hold at all samples of a level, and a state or None.
 
-    The state is the sample with the largest V', if this V' is not negative.
+    The state is the sample with the largest V' if this V' is not negative, otherwise None.
     """
     points = edge_points(V, T, level) @ T.T
     if not len(points):

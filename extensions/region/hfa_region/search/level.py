@@ -304,7 +304,8 @@ def lowest_degree(part: Mapping[str, str]) -> int:
 def split(ball: RegionLoop) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
     """Return the parts that may have points in the unit ball of y, and the parts that have none.
 
-    In a part of the second list, inputs that need no distinction are `ANY`.
+    The parts are distinguished in double precision. In a part of the second list, inputs that need
+    no distinction are `ANY`.
     """
     names = list(ball.statement.loop.inputs)
     met: list[dict[str, str]] = []

@@ -261,7 +261,7 @@ class RegionSearch:
     def _kept(self, proved: ProvedLevel | None, V: PolynomialFunction, origin: str) -> float:
         """Store a proved set if it is the largest so far, and return its size.
 
-        proved: the proved set, or None. The size is then 0.
+        proved: the proved set, or None, for which the size is 0
         origin: description of V
         """
         if proved is None:

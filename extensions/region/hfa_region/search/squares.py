@@ -123,9 +123,9 @@ class Squares:
         return np.arange(start, self._count)
 
     def identity(self, target: Terms) -> Identity:
-        """Add the identity target + terms = 0 and return the identity, first without terms.
+        """Add the identity target + terms = 0 to the problem and return the identity.
 
-        Terms are added to the returned identity by `add` and `subtract`.
+        The identity has no terms at first. Terms are added by `add` and `subtract`.
 
         target: the polynomial
         """
@@ -263,8 +263,8 @@ def positive(
 ) -> tuple[float, dict[str, Any]] | None:
     """Return the margin of a sum-of-squares proof that a target is positive, and its Gram matrices.
 
-    The target is positive where all constraints are >= 0. The margin is relative to the largest
-    coefficient of the target. Return None if the solver fails.
+    If the margin is positive, the target is positive where all constraints are >= 0. The margin is
+    relative to the largest coefficient of the target. Return None if the solver fails.
 
     target: the polynomial
     constraints: (name, polynomial, lowest and highest degree of its multiplier's monomials)
