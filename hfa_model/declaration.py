@@ -192,7 +192,7 @@ def rigid_panels(variant: Variant, parameters: Parameters) -> Model:
 
 
 def is_hfa(model: Model) -> bool:
-    """Return whether a model is the paper's aircraft with the published or the newton equations."""
+    """Return whether a model is the paper's aircraft with the equations of a `Variant`."""
     return isinstance(native_of(model).equations, Equations)
 
 

@@ -132,8 +132,8 @@ class TrainingRun(Result, Reported):
 
     @property
     def settling_time(self) -> float:
-        """First time after which `settling_residual` stays at or below `SETTLED`, in units of
-        `clock`.
+        """First recorded time from which `settling_residual` stays at or below `SETTLED`, in units
+        of `clock`.
 
         The result is inf if the last residual is larger.
         """

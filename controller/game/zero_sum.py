@@ -253,7 +253,8 @@ def is_semidefinite(matrix: np.ndarray) -> bool:
 def is_definite(matrix: np.ndarray) -> bool:
     """Return whether a symmetric matrix (n, n) is positive definite by more than rounding.
 
-    The result does not depend on units.
+    Each diagonal entry must be at least 1 / `LARGEST`. Otherwise the result does not depend on
+    units.
     """
     smallest_diagonal = np.diag(matrix).min(initial=np.inf)
     rounding = 10 * len(matrix) * np.finfo(float).eps

@@ -219,6 +219,8 @@ def reach_checks(form: NormalForm) -> tuple[Check, ...]:
 
     form: normal form of the game before `turned`, because `turned` replaces entries that are 0 by
         rounding errors
+
+    The result is a tuple with this one check.
     """
     return checks_of(TEST_OF_REACH, {"reach": sought_reach(form[None])[0]})
 

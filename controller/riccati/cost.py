@@ -63,6 +63,8 @@ def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
     game: the game
     exact: solution of the game
     K: (m, n)
+
+    Raises NoSolutionError if rounding hides whether A - B K is stable.
     """
     exact_gain = bounded_real_gain(game, exact.K)
     exact_distance = spectrum(game.A - game.B @ exact.K).axis_distance()

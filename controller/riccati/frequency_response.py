@@ -54,6 +54,8 @@ def peak_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level:
     and at frequencies between, below and above them. If σ_max(D) is not below the level, σ_max(D)
     is returned. A must be Hurwitz. Source: Bruinsma and Steinbuch, Systems and Control Letters 14
     (1990), 287-293.
+
+    Raises NoSolutionError as `responses` does.
     """
     through = float(np.linalg.norm(D, 2)) if D.size else 0.0
     if not through < level:
@@ -80,7 +82,7 @@ def bounded_real_gain(game: Game, K: np.ndarray) -> float:
 
     K: (m, n)
 
-    Raises BadInputError if K is not a real m x n matrix.
+    Raises BadInputError if K is not a real m x n matrix, and NoSolutionError as `system_gain` does.
     """
     loop, E, C = closed_loop(game, K)
     return system_gain(loop, E, C, np.zeros((len(C), E.shape[1])))
@@ -106,6 +108,8 @@ def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> f
     - A is not Hurwitz: inf
     - the gain is of the order of rounding: 0
     - otherwise: an upper bound with the relative error `TOLERANCE`
+
+    Raises NoSolutionError if a pole is on the imaginary axis within rounding.
     """
     if not is_hurwitz(A):
         return math.inf

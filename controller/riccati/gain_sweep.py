@@ -42,6 +42,8 @@ def swept_gain(loop: np.ndarray, E: np.ndarray, C: np.ndarray) -> SweptGain:
     loop: (n, n), state matrix of the closed loop
     E: (n, k)
     C: (p, n)
+
+    Raises NoSolutionError as `responses` does.
     """
     poles = spectrum(loop)
     if poles.abscissa >= 0.0:

@@ -87,7 +87,9 @@ class DeltaMin(NamedTuple):
 
 @checks_arguments
 def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
-    """Return bounds of the smallest δ for which a game has a value, to 1e-6 relative.
+    """Return bounds of the smallest δ for which a game has a value.
+
+    The bounds differ by 1e-6 relative, or by more if rounding hides the minimum.
 
     The delta of the game itself does not affect the result.
 

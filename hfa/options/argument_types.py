@@ -59,8 +59,8 @@ def quantity(model: Model, name: str, text: str) -> float:
 def breakpoint_value(model: Model, text: str) -> float:
     """Return the value of the model's scheduling variable at one trim, in internal units.
 
-    Raises BadInputError for a list or a range. The message names `hfa sweep`, the command for
-    several values.
+    Raises BadInputError for text that is not a number. For a list or a range, the message names
+    `hfa sweep`, the command for several values.
     """
     if "," in text or ":" in text:
         raise BadInputError(

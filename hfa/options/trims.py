@@ -114,7 +114,7 @@ class HfaOptions(Request):
     def hfa(self) -> Model:
         """The HFA with the chosen dynamics and parameters.
 
-        Raises BadInputError if the name of the dynamics is unknown.
+        Raises BadInputError if the dynamics are not in `VARIANTS`.
         """
         variant_named(self.dynamics)
         return self.model

@@ -60,7 +60,10 @@ class Result:
     json_keys: ClassVar[str] = ""
 
     def as_data(self) -> dict[str, Any]:
-        """Return the entries of the result, key -> value. Arrays are kept as arrays."""
+        """Return the entries of the result, key -> value. Arrays are kept as arrays.
+
+        Optional entries without a value are omitted.
+        """
         data: dict[str, Any] = {"schema": self.schema} if self.schema else {}
         for entry in declared_entries(type(self)):
             value = reduce(_attribute, entry.path, self)

@@ -171,7 +171,8 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         The outputs are named first, as in linear["pitch_rate", "elevator_center"]. Inputs and
         outputs are each a name or a list of names.
 
-        Raises BadInputError if the model does not have such a name, or a name is repeated.
+        Raises BadInputError if the index is not a pair, the model does not have such a name, or a
+        name is repeated.
         """
         from trim.linear.reduction import chosen
 

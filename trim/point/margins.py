@@ -63,7 +63,8 @@ class Margin(Result):
         """Distance to the nearer limit, as a fraction of highest - lowest: 0 at a limit, 0.5
         halfway.
 
-        The share is 0 if only one of the limits is finite, and `distance` if the limits are equal.
+        The share is 0 if only one of the limits is finite, nan without limits, and `distance` if
+        the limits are equal.
         """
         return self.distance / (self.highest - self.lowest or 1.0)
 

@@ -277,7 +277,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         return linearize(self.model, self, **options)
 
     def plot(self) -> Axes:
-        """Draw every variable between its limits with pyplot, and return the Axes."""
+        """Draw the variables between their limits with pyplot, and return the Axes."""
         from trim.point.point_figure import draw_point
 
         return draw_point(self)

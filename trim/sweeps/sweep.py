@@ -516,7 +516,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
         The model is trimmed at these values. The values need not be in the grid.
 
-        Raises BadInputError if a value is missing, and NoSolutionError if there is no trim.
+        Raises BadInputError if a value is missing or a name is not a swept variable, and
+        NoSolutionError if there is no trim.
         """
         if {*values} != {*self.variables}:
             raise BadInputError(f"give one value for each variable: {', '.join(self.variables)}")
@@ -564,9 +565,11 @@ def sweep(
     start: initial point of the search at each point; by default the declared initial values
     listed: True if the grid is a list of points: its values are columns of equal length, with one
         row for each point
-    at: values of the scheduling variable (N,), added to the grid; None for none
+    at: values of the scheduling variable (N,), added to the grid; None for none. They replace other
+        values of this variable.
     progress: called with (finished points, all points), or None
-    columns: further variables of the grid, as keyword arguments: speed=[60.0, 70.0]
+    columns: further variables of the grid, as keyword arguments: speed=[60.0, 70.0]. They replace
+        variables of the same name in `grid`.
 
     The result also contains the points without a trim, each with its reason.
 

@@ -53,7 +53,7 @@ class ErrorTable(Result):
 
     @property
     def settling_time(self) -> float:
-        """First time after which the error `decides` stays within its limit, s, or inf."""
+        """First recorded time from which the error `decides` stays within its limit, s, or inf."""
         return settled_at(self.times, self.errors[self.decides], self.limit)
 
     @property
