@@ -144,7 +144,8 @@ def _happening(model: Model, given: Scenario, seconds: float | None, initial: An
     seconds: duration, or None for that of the scenario
     initial: deviations by name or (n,), or None for those of the scenario
 
-    Raises BadInputError if random quantities are not drawn yet or an initial state is unknown.
+    Raises BadInputError if random quantities are not drawn yet, an initial state is unknown, or the
+    scenario does not fit the model.
     """
     if given.uncertainty != Uncertainty():
         raise BadInputError(

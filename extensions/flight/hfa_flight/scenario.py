@@ -268,7 +268,7 @@ class Scenario(Reported):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the scenario for JSON, without random quantities that are not drawn.
+        """Return the scenario for JSON, without the uncertainty and the noise samples.
 
         A signal without a formula is represented by the name of its class.
         """

@@ -242,8 +242,8 @@ class OutputError:
     ) -> tuple[int, Fit | None]:
         """Return the index and the fit of the first Gauss-Newton trial that does not raise L.
 
-        Each trial, an entry of `_TRIALS`, scales the step and adds damping to it. The fit is None
-        if every trial raises L or fails.
+        Each trial, an entry of `_TRIALS`, contains a damping of the normal equations and a factor
+        on the step. The fit is None if every trial raises L or fails.
 
         found: fit before the step
         undamped: the step without damping

@@ -206,7 +206,8 @@ class Identified(Result, Reported):
     def first_line(self) -> str:
         """The first line of the report: FAIL with at most two findings, or PASS.
 
-        After PASS, the line names at most two column errors that are assumed to be 0.
+        After PASS, the line names at most two column errors that are assumed to be 0, because a
+        change of the parameters has the same effect.
         """
         stated = self._stated
         if stated:

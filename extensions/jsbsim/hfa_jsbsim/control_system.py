@@ -377,7 +377,7 @@ def _lead_lag(component: Element, properties: Properties) -> Any:
 
     Unless filters are states, the output is c2 / c4 times the input.
 
-    Raises BadInputError if c4 is 0, or if c3 is 0 and filters are states.
+    Raises BadInputError if c4 is the constant 0, or if c3 is the constant 0 and filters are states.
     """
     value = input_of(component, properties)
     c1, c2, c3, c4 = coefficients(component, properties, 4)
@@ -403,7 +403,7 @@ def _second_order(component: Element, properties: Properties) -> Any:
 
     Unless filters are states, the output is c3 / c6 times the input.
 
-    Raises BadInputError if c6 is 0, or if c4 is 0 and filters are states.
+    Raises BadInputError if c6 is the constant 0, or if c4 is the constant 0 and filters are states.
     """
     value = input_of(component, properties)
     c1, c2, c3, c4, c5, c6 = coefficients(component, properties, 6)

@@ -500,6 +500,7 @@ class _Declaration:
         """Return the default trim condition, straight level flight, as name -> imposed value.
 
         - The flight path angle is free if there is no throttle or no engine has fuel.
+        - Without fuel, all throttles are 0. Otherwise all throttles except the first are `_HALF`.
         - The sideslip is free unless both aileron and rudder are inputs.
         """
         imposed = {"speed": self.usual_speed, "altitude": 5000.0, "yaw": 0.0, "turn_rate": 0.0}

@@ -53,8 +53,9 @@ def environment(
 
     The reward is the negative cost.
 
-    Raises BadInputError if gymnasium is missing, a name is unknown, an action has no box, or dt, Q
-    or R is given together with a deployment. Raises TrimError if there is no trim.
+    Raises BadInputError if gymnasium is missing, a name is unknown, an action has no box, `seconds`
+    or `render_mode` is invalid, or dt, Q or R is given together with a deployment. Raises TrimError
+    if there is no trim.
 
     >>> import hfa
     >>> card = hfa.Deployment(

@@ -85,7 +85,8 @@ class Draws(Result):
         - Without a gain: the numbers of trimmed aircraft and of aircraft stable without control.
         - With a gain, if an aircraft has no trim: the numbers of trimmed aircraft and of stable
           loops.
-        - Otherwise: the number of stable loops and, if known, the largest excess cost.
+        - Otherwise: the number of stable loops, the number of aircraft whose game has no solution,
+          if any, and the largest excess cost, if finite.
         """
         aircraft = f"of {self.count} drawn aircraft"
         if self.stable is None:

@@ -205,7 +205,8 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     def deployments(self, model: Model) -> list[Deployment]:
         """Load the deployments.
 
-        Raises BadInputError for a gain without a sample time, and for a sample time without a gain.
+        Raises BadInputError for a gain without a sample time, for a sample time without a gain, and
+        as `sampled_gain` and `Deployment.load` do.
 
         model: aircraft of a gain
         """
