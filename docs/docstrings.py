@@ -52,7 +52,7 @@ def describe_attributes(owner: type) -> None:
     """Register the description of each attribute of a class with Sphinx.
 
     For `Parameters`, the descriptions are the units and meanings in `FIELDS`. For another class,
-    they are entries of the docstring.
+    the descriptions are entries of its docstring.
     """
     comments = ModuleAnalyzer.for_module(owner.__module__).find_attr_docs()
     text = entries_of((inspect.getdoc(owner) or "").splitlines())

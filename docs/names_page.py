@@ -70,8 +70,9 @@ def value_of(package: str, name: str) -> object:
 def names_page(package: str) -> str:
     """Return the reference page of a package.
 
-    The page contains a table of the public names with their first sentences, and an entry for each
-    name. It also contains an entry for each class without a public name that `results` lists.
+    The page contains a table of the public names with the first sentences of their descriptions,
+    and an entry for each name. It also contains an entry for each class without a public name that
+    `results` lists.
     """
     names = names_of(package)
     rows = [_row(package, name) for name in names]
@@ -92,7 +93,7 @@ def _restructured(parts: list[str]) -> str:
 
 @cache
 def results() -> dict[str, list[type]]:
-    """Return package -> classes without a public name that its functions return.
+    """Return package -> classes without a public name that its public functions return.
 
     Each class is listed once, under the first package whose functions return it.
     """

@@ -237,6 +237,7 @@ def weights(x, first, last, count):
 def engine(x, throttle, mach):
     """Return (thrust in lbf, rate of the engine power in percent per second).
 
+    x: states, with the altitude in ft and the engine power in percent
     throttle: 0 to 1
     """
     below_military = 64.94 * throttle
@@ -262,6 +263,8 @@ def engine(x, throttle, mach):
 def aerodynamic_coefficients(x, u, xcg):
     """Return the coefficients of the forces X, Y, Z and of the moments l, m, n in body axes.
 
+    x: states, with angles in rad
+    u: inputs, with control surfaces in degrees
     xcg: position of the center of gravity as a fraction of the chord
     """
     alpha = DEGREES * x.alpha

@@ -39,11 +39,12 @@ def line(name: str, count: int) -> str:
 
 
 def largest(name: str, count: int, seconds: int = 30) -> tuple[float, str]:
-    """Return the largest difference from JSBSim in random flights, and the name of its state.
+    """Return the largest difference from JSBSim in random flights, and the name of the state.
 
     The states are compared once per second. A difference is divided by the nominal value of the
     state. Raises RuntimeError if JSBSim reports an error.
 
+    name: name of the aircraft
     count: number of flights
     seconds: duration of each flight, s
     """

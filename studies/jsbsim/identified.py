@@ -104,9 +104,12 @@ def main(words: Sequence[str]) -> int:
 def line(name: str, case: Case, count: int) -> str:
     """Return the table row of one aircraft.
 
-    The row contains the number of identifications that pass. It also contains the numbers of 95 %
-    bands that contain the slopes of JSBSim's linearization, and those of this project's
-    linearization.
+    The row contains
+
+    - the number of identifications that pass,
+    - the number of 95 % bands that contain the slope of JSBSim's linearization,
+    - the number of 95 % bands that contain the slope of this project's linearization,
+    - the slope of JSBSim that the fewest bands contain, with the number of these bands.
 
     count: number of identifications
     """
@@ -223,7 +226,7 @@ def own_slopes(point: OperatingPoint) -> dict[str, float]:
 def linear_model(slopes: Mapping[str, float], free: Sequence[str]) -> Model:
     """Return a linear model in deviations from the trim.
 
-    The derivative of speed's rate with respect to pitch_rate is 0 unless it is free.
+    The slope speed__pitch_rate is 0, unless it is free.
 
     slopes: value of each slope by name
     free: names of the slopes that are parameters of the model. The other slopes are constant.

@@ -62,7 +62,7 @@ def flight_metrics(
 
     For each tracked state:
 
-    - relative_error: late rms error divided by the command
+    - relative_error: late rms error divided by the constant part of the command
     - rise, settling: time when the error enters its band first, and permanently, s
     - growth: largest error after the adjustment divided by the largest one before
 

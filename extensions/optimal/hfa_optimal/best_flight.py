@@ -369,7 +369,7 @@ def best_flight(
 
     Raises BadInputError for unknown names, an initial condition outside the limits, a horizon that
     is too short, and a certificate about other flights. Raises NoSolutionError if no flight was
-    found, if the simulation refutes it, or if the certificate does not prove its bound.
+    found, if the simulation refutes the proposals, or if the certificate does not prove its bound.
 
     >>> import hfa
     >>> cart = hfa.Model(

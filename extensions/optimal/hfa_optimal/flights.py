@@ -176,9 +176,10 @@ class Flights:
         return Scenario(ticks * self.tick, self.step, self.tick, initial=start)
 
     def follow(self, proposal: Proposal, seconds: float) -> Flown:
-        """Return the simulated flight that follows a proposal, and the linear policy after its end.
+        """Return the simulated flight that follows a proposal, and then the linear policy.
 
-        seconds: duration of the flight, s
+        proposal: the proposed flight
+        seconds: duration of the simulated flight, s
         """
         loop = self._tracking
         policy = replace(loop.loop.policy, held=tracking_rows(self.problem, proposal, self.tick))

@@ -261,7 +261,8 @@ def quickest_flight(
     limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
 
     Raises BadInputError for unknown names and an initial condition outside the limits. Raises
-    NoSolutionError, with the reason, if no flight was found or the simulation refutes it.
+    NoSolutionError, with the reason, if no flight was found or the simulation refutes the
+    proposals.
 
     >>> import hfa
     >>> cart = hfa.Model(

@@ -146,8 +146,8 @@ class BestFlights:
         seconds: horizon, s; by default long enough for a negligible cost after it
 
         Raises NoSolutionError, with the reason, if no flight was found or the simulation refutes
-        it. Raises BadInputError if the initial condition is outside the limits or a given horizon
-        is too short.
+        the proposals. Raises BadInputError if the initial condition is outside the limits or a
+        given horizon is too short.
         """
         self.problem.refuse_outside(start)
         horizon = self.horizon(start) if seconds is None else seconds

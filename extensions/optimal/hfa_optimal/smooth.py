@@ -43,7 +43,7 @@ def smoothed(function: ca.Function, points: np.ndarray, part: float) -> ca.Funct
 
 @dataclass(frozen=True)
 class _Kink:
-    """Smoothing of one kink. The kink is where its argument is 0.
+    """Smoothing of one kink, which is where the argument of an operation is 0.
 
     width: half-width of the blend, or 0 without a blend.
     levels: the two values of an argument that takes only two values, or None.

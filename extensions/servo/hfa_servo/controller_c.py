@@ -120,11 +120,11 @@ def commanded_policy(
 def controller_steering(
     controller: ScheduledController, model: Model, point: OperatingPoint
 ) -> Steering:
-    """Return the steering of an exported loop by a controller. Its arguments are the commands.
+    """Return the steering of an exported loop by a controller.
 
-    The states of the controller and of its command filter become states of the loop. Raises
-    BadInputError if the controller was made for another model, or does not cover the scheduling
-    variable at the trim.
+    The arguments of the steering are the commands. The states of the controller and of its command
+    filter become states of the loop. Raises BadInputError if the controller was made for another
+    model, or does not cover the scheduling variable at the trim.
     """
     commanded = commanded_policy(controller, model, point)
     names = commandable(controller)

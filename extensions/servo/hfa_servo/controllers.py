@@ -143,7 +143,7 @@ def design_controller(
 
 
 def _warn_of_kinks(linear_models: Sequence[LinearModel]) -> None:
-    """Issue one warning if the entry of any A or B is the mean of two slopes at a kink.
+    """Issue one warning if an entry of any A or B is the mean of two slopes at a kink.
 
     The warning describes the first kink, and states the number of linear models with kinks.
     """

@@ -136,7 +136,7 @@ class Shaping(NamedTuple):
 class Design:
     """Settings of a design for a linear model with actuators and integrals e' = y.
 
-    name: name of a shipped design, or of its file
+    name: name of a shipped design, or path of a user's file
     inputs: inputs that the controller uses; by default all of the model
     actuators: input -> actuator; an input that is not listed has no actuator dynamics
     integrals: outputs that are integrated

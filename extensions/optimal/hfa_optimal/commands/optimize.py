@@ -120,8 +120,8 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
     def begin(self, problem: FlightProblem) -> Mapping[str, float] | OperatingPoint:
         """Return the initial condition of a flight.
 
-        With --to, this is the trim at the other options. Otherwise it is state -> deviation from
-        the trim.
+        With --to, the initial condition is the trim that the other options describe. Otherwise it
+        is state -> deviation from the trim.
         """
         if self.to:
             return self.operating_point(problem.model)
