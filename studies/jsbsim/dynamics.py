@@ -69,6 +69,7 @@ def main(names: Sequence[str]) -> int:
 def trimmed(name: str, **parameters: float) -> tuple[Model, OperatingPoint]:
     """Return a JSBSim aircraft and its trim at the airspeed and altitude of the study.
 
+    name: name of the aircraft in JSBSim
     parameters: changed parameters of the aircraft
     """
     kcas, altitude = _CONDITIONS[name]

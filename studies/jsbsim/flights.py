@@ -107,6 +107,8 @@ def trimmed(name: str) -> tuple[Model, OperatingPoint]:
     """Return an aircraft over a flat earth and its trim.
 
     The trim is at the condition in `CONDITIONS`, or at the first level trim in the study's results.
+
+    name: value of the option `--aircraft`, such as "jsbsim:737?filters=states"
     """
     model = read_model(name).with_parameters(gravity=GRAVITY)
     held = _condition(name.removeprefix("jsbsim:").partition("?")[0])

@@ -166,6 +166,8 @@ def make_setting(configuration: Configuration, matrices: str = "regenerated") ->
 
     matrices: "regenerated" for A and B of this project's trims with the published dynamics, or
       "printed" for the paper's A and B
+
+    Raises BadInputError if `matrices` is another word.
     """
     refuse_unknown("unknown matrices", matrices, MATRICES)
     cases = []
@@ -390,6 +392,7 @@ def _published(
     name: name of the law
     predefined_time: T_w, s
     frozen: whether learning stops at T_w
+    reference: command x_d
     """
     configuration = setting.configuration
     critic = setting.configuration.critic

@@ -267,6 +267,7 @@ class IntegralLearning:
 def learn_by_integrals(game: Game, seed: int = 0, **options: Any) -> TrainingRun:
     """Return the training run of the law on a simulated probing flight, with the quadratic basis.
 
+    seed: seed of the probing flight
     options: fields of `IrlSettings`
     """
     law = IntegralLearning(game, basis("quadratic", game.A.shape[0]), IrlSettings(**options), seed)

@@ -499,6 +499,8 @@ def published_law(
 ) -> PublishedLaw:
     """Return the law of Eq. (46) for a game, with recorded samples selected from a pool.
 
+    chosen: settings of the law
+    seed: seed of the random states
     pool: candidates for the recorded samples, or None for random states
     """
     functions = basis(chosen.basis, game.A.shape[0])

@@ -24,13 +24,13 @@ _UNREAD = ("uncertainty", "array", "isState", "isStateDeriv")
 class Variable:
     """A variable of a DAVE-ML file.
 
-    key: varID.
-    name: standard name.
-    units: units, as spelled in the file.
-    initial: value if no table, formula or input defines the variable, or None.
-    least, most: limits, infinite if the file gives none.
-    formula: MathML element of the calculation, or None.
-    is_input, is_output: whether the file marks the variable as an input or an output.
+    key: varID
+    name: standard name
+    units: units, as spelled in the file
+    initial: value if no table, formula or input defines the variable, or None
+    least, most: limits, infinite if the file gives none
+    formula: MathML element of the calculation, or None
+    is_input, is_output: whether the file marks the variable as an input or an output
     """
 
     key: str

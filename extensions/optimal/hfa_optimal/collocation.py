@@ -56,14 +56,14 @@ FEASIBLE = 1e-6
 class Proposal(NamedTuple):
     """Flight proposed by collocation, to be confirmed by simulation.
 
-    lengths: lengths of the intervals, s, (N,).
-    start: initial deviations z, (k,).
-    z: deviations of the followed states at the collocation points, (N, DEGREE, followed).
-    v: deviations of the inputs at the ends of the intervals, linear between them, (N + 1, m).
+    lengths: lengths of the intervals, s, (N,)
+    start: initial deviations z, (k,)
+    z: deviations of the followed states at the collocation points, (N, DEGREE, followed)
+    v: deviations of the inputs at the ends of the intervals, linear between them, (N + 1, m)
     cost: cost by quadrature at the collocation points, plus the tail. For a proposal of a
         `TimeProgram`, duration of the flight, s.
-    tail: linear cost after the last interval.
-    feasible: whether all unknowns are finite and satisfy the collocation equations.
+    tail: linear cost after the last interval
+    feasible: whether all unknowns are finite and satisfy the collocation equations
     """
 
     lengths: np.ndarray
@@ -303,12 +303,12 @@ class Transcription:
     ) -> Proposal:
         """Return the proposal that IPOPT finds from a guess. The proposal may be infeasible.
 
-        start: initial deviations z, (k,).
-        lengths: lengths of the intervals, s, (N,).
-        z: guess at the collocation points, (N DEGREE, k) or (N DEGREE, followed).
-        v: guess at the ends of the intervals, (N + 1, m).
-        margin: fraction by which the limits of the states are narrowed, as in `inner_limits`.
-        price: factor on R, also in the cost of the proposal.
+        start: initial deviations z, (k,)
+        lengths: lengths of the intervals, s, (N,)
+        z: guess at the collocation points, (N DEGREE, k) or (N DEGREE, followed)
+        v: guess at the ends of the intervals, (N + 1, m)
+        margin: fraction by which the limits of the states are narrowed, as in `inner_limits`
+        price: factor on R, also in the cost of the proposal
         """
         problem = self.problem
         of_states, of_inputs = problem.sizes

@@ -39,15 +39,15 @@ _FAR = 1e4
 class Flown(NamedTuple):
     """Simulated flight with its cost.
 
-    name: name of the policy.
-    times: s, (N,).
-    states: absolute states, (N, n).
-    inputs: absolute inputs, (N, m).
-    running_cost: cost until the end of the flight.
-    tail: linear cost z'Pz after the end of the flight.
-    cost: running cost plus tail, or inf if the flight does not converge to the trim.
-    departure: first departure from the envelope, or None if the flight stays within.
-    saturated: names of the inputs that reach a limit.
+    name: name of the policy
+    times: s, (N,)
+    states: absolute states, (N, n)
+    inputs: absolute inputs, (N, m)
+    running_cost: cost until the end of the flight
+    tail: linear cost z'Pz after the end of the flight
+    cost: running cost plus tail, or inf if the flight does not converge to the trim
+    departure: first departure from the envelope, or None if the flight stays within
+    saturated: names of the inputs that reach a limit
     """
 
     name: str
@@ -90,9 +90,9 @@ class Flown(NamedTuple):
 class Flights:
     """Simulator of the flights of a problem.
 
-    problem: aircraft, trim, weights and limits.
+    problem: aircraft, trim, weights and limits
     count: approximate number of flights. Machine code is used if the number is large.
-    longest_step: largest integration step, s.
+    longest_step: largest integration step, s
     """
 
     problem: FlightProblem

@@ -18,8 +18,8 @@ from hfa_policy.flown import flown_card, sampled_scenario
 class Pilot(NamedTuple):
     """Policy that is compiled for simulation.
 
-    name: name in reports.
-    loop: compiled closed loop.
+    name: name in reports
+    loop: compiled closed loop
     """
 
     name: str
@@ -35,7 +35,11 @@ class Pilot(NamedTuple):
 
 
 def gain_pilot(flights: Flights, name: str, K: np.ndarray) -> Pilot:
-    """Return the policy v = -K z, saturated at the limits of the inputs."""
+    """Return the policy v = -K z, saturated at the limits of the inputs.
+
+    name: name of the policy in reports
+    K: gain, (m, k)
+    """
     return Pilot(name, flights.compiled(flights.gain_policy(name, K)))
 
 

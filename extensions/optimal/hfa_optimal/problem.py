@@ -44,12 +44,12 @@ class FlightProblem:
     z are the deviations of the linear model's k states from the trim. v are the deviations of the m
     moving inputs.
 
-    linear: linear model at the trim, with the moving inputs only.
-    Q: weight of z, (k, k).
-    R: weight of v, (m, m).
-    P: matrix of the linear model's least cost z'Pz without limits, (k, k).
-    K: gain of the linear model's optimal policy v = -K z, (m, k).
-    envelope: limits of all states.
+    linear: linear model at the trim, with the moving inputs only
+    Q: weight of z, (k, k)
+    R: weight of v, (m, m)
+    P: matrix of the linear model's least cost z'Pz without limits, (k, k)
+    K: gain of the linear model's optimal policy v = -K z, (m, k)
+    envelope: limits of all states
     """
 
     linear: LinearModel

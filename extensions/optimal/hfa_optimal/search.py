@@ -75,12 +75,12 @@ Guess = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 class Found(NamedTuple):
     """Best flight that was found and simulated.
 
-    flown: simulated flight.
-    proposal: proposal that the flight follows.
-    seconds: horizon of the proposal, s.
-    meshes: number of intervals -> proposed cost.
-    guesses: name of an initial guess -> cost on the finest mesh used for this guess.
-    linear: flight of the linear optimum from the same initial condition.
+    flown: simulated flight
+    proposal: proposal that the flight follows
+    seconds: horizon of the proposal, s
+    meshes: number of intervals -> proposed cost
+    guesses: name of an initial guess -> cost on the finest mesh used for this guess
+    linear: flight of the linear optimum from the same initial condition
     """
 
     flown: Flown
@@ -115,9 +115,9 @@ class Found(NamedTuple):
 class BestFlights:
     """Search for the best flights of a problem.
 
-    problem: aircraft, trim, weights and limits.
+    problem: aircraft, trim, weights and limits
     count: approximate number of initial conditions. Machine code is used if the number is large.
-    transcriptions: number of intervals -> nonlinear program, built at its first use.
+    transcriptions: number of intervals -> nonlinear program, built at its first use
     """
 
     problem: FlightProblem

@@ -45,8 +45,8 @@ def smoothed(function: ca.Function, points: np.ndarray, part: float) -> ca.Funct
 class _Kink:
     """Smoothing of one kink, which is where the argument of an operation is 0.
 
-    width: half-width of the blend, or 0 without a blend.
-    levels: the two values of an argument that takes only two values, or None.
+    width: half-width of the blend, or 0 without a blend
+    levels: the two values of an argument that takes only two values, or None
     """
 
     width: float
@@ -79,6 +79,7 @@ class _Kink:
         - For two levels of opposite signs, the result is linear between the levels.
         - Otherwise the result is `otherwise`, not smoothed.
 
+        argument: value that is compared with 0
         otherwise: exact result of the comparison
         """
         if self.levels is not None:
@@ -110,12 +111,12 @@ class _Kink:
 class _Replay:
     """Evaluation of a function's instructions on symbols, with smoothed kinks.
 
-    function: CasADi SX function of a column (n,) with one result.
-    symbol: argument of the function, (n,).
-    kinks: smoothing of each kink, in the order of the instructions; None smooths no kink.
-    arguments: arguments of the kinks found so far.
-    work: work vector, index -> value.
-    soft: indices in the work vector of smooth values between 0 and 1, which replace truth values.
+    function: CasADi SX function of a column (n,) with one result
+    symbol: argument of the function, (n,)
+    kinks: smoothing of each kink, in the order of the instructions; None smooths no kink
+    arguments: arguments of the kinks found so far
+    work: work vector, index -> value
+    soft: indices in the work vector of smooth values between 0 and 1, which replace truth values
     """
 
     function: ca.Function

@@ -28,11 +28,11 @@ class TrackingPolicy(Policy):
     z* and v* are the proposal, interpolated linearly in each integration step.
 
     held: one row per tick, as `tracking_rows` returns them: begin of the tick, s, then (z*, v*) at
-        the ends of its integration steps, then the columns of K.
-    tick: duration of a tick, s.
-    moved: indices of the inputs in v.
-    count: number of all inputs.
-    lowest, highest: limits of v, (m,).
+        the ends of its integration steps, then the columns of K
+    tick: duration of a tick, s
+    moved: indices of the inputs in v
+    count: number of all inputs
+    lowest, highest: limits of v, (m,)
     """
 
     tick: float

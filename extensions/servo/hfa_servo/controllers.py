@@ -197,7 +197,10 @@ def controller_at(model: Model, linear: LinearModel, design: Design) -> LinearCo
 
 
 def _state_feedback(built: DesignModel) -> Feedback:
-    """Return the exact gain of the game as feedback of all states."""
+    """Return the exact gain of the game as feedback of all states.
+
+    Raises NoSolutionError if the game has no certified solution.
+    """
     game = built.game()
     exact = solve_game(game)
     n = len(built.A)
@@ -214,7 +217,10 @@ def _state_feedback(built: DesignModel) -> Feedback:
 
 
 def _output_feedback(built: DesignModel) -> Feedback:
-    """Return the central controller of the game as feedback of the sensors."""
+    """Return the central controller of the game as feedback of the sensors.
+
+    Raises NoSolutionError if no controller is certified.
+    """
     plant = GeneralizedPlant.measured(built.game(), built.C, built.V, built.D)
     central: Any = solve_plant(plant, built.design.delta)
     return Feedback(

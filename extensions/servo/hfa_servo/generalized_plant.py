@@ -452,6 +452,8 @@ def _output_feedback(
     that derived from the transposed plant.
 
     X, Y: (n, n), in the plant's `axes`
+
+    Raises NoSolutionError if the algebraic loop with D22 has no solution.
     """
     axes = plant.axes
     apart = plant.apart

@@ -83,7 +83,7 @@ class ControllerFile(ControllerTable):
     name: name of the design.
     trim_states: (N, states of the aircraft) X0.
     trim_inputs: (N, inputs of the aircraft) U0.
-    about: JSON text: the table of its design, provenance.
+    about: JSON text: delta, angles with delta_min or gamma_min and checks, provenance.
     units: units of all numbers, if they are not those that the aircraft declares.
     """
 

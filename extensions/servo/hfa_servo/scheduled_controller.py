@@ -75,7 +75,7 @@ class ScheduledController(ByValue, Reported):
     dynamics: name of the model
     parameters: hash of the model's parameter values (`identity`)
     command_filter: bandwidth (rad/s) and damping of the controller's command filter, or ()
-    about: table of the design, and provenance
+    about: "delta" of the game, "angles" with limit and checks at each breakpoint, "provenance"
     model: the model whose names are used
 
     Raises BadInputError if a shape, an order, a number or a name is wrong.

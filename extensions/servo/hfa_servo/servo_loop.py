@@ -188,7 +188,10 @@ class _Cell(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MarginTable(Checked, Result, Reported):
-    """Margins of a controller at several scheduling values and with several actuators."""
+    """Margins of a controller at several scheduling values and with several actuators.
+
+    rows: one for each scheduling value and set of actuators
+    """
 
     json_keys = "ok rows=data_rows checks"
 

@@ -56,8 +56,8 @@ _METADATA = "zarr.json"
 class RowJob(NamedTuple):
     """Computation of N rows, in independent chunks.
 
-    what: kind of the job for messages, as in "another sweep".
-    row: name of the axis of rows, the first axis of each array.
+    what: kind of the job for messages, as in "another sweep"
+    row: name of the axis of rows, the first axis of each array
     template: `xarray.Dataset` of the arrays (`array_of_rows`), with names and units on the other
         axes. Its attributes contain everything that determines the results.
     function: (*arguments) -> arrays by name, including those of the template. Workers must be able
@@ -185,9 +185,9 @@ def open_store(path: Path) -> Any:
 class Place(NamedTuple):
     """Destination of a chunk.
 
-    number: number of the chunk.
-    path: path of the store, or None if the rows are returned instead of written.
-    identity: identity of the job.
+    number: number of the chunk
+    path: path of the store, or None if the rows are returned instead of written
+    identity: identity of the job
     """
 
     number: int

@@ -133,6 +133,9 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         - the exact game policy, unless δ is infinite
         - the policy of the critic in --weights
         - the policy of the deployment file --policy
+
+        Raises NoSolutionError if the game has no solution. Raises BadInputError if a file is
+        invalid.
         """
         from controller.critic.critic_file import Reading, critic_in
         from controller.riccati.gare import solve_game

@@ -199,7 +199,7 @@ def _policy_values(value: Any) -> Callable[[Any], np.ndarray] | None:
     """Return the method `u` of a critic, or None for another value.
 
     The method returns the inputs u(z), (m,) or (N, m), at deviations z of the state, (n,) or
-    (N, n).
+    (N, n). It raises BadInputError for another shape.
     """
     if not isinstance(value, Critic):
         return None
