@@ -1,4 +1,4 @@
-"""Figure of a trim with every variable between its limits."""
+"""Figure of a trim: each variable with two different limits between these limits."""
 
 from __future__ import annotations
 
