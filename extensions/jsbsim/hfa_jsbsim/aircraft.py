@@ -79,6 +79,7 @@ class Equations:
     outputs: name -> expression.
     notes: notes for the user.
     cut_throttles: inputs that are throttle positions.
+    replaced_commands: symbols of the commands that surface positions replace as inputs.
     starts: parameter -> value in the files.
     properties: all JSBSim properties.
     mass: mass for the given tank contents and point masses.
@@ -100,6 +101,7 @@ class Equations:
         self.parameters = {name: ca.SX.sym(name) for name in self._parameter_names()}
         self.starts: dict[str, float] = {}
         self.cut_throttles: list[str] = []
+        self.replaced_commands: list[ca.SX] = []
         self._functions: dict[str, Element] = {}
         self._time = ca.SX.sym("time")
         self.properties.define("simulation/sim-time-sec", self._time)
@@ -139,7 +141,13 @@ class Equations:
         self._reach_throttles()
         if section is not None:
             names = names_read_by(section)
+            given = dict(self.inputs)
             self.notes += cut_surfaces(names, self.properties, self.inputs)
+            self.replaced_commands = [
+                command.symbol
+                for name, command in given.items()
+                if self.inputs[name] is not command
+            ]
         self.effects = self._effects()
         self.rates: dict[str, Any] = {}
         self.outputs: dict[str, Any] = {}

@@ -469,7 +469,8 @@ class _Declaration:
     ) -> ca.Function:
         """Return a CasADi function (x, u, p) or (x, u, p, gusts) -> (time derivatives, outputs).
 
-        Inputs and parameters without an effect are replaced by constants.
+        Inputs and parameters without an effect are replaced by constants. Commands that surface
+        positions replace as inputs are 0 in the filters that they still reach.
 
         outputs: names of the outputs
         gusts: symbols of the gusts, or None for a function without gusts
@@ -480,9 +481,12 @@ class _Declaration:
         kept_inputs = [inputs.pop(name) for name in self.inputs]
         parameters = dict(equations.parameters)
         kept_parameters = [parameters.pop(name) for name in self.parameters]
-        left_out = [*inputs.values(), *parameters.values(), *equations.rate_symbols]
-        zeros = [_usual(name, self.parts) for name in (*inputs, *parameters)] + [0.0, 0.0]
-        rates, others = ca.substitute([rates, others], [ca.vertcat(*left_out)], [ca.SX(zeros)])
+        left_out = [*inputs.values(), *parameters.values()]
+        constants = [_usual(name, self.parts) for name in (*inputs, *parameters)]
+        zeros = [*equations.rate_symbols, *equations.replaced_commands]
+        left_out += zeros
+        constants += [0.0] * len(zeros)
+        rates, others = ca.substitute([rates, others], [ca.vertcat(*left_out)], [ca.SX(constants)])
         arguments = [
             ca.vertcat(*equations.states.values()),
             ca.vertcat(ca.SX(0, 1), *kept_inputs),

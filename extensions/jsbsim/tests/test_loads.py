@@ -145,6 +145,25 @@ WASHOUT = (
 )
 
 
+@needs_jsbsim
+def test_replaced_commands_are_zero_in_filters():
+    """A filter of the F-22 receives a centered stick, because the elevator position is the input.
+
+    A state of the filter decays with the elevator at any position.
+    """
+    model = load_model("jsbsim:f22?filters=states")
+    assert model.inputs["elevator"].unit == "rad"
+    filters = {"stick_filter": 1.0, "roll_cmd_filter": 1.0}
+    states = [filters.get(name, signal.start) for name, signal in model.states.items()]
+    inputs = [signal.start for signal in model.inputs.values()]
+    surfaces = [name in ("elevator", "aileron") for name in model.inputs]
+    moved = [0.1 if is_surface else u for u, is_surface in zip(inputs, surfaces, strict=True)]
+    rates = model.rates_at(states, inputs)
+    for name in filters:
+        assert rates[name] < 0.0
+        assert model.rates_at(states, moved)[name] == rates[name]
+
+
 def test_a_washout_becomes_a_state_with_filters_option(tmp_path):
     """With the option filters=states, a washout filter has a state with the expected derivatives.
 
