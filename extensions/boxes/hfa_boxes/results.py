@@ -48,14 +48,15 @@ class BoxSet(ProvedResult):
 
     @property
     def equilibrium(self) -> Mapping[str, float]:
-        """State -> value at the equilibrium of the loop."""
+        """State -> approximate value at the proved equilibrium of the loop."""
         return self.statement.equilibrium
 
     @property
     def policy(self) -> str | Mapping[str, Any]:
         """SHA-256 of the policy's instructions, or the coefficients of a polynomial policy.
 
-        The coefficients are K and the terms of q in u0 - K z + q(z).
+        The coefficients are K and the terms of q in u0 - K (x - x0) + q(x - x0), with the trim x0,
+        u0.
         """
         stated = self.statement.policy
         return stated.content() if isinstance(stated, Gain) else stated

@@ -55,12 +55,15 @@ class ProvedSet(ProvedResult):
 
     @property
     def K(self) -> Matrix:
-        """Gain K (m, n) of u = sat(u0 - K z + q(z))."""
+        """Gain K (m, n) of u = sat(u0 - K (x - x0) + q(x - x0)), with the trim x0, u0."""
         return self.statement.loop.K
 
     @property
     def policy(self) -> Mapping[str, Sequence[Any]]:
-        """Input -> q as a list of [coefficient, exponents], omitted if q = 0."""
+        """Input -> q as a list of [coefficient, exponents], omitted if q = 0.
+
+        q is the nonlinear part of u = sat(u0 - K (x - x0) + q(x - x0)), with the trim x0, u0.
+        """
         return self.statement.loop.policy
 
     @property

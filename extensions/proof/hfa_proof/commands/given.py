@@ -75,7 +75,8 @@ def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
     statement: the proved statement
     request: options of the command
 
-    Raises BadInputError if an option does not apply to the statement.
+    Raises BadInputError if an option does not apply to the statement. Raises NoSolutionError if the
+    critic has no K and the statement does not determine K from the critic's P or W.
     """
     flight = getattr(statement, "flight", getattr(statement, "plant", None))
     if not isinstance(flight, Flight):
@@ -96,7 +97,11 @@ def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
 
 
 def _given_flight(flight: Flight, request: CheckRequest) -> dict[str, Given]:
-    """Return the entries on the aircraft, its parameters, limits and trims from the options."""
+    """Return the entries on the aircraft and its trims from the options.
+
+    The entries are the scheduling values, and the model with its parameters, imposed values and
+    limits.
+    """
     given = {}
     if request.at:
         option = f"--{called_at(request.model)}"

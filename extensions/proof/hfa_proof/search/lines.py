@@ -36,8 +36,7 @@ def find_line(A: TaylorModel, rate: float = 0.0) -> tuple[int, Line] | None:
 
 
 def lines_beside_the_axis(A: TaylorModel) -> list[Line]:
-    """Return lines Re λ = -rate that are proved to contain no eigenvalue of A, with their matrices
-    H.
+    """Return lines Re λ = -rate proved to contain no eigenvalue of A, with their matrices H.
 
     The list contains the nearest line found on each side of the imaginary axis, at most one per
     side.

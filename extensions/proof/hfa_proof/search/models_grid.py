@@ -104,7 +104,7 @@ def prove_models(
     is proved to be within the tolerance, at every scheduling value between the two breakpoints.
     Breakpoints are ends of cells. A cell is at most about `_CELL` steps of the family wide.
 
-    The entries of the proof's `data` are the breakpoints, A (g, n, n), B, inputs_offset (g, m),
+    The proof's `data` contains the breakpoints, A (g, n, n), B (g, n, m), inputs_offset (g, m),
     K (g, m, n) and `error`, the bounds of `ModelsStatement`.
 
     family: aircraft and its trims

@@ -187,7 +187,7 @@ def schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) ->
 
 
 def _loop_sentences(statement: ScheduleStatement, stable: bool, data: Content) -> list[str]:
-    """Return sentences on the intervals where the loop is unstable, open or stable.
+    """Return sentences on the intervals where the loop is proved stable or unstable, or neither.
 
     stable: whether the loop is proved stable on the whole interval
     data: data of the report, which contain the number of boxes
@@ -325,10 +325,9 @@ def _solution_parts(data: Content, states: tuple[str, ...]) -> list[Part]:
 
 
 def _hurwitz(closed_loop: bool | None) -> str:
-    """Return a clause on a closed loop.
+    """Return a clause on whether a closed loop is Hurwitz.
 
-    The clause reports that the loop is proved Hurwitz for True, proved not Hurwitz for False, and
-    open for None.
+    closed_loop: True if proved Hurwitz, False if proved not Hurwitz, None if neither is proved
     """
     if closed_loop is None:
         return "open: a mode may lie on the axis"

@@ -436,9 +436,8 @@ def _weight(points: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, np.
     """Return the largest rate of the scheduling variable that was found, and its W > 0.
 
     A rate η' requires W ± η' dP/dη > 0 at all points (A, dA/dη). For the first W, P is a multiple
-    of the identity in the modes of the center point. W is then moved, step by step, toward (Σ
-    |dP/dη|^p)^(1/p). The sum is over the points, in units of W. The power p gives the largest terms
-    the most weight.
+    of the identity in the modes of the center point. W is then moved, step by step, toward the
+    p-norm of |dP/dη| over the points, in units of W. The largest terms have the most weight.
 
     points: pairs (A, dA/dη) of matrices (n, n)
     """
