@@ -1,8 +1,8 @@
 """Elementary functions with proved error bounds.
 
-The functions use only operations that IEEE 754 rounds correctly. The error of a function is at most
-a constant of this module, or the bound that the function returns. Arguments outside the stated
-range give nan. u = 2⁻⁵³.
+The bounds require only operations that IEEE 754 rounds correctly. The error of a function is at
+most a constant of this module, or the bound that the function returns. Arguments outside the
+stated range give nan. u = 2⁻⁵³.
 """
 
 from __future__ import annotations

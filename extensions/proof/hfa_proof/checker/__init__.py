@@ -1,1 +1,1 @@
-"""Checker of certificates, which shares only the model and the arithmetic with the prover."""
+"""Checker of certificates, which imports nothing from the prover."""

@@ -1,7 +1,7 @@
 """Checker of a certificate, which proves the statement from the witness.
 
-The checker shares only the model and the arithmetic with the search and the prover. Every quantity
-is a Taylor model in the position s within a box and in the errors t of the parameters.
+The checker imports nothing from the search. Every quantity is a Taylor model in the position s
+within a box and in the errors t of the parameters.
 
     statement.py  the claim                 witness.py  data for the proof
     trims.py      trims and linear models   loop.py     the loop

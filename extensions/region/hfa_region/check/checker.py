@@ -12,7 +12,7 @@ With disturbances, V' < 0 is proved where V = rho, with each disturbance at its 
 highest value. V' is affine in the disturbances and therefore negative for all values between.
 Therefore no trajectory leaves S.
 
-The checker shares only the model and the arithmetic with the search.
+The checker imports nothing from the search.
 
     statement.py  the claim               witness.py      data for the proof
     loop.py       loop, equilibrium       positivity.py   sums of squares

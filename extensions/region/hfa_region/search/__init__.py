@@ -1,1 +1,1 @@
-"""Search for a large region and its proof, independent of the checker."""
+"""Search for a large region and for its proof. The checker imports nothing from the search."""
