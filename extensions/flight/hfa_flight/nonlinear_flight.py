@@ -494,7 +494,8 @@ class Flight(StatesAndInputs, Result, Reported):
     def report(self) -> Report:
         """Return the report of the flight: outcome, tables of states and inputs, and a picture.
 
-        The cost is included if there are weights.
+        A table of tracking errors is included if there are commands, and the cost if there are
+        weights.
         """
         moving = bool(self.flight.winds) and flown_through_air(self.model)
         parts: list[Part] = []

@@ -49,7 +49,9 @@ class Waveform(Result, Reported):
     harmonics: tuple[Harmonic, ...] = ()
 
     def __post_init__(self) -> None:
-        """Raise BadInputError if shapes differ or a number is not finite."""
+        """Raise BadInputError if the parts are not vectors of one length, or a number is not
+        finite.
+        """
         size = np.shape(self.constant)
         for part in (
             self.constant,

@@ -527,11 +527,11 @@ def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
 def measured_cycle(
     flight: SampledFlight, row: np.ndarray, place: Place, seconds: float = _CYCLE_SECONDS
 ) -> LimitCycle | None:
-    """Return the limit cycle of a flight, or None if it has none.
+    """Return the limit cycle of a flight, or None if it has none or a state is not finite.
 
     row: initial row of the flight (`flights.py`)
     place: trim of the flight
-    seconds: duration of the flight
+    seconds: duration of the flight, at least 64 samples
     """
     model = place.point.model
     X, memory, *_ = flight.slices

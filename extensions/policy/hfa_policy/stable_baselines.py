@@ -236,7 +236,8 @@ def _is_weight(name: str, part: str) -> bool:
 def _stored(data: Mapping[str, Any], name: str) -> Any:
     """Return an entry of the zip's file `data` by name, or None if it is missing.
 
-    A pickled entry is read without executing its code.
+    A pickled entry is read without executing its code. Raises BadInputError if it is not base64, or
+    as `inert` does.
     """
     entry = data.get(name)
     if isinstance(entry, dict) and ":serialized:" in entry:

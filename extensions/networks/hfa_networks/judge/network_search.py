@@ -292,6 +292,9 @@ def _climber(
     """Return the function that finds a local maximizer y of a weighted error in the box.
 
     It maps (weights, initial y) to a maximizer of weights'errors(b y) for |y_i| <= 1.
+
+    errors: expressions in the symbols z
+    b: half-widths of the box of z
     """
     from scipy.optimize import minimize
 
