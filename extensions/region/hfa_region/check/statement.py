@@ -1,6 +1,7 @@
 """Statement of a certificate about a region, proved by sums of squares.
 
-The checker interprets or refuses every field. The digest covers all fields, and reports show them.
+The checker interprets or refuses every field. The digest covers all fields. Reports show them; the
+shown extents are those computed by the checker.
 """
 
 from __future__ import annotations
