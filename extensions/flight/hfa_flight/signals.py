@@ -49,7 +49,7 @@ class Waveform(Result, Reported):
     harmonics: tuple[Harmonic, ...] = ()
 
     def __post_init__(self) -> None:
-        """Raise BadInputError if the parts are not vectors of one length, or a number is not
+        """Raise BadInputError if the parts are not vectors of equal length, or if not all are
         finite.
         """
         size = np.shape(self.constant)

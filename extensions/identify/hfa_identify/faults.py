@@ -360,12 +360,12 @@ def fault_of_columns(
 def _likeliest(
     search: Search, progress: Callable[[float, float], None] | None
 ) -> list[tuple[_Undone, Search, np.ndarray]]:
-    """Return at most `_TRIED` corrections with which the model fits the records best, the best
-    first.
+    """Return the corrections with which the model fits the records best, the best first.
 
-    With each correction are returned the search on the corrected records and initial unknowns (p,)
-    for this search. The corrections are compared after a few Gauss-Newton steps on short windows of
-    the records. Corrections that move a record far beyond the limits of the model are omitted.
+    At most `_TRIED` corrections are returned, each with the search on the corrected records and
+    initial unknowns (p,) for this search. The corrections are compared after a few Gauss-Newton
+    steps on short windows of the records. Corrections that move a record far beyond the limits of
+    the model are omitted.
     """
     model = search.responses.calm.model
     turbulence = search.begin[: search.responses.turbulent]

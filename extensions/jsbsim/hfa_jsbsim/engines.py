@@ -300,8 +300,9 @@ def pushed(
 def jet(file: EngineFile, around: Surroundings, thrust: Any) -> Effect:
     """Return the `Effect` of an engine without propeller.
 
-    A nozzle reduces the thrust by ambient pressure times area, at most to 0. A reverser multiplies
-    the thrust of a direct thruster without <pointing> by the cosine of the reverser's angle.
+    A nozzle reduces the thrust by ambient pressure times area, but not below 0. A reverser
+    multiplies the thrust of a direct thruster without <pointing> by the cosine of the reverser's
+    angle.
 
     thrust: lb
     """
