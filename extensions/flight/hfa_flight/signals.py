@@ -49,9 +49,7 @@ class Waveform(Result, Reported):
     harmonics: tuple[Harmonic, ...] = ()
 
     def __post_init__(self) -> None:
-        """Raise BadInputError if the parts are not vectors of equal length, or if not all are
-        finite.
-        """
+        """Raise BadInputError unless the parts are finite vectors of equal length."""
         size = np.shape(self.constant)
         for part in (
             self.constant,
