@@ -22,7 +22,7 @@ GRAVITY = 9.81  # m/s^2
 def pendulum(x, u, p, w):
     """Return the state derivatives and the outputs of the inverted pendulum.
 
-    m l² angle'' = torque + push + m g l sin(angle) - b angle'
+    m l² angle'' = torque + push + m g l sin(angle) - b angle', with mass m, length l and damping b
     """
     moment = u.torque + w.push + MASS * GRAVITY * LENGTH * ca.sin(x.angle) - DAMPING * x.rate
     rates = {"angle": x.rate, "rate": moment / (MASS * LENGTH**2)}

@@ -82,8 +82,9 @@ class CriticPolicy(Policy):
         return ca.Function("stack", [weights], [push], {"never_inline": True})
 
     def _current(self, t: ca.SX, z: ca.SX, memory: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Return σ, (M,), and e of the current state for the policies of the current weights
-        (Eq. 32-33).
+        """Return the regressor σ, (M,), and Bellman residual e of the current state (Eq. 32-33).
+
+        The policies are those of the current weights.
         """
         e = self.law.equations
         y = z / self._scales

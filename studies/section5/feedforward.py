@@ -38,7 +38,7 @@ class Exosystem(Reported):
     w0: np.ndarray
 
     def state(self, t: float) -> np.ndarray:
-        """Return w(t) = exp(Ω t) w0, (p,)."""
+        """Return the state w(t) = exp(Ω t) w0, (p,), at time t in s."""
         from scipy.linalg import expm
 
         return expm(self.omega * t) @ self.w0
@@ -69,7 +69,7 @@ def exosystem(
 
 
 def exosystem_feedforward(game: Game, P: np.ndarray, reference: Exosystem) -> np.ndarray:
-    """Return the solution P_s, (n, p), of a Sylvester equation, with which s = P_s w.
+    """Return the solution P_s, (n, p), of a Sylvester equation, for the s = P_s w of this module.
 
         (A - S P)'P_s + P_s Ω + P (A C - C Ω) = 0
 

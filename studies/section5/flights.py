@@ -74,6 +74,8 @@ Learned = Callable[[np.ndarray], Critic]
 class TrackingPolicy(Policy):
     """Policy u = -K z + F w(t), where K (5, 6) and F (5, k) are constant within a tick.
 
+    z is the tracking error.
+
     generator: w (k,), the signals that compose the reference
     certified_from: time when a learned gain replaces the baseline, s
     """
@@ -363,7 +365,7 @@ def feedforward(case: PaperCase, reference: Waveform) -> np.ndarray:
     """Return F = -R⁻¹B'P_s, (5, k), with which u = -K z + F w(t) is the exact policy for a
     reference.
 
-    w is the result of `generator`.
+    w is the result of `generator`, and P_s that of `exosystem_feedforward`.
     """
     made_by = exosystem(reference.constant, reference.slope, *reference.harmonics)
     return -case.game.R_inverse_B_transposed @ exosystem_feedforward(

@@ -15,7 +15,7 @@ from studies.update_law.integral_rl import baseline_gain
 def certified_gains(game: Game, learned: TrainingRun, tick: float) -> tuple[np.ndarray, float]:
     """Return the last certified gain at each tick, (N, m, n), and the time of the first one in s.
 
-    A gain is certified if A - S P and A - B K are Hurwitz and P is positive semidefinite. Before
+    The gain K of a learned P is certified if A - S P and A - B K are Hurwitz and P >= 0. Before
     the first certified gain, the baseline gain is used. The time is inf if no gain is certified.
     The gain at time t depends only on data learned up to t.
     """

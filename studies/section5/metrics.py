@@ -153,7 +153,7 @@ def learning_metrics(
 
     - path_share: fraction of the path length of W before T_w
     - late_update: largest update in a tick after T_w divided by the largest one before
-    - end_update: largest update in a tick in the end divided by the largest one before T_w
+    - end_update: largest update in a tick of the end divided by the largest one before T_w
     - late_change: largest |W - W(T_w)| after T_w divided by |W(T_w)|
     - end_change: change of W in the end divided by |W(T_w)|
     - stack_residual: relative residual on the recorded samples at the start, at T_w and at the end

@@ -50,8 +50,8 @@ _THIRD = np.array([1.0, 1.0, -1.0])
 class ReferenceModel:
     """Reference model x_m' = A x_m + B u - [0; I] r + L (y - C x_m) with u = -K x_m (Qu 2018).
 
-    The measured output is y = [pitch rate; integrals]. B1 (n, 3) is the squared-up input path of
-    relative degree 1.
+    The measured output is y = [pitch rate; integrals], and r are the commands. B1 (n, 3) is the
+    squared-up input path of relative degree 1.
 
     A: (n, n)
     B: (n, 2)
@@ -78,6 +78,7 @@ def reference_model(built: DesignModel) -> ReferenceModel:
 
         R⁻¹ = (S C B1)⁻¹ [S C (A + σ I) B1 + its transpose] (S C B1)⁻¹ + ε I
 
+    σ is `SHIFT`, and ε is `EPSILON`.
     Sources: Qu, Thomsen, Annaswamy 2018; Thomsen 2018, Section 4.1.
     """
     from scipy.linalg import polar
@@ -273,7 +274,7 @@ class MemoryParts:
 
 
 class Filter:
-    """Filter α2 ξ'' + α1 ξ' + α0 ξ = x with the denominator Π = α2 s² + α1 s + α0."""
+    """Filter α2 ξ'' + α1 ξ' + α0 ξ = x of an input x, with denominator Π = α2 s² + α1 s + α0."""
 
     def __init__(self, memory: MemoryParts, size: int) -> None:
         self._memory = memory
@@ -313,7 +314,7 @@ class Filter:
 class Tuner:
     """Tuner Ψ = α0 g X with α2 X'' = Φ - g (α0 X + α1 X') and Φ' = γ ν e'.
 
-    The normalization is g = 1 + μ ν'ν, where ν is the regressor.
+    The normalization is g = 1 + μ ν'ν. ν is the regressor, e the error and γ the adaptation rate.
     """
 
     def __init__(

@@ -314,7 +314,7 @@ class PublishedLaw:
 
     @cached_property
     def _stored(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Recorded samples with the stored policies: σ_j, cost, n_j and σ̄_j.
+        """Recorded samples with the stored policies: σ_j, cost, n_j and σ̄_j = σ_j/n_j.
 
         These values do not depend on the current weights.
         """
@@ -327,7 +327,7 @@ class PublishedLaw:
         return regressors, costs, n, regressors / n[:, None]
 
     def terms(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return σ_j, (N_h, M), and e_j, (N_h,), of the recorded samples.
+        """Return the regressors σ_j, (N_h, M), and residuals e_j, (N_h,), of the recorded samples.
 
         As in the paper, the stored policies are used by default. The fixed point of the update is
         then the value of these policies and not that of the game.

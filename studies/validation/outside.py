@@ -222,8 +222,8 @@ def validate(aircraft: Model) -> Validation:
 def model_at(aircraft: Model, released: ReleasedTrim) -> LinearModel:
     """Return the linear model at a released trim.
 
-    Five inputs balance four equations. Therefore alpha and the center aileron are held at the
-    released values, and the other inputs are solved for.
+    Alpha is held at the released value. Five inputs then balance four equations. Therefore the
+    center aileron is held at the released value too, and the other inputs are solved for.
     """
     level = level_flight(
         released.dihedral,

@@ -119,7 +119,10 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def cost(self) -> float:
-        """Cost of the simulated flight, ∫ z'Qz + v'Rv dt, plus the linear cost after its end."""
+        """Cost of the simulated flight, ∫ z'Qz + v'Rv dt, plus the linear cost after its end.
+
+        z and v are the deviations of the states and inputs from the trim.
+        """
         return self.found.flown.cost
 
     @property
@@ -136,7 +139,10 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def linear_cost(self) -> float:
-        """Least cost z'Pz of the linear model without limits. The aircraft's cost may differ."""
+        """Least cost z'Pz of the linear model without limits, for the initial deviations z.
+
+        The least cost of the aircraft may differ.
+        """
         start = self.found.proposal.start
         return float(start @ self.problem.P @ start)
 

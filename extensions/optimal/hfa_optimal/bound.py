@@ -58,10 +58,11 @@ def plant_of(problem: FlightProblem) -> Plant:
 
 
 def unknowns_of(problem: FlightProblem, plant: Plant) -> tuple[int, ...]:
-    """Return the indices of n unknowns in (x, u) for which the equilibrium equations are solved.
+    """Return the indices of the n states or inputs for which the equilibrium equations are solved.
 
-    The unknowns are the n states if their scaled Jacobian is well conditioned. Otherwise a QR
-    decomposition with pivoting selects states and inputs.
+    The indices count the states, then the inputs. The n states are selected if their scaled
+    Jacobian is well conditioned. Otherwise a QR decomposition with pivoting selects states and
+    inputs.
     """
     n = len(plant.states)
     both = np.hstack([problem.linear.A, problem.linear.B])

@@ -209,6 +209,8 @@ def unknowns_in_order(z: np.ndarray, v: np.ndarray) -> np.ndarray:
 def points_of_unknowns(k: int, m: int, intervals: int) -> ca.DM:
     """Return the matrix that maps the unknowns of the program to (z, v) at all collocation points.
 
+    z and v are the deviations of the states and of the inputs.
+
     k: number of states
     m: number of inputs
     intervals: number of intervals

@@ -26,7 +26,7 @@ def drawn(
     seconds: float,
     title: str,
 ) -> Figure:
-    """Draw a panel for each state in z and each moving input, and return the figure.
+    """Draw a panel for each linear state and each moving input, and return the figure.
 
     figure: the figure, without axes
     flights: pairs (flight, label), the best flight first

@@ -71,7 +71,7 @@ class FlightProblem:
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Names of the states in z."""
+        """Names of the linear model's states, whose deviations are z."""
         return self.linear.states
 
     @property
@@ -81,14 +81,15 @@ class FlightProblem:
 
     @cached_property
     def places(self) -> list[int]:
-        """Indices of the states in z among all states."""
+        """Indices of the linear model's states among all states."""
         names = list(self.model.states)
         return [names.index(name) for name in self.states]
 
     @cached_property
     def carried(self) -> tuple[str, ...]:
-        """Names of the states outside z on which z' depends, directly or through other such states.
+        """Names of the states outside the linear model on which the rates of its states depend.
 
+        A state is included if these rates depend on it directly or through another such state.
         An example is the altitude.
         """
         every = ca.SX.sym("x", len(self.model.states))
@@ -106,7 +107,7 @@ class FlightProblem:
 
     @property
     def followed(self) -> tuple[str, ...]:
-        """Names of the states that the optimizer includes: those in z, then the carried states."""
+        """Names of the states of the optimizer: the linear model's, then the carried states."""
         return (*self.states, *self.carried)
 
     @cached_property

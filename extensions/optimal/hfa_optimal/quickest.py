@@ -99,7 +99,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def box(self) -> Mapping[str, float]:
-        """Half-width in each state of the arrival box. A flight in the box counts as arrived."""
+        """Half-width of the arrival box in each state. A flight in the box counts as arrived."""
         return dict(zip(self.problem.states, arrival_box(self.proposal).tolist(), strict=True))
 
     @property
@@ -192,7 +192,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
 
 def largest_deviations(proposal: Proposal) -> np.ndarray:
-    """Return the largest absolute deviation of each state in z during a proposal, (k,)."""
+    """Return the largest absolute deviation of each linear state during a proposal, (k,)."""
     states = proposal.nodes[..., : len(proposal.start)]
     return np.asarray(np.abs(states).max(axis=(0, 1)))
 

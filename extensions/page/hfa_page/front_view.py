@@ -47,7 +47,7 @@ def panels_from_the_front(aircraft: Model, point: OperatingPoint) -> tuple[Panel
 
     The aircraft's right side is on the left of the picture. The hinges are at (±s/2, 0) for the
     panel span s. An outer panel extends from its hinge at the dihedral angle η. Its middle is
-    (s/2)(cos η, sin η) from the hinge, and its lift L_o is along (∓sin η, cos η).
+    (s/2)(cos η, sin η) from the hinge, and its lift is along (∓sin η, cos η).
     """
     parameters = hfa_model.parameters_of(aircraft)
     loads = hfa_model.loads(aircraft, point.states, point.inputs)

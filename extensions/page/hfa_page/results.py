@@ -46,7 +46,7 @@ class ClaimsData(Result):
     lost_flights: flights that left the envelope: section, name, law, lost_at (s).
     own_failures: flights of this project's laws that failed.
     claims: for each claim: number, says, measured, relation, limit, subject, verdict, reason,
-        findings.
+      findings.
     experiments: flights and pictures of each section.
     """
 

@@ -69,6 +69,8 @@ class CommandArguments:
 class CommandedPolicy(NamedTuple):
     """Controller about a trim, with the command filter r'' = ω² (goal - r) - 2 ζ ω r' as states.
 
+    r are the filtered commands. ω and ζ are the bandwidth and the damping of the filter.
+
     policy: the controller
     filtered: symbols of [r; r']
     filtered_rate: rates of [r; r']
@@ -287,7 +289,7 @@ def _measured_loop(
 ) -> ca.Function:
     """Return the Function (y, u) -> (y', scheduling variable, measured outputs), in still air.
 
-    y is [X; actuator states]. u are deviations from trim.
+    y contains the states X of the aircraft, then the actuator states. u are deviations from trim.
     """
     model = point.model
     trim = np.array(point.inputs)

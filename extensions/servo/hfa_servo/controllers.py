@@ -163,7 +163,8 @@ def controller_at(model: Model, linear: LinearModel, design: Design) -> LinearCo
     - With sensors: the central controller of the game.
     - Otherwise: the gain u = -K z.
 
-    Without [shaping], the last states of the controller are the integrals e' = y - r.
+    Without [shaping], the last states of the controller are the integrals e' = y - r of outputs y
+    and their commands r.
 
     Raises NoSolutionError if the controller is not certified.
     """

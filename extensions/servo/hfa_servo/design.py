@@ -47,6 +47,8 @@ _ENDS = {
 class Actuator:
     """Actuator of order 1, a' = -ω a + ω λ u, or of order 2, a'' = -ω² a - 2 ζ ω a' + ω² λ u.
 
+    a is the position, and u is the command.
+
     order: 1 or 2
     bandwidth: ω, rad/s
     damping: ζ, used only for order 2
@@ -106,7 +108,7 @@ class Shaping(NamedTuple):
     breakpoints: increasing values of the scheduling variable, angles in rad, at which controllers
       are computed
     following: settings of model following
-    factor: γ / γ_min
+    factor: γ of the controller divided by the smallest γ of any controller
     schedule: output -> factor on the gain at each breakpoint
     """
 
@@ -134,7 +136,7 @@ class Shaping(NamedTuple):
 
 @dataclass(frozen=True)
 class Design:
-    """Settings of a design for a linear model with actuators and integrals e' = y.
+    """Settings of a design for a linear model with actuators and integrals e' = y of outputs y.
 
     name: name of a shipped design, or path of a user's file
     inputs: inputs that the controller uses; by default all of the model

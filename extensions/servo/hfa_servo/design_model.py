@@ -31,8 +31,8 @@ class DesignModel(Reported):
     `model`.
 
     z contains the states of the linear model, then actuator positions and rates, then integrals
-    (`states`). Units are those of the linear model. The unit of an integral is that of its output
-    times s.
+    (`states`). u are the commands, w the disturbances and y the measurements of the sensors. Units
+    are those of the linear model. The unit of an integral is that of its output times s.
 
     design: the design
     model: linear model of the aircraft
@@ -133,8 +133,8 @@ class DesignModel(Reported):
 def design_model(model: Model, linear: LinearModel, design: Design) -> DesignModel:
     """Return the design model of a linear model x' = A x + B a + E w, with actuators and integrals.
 
-    Actuators lead from the commands to a. Measured and integrated outputs are y = C x + D a + F w,
-    or states of z.
+    a are the positions of the actuators, which follow the commands. Measured and integrated outputs
+    are y = C x + D a + F w, or states of the design model.
 
     Raises BadInputError if an output is unknown, or if a disturbance acts directly on a sensor,
     because sensor noise must be independent of the disturbance.
@@ -227,7 +227,8 @@ def watched_outputs(
     """Return the rows of C, D and F of named outputs or parts of outputs (`Model.measurable`), and
     E.
 
-    The rows of a name that is not an output are 0.
+    The rows of a name that is not an output are 0. E is the disturbance matrix of the same linear
+    model.
 
     point: operating point of the linear model
     winds: keywords of `linearize` for disturbances

@@ -86,7 +86,8 @@ Controller = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 class GeneralizedPlant(Reported):
     """Generalized plant x' = A x + B1 w + B2 u, z = C1 x + D11 w + D12 u, y = C2 x + D21 w + D22 u.
 
-    Without C2, all states are measured exactly (state feedback).
+    w are the disturbances, u the inputs, z the outputs whose size is the cost, and y the
+    measurements. Without C2, all states are measured exactly (state feedback).
 
     A: (n, n)
     B1: (n, k)

@@ -31,7 +31,7 @@ class Robust(NamedTuple):
 
     F: (m, n)
     H: (n, p)
-    gamma_min: smallest γ of any controller
+    gamma_min: smallest robustness norm γ of any controller
     gamma: γ of this controller
     """
 

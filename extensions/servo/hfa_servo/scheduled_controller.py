@@ -316,8 +316,8 @@ def identity(model: Model) -> str:
 def in_units_of(controller: ScheduledController, model: Model) -> ScheduledController:
     """Return the controller converted to the units of a model, or unchanged if the units agree.
 
-    If signals are scaled by f, s' = f s: A' = f_x A / f_x, B' = f_x B / f_y, C' = f_u C / f_x,
-    D' = f_u D / f_y, W' = f_x W / f_u.
+    With the factors f_x on the states, f_y on measurements and commands, and f_u on the inputs:
+    A' = f_x A / f_x, B' = f_x B / f_y, C' = f_u C / f_x, D' = f_u D / f_y, W' = f_x W / f_u.
     """
     if (controller.model.extras.native is None) == (model.extras.native is None):
         return controller
