@@ -303,8 +303,9 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def exceeded(self) -> tuple[ControlExcess, ...]:
-        """Inputs that exceeded their control limits inside the envelope, largest excess first:
-        input, value, limit, unit.
+        """Inputs that exceeded their control limits inside the envelope, largest excess first.
+
+        Each entry has the fields input, value, limit and unit.
         """
         until = np.inf if self.departure is None else self.departure.time
         return control_excesses(self.point.model, self.inputs[self.flight.times <= until])
@@ -356,8 +357,9 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def largest_deviation(self) -> Mapping[str, float]:
-        """Largest deviation from trim of each state, and of the angle of attack if the model
-        outputs it.
+        """Largest deviation from trim of each state.
+
+        The angle of attack is included if the model outputs it and has the state alpha.
         """
         values = _by_name(self.model.states, np.abs(self.flight.states).max(axis=0))
         if flown_through_air(self.model):

@@ -97,8 +97,9 @@ class Comparison(NamedTuple):
 
     @property
     def functions(self) -> dict[str, ca.Function]:
-        """Functions that are compared: "policy", and if the critic has them, "value" and
-        "gradient".
+        """Functions that are compared, by kind.
+
+        The kinds are "policy", and if the critic has them, "value" and "gradient".
         """
         functions = {"policy": self.critic.policy}
         if self.critic.gradient is not None:
