@@ -27,8 +27,8 @@ def notes_on_degrees(model: Model) -> list[str]:
     if not names:
         return []
     return [
-        f"the equations compute the {function} of {name}, which is declared in deg, so they receive"
-        f" degrees; declare it in rad (reports show degrees), or convert it"
+        f"the equations compute the {function} of {name}, which is declared in deg; declare {name} "
+        f"in rad (reports show degrees), or convert {name} to rad in the equations"
         for name, function in _angles_in_degrees(model.layout, names)
     ]
 

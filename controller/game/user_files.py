@@ -279,7 +279,7 @@ def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> G
             )
     if missing:
         taken = ", ".join(f"{key} {described[key]}" for key in missing)
-        notes.append(f"there is no {', '.join(missing)}; used: {taken}")
+        notes.append(f"not given: {', '.join(missing)}; used: {taken}")
     complete = values | parts
     return Game(**complete | {"delta": one_number("delta", complete["delta"])})
 

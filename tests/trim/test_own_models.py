@@ -135,7 +135,7 @@ def test_an_undetermined_trim_is_reported() -> None:
     )
     condition = usual_condition(free)
     report = trim_report(free, condition, find_operating_point(free, condition)).text()
-    assert "their Jacobian is singular here, along a, b; hold one of these" in report
+    assert "the Jacobian is singular along a, b; hold one of these" in report
     held = release(condition, hold={"a": 0.9}, free=("a_dot",))
     report = trim_report(free, held, find_operating_point(free, held)).text()
     assert "singular" not in report

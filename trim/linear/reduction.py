@@ -165,5 +165,5 @@ def reduction_note(
     advice = "" if residualized else " (--residualize STATES keeps the steady effect of states)"
     return (
         f"{'; '.join(clauses)}; the eigenvalues differ by up to {100 * float(max(apart)):.2g} %"
-        f" from those with all {len(whole.states)} states{advice}"
+        f" from the eigenvalues with all {len(whole.states)} states{advice}"
     )

@@ -284,7 +284,7 @@ def _search(condition: TrimCondition, point: OperatingPoint) -> tuple[dict[str, 
     free = np.isinf(limits.lowest) & np.isinf(limits.highest)
     if free.any():
         names = ", ".join(problem.free[i] for i in np.flatnonzero(free))
-        sentences.append(f"No limits are declared for {names}; check that they are reachable")
+        sentences.append(f"No limits are declared for {names}; check that the values are reachable")
     if problem.idle:
         names = ", ".join(problem.idle)
         sentences.append(f"Used by no equation, kept at the initial value: {names}")
@@ -314,7 +314,7 @@ def _singular_note(problem: TrimProblem, z: np.ndarray) -> str:
     direction = np.abs(np.linalg.svd(jacobian)[2][-1])
     moving = [problem.free[i] for i in np.argsort(-direction) if direction[i] > 0.1]
     return (
-        f"The equations do not determine the trim: their Jacobian is singular here, along "
+        f"The equations do not determine the trim: the Jacobian is singular along "
         f"{', '.join(moving)}; hold one of these"
     )
 

@@ -138,7 +138,7 @@ def slow_note(one_by_one: int, count: int) -> list[str]:
         return []
     return [
         f"{one_by_one:,} of {count:,} points were trimmed one by one, which is slower: Newton's "
-        "method on all points at once did not converge for them"
+        "method on all points at once did not converge for these"
     ]
 
 
@@ -407,7 +407,9 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         for i in failed[:_SHOWN]:
             parts.append(f"{', '.join(self._varied(i))}: {self.reasons[i]}")
         if len(failed) > _SHOWN:
-            parts.append(f"{len(failed) - _SHOWN:,} more points have no trim; -o FILE.csv has all")
+            parts.append(
+                f"{len(failed) - _SHOWN:,} more points have no trim; -o FILE.csv writes all"
+            )
         moving = np.ptp(self.values, axis=0) > 0
         if self.mode_names and moving.sum() == 1 and moving[-1]:
             text = f"Eigenvalues over {self.variables[-1]}"

@@ -370,10 +370,10 @@ class Verdict(Checked, Result, Reported):
         table = Table(("entry", "learned", "exact", "difference"), rows)
         if len(candidates) <= most:
             return (table,)
-        which = f"the {most} of {len(candidates)} entries that are farthest off"
+        which = f"the {most} of {len(candidates)} entries with the largest errors"
         if not sizes.any():
             which = f"the first {most} of {len(candidates)} entries; all differ by rounding only"
-        return (table, f"{which}; -o FILE has all")
+        return (table, f"{which}; -o FILE writes all")
 
 
 def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:

@@ -13,7 +13,7 @@ ALPHA = "alpha"
 ANGLE_OF_ATTACK = "angle_of_attack"
 #: Notes on flights in moving air.
 OVER_GROUND = (
-    f"alpha is over ground; the envelope limits {ANGLE_OF_ATTACK}, which is through the air"
+    f"alpha is relative to the ground; the envelope limits {ANGLE_OF_ATTACK}, relative to the air"
 )
 LIMITED_OVER_GROUND = "speed and flow angles are over ground, and so are their limits"
 

@@ -78,7 +78,9 @@ def test_the_envelope_limits_alpha_relative_to_the_air(
             )
             assert np.degrees(result.angles_of_attack[row - 1]) > lowest
         report = result.report()
-        assert "alpha is over ground; the envelope limits angle_of_attack" in report.text()
+        assert (
+            "alpha is relative to the ground; the envelope limits angle_of_attack" in report.text()
+        )
         assert "alpha" not in report.data["envelope"]
         assert list(report.data["envelope"]["angle_of_attack"]) == list(limits["alpha"])
         assert (

@@ -173,8 +173,8 @@ class Frames:
                 break
         if moved.max() > _SETTLED:
             warn(
-                f"engines or filters still move after {_LONGEST:g} s with the inputs of the trim;"
-                " they still move at the start of the flight"
+                f"engines or filters are not in steady state after {_LONGEST:g} s with the inputs"
+                " of the trim, so the flight begins with a transient"
             )
         parts = _split(z)
         parts["last_acceleration"][:] = parts["acceleration"]

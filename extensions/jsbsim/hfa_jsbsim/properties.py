@@ -350,7 +350,7 @@ class Properties:
             return self.read(name, where)
         except LoopError as error:
             self.notes.append(
-                Note(f"{error.cause}; kept at its initial value", plain(name), error.where)
+                Note(f"{error.cause}; kept at the initial value", plain(name), error.where)
             )
             self.replace(name, default)
             return default

@@ -262,7 +262,7 @@ def test_report_names_the_proved_expression(game: Game) -> None:
         lambda z: linear(game, z) + ca.vertcat(1e20 * (0.1 * (10.0 * z[0]) - z[0]), *[0.0] * 4),
     )
     assert verdict.proof is not None
-    assert "Proved of the expression as CasADi simplified it: no" in verdict.report().text()
+    assert "Proved for the expression simplified by CasADi: no" in verdict.report().text()
 
 
 def test_a_fraction_ends_before_the_first_error() -> None:

@@ -513,7 +513,7 @@ class Assessment(Result, Reported):
         where = self._where([points[int(np.argmax(parts))]])
         return [
             f"{where}: in the box of initial conditions the command deviates from its "
-            f"linearization by up to {100 * max(parts):.3g} % of the largest linear one"
+            f"linearization by up to {100 * max(parts):.3g} % of the largest linear command"
         ]
 
     def _table(self) -> Table:

@@ -106,7 +106,7 @@ class PrintedVerdict(Result, Reported):
             parts.append(f"{entry.position} in {interval} makes every printed digit right")
         parts.append(Table(("entry", "printed", "exact", "half units off"), shown))
         if len(rows) > _ENTRIES:
-            parts.append(f"the {_ENTRIES} of {len(rows)} entries that are farthest off")
+            parts.append(f"the {_ENTRIES} of {len(rows)} entries with the largest errors")
         return Report(
             line,
             parts,

@@ -185,8 +185,8 @@ def stored_sweep(plan: SweepPlan, dataset: Any, path: Path) -> StoredSweep:
     notes = [*plan.warnings, *slow_note(one_by_one, plan.count)]
     if kinks:
         notes.append(
-            f"kinks at {kinks} points: entries of A and B there are means of two slopes (the array "
-            "kinks counts them)"
+            f"kinks at {kinks} points: some entries of A and B are means of two slopes (the array "
+            "kinks contains their numbers)"
         )
     counts = dict(zip(("missing", *STATUS), totals.tolist(), strict=True))
     return StoredSweep(plan, str(path), counts, notes)

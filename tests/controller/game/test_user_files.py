@@ -60,7 +60,7 @@ def test_missing_entries_are_taken_from_the_paper() -> None:
     """
     stored("plant.npz", **MODEL)
     with pytest.warns(
-        UserWarning, match="there is no E, Q, R, delta; used: E the identity, Q as in the paper, "
+        UserWarning, match="not given: E, Q, R, delta; used: E the identity, Q as in the paper, "
     ) as caught:
         assert load_game("plant.npz") == published_game(**MODEL)
     assert caught[0].filename == __file__
@@ -107,7 +107,7 @@ def test_misnamed_entries_and_defaults_are_noted() -> None:
     assert game == Game(**PLANT, E=np.eye(2), delta=math.inf)
     assert notes == (
         "plant.npz: unused: D, gamma; a model file contains A, B, E, Q, R, delta",
-        "plant.npz: there is no E, delta; used: E the identity, delta inf (no disturbance)",
+        "plant.npz: not given: E, delta; used: E the identity, delta inf (no disturbance)",
     )
     assert stored_game(small("ours.npz", schema="hfa.linear-model/1", modes=[1.0])).notes == ()
     wind = stored(
@@ -117,7 +117,7 @@ def test_misnamed_entries_and_defaults_are_noted() -> None:
     assert game == Game(**PLANT, E=np.eye(2), delta=200.0)
     assert notes == (
         "wind.npz: E describes the wind and is not used",
-        "wind.npz: there is no E; used: E the identity",
+        "wind.npz: not given: E; used: E the identity",
     )
 
 

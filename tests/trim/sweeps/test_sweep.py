@@ -545,7 +545,7 @@ def test_points_trimmed_alone_are_counted(published_aircraft: Model, tmp_path: P
     plan = SweepPlan({"speed": np.linspace(64.0, 68.0, 25)}, published_aircraft, condition)
     note = (
         "25 of 25 points were trimmed one by one, which is slower: Newton's method on all points "
-        "at once did not converge for them"
+        "at once did not converge for these"
     )
     assert run_plan(plan).warnings == [note]
     dataset = stores.stream_sweep(plan, tmp_path / "a.zarr")

@@ -327,7 +327,7 @@ def test_the_report_shows_the_farthest_entries(game: Game) -> None:
     for words in (
         "\nP(alpha, dihedral) ",
         "\nK(elevator_center, pitch) ",
-        "the 3 of 51 entries that are farthest off; -o FILE has all",
+        "the 3 of 51 entries with the largest errors; -o FILE writes all",
     ):
         assert words in report.text()
     assert len(report.records.rows) == 36 + 30

@@ -117,7 +117,7 @@ def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
     if suffix == ".zip":
         warn(
             f"{path}: the network is judged without normalizer, clip and action map; "
-            "`hfa assess DEPLOYMENT.toml` judges the policy as it is deployed"
+            "`hfa assess DEPLOYMENT.toml` assesses the policy as deployed"
         )
     return from_network(
         game,

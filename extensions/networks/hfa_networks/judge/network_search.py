@@ -344,12 +344,12 @@ def network_section(
         f"Network of {output}, {critic.precision} weights, linearized exactly at the origin"
         f"{constant}",
         f"Read: {critic.origin}",
-        f"{name}({_row(b)}) = {_row(value)}; compare it with your own",
+        f"{name}({_row(b)}) = {_row(value)}; compare with your network",
         f"Largest errors in the box (searched, {STARTS} starts; not a bound): {errors}",
     ]
     if proof is not None:
         lines.append(
-            f"Proved of the expression as CasADi simplified it: no {proof.what} above"
+            f"Proved for the expression simplified by CasADi: no {proof.what} above"
             f" {proof.error:.3g} {proof.where} ({proof.boxes} boxes)"
         )
     data = {
@@ -381,15 +381,17 @@ def _flown_lines(flown: Flown) -> list[str]:
             f"{flown.cost_lost_flown_mean_percent:.3g} % on average"
         )
     lines = [
-        f"Flown in the linear game from {flown.flights} initial conditions in the box (not a "
+        f"Simulated in the linear game from {flown.flights} initial conditions in the box (not a "
         f"bound): {cost}"
     ]
     reach = f"{flown.reach:g} times the box on the linear plant"
     if flown.reach_nonlinear is not None:
         reach += (
-            f", {flown.reach_nonlinear:g} times on the nonlinear one within the limits of its "
-            f"controls (the exact policy {flown.reach_nonlinear_exact:g})"
+            f", {flown.reach_nonlinear:g} times on the nonlinear plant within the control limits "
+            f"(exact policy: {flown.reach_nonlinear_exact:g})"
         )
     few = min(FEW, flown.flights)
-    lines.append(f"Converges from {reach} ({few} starts each, doubled up to {2**DOUBLINGS})")
+    lines.append(
+        f"Converges from {reach} ({few} initial conditions each, factors up to {2**DOUBLINGS})"
+    )
     return lines
