@@ -187,7 +187,7 @@ TABLES = """
 
 
 def read_tables(text):
-    """Return the tables in a text as a list of matrices. Blank lines separate the tables."""
+    """Return the tables in a string as a list of matrices. Blank lines separate the tables."""
     return [
         np.array([row.split() for row in table.split("\n")], dtype=float)
         for table in text.strip().split("\n\n")

@@ -48,7 +48,7 @@ PITCH_RATE = """
 
 
 def terms(text):
-    """Return (coefficient, [(variable, power), ...]) for each term in a text such as "1.5V2a"."""
+    """Return (coefficient, [(variable, power), ...]) for each term in a string like "1.5V2a"."""
     found = []
     for term in text.split():
         number, powers = re.fullmatch(r"([-.\d]+(?:e-\d+)?)(.*)", term).groups()

@@ -1,10 +1,10 @@
 """Coverage of the confidence bands of `hfa identify` on simulated records, and planted faults.
 
 `python -m studies.coverage [COUNT [POLE [FIRST]]]` identifies seven parameters from COUNT records
-(default 200). The search begins 50 % off. The noise is white, or has a pole of 0.9 or 0.98. If POLE
-is given, only this pole is used (0 is white noise). FIRST is the seed of the first record (default
-0). The study prints how many searches converge, how many 95 % bands contain the true value, and the
-findings of failed runs.
+(default 200). The search begins at 1.5 times the true values. The noise is white, or has a pole of
+0.9 or 0.98. If POLE is given, only this pole is used (0 is white noise). FIRST is the seed of the
+first record (default 0). The study prints how many searches converge, how many 95 % bands contain
+the true value, and the findings of failed runs.
 
 `python -m studies.coverage faults` plants faults in records with white noise.
 """

@@ -93,9 +93,7 @@ class TrackingPolicy(Policy):
 
 
 def held_gains(K: np.ndarray, F: np.ndarray) -> np.ndarray:
-    """Return the entries of K (5, 6) and F (5, k) as a vector. `TrackingPolicy` holds it for a
-    tick.
-    """
+    """Return the entries of K (5, 6) and F (5, k) as a vector, which is constant within a tick."""
     return np.concatenate([column_by_column(K), column_by_column(F)])
 
 

@@ -4,7 +4,7 @@
 
 The aircraft is the Twin Otter of example 6.1 of Klein and Morelli. SciPy simulates the aircraft
 with the printed derivatives and the recorded inputs. White noise of the size of the printed
-residuals is added. `hfa.identify` begins 30 % off the printed derivatives.
+residuals is added. The search begins 30 % above or below each printed value.
 """
 
 from __future__ import annotations

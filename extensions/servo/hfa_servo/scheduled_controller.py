@@ -363,7 +363,7 @@ def _key(model: Model) -> str:
 
 
 def _stored(controller: ScheduledController) -> dict[str, Any]:
-    """Return the content of a controller file as a dictionary: arrays, names and texts."""
+    """Return the content of a controller file as a dictionary: arrays, names and strings."""
     content: dict[str, Any] = {key: getattr(controller, key) for key in _TEXTS}
     content |= {key: list(getattr(controller, key)) for key in _NAMES}
     for key in _ARRAYS:

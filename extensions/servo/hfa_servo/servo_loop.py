@@ -287,7 +287,7 @@ def _smallest_table(
     margin.
 
     names: headers of the first columns
-    cells_by_name: texts of the first columns -> margins
+    cells_by_name: entries of the first columns -> margins
     """
     rows = []
     for words, cells in cells_by_name.items():

@@ -61,5 +61,5 @@ def labels_of(model: Model, rates: tuple[str, ...]) -> dict[str, tuple[str, np.n
 
 
 def _words(words: Iterable[str]) -> np.ndarray:
-    """Return words as an array of objects. Zarr stores texts of any length in such an array."""
+    """Return words as an array of objects. Zarr stores strings of any length in such an array."""
     return np.array([*words], dtype=object)

@@ -159,7 +159,7 @@ def _transfer_meant(
 def leading_names(arguments: Sequence[Any]) -> tuple[list[Any], list[Any]]:
     """Return the leading arguments that are names, at most two, and the remaining arguments.
 
-    A text or a list of texts counts as a name.
+    A string or a list of strings counts as a name.
     """
     names = list(takewhile(_is_names, arguments[:2]))
     return names, list(arguments[len(names) :])

@@ -35,7 +35,8 @@ def aligned(
     """Return the arguments of a call, with its labeled arrays in the order of the states and
     inputs.
 
-    - Labels that are texts are names of states or inputs. Other labels, such as times, are ignored.
+    - Labels that are strings are names of states or inputs. Other labels, such as times, are
+      ignored.
     - A labeled vector becomes a dictionary if the function accepts values by name.
     - If no argument names the states and inputs, the rows and columns of labeled A and B name
       them.
@@ -117,8 +118,7 @@ def _own_orders(given: Sequence[Any]) -> list[tuple[str, ...]]:
 
 
 def _labels(value: Any) -> list[list[str]]:
-    """Return the labels along each axis of a labeled array. An axis without texts has the labels
-    [].
+    """Return the labels along each axis of a labeled array, or [] for an axis without strings.
 
     Raises BadInputError if the labels of a matrix are the numbers 0, 1, ... in another order.
     """

@@ -20,7 +20,7 @@ def of_control(model: LinearModel, name: str) -> Any:
     The name is looked up in StateSpace, python-control and its MATLAB interface. A returned
     function
 
-    - selects transfer functions by inputs= and outputs=, or by the first texts of the call,
+    - selects transfer functions by inputs= and outputs=, or by the first strings of the call,
     - receives the matrices of the model if its first parameters are matrices, as in ctrb(A, B),
     - raises BadInputError for an error of python-control.
     """
