@@ -1,4 +1,4 @@
-"""Servo controllers under commands, actuator faults and gusts, and the search for their weights.
+"""Servo controllers under commands, actuator faults and gusts.
 
 README.md describes the study.
 """

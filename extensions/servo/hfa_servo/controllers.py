@@ -1,5 +1,7 @@
-"""Computation of the controllers of a design: a certified gain or central controller at each value
-of the scheduling variable.
+"""Computation of the controllers of a design: one certified controller at each value of the
+scheduling variable.
+
+The controller is a gain, a central controller or, for loop shaping, a robust controller.
 """
 
 from __future__ import annotations

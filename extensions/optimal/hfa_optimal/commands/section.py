@@ -1,4 +1,6 @@
-"""Section that `hfa verify --flights` adds: critic and exact policy on the nonlinear aircraft."""
+"""Section that `hfa verify --flights` adds: flights of policies compared with the best flights
+found.
+"""
 
 from __future__ import annotations
 
