@@ -161,7 +161,8 @@ class Flights:
     def compiled(self, policy: Policy, scenario: Scenario | None = None) -> CompiledLoop:
         """Return the compiled closed loop of a policy and the aircraft at the trim.
 
-        scenario: scenario with the sampling of the policy, or None for `scenario(tick)`
+        scenario: scenario with the sampling and delays of the policy, or None for one without
+            disturbance that is sampled at every `tick`
         """
         calm = scenario or self.scenario(self.tick)
         plant = NonlinearPlant(self.problem.model, self.problem.point)

@@ -90,7 +90,7 @@ class Following(NamedTuple):
     rates: input -> weight of its rate
     states: state -> weight
     filter: bandwidth (rad/s) and damping of the command filter
-    bandwidth: bandwidth of the first-order actuators of the model, rad/s
+    bandwidth: bandwidth of the first-order actuators of the reference model, rad/s
     """
 
     outputs: Mapping[str, float]

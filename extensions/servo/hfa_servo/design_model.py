@@ -38,7 +38,7 @@ class DesignModel(Reported):
     model: linear model of the aircraft
     A: (n, n)
     B: (n, m)
-    E: (n, k), columns of the disturbances, multiplied by the root of their intensity
+    E: (n, k), columns of the disturbances, each multiplied by the root of its intensity
     C: (p, n), rows of the sensors
     D: (p, m), rows of the sensors
     """

@@ -89,7 +89,7 @@ def robust_check(A: np.ndarray, B: np.ndarray, C: np.ndarray, found: Robust) -> 
 
 
 class Weights(NamedTuple):
-    """Output weights as one system x' = A x + B y, y_s = C x + D y.
+    """Output weights as one system x' = A x + B y, y_s = C x + D y, from outputs y to weighted y_s.
 
     A: (n, n)
     B: (n, p)

@@ -76,10 +76,10 @@ class Side(NamedTuple):
         return Game(A=A, B=self.B, E=E, Q=(Q + Q.T) / 2.0, R=self.N.T @ self.N, delta=delta)
 
     def form(self, delta: float) -> NormalForm:
-        """Return the normal form of the game at δ, with bounds on the rounding errors of its
-        matrices.
+        """Return the normal form of the game at δ, with data on its rounding errors.
 
-        The bounds are the magnitudes of the terms from which the matrices of the game are computed.
+        The errors are proportional to the magnitudes of the terms from which the matrices of the
+        game are computed. The field `made_of` contains these magnitudes.
         """
         form = NormalForm.of(self.game(delta))
         sizes = self._sizes(delta).in_coordinates(form.T, np.diag(form.units))
@@ -137,7 +137,7 @@ def _inverse_sizes(D: np.ndarray, sizes: np.ndarray, delta: float) -> tuple[np.n
     """Return bounds |M⁻¹| |M| |M⁻¹| and |L⁻¹| |M| |L⁻¹|' |L⁻¹| on the rounding errors of M⁻¹ and
     L⁻¹.
 
-    M = I - D D'/δ² = L L'.
+    M = I - D D'/δ² = L L'. The bounds are relative to the unit roundoff.
 
     sizes: magnitudes of the terms of D, from which |M| is computed
     """

@@ -45,7 +45,7 @@ class ServoPolicy(Policy):
     scheduled_at: float
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return the deviations of all inputs from the trim. Inputs without a controller are 0."""
+        """Return the deviations of all inputs from the trim, 0 for inputs without a controller."""
         _, _, C, D, _ = self._matrices(measurements)
         u = ca.mtimes(C, memory) + ca.mtimes(D, self._inputs(t, measurements))
         return ca.mtimes(ca.DM(self._chosen), u)

@@ -210,7 +210,8 @@ def _compute_chunk(
 ) -> Mapping[str, Any] | None:
     """Compute the rows of a chunk in a worker process and write them into the store.
 
-    If `place` has no path, the rows are returned by name of the array instead.
+    If `place` has no path, the rows are returned by name of the array instead. Otherwise None is
+    returned.
 
     place: destination of the chunk
     rows: row numbers of the chunk

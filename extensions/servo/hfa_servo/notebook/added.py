@@ -39,7 +39,8 @@ if TYPE_CHECKING:
 def _to_json(value: Any) -> Callable[..., Any] | None:
     """Return the method `to_json` of a result, or None if the value is not a result.
 
-    The method returns JSON text. If a path is given, it writes the JSON file instead.
+    The method returns JSON text. If a path is given, the method writes a file instead, in the
+    format of the suffix.
     """
     if not isinstance(value, Reported):
         return None

@@ -209,8 +209,8 @@ def _of_closed_loop(value: Any, name: str) -> None:
 def _of_another_link(value: Any, name: str) -> Any:
     """Return an entry of the report of an operating point, such as point.loads, or None.
 
-    Raises AttributeError if the attribute belongs to the linear model at this point, or to the
-    operating point of a linear model or of a sweep.
+    Raises AttributeError if the attribute belongs to the linear model at this point, to the
+    operating point of a linear model, or to the modes of a sweep.
     """
     other = ""
     if isinstance(value, OperatingPoint):

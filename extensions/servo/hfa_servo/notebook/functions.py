@@ -46,8 +46,8 @@ FUNCTIONS = dict(line.split(": ") for line in _SAME_FUNCTIONS.strip().splitlines
 def function(name: str, get: Callable[[str], Any]) -> Callable[..., Any] | None:
     """Return the function for a name that `hfa` does not define, or None.
 
-    The function is one with another name in other tools, or a method or property of results, as in
-    hfa.save(linear, FILE) and hfa.modes(linear).
+    The function is one that other tools call by this name, or a method or property of results, as
+    in hfa.save(linear, FILE) and hfa.modes(linear).
 
     get: function from a public name to its object
 
