@@ -532,7 +532,7 @@ def _check_signal(where: str, signal: Signal) -> None:
     numbers = (signal.nominal, rate, signal.start)
     if not all(map(is_finite, numbers)) or min(signal.nominal, rate) <= 0.0:
         raise BadInputError(
-            f"{where}: give a finite start, and a finite and positive nominal and rate"
+            f"{where}: start, nominal and rate must be finite, nominal and rate also positive"
         )
     if not signal.min <= signal.max:
         raise BadInputError(

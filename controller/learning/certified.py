@@ -291,9 +291,9 @@ def raise_disturbance(
         if step < max(SMALLEST_STEP * here.problem.share, NO_STEP):
             end = delta / np.sqrt(here.problem.share) if here.problem.share > 0.0 else np.inf
             raise NoSolutionError(
-                f"the law finds no solution for delta = {delta:g}: as delta decreases from inf, the"
-                f" solution ceases to exist at delta = {end:.6g}; choose a larger delta, or compare"
-                " with the delta_min of `hfa solve`"
+                f"the law finds no solution for delta = {delta:g}, because the solution ceases "
+                f"to exist at delta = {end:.6g}; choose a larger delta (`hfa solve` reports the "
+                "smallest)"
             )
     return here
 

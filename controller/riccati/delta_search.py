@@ -143,11 +143,12 @@ def _climb(answers: _Answers, begin: float) -> None:
             most = f"delta up to {delta / 4.0:.4g}"
             if last.exists is None:
                 raise NoSolutionError(
-                    f"rounding hides whether any {most} has a solution: {last.reason}; scale A, "
-                    "B, Q and R"
+                    f"rounding hides whether any {most} has a solution: {last.reason}; check the "
+                    "scaling of A, B, Q and R"
                 )
             raise NoSolutionError(
-                f"the game has no solution for any {most}: {last.reason}; scale A, B, E, Q and R"
+                f"the game has no solution for any {most}: {last.reason}; check the scaling of "
+                "A, B, E, Q and R"
             )
 
 

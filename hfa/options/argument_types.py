@@ -165,7 +165,7 @@ def output_file(
         if folder and text and not path.suffix:
             if not path.is_dir() and (path.exists() or not path.parent.is_dir()):
                 raise BadInputError(
-                    f"{where}: cannot make the folder; choose another path in an existing folder"
+                    f"{where}: the folder cannot be created; choose a path in an existing folder"
                 )
             return path
         if path.suffix.lower() not in (*suffixes, *stores):

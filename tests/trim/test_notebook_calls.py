@@ -62,7 +62,7 @@ def test_a_sweep_has_a_linear_model_anywhere() -> None:
     assert pytest.approx(swept[1].A, rel=1e-9, abs=1e-9) == swept.at(speed=68.0, dihedral=0.1).A
     between = linearize(MODEL, find_operating_point(MODEL, dihedral=0.15, speed=67.0))
     assert pytest.approx(between.A, rel=1e-9, abs=1e-9) == swept.at(dihedral=0.15, speed=67.0).A
-    with pytest.raises(BadInputError, match="one value for each variable: dihedral, speed"):
+    with pytest.raises(BadInputError, match="one value for each of dihedral, speed"):
         swept.at(speed=67.0)
 
 

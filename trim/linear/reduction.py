@@ -128,8 +128,8 @@ def _reduced(
     nominal = np.array([model.model.states[name].nominal for name in names])
     if np.linalg.cond(A22 * nominal / nominal[:, None]) > _SINGULAR:
         raise BadInputError(
-            f"{', '.join(names)} cannot be residualized, because their block A22 of A "
-            "is singular; residualize fewer states"
+            f"{', '.join(names)} cannot be residualized, because the block A22 of A for these "
+            "states is singular; residualize fewer states"
         )
     followed = -np.linalg.solve(A22, rates[following])
     return (

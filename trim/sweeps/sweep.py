@@ -522,7 +522,10 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         NoSolutionError if there is no trim.
         """
         if {*values} != {*self.variables}:
-            raise BadInputError(f"give one value for each variable: {', '.join(self.variables)}")
+            raise BadInputError(
+                "a variable is missing or unknown; give one value for each of "
+                f"{', '.join(self.variables)}"
+            )
         axes = {name: [value] for name, value in values.items()}
         found: LinearModel = run_plan(replace(self.plan, axes=axes))[0]
         return found

@@ -249,7 +249,11 @@ class _Reader:
         if calculation is not None:
             math_element = calculation.find("math")
             if math_element is None or len(math_element) != 1:
-                raise self._error(place, "<calculation> must contain one <math> with one formula")
+                raise self._error(
+                    place,
+                    "<calculation> does not contain one <math> with one formula; correct "
+                    "<calculation>",
+                )
             formula = math_element[0]
         initial = element.get("initialValue")
         return Variable(
@@ -342,8 +346,8 @@ class _Reader:
         if {row.size for row in rows} not in ({2}, {3}):
             raise self._error(
                 place,
-                "each <dataPoint> must contain one or two arguments, the same number for all,"
-                " and a value; correct the ungridded table",
+                "a <dataPoint> is invalid; give one or two arguments, the same number for all, "
+                "and a value",
             )
         table = np.array(rows)
         try:

@@ -103,7 +103,8 @@ def _applied(operator: ElementTree.Element, arguments: list[Any]) -> Any:
     if name in _OF_MANY and count >= 1:
         return reduce(_OF_MANY[name], arguments)
     raise BadInputError(
-        f"<{shortened(name)}> with {count} argument(s) is not supported; rewrite the formula"
+        f"the number of arguments of <{shortened(name)}> is {count}, which is not supported; "
+        "rewrite the formula"
     )
 
 

@@ -36,7 +36,8 @@ def changed_aircraft(path: str) -> Model | None:
     other = data["aircraft"]
     if not isinstance(other, str) or Path(other).name == Path(path).name:
         raise BadInputError(
-            f"{path}: aircraft is {shown(other)}; give the file of another aircraft"
+            f"{path}: the entry aircraft is {shown(other)}; give the path of the aircraft file "
+            "that these parameters change"
         )
     values = _table(path, data, "parameters")
     if not all(map(is_finite, values.values())):

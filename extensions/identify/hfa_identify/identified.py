@@ -244,8 +244,8 @@ class Identified(Result, Reported):
         """
         if self.undetermined:
             raise NoSolutionError(
-                "no aircraft can be drawn: the records do not determine"
-                f" {', '.join(self.undetermined)}; fix their values"
+                "no aircraft can be drawn: the records do not determine "
+                f"{', '.join(self.undetermined)}; give these parameters fixed values"
             )
         names = [name for name in self.parameters if name in self.model.parameters]
         places = [list(self.parameters).index(name) for name in names]

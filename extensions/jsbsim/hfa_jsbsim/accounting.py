@@ -202,8 +202,7 @@ def _of_writers(equations: Equations) -> list[Note]:
         if of_component(name):
             if not all(_is_zero(writer) for writer in mine):
                 fault = (
-                    f"{shortened(name)} sets a failure or limit of a component, which is not"
-                    " supported"
+                    f"{shortened(name)} is a failure or limit of a component, which cannot be set"
                 )
                 raise _refusal(mine[-1], fault)
         elif not (name in properties.asked or without_numbers(name).startswith(_IDLE)):

@@ -201,7 +201,7 @@ def test_a_failed_report_leaves_no_folder(monkeypatch: pytest.MonkeyPatch) -> No
     ("words", "named"),
     [
         ("", "--output FILE.html, --output FOLDER or --json"),
-        ("-o file", "cannot make the folder"),
+        ("-o file", "the folder cannot be created"),
         ("-o a.html --free dihedral", "--dihedral and --sweep define the angles of a report"),
         ("-o a.html --dihedral 5 --dynamics unsteady", "more than seven states"),
     ],

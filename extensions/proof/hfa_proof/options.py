@@ -72,7 +72,8 @@ class RangeOptions(AircraftOptions, TrimOptions, OutputOptions):
         if len(self.at or ()) != 2:
             scheduled_name = family.model.schedule or "the scheduling variable"
             raise BadInputError(
-                f"give the interval of {scheduled_name} as --{called_at(self.model)} LOW:HIGH"
+                f"the interval of {scheduled_name} is missing; give --{called_at(self.model)} "
+                "LOW:HIGH"
             )
         low, high = self.at
         family.check(low, high)

@@ -113,11 +113,13 @@ class ScheduledController(ByValue, Reported):
         for name in self.states:
             if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
                 raise BadInputError(
-                    f"{where} a state is called {shown(name)}; use letters, digits and _, as in C"
+                    f"{where} the name of a state is {shown(name)}; use letters, digits and _, "
+                    "as in C"
                 )
         if len({name.upper() for name in self.states}) < len(self.states):
             raise BadInputError(
-                f"{where} two names of states are equal or differ only in capitals; rename one"
+                f"{where} two names of states are equal or differ only in capitals; rename one "
+                "state"
             )
 
     def _check_names(self, where: str) -> None:

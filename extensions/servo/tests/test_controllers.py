@@ -154,7 +154,7 @@ def test_controller_matrices_are_interpolated_linearly(
         ({"measurements": ("pitch_rate", "lift")}, "unknown measurement 'lift'"),
         (
             {"states": ("A = 1000",)},
-            "a state is called 'A = 1000'; use letters, digits and _, as in C",
+            "the name of a state is 'A = 1000'; use letters, digits and _, as in C",
         ),
         ({"commands": ("dihedral_command", "dihedral_wish")}, "unknown command 'dihedral_wish'"),
         ({"command_filter": (0.5,)}, "command_filter is invalid; give a positive bandwidth"),

@@ -401,7 +401,7 @@ def test_a_delta_too_small_is_refused(name: str) -> None:
     """A delta that is too small is refused, and the message names the smallest delta to 0.1 %."""
     game, _ = published(name)
     with pytest.raises(
-        NoSolutionError, match=r"no solution for delta = 50: .*; choose a larger delta"
+        NoSolutionError, match=r"no solution for delta = 50, .*; choose a larger delta"
     ) as refusal:
         learn(game.with_delta(50.0), tick=0.1)
     least = float(str(refusal.value).split("to exist at delta = ")[1].split(";")[0])

@@ -75,7 +75,9 @@ class InterpolatedModel:
         """
         variables = self.sweep.variables
         if {*values} != {*variables}:
-            raise BadInputError(f"give exactly the arguments {', '.join(variables)}, by name")
+            raise BadInputError(
+                f"an argument is missing or unknown; give {', '.join(variables)}, each by name"
+            )
         columns = np.broadcast_arrays(*(values[name] for name in variables))
         for name, axis, column in zip(variables, self.axes, columns, strict=True):
             if not np.all((axis[0] <= column) & (column <= axis[-1])):

@@ -88,7 +88,7 @@ def test_interpolation_outside_the_sweep_is_refused(model: InterpolatedModel) ->
     """Values outside the sweep, missing arguments and sweeps with points without trim are refused."""
     with pytest.raises(BadInputError, match="speed is outside the sweep, 60 ft/s to 76 ft/s"):
         model.at(dihedral=0.1, speed=50.0)
-    with pytest.raises(BadInputError, match="give exactly the arguments dihedral, speed, by name"):
+    with pytest.raises(BadInputError, match="give dihedral, speed, each by name"):
         model.at(speed=68.0)
     with pytest.raises(BadInputError, match="no trim at dihedral 0 deg, speed 5 ft/s"):
         InterpolatedModel(sweep(hfa.aircraft(), {"dihedral": [0.0, 0.1], "speed": [5.0, 68.0]}))

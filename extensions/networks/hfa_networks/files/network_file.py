@@ -292,8 +292,8 @@ def _as_saved(layers: list[Layer]) -> list[Layer]:
         if before is not None and _numbers(before) > _numbers(layer):
             raise BadInputError(
                 f"layer {shortened(layer.name)!r} is stored after {shortened(before.name)!r}, so "
-                "the order of the layers is ambiguous; save the layers in ascending order of "
-                "their numbers, or export the network to ONNX"
+                "the order of the layers is ambiguous; save the layers in ascending order of the "
+                "layer numbers, or export the network to ONNX"
             )
         last[_kind(layer)] = layer
     return layers
@@ -318,8 +318,7 @@ def _only_order(layers: list[Layer], widths: Collection[int]) -> list[Layer]:
     if len(by_kind) > _MOST_KINDS:
         raise BadInputError(
             f"the layers ({names} ...) have {len(by_kind)} different names, which do not "
-            "determine their order; number the layers, or select one network with "
-            "--network"
+            "determine the order; number the layers, or select one network with --network"
         )
     orders = list(islice(_orders(tuple(by_kind.values()), widths), 2))
     if len(orders) == 2:

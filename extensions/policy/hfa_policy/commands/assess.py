@@ -334,7 +334,7 @@ def assess(request: AssessRequest) -> int:
         )
         results.append(replace(found, assumed=_assumed_trim(request, points)))
     if request.draws is not None and len(results) > 1:
-        raise BadInputError("--draws requires a single deployment file; give one")
+        raise BadInputError("--draws requires a single deployment file; give only one file")
     if len(results) == 1:
         report = results[0].report()
         if request.draws is not None:
@@ -343,7 +343,7 @@ def assess(request: AssessRequest) -> int:
         show(report, request, figure=results[0].figure, notes=results[0].warnings)
         return 0 if results[0].ok else 1
     if request.picture is not None:
-        raise BadInputError("--picture requires a single deployment file; give one")
+        raise BadInputError("--picture requires a single deployment file; give only one file")
     notes = [
         f"{one.deployed.deployment.origin}: {note}" for one in results for note in one.warnings
     ]

@@ -110,7 +110,8 @@ def design(request: DesignRequest) -> int:
 
     if (request.file is None) == (request.design is None):
         raise BadInputError(
-            "give either --design NAME or a file: a design (.toml) or a controller (.npz)"
+            "the design is missing or given twice; give either --design NAME or a file (.toml "
+            "for a design, .npz for a controller)"
         )
     model = request.model
     design = request.design
