@@ -4,7 +4,7 @@
 
 Units: ft, slug, lbf and rad. Source: R. C. Nelson, Flight Stability and Automatic Control, 2nd ed.,
 1998, Table B.1 at 176 ft/s. The derivatives were compared with navion_aero.c of NASA's LaRCSim
-(1994). There, the rolling moment due to rudder is 0.0118 and that due to yaw rate is 0.107.
+(1994). The rolling moments due to rudder, 0.0118, and due to yaw rate, 0.107, are those of LaRCSim.
 Nelson's examples omit C_Lq and use C_nbeta 0.0701. With these two values the modes agree within
 0.5 %. With the values below the spiral differs by 7 % and the other modes by 1 %.
 """

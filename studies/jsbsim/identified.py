@@ -1,7 +1,7 @@
 """Linear models identified from noisy JSBSim flights, compared with JSBSim's linearization.
 
 `python -m studies.jsbsim.identified [COUNT]` prints the table of README.md, with COUNT
-identifications of each aircraft (default 24). The packages jsbsim and hfa-identify are required.
+identifications of each aircraft (default 24). The package jsbsim is required.
 
 Each flight is a 3-2-1-1 elevator input from the trim, simulated with both signs. Terms quadratic in
 the motion are equal for both signs and therefore do not change the slopes. The amplitudes were

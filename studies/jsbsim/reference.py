@@ -117,7 +117,7 @@ def measured(name: str, points: Sequence[Mapping[str, Any]], seconds: float = 60
 
     name: name of an aircraft of JSBSim
     points: {"state": {...}, "commands": {...}} with the names of a `Model`, or {"trim": {"kcas",
-      "altitude"}}. "linear": true adds A and B. "held" lists properties that no component sets.
+      "altitude"}}. "linear": true adds A and B. "held" is {property: constant value}.
     seconds: time limit of each child process, s
     """
     items = [{"aircraft": name, "point": point} for point in points]

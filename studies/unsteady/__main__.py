@@ -5,8 +5,8 @@
 The study takes two minutes. Servos are designed for one of the dynamics. Their linear loops with
 actuators of 2 rad/s are then analyzed for each of the dynamics. The largest gusts are found by
 simulation of the nonlinear aircraft with the policy u = -K (x - x0), without actuators. K is the
-exact gain of the paper's game for the `published` dynamics at this angle. The flight must stay
-within the envelope and the control limits for 20 s.
+exact gain of the paper's game for the `published` dynamics at the same dihedral angle. The flight
+must stay within the envelope and the control limits for 20 s.
 """
 
 from __future__ import annotations
