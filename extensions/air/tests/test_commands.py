@@ -13,7 +13,10 @@ UNSTEADY_11 = ("--dihedral", "11", "--dynamics", "unsteady")
 
 
 def test_trims_models_and_games_contain_the_lag_states() -> None:
-    """Trims, linear models and games with unsteady dynamics contain the lag states."""
+    """Trims with unsteady dynamics contain all lag states.
+
+    Linear models and games omit the lag states of gusts, unless `--states` lists them.
+    """
     trimmed = answer("trim", *UNSTEADY_11)["operating_point"]
     assert list(trimmed["states"])[7:] == list(LAG_STATES)
     model = answer("linearize", *UNSTEADY_11)

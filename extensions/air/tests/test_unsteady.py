@@ -174,9 +174,10 @@ def test_comparison_with_energies_detects_a_planted_error(
 
 @cache
 def half_chords() -> tuple[np.ndarray, float]:
-    """Return the linear equations of the four lag states of the center wing, (4, n), and V/b, 1/s.
+    """Return the linear equations of the four lag states of the center wing, (4, 6), and V/b, 1/s.
 
-    The columns are A over the lag states, A over alpha, and E. The model is linearized at 10 deg.
+    The columns are A over the lag states, A over alpha, and E over the updraft. V is the speed and
+    b the half chord. The model is linearized at 10 deg.
     """
     point = find_operating_point(UNSTEADY, usual_condition(UNSTEADY).at(10 * DEGREES))
     model = linearize(
@@ -195,6 +196,7 @@ def response(kind: str, lag: Lag, k: np.ndarray) -> np.ndarray:
     The lift follows from the rows of the lag states in A and E.
 
     kind: "lag" for a change of alpha, else for a gust
+    lag: shares of the two lag states in the lift
     k: reduced frequencies
     """
     table, flow = half_chords()
@@ -261,7 +263,7 @@ def test_step_responses_approximate_theodorsen_and_sears(
 ) -> None:
     """The step responses of the lags approximate those of Theodorsen and Sears.
 
-    A doubled rate (planted error) exceeds the limit.
+    If the first rate is doubled (planted error), the difference exceeds the limit.
     """
     s = np.array([0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0])
     exact = step(of, end, s)

@@ -53,10 +53,10 @@ def cart_bound(coefficient: float) -> CostStatement:
 
 @pytest.mark.parametrize("margin", [1e-13, 0.1])
 def test_a_margin_of_1e13_is_decided_correctly(margin: float) -> None:
-    """A bound below the least cost by 1e-13 is proved, and a bound above by 1e-13 is refused.
+    """The bound (1 - margin) y² is proved, and (1 + margin) y² is refused. The least cost is y².
 
-    The cart is in equilibrium at every position. The unknown of its equilibrium equations is
-    therefore the input.
+    The margins are 1e-13 and 0.1. The cart is in equilibrium at every position. The unknown of its
+    equilibrium equations is therefore the input.
     """
     witness = CostWitness(("speed",), (1000,))
     assert check_cost(cart_bound(1.0 - margin), witness)[0] > 0
@@ -83,7 +83,7 @@ def proved() -> CostBound:
 
 
 def test_the_checker_repeats_the_proof(proved: CostBound) -> None:
-    """The checker verifies the bound with the boxes of the prover."""
+    """The checker verifies the bound, and evaluates as many boxes of each piece as the prover."""
     assert check_cost(proved.statement, proved.witness) == proved.boxes
 
 

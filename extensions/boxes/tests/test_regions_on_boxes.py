@@ -276,7 +276,7 @@ SINK = Model("sink", {"x": Signal("m")}, {}, lambda x, u, p, w: ({"x": -x.x}, {}
 
 @pytest.mark.parametrize("limit", [0.65, 0.55])
 def test_no_set_outside_a_limit_is_proved(limit: float) -> None:
-    """A set that reaches x = 0.6 is proved for the limit 0.65 of x, and refused for the limit
+    """A set with the stated extents |x| <= 0.6 is proved for the limit 0.65 of x, and refused for
     0.55.
     """
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
@@ -463,7 +463,10 @@ def test_coinciding_modes_have_a_positive_decay() -> None:
 
 @pytest.mark.parametrize("weight", [1e-3, 1e3])
 def test_a_set_grows_from_any_initial_v(weight: float) -> None:
-    """A set within limits grows beyond the size 2.9 from initial V of different decay."""
+    """From two different initial V, a set within limits grows from a size below 1 to more than 2.9.
+
+    The size of a set is the n-th root of its volume.
+    """
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
         return {"slow": x.fast - 0.1 * x.slow, "fast": -x.slow - 20.0 * x.fast}, {}

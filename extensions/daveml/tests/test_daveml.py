@@ -245,7 +245,9 @@ def test_formulas_have_their_analytical_values(text: str, expected: float, tmp_p
 def test_unsupported_definitions_are_refused(
     body: str, more: str, message: str, tmp_path: Path
 ) -> None:
-    """Unknown operators, undefined variables and circular definitions are refused."""
+    """Unknown operators, undefined variables, missing or circular definitions and uncertainties are
+    refused.
+    """
     path = tmp_path / "one.dml"
     path.write_text(_ONE.format(body, more))
     with pytest.raises(BadInputError, match=message):

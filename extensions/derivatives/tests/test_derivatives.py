@@ -228,7 +228,9 @@ def test_modes_of_the_navion_agree_with_published_modes(mode):
 
 
 def test_the_747s_published_density_is_reproduced():
-    """The atmosphere gives the published density and speed of sound of the 747."""
+    """At the altitude of the 747's data, the atmosphere has the published density and speed of
+    sound.
+    """
     assert float(air_at(_ALTITUDE).density) == pytest.approx(_DENSITY, rel=1e-6)
     assert float(air_at(_ALTITUDE).sound) == pytest.approx(774.0 / _MACH, rel=1e-5)
 

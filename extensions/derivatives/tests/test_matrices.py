@@ -80,6 +80,8 @@ def test_lqr_of_matrices_refuses_a_disturbance() -> None:
     ],
 )
 def test_inconsistent_matrices_are_refused(arguments: dict[str, object], said: str) -> None:
-    """Matrices and names of inconsistent sizes are refused."""
+    """Matrices and names of inconsistent sizes, an entry of nan and a disturbance matrix E are
+    refused.
+    """
     with pytest.raises(BadInputError, match=said):
         hfa.LinearModel(**arguments)  # type: ignore[arg-type]

@@ -120,7 +120,10 @@ def test_discounted_verdict_does_not_need_a_continuous_solution() -> None:
 
 
 def test_discrete_verdicts_are_printed() -> None:
-    """A verdict in discrete time is printed with its first line and matrices."""
+    """The printed verdict on an exact P begins with the result.
+
+    The verdict on an unstable gain names the matrix A - B K.
+    """
     game = Game([[0.9]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], np.inf)
     exact = solve_discounted(game, 0.9)
     verdict = check_discounted(game, from_value(game, exact.P), 0.9)

@@ -125,7 +125,10 @@ def test_wrong_values_of_p_fail():
 
 
 def test_games_without_a_solution_are_refused():
-    """Games without a solution, and wrong discounts and sample times, are refused with the reason."""
+    """Games without a solution, and wrong discounts and sample times, are refused with the reason.
+
+    An unstable mode that no input reaches has a solution with discount 0.6, and none with 0.9.
+    """
     with pytest.raises(
         NoSolutionError,
         match=r"no certified value of .*; delta = 0\.5 is below delta_min",
@@ -403,8 +406,8 @@ def _hard_step(kind: str, seed: int) -> DiscreteGame:
 def test_ill_conditioned_games_agree_with_value_iteration(kind, seed):
     """P of ill-conditioned games agrees with value iteration in 90 digits within 1e-12.
 
-    The limit is 1e-10 if an input affects a mode only by 1e-6. A change of the last bit of √α B
-    then changes P by 1e-10.
+    The limit is 1e-10 if an input affects a mode only by 1e-6. A change of the last bit of
+    √discount B then changes P by 1e-10.
     """
     problem = _hard_step(kind, seed)
     error = relative_error(solve_discrete(problem).P, reference_step_value(problem))

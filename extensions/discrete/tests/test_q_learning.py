@@ -54,7 +54,9 @@ def test_noise_changes_the_learned_gain_by_little():
 
 
 def test_unusable_games_and_steps_are_refused():
-    """Games without a solution and recorded steps without excitation are refused."""
+    """Games without a solution, and recorded steps without excitation or of unequal number, are
+    refused.
+    """
     problem = _problem(2)
     smallest = minimum_delta_discrete(problem).value
     with pytest.raises(NoSolutionError, match="delta"):

@@ -121,9 +121,10 @@ def abscissa(model: LinearModel, K: np.ndarray, lag: float) -> float:
 def leaves_envelope(weights: str, lag: float) -> bool:
     """Return whether a flight of 200 s with a dihedral command of one degree leaves the envelope.
 
-    lag: lag of all actuators, s
-
     The surfaces move at most 60 deg/s.
+
+    weights: one of `WEIGHTS`, for the gain
+    lag: lag of all actuators, s
     """
     aircraft = hfa.aircraft("newton")
     point = model_at(15.0, "newton").point

@@ -34,7 +34,10 @@ FLY = ("fly", "--dihedral", "15", "--law", "exact")
 
 
 def test_a_flight_is_reported_and_written() -> None:
-    """A flight inside the envelope gives PASS, and the JSON contains its scenario and history."""
+    """A flight inside the envelope gives PASS. Its JSON file contains the scenario and the history.
+
+    The npz and CSV files contain the history too.
+    """
     words = (
         *FLY,
         "--duration",
@@ -211,9 +214,9 @@ def test_unsuitable_controllers_faults_and_commands_are_refused() -> None:
 
 @pytest.mark.usefixtures("_in_folder_of_controllers")
 def test_members_follow_commands_during_a_fault() -> None:
-    """Members of a Monte Carlo simulation follow commands.
+    """All members of a Monte Carlo simulation that follow commands stay inside the envelope.
 
-    With a fault of effectiveness 0.2, the effort falls by more than half.
+    With a fault of effectiveness 0.2, the effort of the outer ailerons falls by more than half.
     """
     words = ("fly", *BEHIND, "--duration", "2", "--samples", "3")
     noisy = (

@@ -72,7 +72,10 @@ def running(*words: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
 @pytest.mark.slow
 @pytest.mark.parametrize("lost", ["scheduler", "worker"])
 def test_a_failed_cluster_leaves_the_result_unchanged(tmp_path: Path, lost: str) -> None:
-    """If the scheduler or a worker of Dask ends, the run continues to the same results."""
+    """If a worker of Dask ends, the run completes. If the scheduler ends, it fails with one line.
+
+    In both cases, --resume gives the report of an undisturbed run.
+    """
     pytest.importorskip("distributed")
     dask = (sys.executable, "-m", "dask")
     scheduler_file = tmp_path / "scheduler.json"

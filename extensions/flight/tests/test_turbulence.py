@@ -280,7 +280,9 @@ def test_disturbances_of_a_flight_equal_the_random_ones() -> None:
     ],
 )
 def test_unusable_turbulence_options_are_refused(typed, said, capsys) -> None:
-    """Turbulence without altitude, span, intensity or the needed states is refused."""
+    """Missing or wrong values of --turbulence, and aircraft without the required states, are
+    refused.
+    """
     assert main(typed.split()) == 2
     assert said in capsys.readouterr().err
 

@@ -160,7 +160,7 @@ def test_aircraft_without_a_trim_are_counted():
 
 
 def test_a_deployed_policy_is_assessed_on_drawn_aircraft(folder, capsys):
-    """`hfa assess` reports the band of the spectral radius of a sampled gain on drawn aircraft."""
+    """`hfa assess` reports the band of the sampled loop's spectral radius over the drawn aircraft."""
     model = hfa.load_model(written())
     linear = hfa.linearize(model, hfa.find_operating_point(model))
     weak = hfa.game(linear, np.ones(8), 1e2 * np.ones(4), delta=np.inf)

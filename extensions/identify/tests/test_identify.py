@@ -234,7 +234,9 @@ def test_sensitivities_agree_with_differences():
 
 
 def test_gaps_and_several_records_are_used():
-    """Records with missing samples are identified together and validated with a third."""
+    """A record with missing samples is identified together with a second one, and validated with a
+    third.
+    """
     gaps = record(1)
     for name in SENSORS:
         gaps[name][3::4] = math.nan

@@ -147,9 +147,9 @@ WASHOUT = (
 
 @needs_jsbsim
 def test_replaced_commands_are_zero_in_filters():
-    """A filter of the F-22 receives a centered stick, because the elevator position is the input.
+    """Filters of the F-22 receive a centered stick, because the surface positions are the inputs.
 
-    A state of the filter decays with the elevator at any position.
+    The states of the filters decay at the same rate with the surfaces at any position.
     """
     model = load_model("jsbsim:f22?filters=states")
     assert model.inputs["elevator"].unit == "rad"

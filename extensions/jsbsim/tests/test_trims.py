@@ -45,7 +45,9 @@ def test_aircraft_are_trimmed_at_a_calibrated_airspeed(name, kcas, altitude):
 
 @needs_jsbsim
 def test_trims_at_equal_kcas_mach_and_speed_agree():
-    """Trims at equal kcas, Mach number and speed are equal, also in a sweep."""
+    """Trims at the same kcas, Mach number or true airspeed have equal speeds, also in a sweep over
+    kcas.
+    """
     model = load_model("jsbsim:737")
     first = find_operating_point(model, condition_of(model, altitude=20000.0, kcas=250.0))
     speeds = [first.states.speed]
@@ -164,7 +166,11 @@ def test_failed_slow_trims_report_the_greatest_lift(tmp_path):
 
 
 def test_missing_jsbsim_aircraft_are_refused(monkeypatch, tmp_path):
-    """A missing aircraft folder or name is refused with the aircraft that exist."""
+    """A missing aircraft folder is refused. An unknown name is refused with the aircraft that
+    exist.
+
+    An aircraft in the folder is read by its name.
+    """
     monkeypatch.setenv("JSBSIM_ROOT", str(tmp_path))
     with pytest.raises(BadInputError, match="which contains no folder named aircraft"):
         load_model("jsbsim:737")

@@ -127,7 +127,7 @@ def test_tanh_is_enclosed_at_every_scale() -> None:
 def test_every_node_lies_within_its_enclosure(kind: str) -> None:
     """Each nonlinear operation lies within its enclosure, at 21 points of each argument's range.
 
-    For half of the ranges, the largest deviation exceeds 90 % of the enclosure's radius.
+    For at least half of the ranges, the largest deviation exceeds 90 % of the enclosure's radius.
     """
     of = {
         "tanh": np.tanh,
@@ -157,7 +157,8 @@ def test_every_node_lies_within_its_enclosure(kind: str) -> None:
 def test_halves_cover_the_box() -> None:
     """The two halves of each box cover the box.
 
-    The box is split along the coordinate with the larger slope.
+    A box is split along the coordinate with the largest gap of the bound. If a gap is nan, the box
+    is split along its widest edge.
     """
     centres = np.array([[0.0, 0.5], [0.25, 0.0]])
     half_widths = np.array([[1.0, 0.5], [0.25, 1.0]])

@@ -5,7 +5,8 @@ loads. Velocities and accelerations follow from positions by differentiation.
 
   T_a = Σ [m w² + (m b²/8) ω_y² + (m span²/12) ω_x²] / 2,   m = π ρ b² span
 
-w is the velocity of the mid-chord normal to the plate.
+b is the half chord of a plate, n its normal, and ω its angular velocity. v is the velocity of the
+mid-chord, u its part along the chord and w its part along n.
 
 The Euler-Lagrange equations of T_a are Kirchhoff's. They contain the moment -v × (m w n) of a plate
 without circulation. The lift at the quarter chord already includes this moment, so it is
@@ -124,9 +125,13 @@ def derived_unsteady(x: Any, u: Any, density: Quantity, p: Any, winds: Winds) ->
 def _surfaces(name: str, x: Any, u: Any, p: Any) -> tuple[tuple[str, Any, Any, Any, Any], ...]:
     """Return a tuple for the wing and one for the tail of a panel.
 
-    Each tuple contains: name of the strip, control angle (rad), chord (ft), downwash (rad), and
-        distance from the quarter chord of the wing back to the three-quarter chord of the strip
-        (ft).
+    Each tuple contains:
+
+    - name of the strip
+    - control angle, rad
+    - chord, ft
+    - downwash, rad
+    - distance from the quarter chord of the wing back to the three-quarter chord of the strip, ft
     """
     chord = ca.sqrt(p.tail_area / p.tail_aspect_ratio)
     aileron = getattr(u, f"aileron_{name}") * p.aileron_lift / p.lift_slope
@@ -167,6 +172,9 @@ def _along_the_span(
 
     The lift is 0 at the middle of the panel. The integral over the span uses Gauss-Legendre
     quadrature. The rates of the lag states of the tip are added to `lag_rates`.
+
+    slope: lift slope of the wing, 1/rad
+    side: 1 or -1, the side of the panel
     """
     flow = _flow(panel, 0, air, r, v)
     angle = -p.local_motion * v[3] * p.panel_span / 2 / flow.speed
@@ -191,6 +199,7 @@ def _carried(
     """Return the kinetic energy of the air carried by a panel's wing and tail, and a moment.
 
     The moment (3,), in panel axes, cancels Kirchhoff's moment and adds Theodorsen's -m u (b/2) ω_y.
+    The symbols are those of the module.
     """
     chord = ca.sqrt(p.tail_area / p.tail_aspect_ratio)
     energy = ca.SX(0)

@@ -228,9 +228,10 @@ def answered(
 def simulated_controller(
     controller: ScheduledController, aircraft: Model, point: OperatingPoint
 ) -> ca.Function:
-    """Return the product's controller as a function (t, x, a, memory) -> y, commands, u, memory'.
+    """Return the product's controller as a function (t, x, a, memory) -> (y, commands, u, memory').
 
-    Both commands are steps. u is saturated at ±`HIGHEST`.
+    The commands are their values, their rates and their last values. Both are steps. u is saturated
+    at ±`HIGHEST`.
     """
     commands = CommandSteps(
         commandable(controller), np.array([0.0, 2.0]), np.array([[0.05, 0.3], [-0.05, 2.0]])

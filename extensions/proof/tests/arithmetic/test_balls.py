@@ -20,7 +20,10 @@ from hfa_proof.arithmetic.taylor_model import TaylorModel
 
 @pytest.mark.parametrize(("off", "second"), [(1.0, 1.5), (2.0, 0.0), (3.0, -2.5)])
 def test_pivots_equal_those_of_gaussian_elimination(off: float, second: float) -> None:
-    """Pivots are those of Gaussian elimination, and a matrix is definite if all are positive."""
+    """Pivots are those of Gaussian elimination, and a matrix is definite if all are positive.
+
+    If a pivot is 0, None is returned.
+    """
     found = pivots(matrix([[2.0, off], [off, 2.0]]))
     assert (found is None) == (second == 0.0)
     assert is_positive_definite(matrix([[2.0, off], [off, 2.0]])) == (second > 0.0)

@@ -406,9 +406,9 @@ def test_the_delay_acts_on_the_commands_that_arrive() -> None:
 
 
 def test_a_line_off_the_axis_bounds_one_side() -> None:
-    """A line to the left or right of the imaginary axis gives only one bound.
+    """A line to the left or right of the imaginary axis gives only one bound on the unstable modes.
 
-    For x' = -x, the line at -2 counts the stable mode, and the line at +1 counts none.
+    For x' = -x, the line at -2 proves at most 1 such mode, and the line at +1 at least 0.
     """
     A = _one(-1.0)
     left = Line(np.array([[-1.0]]), np.eye(1), 2.0)
@@ -474,7 +474,7 @@ def test_a_determinant_of_one_sign_proves_nothing() -> None:
 
 
 def test_one_sided_limits_must_be_stated() -> None:
-    """A statement without a limit of the model is refused, also if this limit has one side."""
+    """A statement without a limit of the model is refused, even if this limit has one side only."""
     model = SimpleNamespace(limits={"speed": (0.0, np.inf)}, disturbances={})
     assert _read_limits(Fields("flight", {"limits": {"speed": [0.0, 9.0]}}), model)
     with pytest.raises(Malformed, match="speed"):

@@ -36,8 +36,9 @@ def numbers(values: Any, of: str = "mid") -> np.ndarray:
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 @pytest.mark.parametrize("low", [0.0, 9.5])
 def test_enclosures_contain_linear_models(dynamics: str, low: float) -> None:
-    """The enclosure on a box of dihedral angles contains the linear models and trims that the
-    product computes.
+    """The enclosure on a box of dihedral angles contains the A and B that the product computes.
+
+    The polynomials of the trim inputs agree with the product's trims within 1e-4.
     """
     linear = linear_model(family(dynamics), low, low + 0.5)
     for s in (-1.0, -0.4, 0.0, 1.0):
