@@ -39,5 +39,5 @@ def test_units_have_their_conversion_factors(unit: str, si: str, factor: float) 
 
 
 def test_only_units_with_an_si_unit_are_converted() -> None:
-    """The conversion between two unrelated units is None."""
+    """No conversion from km/h to ft/s exists, because neither is the SI unit of the other."""
     assert conversion("km/h", "ft/s") is None

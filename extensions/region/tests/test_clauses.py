@@ -1,6 +1,6 @@
 """One quick forgery for each clause of the checker of regions.
 
-Each forgery is refused by the message of its clause.
+Each forgery is refused with the message of its clause.
 """
 
 from __future__ import annotations

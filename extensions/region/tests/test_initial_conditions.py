@@ -68,7 +68,10 @@ def test_initial_conditions_are_uniform_in_the_set(tmp_path: Path) -> None:
 def test_all_flights_in_a_proved_set_converge(
     aircraft: str, words: tuple[str, ...], tmp_path: Path
 ) -> None:
-    """Of 20,000 flights from each proved set, all converge and none leaves the limits."""
+    """None of 20,000 flights from each proved set leaves the set or the limits.
+
+    Without a disturbance, all flights converge.
+    """
     statement, _ = stated(tmp_path / "proved.json", aircraft, *words)
     assert count_departures(statement, 20_000) == (0, 0)
 

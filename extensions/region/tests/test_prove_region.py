@@ -10,7 +10,7 @@ from hfa_aircraft.model import Model
 
 
 def test_python_and_the_command_report_equal_regions(model: Model) -> None:
-    """A region proved in Python has extents and the command's report.
+    """A region proved in Python has extents around 0, a positive level and the command's title.
 
     A gain of another shape and an unstable loop are refused.
     """

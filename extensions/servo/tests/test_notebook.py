@@ -446,9 +446,9 @@ def test_sweeps_and_flights_have_table_methods() -> None:
 
 
 def test_results_are_saved_and_loaded(tmp_path: Path) -> None:
-    """hfa.save and hfa.load write and read linear models, solutions and points.
+    """hfa.load reads saved linear models and points. A point requires its model.
 
-    hfa.load also reads deployments and aircraft.
+    hfa.load also reads deployments and aircraft. Solutions can be written as JSON.
     """
     linear = _linear()
     hfa.save(linear, tmp_path / "linear.npz")
@@ -495,7 +495,7 @@ def test_verify_accepts_a_critic_file_and_keywords(folder: Path) -> None:
 def test_missing_attributes_name_the_object_that_has_them() -> None:
     """An entry of a trim's report is an attribute of the operating point.
 
-    Attributes of the linear model, of its operating point and modes of a sweep are named.
+    The error for an attribute of another object names the expression to write instead.
     """
     linear = _linear()
     point = linear.point

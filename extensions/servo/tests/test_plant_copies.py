@@ -144,7 +144,7 @@ def test_rotated_coordinates_keep_the_smallest_delta() -> None:
 def test_rotated_coordinates_keep_the_coupling() -> None:
     """A plant with poles from 2e-4 to 1000 rad/s has the same coupling in rotated coordinates.
 
-    The loop with the controller attains the gain.
+    The gain of the loop with the controller is below delta.
     """
     plant = mixed_sensitivity(12)
     delta = 1.01 * plant.minimum_delta().value

@@ -253,7 +253,7 @@ def test_the_cheaper_of_two_minima_is_found(
     ],
 )
 def test_bad_conditions_are_refused(aircraft: Model, changes: dict[str, float], words: str) -> None:
-    """A condition out of range is refused in one line."""
+    """A condition with wrong values, names or limits is refused in one line."""
     with pytest.raises(BadInputError) as caught:
         find_operating_point(aircraft, level_flight(**({"dihedral": 0.1} | changes)))  # type: ignore[arg-type]
     assert words in str(caught.value)

@@ -528,7 +528,7 @@ def planted(game: Game, sizes: np.ndarray, of: str = "W") -> tuple[Critic, ...]:
 def test_a_history_passes_if_it_settles_in_time(
     game: Game, sizes: np.ndarray, of: str, predefined_time: float | None, settled: float
 ) -> None:
-    """A history of critics passes if its errors settle before the predefined time.
+    """A history of critics passes if its errors settle within the predefined time.
 
     Without a predefined time, a history with a wrong last critic fails.
     """

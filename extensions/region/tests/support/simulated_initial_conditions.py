@@ -1,6 +1,8 @@
 """Simulate flights from a proved set, and count those that leave the set or do not converge.
 
-python tests/support/simulated_initial_conditions.py FILE.json 100000 [FILE.py:NAME]
+python extensions/region/tests/support/simulated_initial_conditions.py FILE.json N [FILE.py:NAME]
+
+N: number of flights
 """
 
 from __future__ import annotations
