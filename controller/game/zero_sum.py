@@ -288,5 +288,5 @@ def least_scaled_eigenvalue(matrix: np.ndarray) -> float:
 
 
 def shape_text(shape: tuple[int, ...]) -> str:
-    """Return a shape as text, (5, 6) as "5 x 6"."""
-    return " x ".join(map(str, shape))
+    """Return a shape as text, (5, 6) as "5 x 6", () as "a number"."""
+    return " x ".join(map(str, shape)) or "a number"

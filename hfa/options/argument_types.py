@@ -171,7 +171,7 @@ def output_file(
         if path.suffix.lower() not in (*suffixes, *stores):
             kinds = ", ".join((*suffixes, *stores))
             if folder:
-                kinds += ", or a folder, whose name has no suffix"
+                kinds += ", or a folder name without suffix"
             raise BadInputError(f"{where}: the suffix {path.suffix!r} is unknown; use {kinds}")
         if not path.parent.is_dir():
             raise BadInputError(

@@ -32,7 +32,7 @@ def value_range(model: Model, name: str, text: str) -> Range:
         )
     start, stop, step = map(number, parts)
     if step <= 0:
-        raise BadInputError(f"step is {step:g}; give a positive step")
+        raise BadInputError(f"has the step {step:g}; give a positive step")
     if stop < start:
         raise BadInputError(
             f"runs backwards from {start:g} to {stop:g}; give the lower number first"

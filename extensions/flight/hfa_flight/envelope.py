@@ -165,7 +165,7 @@ def refuse_start(envelope: Limits, limited: np.ndarray, moving_air: bool = False
     start = departure(envelope, np.zeros(1), limited[None], moving_air)
     if start is not None:
         value = with_unit(start.value, start.unit)
-        limit = short_number(start.limit, start.unit)
+        limit = with_unit(start.limit, start.unit)
         raise BadInputError(
             f"the initial {start.state} is {value}, beyond the limit of {limit}; choose an"
             " initial condition inside the envelope, or widen the envelope"

@@ -109,7 +109,7 @@ def test_the_default_envelope_is_centered_at_the_trim(newton: SimulatedCase) -> 
         flight_envelope(p, point, {"roll": (0.0, 1.0)})
     with pytest.raises(
         BadInputError,
-        match="initial speed is -2 ft/s, beyond the limit of 34; choose an initial condition inside",
+        match="initial speed is -2 ft/s, beyond the limit of 34 ft/s; choose an initial condition",
     ):
         simulate_case(newton, Scenario(duration=0.1, initial=-70.0 * np.eye(7)[0]))
     with pytest.raises(

@@ -36,7 +36,7 @@ from hfa_flight.options import (
 from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_flight.turbulence import Turbulence
 from hfa_support.entry_points import PARTS, offered, part
-from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.errors import BadInputError, choice_of
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 
@@ -62,7 +62,8 @@ def _need(name: str, text: str) -> float:
     """
     from hfa_policy.assessment_report import NEEDS
 
-    refuse_unknown("names an unknown requirement,", name, NEEDS)
+    if name not in NEEDS:
+        raise BadInputError(f"is unknown; {choice_of(name, NEEDS)}")
     value = number(text)
     if value < 0.0:
         raise BadInputError(f"is {text}; give a number of at least 0")
