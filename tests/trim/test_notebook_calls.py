@@ -124,7 +124,7 @@ def test_a_property_that_fails_keeps_its_error() -> None:
 
 
 def test_names_index_values_and_modes() -> None:
-    """Trims, linear models, sweeps, modes, margins and residuals can be indexed by name.
+    """States, inputs, margins and modes of trims, linear models and sweeps are indexed by name.
 
     The error on a wrong name suggests the most similar name.
     """

@@ -80,7 +80,7 @@ def test_an_fmu_contains_its_origin(tmp_path: Path) -> None:
 def test_a_controller_is_exported_to_c_and_fmu(tmp_path: Path, published_aircraft: Model) -> None:
     """A controller with actuators is exported as an FMU and as C files.
 
-    The C files name the controller file.
+    The C files name the controller file. Wrong options are refused, and no file is written.
     """
     save_controller(tmp_path / "servo.npz", integrating_controller(published_aircraft))
     words = (

@@ -173,9 +173,9 @@ GLIDE = release(LEVEL, free=("gamma",), hold={"throttle": 0.0})
 
 @pytest.mark.parametrize("condition", [LEVEL, CLIMB, GLIDE], ids=["level", "climb", "glide"])
 def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCondition) -> None:
-    """Forces in the report equal coefficient times pressure times area, and balance in a climb.
+    """Forces in the report equal coefficient times pressure times area, and they balance.
 
-    L + T sin α = W cos γ, T cos α - D = W sin γ, and n = cos γ.
+    In level flight, climb and glide: L + T sin α = W cos γ, T cos α - D = W sin γ, and n = cos γ.
     """
     point = find_operating_point(aircraft, condition)
     gamma = point.values["gamma"]

@@ -236,7 +236,7 @@ def test_a_wrong_listed_point_is_named(text: str, words: str, tmp_path: Path) ->
 def test_a_list_of_points_is_swept_in_order(published_aircraft: Model, tmp_path: Path) -> None:
     """Points listed in a file, in degrees, are swept in their order, in memory and in a store.
 
-    Each point equals its single trim. Contradicting options and faulty lists are refused.
+    The second point equals its single trim. Contradicting options and faulty lists are refused.
     """
     path = tmp_path / "points.csv"
     path.write_text(
