@@ -60,7 +60,7 @@ def _diagonal_option(name: str) -> Any:
     name: "Q" or "R"
     """
     about = f"diagonal of {name}; default"
-    help_text = of_hfa(f"{about}: the paper's", f"{about} {USUAL_WEIGHTS[name]}")
+    help_text = of_hfa(f"{about}: values of the paper", f"{about} {USUAL_WEIGHTS[name]}")
     return option(help_text, "a,b,...", diagonal, names=f"--{name}", rare=True)
 
 

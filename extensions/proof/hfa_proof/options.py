@@ -61,7 +61,7 @@ def interval_of(model: Model, text: str) -> tuple[float, ...]:
 class RangeOptions(AircraftOptions, TrimOptions, OutputOptions):
     """Options that name an aircraft and an interval of its scheduling variable."""
 
-    at: Any = scheduled(interval_of, "LOW:HIGH", "interval whose every value the proof covers")
+    at: Any = scheduled(interval_of, "LOW:HIGH", "interval that the proof covers")
     start: None = None
 
     def ends(self, family: Family) -> tuple[float, float]:

@@ -66,8 +66,7 @@ class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
 
 @command(FlyRequest)
 def fly(request: FlyRequest) -> int:
-    """Simulate a policy on the nonlinear aircraft and compare with the prediction of its linear
-    model.
+    """Simulate a policy on the nonlinear aircraft, and compare the flight with the linear model.
 
     `--law none --command elevator=1:2,2:-2,3:0` simulates a doublet without a policy. With
     scheduled gains, a --command of the scheduling variable follows the trims. --samples N

@@ -63,7 +63,7 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
     )
     resume: bool = option("resume the proof of the unfinished certificate given by -o", rare=True)
     check: Path | None = option(
-        "verify an existing certificate instead", "FILE", input_file(".json")
+        "verify this certificate instead of proving a bound", "FILE", input_file(".json")
     )
 
     def problem(self) -> FlightProblem:

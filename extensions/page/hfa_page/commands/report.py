@@ -57,7 +57,7 @@ class ReportRequest(UnitsOption, TrimOptions):
         default=tuple(SWEEP.tolist()),
     )
     outputs: tuple[str, ...] | None = option(
-        "additional outputs, shown with C and D", "a,b,...", some_of(*STATES, *OUTPUTS)
+        "outputs for which C and D are added to the page", "a,b,...", some_of(*STATES, *OUTPUTS)
     )
     claims: Any = option(
         "claims.json written by `python -m studies.section5`, or the folder that contains the "

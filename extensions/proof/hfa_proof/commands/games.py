@@ -42,7 +42,7 @@ class Stated(NamedTuple):
 class SolutionRequest(PlantOptions, OutputOptions):
     """Options of `hfa prove solution`."""
 
-    at: Any = scheduled(interval_of, "DEG", "as an exact decimal number")
+    at: Any = scheduled(interval_of, "DEG", "taken as an exact decimal number")
 
     def stated(self) -> Stated:
         """Return the game that the options define.

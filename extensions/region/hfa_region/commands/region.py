@@ -66,7 +66,7 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
         READING_SETTINGS,
     )
     check: Path | None = option(
-        "verify an existing certificate instead", "FILE", input_file(".json")
+        "verify this certificate instead of proving a region", "FILE", input_file(".json")
     )
     degree: int = option(
         "highest degree of V: 2, 4 or 6; default 4", "N", lambda text: _degree(text), default=4
