@@ -180,7 +180,7 @@ def in_other_units(rng: np.random.Generator, game: Game) -> Game:
 def collection(
     count: int, seed: int, structures: dict[str, Callable[..., Game]] = STRUCTURES
 ) -> Iterator[Sample]:
-    """Yield games of all structures in turn with 1 to 10 states, a third of them in extreme units.
+    """Yield games of all structures in turn with 1 to 10 states, 30 % of them in extreme units.
 
     In three of five games, delta exceeds delta_min by a relative 1e-3 to 1e3. In one of five games,
     delta is below delta_min by a relative 1e-5 to 1e-1.

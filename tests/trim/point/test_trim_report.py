@@ -63,7 +63,7 @@ def test_every_variable_has_limits_and_a_margin(
 def test_a_binding_limit_is_listed_first(published_aircraft: Model) -> None:
     """The limit at which a variable of the trim is saturated is listed first.
 
-    The outer elevator is at its limit of -2 deg, while the least effort would need -2.8 deg.
+    The outer elevator is at its limit of -2 deg, while the least effort would need -2.6 deg.
     """
     limit = math.radians(-2.0)
     limited = level_flight(BASE.imposed["dihedral"], limits={"elevator_outer": (limit, 0.5)})

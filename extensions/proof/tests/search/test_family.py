@@ -93,7 +93,7 @@ def test_limits_wider_than_the_models_are_refused(limits: tuple[float, float]) -
 def test_an_interval_without_a_trim_is_named() -> None:
     """Boxes without a trim are refused, and boxes up to the last trim are proved.
 
-    Beyond about 40 deg, elevator_center exceeds its limit of 30 deg.
+    Beyond about 45 deg, elevator_center exceeds its limit of 30 deg.
     """
     search = TrimSearch(family(), 0.0, 50.0)
     with pytest.raises((Undecided, Rejected)):
