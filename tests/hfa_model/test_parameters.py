@@ -123,7 +123,7 @@ def test_both_named_parameter_sets_load(parameter_set: ParameterSet) -> None:
     assert max(off.values()) < 3.0, off
     with pytest.raises(
         BadInputError,
-        match=r"gibson: .* no parameters of this name .*; choose from identified, gibson-",
+        match="gibson: no parameters and no readable file of this name; choose from identified, gibson-",
     ):
         load_parameters("gibson")
 

@@ -77,8 +77,8 @@ def test_a_deployment_is_simulated() -> None:
         (lambda t, x: {"thrust": 1.0}, "unknown input 'thrust'"),
         (lambda t, x: [np.nan], "give 1 finite numbers"),
         ({"force": [1.0, 2.0]}, "the steps of force"),
-        ({"force": [(1.0, 2.0), (0.5, 0.0)]}, "must increase"),
-        ([[1.0, 2.0, 3.0]], "needs 1 x 2"),
+        ({"force": [(1.0, 2.0), (0.5, 0.0)]}, "give increasing times"),
+        ([[1.0, 2.0, 3.0]], "give 1 x 2"),
     ],
 )
 def test_unusable_policies_are_refused(policy: object, said: str) -> None:

@@ -379,7 +379,7 @@ def test_scheduled_gains_of_three_formats_fly_equally() -> None:
     np.testing.assert_allclose(finals["stacked.mat"], finals["paper.npz"], rtol=1e-9)
     assert np.abs(finals["one.json"] - finals["paper.npz"]).max() > 1e-6
     beyond = hfa(*SCHEDULE[:3], "--command", "dihedral=1:11", "--controller", "paper.npz")
-    assert_refused(beyond, 2, "the gains cover 5 deg to 15 deg, not 5 deg to 16 deg")
+    assert_refused(beyond, 2, "the gains cover 5 deg to 15 deg, but 5 deg to 16 deg")
 
 
 def test_flights_in_si_and_english_units_agree() -> None:

@@ -191,7 +191,7 @@ def test_the_envelope_limits_alpha_relative_to_the_air(plan: MonteCarlo) -> None
     assert (row["left"], row["flown"], row["effort"].tolist()) == (ALPHA, 0.0, [0.0] * 5)
     for scenario, said in (
         (at_once.loop.scenario, "the initial angle_of_attack is"),
-        (plan.scenario, "has random quantities"),
+        (plan.scenario, "random quantities of the scenario are not drawn"),
     ):
         with pytest.raises(BadInputError, match=said):
             fly(
@@ -250,7 +250,7 @@ def test_unusable_monte_carlo_plans_are_refused(plan: MonteCarlo) -> None:
             lambda: with_scenario(plan, uncertainty=Uncertainty({"span": 0.1})),
         ),
         (
-            r"shape \(6, 5\); .* needs 5 x 6",
+            r"shape \(6, 5\); give 5 x 6",
             lambda: replace(plan, policy=GainPolicy("wide", np.zeros((6, 5)))),
         ),
         ("already drawn", lambda: replace(plan, scenario=plan.member(0))),

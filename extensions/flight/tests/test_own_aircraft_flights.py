@@ -109,7 +109,7 @@ def test_a_gain_scheduled_policy_tracks_a_speed_command() -> None:
     assert result.code == 0, result.err
     assert json.loads(result.out)["final"]["speed"] == pytest.approx(190.0, abs=1.0)
     np.savez("gains.npz", speed=np.array([170.0, 180.0]), K=np.array([gain, gain]))
-    assert_refused(hfa(*words), 2, "the gains cover 170 ft/s to 180 ft/s, not 176 ft/s to 190 ft/s")
+    assert_refused(hfa(*words), 2, "the gains cover 170 ft/s to 180 ft/s, but 176 ft/s to 190 ft/s")
 
 
 TANKS = """

@@ -111,7 +111,7 @@ def test_exported_c_uses_earlier_observations(tmp_path):
     [
         (0, "timing.history is 0"),
         (2.5, "timing.history is 2.5; give a whole number of samples"),
-        (2, "expects 12 observations, but the deployment file lists 8"),
+        (2, "requires 12 observations, but the deployment file lists 8"),
     ],
 )
 def test_a_wrong_history_is_refused(history, said):
