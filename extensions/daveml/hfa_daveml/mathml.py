@@ -135,14 +135,14 @@ def _piecewise(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
     otherwise = element.find("otherwise")
     if otherwise is None or len(otherwise) != 1:
         raise BadInputError(
-            "<piecewise> must contain one <otherwise> with one value; add the value for all "
+            "<piecewise> does not contain one <otherwise> with one value; add the value for all "
             "other cases"
         )
     value = expression(otherwise[0], value_of)
     for piece in reversed(element.findall("piece")):
         if len(piece) != 2:
             raise BadInputError(
-                "<piece> must contain a value and a condition; add the missing element"
+                "<piece> does not contain a value and a condition; add the missing element"
             )
         chosen, condition = (expression(each, value_of) for each in piece)
         value = ca.if_else(condition, chosen, value)

@@ -383,15 +383,15 @@ def _lead_lag(component: Element, properties: Properties) -> Any:
     c1, c2, c3, c4 = coefficients(component, properties, 4)
     if is_constant(c4) and float(c4) == 0.0:
         raise component.error(
-            "<c4> is 0, so the filter has no steady-state value; give another value"
+            "<c4> is 0, so the filter has no steady-state value; give a value other than 0"
         )
     if not properties.has_filter_states:
         properties.leave_out(component, "its dynamics are omitted")
         return value * c2 / c4
     if is_constant(c3) and float(c3) == 0.0:
         raise component.error(
-            "<c3> is 0, so the filter differentiates the input, which is not "
-            "supported; give another value"
+            "<c3> is 0, so the filter differentiates the input, which is not supported; give a "
+            "value other than 0"
         )
     state = properties.add_state(component)
     properties.set_rate(state, lambda: (c2 / c3 - c1 * c4 / c3**2) * value - c4 / c3 * state)
@@ -409,7 +409,7 @@ def _second_order(component: Element, properties: Properties) -> Any:
     c1, c2, c3, c4, c5, c6 = coefficients(component, properties, 6)
     if is_constant(c6) and float(c6) == 0.0:
         raise component.error(
-            "<c6> is 0, so the filter has no steady-state value; give another value"
+            "<c6> is 0, so the filter has no steady-state value; give a value other than 0"
         )
     if not properties.has_filter_states:
         properties.leave_out(component, "its dynamics are omitted")

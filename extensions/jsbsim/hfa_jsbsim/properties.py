@@ -271,7 +271,7 @@ class Properties:
         key = plain(name)
         if not _NAME.fullmatch(key):
             fault = f"{where}: {shortened(name)!r} is neither a number nor a property name"
-            raise BadInputError(f"{fault}; correct it")
+            raise BadInputError(f"{fault}; give a number or the name of a property")
         self.asked.add(key)
         writers = self._writers.get(key)
         if not writers:

@@ -250,7 +250,10 @@ def parsed(text: bytes, file: str) -> Element:
     def check_entity(name: str, is_parameter: int, value: str | None, *_: object) -> None:
         line = parser.CurrentLineNumber
         if value is None or is_parameter or "&" in value or len(value) > _LONGEST_ENTITY:
-            fault = f"the entity {shortened(name)} refers to a file, is too long or contains others"
+            fault = (
+                f"the entity {shortened(name)} refers to a file, is too long or contains other "
+                "entities"
+            )
             raise BadInputError(f"{file}:{line}: {fault}; replace the entity by the text")
 
     parser.StartElementHandler = start

@@ -52,11 +52,11 @@ def test_provenance_changes_with_every_file(tmp_path):
         ),
         (
             '<!DOCTYPE a [\n<!ENTITY b SYSTEM "file:///etc/passwd">]><fdm_config>&b;</fdm_config>',
-            r"glider.xml:2: the entity b refers to a file, is too long or contains others; replace the entity by the text",
+            r"glider.xml:2: the entity b refers to a file, is too long or contains other entities; replace the entity by the text",
         ),
         (
             '<!DOCTYPE a [<!ENTITY b "lol">\n<!ENTITY c "&b;&b;">]><fdm_config>&c;</fdm_config>',
-            r"glider.xml:2: the entity c refers to a file, is too long or contains others",
+            r"glider.xml:2: the entity c refers to a file, is too long or contains other entities",
         ),
         (
             "<FDM_CONFIG NAME='old'/>",

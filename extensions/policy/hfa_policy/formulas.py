@@ -39,7 +39,7 @@ _OPERATORS: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Pow: lambda a, b: a**b,
 }
 _CONSTANTS = {"pi": math.pi}
-_RULE = "a formula may contain numbers, names, + - * / ** and " + ", ".join(_FUNCTIONS)
+_RULE = "use only numbers, names, + - * / ** and " + ", ".join(_FUNCTIONS)
 
 
 class Formula(NamedTuple):

@@ -123,7 +123,7 @@ class DesignModel(Reported):
             alone = _full_rank(rows[[*range(plant), plant + k]])
             if not alone or not _full_rank(rows[: plant + k + 1]):
                 others = f" independently of {', '.join(names[:k])}" if alone else ""
-                why = f"no input changes its steady value{others} (a transmission zero at 0)"
+                why = f"no input changes the steady-state value{others} (a transmission zero at 0)"
                 raise BadInputError(
                     f"integrated output {name}: {why}; remove this output from integrals"
                 )
