@@ -51,7 +51,9 @@ def _checked_parameters(parameters: Parameters) -> Parameters:
     an object of another class.
     """
     if not isinstance(parameters, Parameters):
-        raise TypeError("parameters must be Parameters, such as default_parameters().values")
+        raise TypeError(
+            "parameters is not of type Parameters; give default_parameters().values or a copy"
+        )
     for name, value in parameters._asdict().items():
         if not is_finite(value):
             raise BadInputError(f"parameter {name} is {shown(value)}; give a finite number")

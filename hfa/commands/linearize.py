@@ -89,7 +89,7 @@ def linearize(request: LinearizeRequest) -> int:
     states = request.states or tuple(name for name in usual if name not in follow)
     if both := set(states) & set(follow):
         raise BadInputError(
-            f"{min(both)} is in both --states and --residualize; remove {min(both)} from one"
+            f"{min(both)} is in both --states and --residualize; remove {min(both)} from one option"
         )
     full = _with_winds(aircraft, point, request.outputs or states, (*states, *follow))
     model = full.select(states, request.inputs, residualize=follow)

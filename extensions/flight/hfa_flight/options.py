@@ -348,8 +348,7 @@ def gust_at(
     length, peak, begin = typed
     if not 0 <= begin < duration:
         raise BadInputError(
-            f"--gust begins at {begin:g} s; give a begin from 0 to {duration:g} s, during the "
-            "flight"
+            f"--gust begins at {begin:g} s, outside the flight; give BEGIN from 0 to {duration:g} s"
         )
     return OneMinusCosine(length, peak, gust_speed(point), begin)
 

@@ -295,7 +295,8 @@ def test_integrals_the_inputs_cannot_change_are_refused(published_aircraft: Mode
         **BARE,
     )
     with pytest.raises(
-        BadInputError, match="gamma: no input changes the steady-state value independently of dihedral"
+        BadInputError,
+        match="gamma: no input changes the steady-state value independently of dihedral",
     ):
         design_at(published_aircraft, replace(one, integrals=("dihedral", "gamma")), 11.0).game()
 

@@ -72,8 +72,8 @@ class ReportRequest(UnitsOption, TrimOptions):
         _flights,
     )
     output: Path | None = option(
-        "write one self-contained .html file, or a folder with the page, its pictures and its "
-        "numbers (JSON)",
+        "write one self-contained .html file, or a folder with the page, pictures and numbers "
+        "(JSON)",
         "PLACE",
         output_file(".html", folder=True),
         names="-o --output",

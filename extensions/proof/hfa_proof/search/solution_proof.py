@@ -71,12 +71,13 @@ def weights_of(game: Game) -> Weights:
     R = (game.R + game.R.T) / 2
     if lowest_sign(Q) < 0:
         raise NoSolutionError(
-            "Q has a negative eigenvalue in exact arithmetic; a proof requires Q >= 0, such as a "
-            "diagonal matrix of weights"
+            "Q has a negative eigenvalue in exact arithmetic; give Q >= 0, such as a diagonal "
+            "matrix of weights"
         )
     if lowest_sign(R) <= 0:
         raise NoSolutionError(
-            "R is not positive definite in exact arithmetic; a proof requires R > 0"
+            "R is not positive definite in exact arithmetic; give R > 0, such as a diagonal "
+            "matrix of weights"
         )
     return Weights(Q, R, game.E, float(game.delta))
 
