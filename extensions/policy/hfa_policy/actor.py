@@ -109,7 +109,7 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: 
         raise BadInputError(
             f"{path} requires {stored.observations} observations, {frames} times as many as the "
             f"deployment file lists; list all observations, or give history = {frames} in "
-            f"[timing] if the policy was trained on {frames} stacked samples"
+            f"[timing] for a policy of {frames} stacked samples"
         )
     if rest:
         raise BadInputError(

@@ -292,8 +292,8 @@ def _as_saved(layers: list[Layer]) -> list[Layer]:
         if before is not None and _numbers(before) > _numbers(layer):
             raise BadInputError(
                 f"layer {shortened(layer.name)!r} is stored after {shortened(before.name)!r}, so "
-                "the order of the layers is ambiguous; save the layers in ascending order of the "
-                "layer numbers, or export the network to ONNX"
+                "the order of the layers is ambiguous; save the layers in ascending order, or "
+                "export the network to ONNX"
             )
         last[_kind(layer)] = layer
     return layers

@@ -456,8 +456,8 @@ def _inputs_of(
     if len(shapes) not in (1, 2) or not graph.output:
         raise BadInputError(
             f"the graph has {len(shapes)} inputs and {len(graph.output)} outputs; give a graph "
-            "with the state as input (for a Q function, the state and the plant input) and at "
-            "least one output"
+            "with at least one output and the state as input (for a Q function, also the plant "
+            "input)"
         )
     rows = {}
     for (name, sizes), width in zip(shapes.items(), (states, inputs), strict=False):
