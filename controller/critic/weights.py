@@ -28,11 +28,12 @@ def from_weights(
     game: the game whose solution the critic approximates
     weights: W, (M,)
     functions: a basis, its name, or a CasADi Function z (n,) -> ψ(z) (M,)
-    constant: V(0)
+    constant: constant term of V, which is V(0) if ψ(0) = 0
     precision: floating-point type of the numbers in the critic's file
 
     Raises BadInputError if W does not consist of M real numbers, if the name of the basis is
-    unknown, if a CasADi Function does not have n inputs, or if the constant is not a finite number.
+    unknown, if the input of a CasADi Function is not a vector of n entries, or if the constant is
+    not a finite number.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)

@@ -1,1 +1,3 @@
-"""Policies compared with the best flight found, for the nonlinear HFA from the paper's x(0)."""
+"""Comparison of policies with the best flight found, on the nonlinear HFA and from the paper's
+x(0).
+"""

@@ -355,9 +355,10 @@ def check_claim(claim: Claim, evidence: Evidence) -> dict[str, Any]:
 
 
 def _reason(claim: Claim, checks: Mapping[str, Check], limit: float) -> str:
-    """Return the reason for a verdict: measured number, limit and stated cause.
+    """Return the reason for a verdict: data missing from the paper, measured value, limit and
+        cause.
 
-    If the modified law does not satisfy the claim, the number of the exact optimum is added.
+    If the modified law does not satisfy the claim, the value for the exact optimum is added.
 
     checks: law -> check of the claim
     limit: limit of the claim

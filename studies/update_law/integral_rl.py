@@ -344,7 +344,7 @@ def baseline_value(game: Game) -> np.ndarray:
 
 
 def baseline_gain(game: Game) -> np.ndarray:
-    """Return the gain K = (f R)⁻¹ B'P, (m, n), where P is the result of `baseline_value`."""
+    """Return the gain K = (f R)⁻¹ B'P, (m, n), with f and P of `baseline_value`."""
     return game.gain(baseline_value(game)) / BASELINE_EFFORT
 
 

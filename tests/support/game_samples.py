@@ -43,7 +43,7 @@ def random_game(rng: np.random.Generator, *, scaled: bool) -> Game:
     The game has one to five inputs and one to six disturbances. Q has rank one to six, and delta is
     between 0.3 and 30.
 
-    scaled: whether the states are in units that differ by up to 1e8
+    scaled: whether the states are in units that differ by factors of up to 1e8
     """
     n = 6
     m = int(rng.integers(1, 6))

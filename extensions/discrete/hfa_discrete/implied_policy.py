@@ -22,8 +22,9 @@ def discrete_critic(problem: DiscreteGame, critic: Critic) -> Critic:
     """Return the critic with the policy that its value V implies in discrete time.
 
     - A critic without a value, or with an explicit policy, is returned unchanged.
-    - A critic with a quadratic value has a linear policy, u = -K x.
-    - A finite critic with another value becomes a network of V and u.
+    - If V is quadratic, or if the critic contains a number that is not finite, the policy is
+      linear, u = -K x.
+    - Otherwise V, ∂V/∂x and the nonlinear policy u are stored as CasADi functions in `network`.
     """
     if critic.P is None or critic.feedback is None:
         return critic

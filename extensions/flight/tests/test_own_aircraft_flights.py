@@ -75,7 +75,9 @@ MEMBERS = ("fly", "--aircraft", NAVION, *FOUR, "--noise", "alpha=0.1", "-o", "a.
 
 @pytest.mark.slow
 def test_workers_simulate_members() -> None:
-    """Two processes simulate four members, whose final states are stored."""
+    """Two processes simulate the four members of a Monte Carlo run, and the final states are
+    stored.
+    """
     assert hfa(*MEMBERS, "--workers", "2").code == 0
     assert open_store(Path("a.zarr"))["final"].values.shape == (4, 8)
 

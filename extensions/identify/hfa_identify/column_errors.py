@@ -70,13 +70,13 @@ class ColumnError(Result):
 def column_errors(search: Search, fit: Fit, half: np.ndarray) -> dict[str, ColumnError]:
     """Return the estimated errors of the record columns, by name such as bias_alpha.
 
-    Errors without an effect on the measured quantities are omitted. With the information M and the
-    score g of the parameters θ and of one error c, the estimate of the error is
+    Errors without an effect on the measured quantities are omitted. With the information matrix M
+    and the score g of the parameters θ and of one error c, the estimate of the error is
 
         c = s / m,  s = g_c - M_cθ M_θθ⁻¹ g_θ,  m = M_cc - M_cθ M_θθ⁻¹ M_θc.
 
-    The variance of s is computed from residuals without the estimated error, because a bias is not
-    slow noise.
+    For the variance of s, the effect of the estimated error is subtracted from the residuals.
+    Otherwise, a bias would be counted as slow noise.
 
     half: half-widths of the parameters' bands for white residuals, (p,)
     """

@@ -198,7 +198,9 @@ class Predictions(Responses):
         return gain.variances, slopes.logarithms
 
     def _gain(self, theta: np.ndarray) -> tuple[Gain, GainSlopes]:
-        """Return the Kalman gain at the condition of the records, and its derivatives.
+        """Return the Kalman gain at the mean flight condition of the records.
+
+        The derivatives of the gain with respect to the unknowns are also returned.
 
         theta: unknowns, (p,)
         """

@@ -60,11 +60,11 @@ class LoggedColumn:
 
 
 def ulog_columns(path: Path, table: Path | None, model: Model) -> dict[str, np.ndarray]:
-    """Return the columns that a table defines, read from a log, by name, (N,) each.
+    """Return the columns (N,) of a log, by name, as defined by a table.
 
     The column "time" contains the time after its first sample, s. The times are those of the
     measured quantity with the most samples. Samples of other measured quantities are assigned to
-    the nearest of these times. Inputs keep their last value.
+    the nearest of these times. Between samples, an input keeps its last value.
 
     table: TOML file that defines the columns
 

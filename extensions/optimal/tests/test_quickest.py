@@ -77,7 +77,10 @@ def test_a_missed_target_is_detected(cart_flight: QuickestFlight) -> None:
 
 
 def test_optimize_finds_the_quickest_dihedral_change(capsys: pytest.CaptureFixture[str]) -> None:
-    """`hfa optimize --minimize time` changes the dihedral by 1 deg and ends within the target box."""
+    """`hfa optimize --minimize time` finds a flight that increases the dihedral by 1 deg.
+
+    The flight ends within the target box.
+    """
     words = ["optimize", "--dihedral", "14", "--to", "dihedral=15", "--minimize", "time"]
     assert main([*words, "--json"]) == 0
     data = json.loads(capsys.readouterr().out)

@@ -158,9 +158,10 @@ def _another(
 
 
 def _named(description: str, game: Game) -> Family:
-    """Return the family of a single game.
+    """Return the family that contains a single game.
 
-    description: difference from the given game, for the sentence
+    description: difference of this game from the critic's game, which the report inserts in a
+        sentence, such as "of the matrices printed for 5 deg"
     """
     return _another(lambda _: description, lambda _: game)
 

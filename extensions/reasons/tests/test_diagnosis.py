@@ -195,7 +195,7 @@ def test_a_common_factor_must_explain_the_error(game: Game) -> None:
 
 
 def test_random_gain_errors_are_called_inconsistent(game: Game) -> None:
-    """For an exact P with random errors in K, the only reason given is that P and K are
+    """For an exact P with random errors in K, no reason is given except that P and K are
     inconsistent.
     """
     rng = np.random.default_rng(2)

@@ -378,8 +378,9 @@ def _stored(controller: ScheduledController) -> dict[str, Any]:
 def save_controller(path: str | Path, controller: ScheduledController) -> None:
     """Write a controller to a .npz or .mat file. If an error occurs, no file is written.
 
-    Matrices are (N, rows, columns) in a .npz file and (rows, columns, N) in a .mat file. Names are
-    arrays of text in a .npz file and cells in a .mat file. `about` is JSON text.
+    Matrices at the N breakpoints are (N, rows, columns) in a .npz file and (rows, columns, N) in a
+    .mat file. Names are arrays of text in a .npz file and cells in a .mat file. `about` is JSON
+    text.
 
     Raises BadInputError if the suffix is not supported or the folder does not exist.
     """

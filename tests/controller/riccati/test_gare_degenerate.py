@@ -71,9 +71,9 @@ def test_rotated_chains_of_integrators_are_solved(n: int) -> None:
 @pytest.mark.parametrize("value", [-1.0, 0.0, 0.5])
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_defective_plant_is_solved(value: float, seed: int) -> None:
-    """A plant with one Jordan block of size 4 is solved.
+    """A game whose matrix A is a single Jordan block of size 4 is solved.
 
-    Its eigenvalue is to the left of the imaginary axis, on the axis, or to the right.
+    The eigenvalue is to the left of the imaginary axis, on the axis, or to the right of the axis.
     """
     block = replace(chain(4), A=value * np.eye(4) + np.eye(4, k=1))
     assert error(elsewhere(block, seed)) <= EXACT

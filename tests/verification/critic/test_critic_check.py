@@ -492,7 +492,10 @@ def test_the_box_requires_equal_names_and_units(
 
 
 def test_a_plant_like_the_aircraft_has_its_box() -> None:
-    """A plant with six states and five inputs but without names has a conventional box."""
+    """For a plant of the aircraft's size without signal names, the default box is used.
+
+    The half-widths of the default box are the balanced units of the game.
+    """
     Q = np.diag([1.0, 1e6, 1.0, 1.0, 1.0, 1.0])
     game = Game(-np.diag(np.arange(1.0, 7.0)), np.ones((6, 5)), np.eye(6), Q, np.eye(5), 5.0)
     data = check_critic(game, from_gain(game, gain(game))).to_dict()

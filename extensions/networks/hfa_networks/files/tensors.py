@@ -42,11 +42,12 @@ _TYPES = {
 def tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
     """Return the tensors of a state dict by name, in the order of the file.
 
-    Raises BadInputError for a torch file that was not written by torch 1.6 or later or contains
-    TorchScript, and for an archive that unpacks to more than `LARGEST` bytes.
-
     content: bytes of the file
     suffix: suffix of the file, such as ".npz"
+
+    Raises BadInputError for a damaged file, for an unsupported type, for a torch file that contains
+    TorchScript or was written by a version before torch 1.6, and for an archive that unpacks to
+    more than `LARGEST` bytes.
     """
     if suffix == ".npz":
         with zipfile.ZipFile(io.BytesIO(content)) as archive:

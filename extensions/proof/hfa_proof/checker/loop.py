@@ -33,12 +33,14 @@ from hfa_proof.checker.trims import LinearModelBox
 class LoopBox:
     """Closed loop ζ' = base ζ + ω (lag ζ + G v) on a box, with commands u = U ζ.
 
-    v are the commands after delay and effectiveness, and ω is the bandwidth of the actuators.
+    v are the commands after delay and effectiveness. ω is the bandwidth of the actuators, a
+    diagonal matrix if the bandwidths differ. n is the number of states ζ, and a the number of
+    actuators.
 
     base: (n, n), the aircraft and the controller
     lag: (n, n), dynamics of actuators with a bandwidth of 1 rad/s
-    G: (n, a), for a actuators
-    U: (a, n)
+    G: (n, a), input matrix of the actuators
+    U: (a, n), gain of the commands
     """
 
     base: TaylorModel

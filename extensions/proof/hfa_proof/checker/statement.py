@@ -386,13 +386,14 @@ class GameStatement:
     weights: weights of the game
     decimals: whether `distances` and `loop` are claimed for every decimal number that rounds to the
         stored doubles. `delta_min` and `modes` are claimed for the doubles only.
-    critic: K (m, n), and P (n, n) and W (weights, 1) if the critic has them
-    gain_of_value: whether K is claimed to equal R⁻¹ B' P of the critic's P and W, within
-        `SAME_GAIN`
+    critic: K (m, n), and P (n, n) and W (weights, 1) if the critic defines them
+    gain_of_value: whether K is claimed to equal R⁻¹ B' P within `SAME_GAIN`, for the critic's P and
+        for the P of its W
     distances: part X of the critic -> lower and upper bound of |X - X*| / |X*| (Frobenius norm)
-    loop: lowest and highest number of unstable modes of A - B K with the critic's K
+    loop: lower and upper bound of the number of unstable modes of A - B K with the critic's K
     delta_min: a delta for which the game has no value and a delta for which it has a value, or None
-    modes: lowest and highest number of unstable modes of A, or None if `delta_min` is None
+    modes: lower and upper bound of the number of unstable modes of A, or None if `delta_min` is
+        None
     """
 
     plant: Flight | Plant

@@ -51,9 +51,10 @@ def checked(made: Content, kind: str, folder: Path) -> Report | None:
 
 
 def changed(kind: str, *changes: Change) -> Content | None:
-    """Return the certificate of a kind after changes, or None if a change does not apply.
+    """Return a certificate with changes, or None if a change cannot be made.
 
     kind: kind of the certificate
+    changes: functions that change the content of the certificate in place
     """
     made = copy.deepcopy(certificate(kind))
     try:

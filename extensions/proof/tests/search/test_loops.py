@@ -211,10 +211,10 @@ def test_one_lyapunov_function_serves_all_stable_points() -> None:
 
 
 def test_gains_of_the_navion_are_proved(tmp_path: Any) -> None:
-    """LQR gains of the Navion, scheduled over speed, are proved and verified with its file.
+    """LQR gains of the Navion, scheduled over speed, are proved stabilizing.
 
-    The certificate is refused without this file. Negated gains are refuted. The weights are
-    1/nominal².
+    The certificate is verified with the aircraft file, and refused without it. Negated gains are
+    refuted. Q and R are diag(1/nominal²).
     """
     flights = Family(load_model("examples/navion.py:NAVION"))
     gains = []

@@ -51,7 +51,9 @@ class FlightInDoubles:
         self.model: Model = model.with_parameters(**flight["parameters"])
 
     def point(self, value: float) -> OperatingPoint:
-        """Return the trim at a scheduling value."""
+        """Return the trim at a scheduling value, which is in degrees if the scheduling variable is
+        an angle.
+        """
         scheduled = self.model.schedule
         in_model_unit = np.radians(value) if self.model.schedule_unit == "deg" else value
         if scheduled in self.model.parameters:

@@ -157,8 +157,8 @@ class _Step:
     def _beyond(self, row: np.ndarray, low: float, high: float) -> Terms:
         """Return (s - low) (s - high) / |low high| as a polynomial in y, with s = row z.
 
-        The polynomial is >= 0 where the signal s reaches a limit. If only one limit is finite, the
-        other limit is replaced by its negative.
+        The polynomial is >= 0 where the signal s is at or beyond a limit. If only one limit is
+        finite, its negative is used as the other limit.
         """
         low = -high if not np.isfinite(low) else low
         high = -low if not np.isfinite(high) else high
