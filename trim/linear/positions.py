@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from hfa_support.errors import BadInputError, refuse_unknown
 
 
@@ -16,9 +18,7 @@ def positions(what: str, names: Sequence[str] | None, known: tuple[str, ...]) ->
 
     Raises BadInputError for an unknown name, and for a repeated name.
     """
-    chosen = known if names is None else names
-    if isinstance(chosen, str):
-        chosen = (chosen,)
+    chosen = np.atleast_1d(known if names is None else names).tolist()
     positions = {name: index for index, name in enumerate(known)}
     for index, name in enumerate(chosen):
         if name not in positions:

@@ -155,7 +155,7 @@ def test_sensors_give_an_output_feedback_controller() -> None:
             "",
             {"vertical_acceleration_short_period": "pitch_rate"},
             2,
-            "output pitch_rate: no input changes its steady value",
+            "output pitch_rate: no input changes the steady-state value",
         ),
     ],
 )

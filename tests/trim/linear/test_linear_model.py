@@ -198,6 +198,8 @@ def test_select_returns_rows_and_columns_by_name(
     np.testing.assert_array_equal(part.state_offsets, [0.0, 68.0])
     with pytest.raises(BadInputError, match="unknown state 'yaw'"):
         model.select(("speed", "yaw"))
+    with pytest.raises(BadInputError, match="unknown input 3; choose from throttle"):
+        model.select(inputs=3)  # type: ignore[arg-type]
 
 
 def test_a_point_of_other_dynamics_is_refused(
