@@ -224,7 +224,7 @@ def test_a_controller_is_scheduled_over_the_users_speed() -> None:
     assert_refused(
         hfa("fly", *gtm, "--hold", "speed=60", *of_gtm),
         2,
-        "covers speed 40 to 50 m/s; 60 to 60 m/s is",
+        "covers speed 40 to 50 m/s, but 60 to 60 m/s is",
     )
     assert_refused(
         hfa("fly", "--dihedral", "5", *of_gtm), 2, "made for GTM, not for published dynamics"
