@@ -22,10 +22,10 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
     dynamics: "published", "newton", the name of dynamics from an installed package ("unsteady"), or
         a `Variant`. Text with "." or ":" is the file of another aircraft, loaded by
         `hfa.load_model`.
-    parameters: by default the identified ones; not used for another aircraft
+    parameters: by default the identified ones
 
     Raises BadInputError for unknown dynamics, for a parameter that is not finite, for a negative
-    size, and as `load_model` does.
+    size, for parameters with another aircraft, and as `load_model` does.
 
     >>> import hfa
     >>> hfa.aircraft("newton").inputs["throttle"].max
@@ -33,6 +33,10 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
     """
     values = default_parameters().values if parameters is None else _checked_parameters(parameters)
     if isinstance(dynamics, str) and ("." in dynamics or ":" in dynamics):
+        if parameters:
+            raise BadInputError(
+                "parameters are those of the HFA; use load_model(FILE).with_parameters(NAME=VALUE)"
+            )
         from hfa_aircraft.loading import load_model
 
         return load_model(dynamics)
@@ -47,13 +51,8 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
 def _checked_parameters(parameters: Parameters) -> Parameters:
     """Return the parameters of the aircraft unchanged.
 
-    Raises BadInputError if a parameter is not finite or a size is negative, and TypeError for
-    an object of another class.
+    Raises BadInputError if a parameter is not finite or a size is negative.
     """
-    if not isinstance(parameters, Parameters):
-        raise TypeError(
-            "parameters is not of type Parameters; give default_parameters().values or a copy"
-        )
     for name, value in parameters._asdict().items():
         if not is_finite(value):
             raise BadInputError(f"parameter {name} is {shown(value)}; give a finite number")
