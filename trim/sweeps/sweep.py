@@ -570,24 +570,25 @@ def sweep(
     start: initial point of the search at each point; by default the declared initial values
     listed: True if the grid is a list of points: its values are columns of equal length, with one
         row for each point
-    at: values of the scheduling variable (N,), added to the grid; None for none. They replace other
-        values of this variable.
+    at: values of the scheduling variable (N,), added to the grid; None for none
     progress: called with (finished points, all points), or None
     columns: further variables of the grid, as keyword arguments: speed=[60.0, 70.0]. They replace
         variables of the same name in `grid`.
 
     The result also contains the points without a trim, each with its reason.
 
-    Raises BadInputError if a name is unknown, a value is outside its limits, or the grid is empty
-    or has more than `MOST_POINTS` points.
+    Raises BadInputError if a name is unknown, a value is outside its limits, the scheduling
+    variable is also given by `at`, or the grid is empty or has more than `MOST_POINTS` points.
 
     >>> import hfa
     >>> hfa.sweep(hfa.aircraft(), {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0]}).A.shape
     (4, 6, 6)
     """
-    if at is not None:
-        columns[model.schedule or "at"] = at
     grid = {**(grid or {}), **columns}
+    if at is not None:
+        if model.schedule in grid:
+            raise BadInputError(f"at and {model.schedule} are the same variable; give one of them")
+        grid[model.schedule or "at"] = at
     plan = SweepPlan(grid, model, condition, start=start, listed=listed)  # type: ignore[arg-type]
     return run_plan(plan, progress)
 

@@ -419,6 +419,12 @@ def test_an_extreme_parameter_is_refused(
     assert np.isfinite(points.A[1]).all()
 
 
+def test_a_variable_given_twice_is_refused(aircraft: Model) -> None:
+    """The scheduling variable is given either by `at` or by its name."""
+    with pytest.raises(BadInputError, match="at and dihedral are the same variable"):
+        sweep(aircraft, {"dihedral": [0.1]}, at=[0.2])
+
+
 def test_wrong_tables_are_refused(aircraft: Model) -> None:
     """Tables of points with a wrong shape or with masked entries are refused."""
     with pytest.raises(BadInputError, match=r"values have shape \(2,\); give \(N, 1\)"):
