@@ -196,9 +196,10 @@ class _QLearner:
             )
         scales = np.sqrt(np.mean(together**2, axis=0))
         if not scales.all():
+            column = np.argmin(scales) + 1
             raise BadInputError(
-                "a state, input or disturbance is 0 in every step; excite every state, input and "
-                "disturbance"
+                f"column {column} of the recorded (x, u, w) is 0 in every step; excite every "
+                "state, input and disturbance"
             )
         features = _products(together / scales)
         refuse_poor(rank(unit_rows(features)), features.shape[1], "the recorded steps")
@@ -237,7 +238,9 @@ class _QLearner:
             weights = weights + self._of_next_states @ _weights(P)
         H = self._H(weights)
         if not np.abs(H).max() <= LARGEST_CRITIC_ENTRY:
-            raise NoSolutionError("Q-learning diverges: no policy stabilizes the plant")
+            raise NoSolutionError(
+                "Q-learning diverges; check with `hfa solve` that a stabilizing policy exists"
+            )
         if not self.has_saddle(H):
             raise NoSolutionError(
                 f"at delta = {self.problem.step.delta:g}, the disturbance increases the cost "

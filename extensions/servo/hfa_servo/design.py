@@ -220,8 +220,8 @@ class Design:
         for name, factors in shaping.schedule.items():
             if len(factors) != len(shaping.breakpoints):
                 raise BadInputError(
-                    f"{where} shaping.schedule.{name} has a wrong number of factors; give one "
-                    f"for each {variable}"
+                    f"{where} shaping.schedule.{name} has {len(factors)} factors; give "
+                    f"{len(shaping.breakpoints)}, one for each {variable}"
                 )
         if len(following.filter) != 2:
             raise BadInputError(

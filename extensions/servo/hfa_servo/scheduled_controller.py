@@ -22,7 +22,7 @@ from hfa_flight.gain_schedule import GainSchedule, load_gain_schedule
 from hfa_servo.design import signal_unit
 from hfa_servo.results import ControllerData, ControllerFile
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError, said_of, shown
+from hfa_support.errors import BadInputError, refuse_unknown, said_of, shown
 from hfa_support.jsonable import jsonable
 from hfa_support.linear_table import LinearTable
 from hfa_support.provenance import parameter_hash
@@ -134,8 +134,7 @@ class ScheduledController(ByValue, Reported):
         }
         for what, (names, known) in choices.items():
             for name in names:
-                if name not in known:
-                    raise BadInputError(f"{where} unknown {what} {shown(name)}")
+                refuse_unknown(f"{where} unknown {what}", name, sorted(known))
 
     def _check_arrays(self, where: str) -> None:
         """Raise BadInputError if a shape or an order is wrong, or a number is not finite."""

@@ -294,7 +294,7 @@ def test_a_loop_shaping_controller_has_its_filter() -> None:
         ),
         (
             ("pitch_rate = [", "pitch_rate = [1.0, "),
-            "shaping.schedule.pitch_rate has a wrong number of factors; give one for each dihedral",
+            "shaping.schedule.pitch_rate has 9 factors; give 8, one for each dihedral",
         ),
         (
             ("[shaping]\n", "[sensors]\npitch_rate = 1.0\n[shaping]\n"),

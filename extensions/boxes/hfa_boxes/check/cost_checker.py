@@ -83,7 +83,8 @@ def check_cost(
     solved = tuple(names.index(name) for name in witness.solved)
     if len(set(solved)) != len(plant.states):
         raise Rejected(
-            f"the equilibrium has {len(set(solved))} unknowns, but {len(plant.states)} states"
+            f"the numbers of unknowns of the equilibrium ({len(set(solved))}) and of states "
+            f"({len(plant.states)}) differ"
         )
     equilibrium = equilibrium_of(plant, stated, solved)
     check_near(equilibrium, stated, plant.nominal, "the stated equilibrium")

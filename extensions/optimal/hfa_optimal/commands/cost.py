@@ -35,6 +35,7 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
     """Arguments of `hfa prove cost`."""
 
     start: None = None
+    delta: None = None
     limit: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     degree: int = option(
         "degree of the polynomial W: 2, 4, 6, 8, 10 or 12; default 4",
@@ -67,13 +68,9 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
     )
 
     def problem(self) -> FlightProblem:
-        """Return the optimal control problem of the flights to the trim.
-
-        Raises BadInputError for the option --delta.
-        """
+        """Return the optimal control problem of the flights to the trim."""
         from hfa_optimal.problem import flight_problem
 
-        self.refuse(("delta",), "applies only to a game; remove this option")
         aircraft = self.flown_aircraft()
         point = self.operating_point(aircraft)
         game = self.game_on(linearize(aircraft, point))
@@ -136,14 +133,16 @@ def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
     request.refuse(_OF_THE_SEARCH, "has no effect with --check; remove this option")
     request.refuse(
         ("plant",),
-        "is a linear plant, but the certificate is about a nonlinear aircraft; use --aircraft",
+        "is a linear plant, but the certificate is about a nonlinear aircraft; give --aircraft "
+        "instead",
     )
     request.refuse(
-        ("weights", "basis", "design"), "does not apply to a bound of the cost; remove this option"
+        ("weights", "basis", "design", "delta"),
+        "does not apply to a bound of the cost; remove this option",
     )
     own = request.model if request.own else None
-    typed = {name: value for name, value in request.changed_weights().items() if name != "delta"}
-    given = {name: Given(value, f"--{name}") for name, value in typed.items()}
+    weights = request.changed_weights()
+    given = {name: Given(value, f"--{name}") for name, value in weights.items()}
     if names_aircraft(cast("PlantOptions", request)):
         option_named = aircraft_option(cast("PlantOptions", request))
         aircraft = request.flown_aircraft()

@@ -38,7 +38,10 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
     Raises BadInputError if there is no nonlinear aircraft, or not exactly one critic.
     """
     if named.linear is None:
-        raise BadInputError("--flights requires a nonlinear aircraft; add --aircraft")
+        raise BadInputError(
+            "--flights requires a nonlinear aircraft; give --aircraft instead of --model, or "
+            "remove --flights"
+        )
     if len(verdicts) != 1:
         raise BadInputError(
             f"--flights supports only one critic, but {len(verdicts)} are given; "

@@ -122,7 +122,9 @@ def _root_offsets(residual: Sequence[Any], linear: LinearParts, radii: list[arb]
         if not _is_zero([*slopes, residual[row]]):
             moved.append(row)
     if len(moved) != len(radii):
-        raise Rejected(f"the trim has {len(moved)} equations, but {len(radii)} unknowns")
+        raise Rejected(
+            f"the numbers of trim equations ({len(moved)}) and of unknowns ({len(radii)}) differ"
+        )
     column = stacked([[residual[row]] for row in moved])
     derivative = stacked([linear.slopes[row] for row in moved])
     offsets: list[arb] = root_offsets(column.range(), derivative.range(), radii).entries()

@@ -91,7 +91,10 @@ def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
     if isinstance(statement, GameStatement):
         return given | _given_critic(statement, request)
     if request.weights is None:
-        request.refuse(("design",), "applies only to a controller; add --weights FILE")
+        request.refuse(
+            ("design",),
+            "requires a controller; add --weights FILE with the controller, or remove this option",
+        )
         return given
     return given | _given_controller(statement, request)
 
@@ -170,7 +173,9 @@ def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, 
         "applies to a schedule, but the certificate is about a game; remove this option",
     )
     if request.weights is None:
-        request.refuse(("basis",), "applies only to W; add --weights FILE")
+        request.refuse(
+            ("basis",), "applies only to W in --weights; add --weights FILE, or remove this option"
+        )
         return {}
     option = f"--weights {request.weights}"
     names = UNNAMED
@@ -220,10 +225,13 @@ def _given_controller(
             "K": Given(gains.gains, option),
         }
     loop = loop_of_file(request.weights, request.design, model, _stated_intervals(statement))
-    if (loop.actuators is None) != (statement.actuators is None):
+    if loop.actuators is None and statement.actuators is not None:
         raise BadInputError(
-            f"{option}: only one of the controller and the certificate has actuators; add or "
-            "remove --design"
+            f"{option} gives no actuators, but the certificate has actuators; add --design"
+        )
+    if loop.actuators is not None and statement.actuators is None:
+        raise BadInputError(
+            "--design gives actuators, but the certificate has no actuators; remove --design"
         )
     stated = replace(statement, controller=loop.controller, actuators=loop.actuators)
     content: Mapping[str, Any] = content_of(stated)

@@ -82,7 +82,11 @@ class ScheduleRequest(WeightOptions, RangeOptions):
         from hfa_proof.search.loops import Intervals
 
         if self.bandwidth is None:
-            self.refuse(_INTERVALS, "applies only to actuators; add --bandwidth LOW:HIGH, rad/s")
+            self.refuse(
+                _INTERVALS,
+                "requires uncertain actuators; add --bandwidth LOW:HIGH (rad/s), or remove this "
+                "option",
+            )
             return None
         if self.rate:
             raise BadInputError("--rate and --bandwidth cannot be combined; remove one of the two")
@@ -121,7 +125,11 @@ def schedule(request: ScheduleRequest) -> int:
         )
         loop = loop_of_file(request.weights, request.design, family.model, intervals)
     else:
-        request.refuse(("design",), "requires a controller; give the file with --weights FILE.npz")
+        request.refuse(
+            ("design",),
+            "requires a controller; add --weights FILE.npz with the controller, or remove this "
+            "option",
+        )
         changes = request.changed_weights()
         loop = exact_gains(family, low, high, intervals, **changes)
     file = None

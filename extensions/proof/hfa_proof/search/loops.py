@@ -69,7 +69,10 @@ class Loop:
         Raises BadInputError if the breakpoints do not cover the interval, or unless low < high.
         """
         if not low < high:
-            raise BadInputError(f"the interval is {low:g} to {high:g}; give the lower end first")
+            raise BadInputError(
+                f"the interval is {low:g} to {high:g}; give two different finite ends, "
+                "the lower first"
+            )
         breakpoints = self.controller.breakpoints.tolist()
         first = breakpoints[0]
         last = breakpoints[-1]
@@ -106,8 +109,8 @@ def loop_of_gains(
     inputs = tuple(model.inputs)
     if columns not in ((n, n + m) if intervals else (n,)):
         raise BadInputError(
-            f"K has {columns} columns; give {n} for the states, or {n + m} for states and actuator "
-            "positions"
+            f"K has {columns} columns; give {n} for the states"
+            + (f", or {n + m} for states and actuator positions" if intervals else "")
         )
     positions = tuple(f"{name}_position" for name in inputs)
     measurements = (*model.linear, *positions)[:columns]

@@ -115,7 +115,9 @@ def prove_models(
     BadInputError unless low < high.
     """
     if not low < high:
-        raise BadInputError(f"the interval is {low:g} to {high:g}; give the lower end first")
+        raise BadInputError(
+            f"the interval is {low:g} to {high:g}; give two different finite ends, the lower first"
+        )
     grid = GridSearch(family, low, high, tolerance)
     count = max(1, round((high - low) / (_CELL * family.step)))
     edges = np.linspace(low, high, count + 1).tolist()

@@ -311,7 +311,7 @@ def test_each_clause_refuses_its_forgery(name: str, tmp_path: Any) -> None:
 def test_more_equations_than_unknowns_have_no_trim() -> None:
     """A trim with more equations than unknowns is refused."""
     slopes = SimpleNamespace(slopes=[[_one(1.0)], [_one(1.0)]])
-    with pytest.raises(Rejected, match="the trim has 2 equations, but 1 unknowns"):
+    with pytest.raises(Rejected, match=r"equations \(2\) and of unknowns \(1\) differ"):
         _root_offsets([_one(0.0), _one(0.0)], slopes, [arb(1)])
 
 
@@ -332,7 +332,7 @@ def test_an_equation_within_rounding_of_0_is_refused() -> None:
     """
     slopes = SimpleNamespace(slopes=[[arb(1)], [arb(0)]])
     assert _root_offsets([arb(0), arb(0)], slopes, [arb(1)])[0].contains(0)
-    with pytest.raises(Rejected, match="the trim has 2 equations, but 1 unknowns"):
+    with pytest.raises(Rejected, match=r"equations \(2\) and of unknowns \(1\) differ"):
         _root_offsets([arb(0), arb(0, 1e-60)], slopes, [arb(1)])
 
 

@@ -207,7 +207,7 @@ def test_unusable_gains_and_intervals_are_refused() -> None:
     with pytest.raises(BadInputError, match="the matrix of the loop overflows"):
         prove_schedule(family(), table, 14.5, 14.6)
     for low, high in ((15.0, 14.0), (14.5, 14.5), (14.0, float("nan"))):
-        said = f"the interval is {low:g} to {high:g}; give the lower end first"
+        said = f"the interval is {low:g} to {high:g}; give two different finite ends"
         with pytest.raises(BadInputError, match=said):
             prove_schedule(family(), exact_loop(14.0, 15.0), low, high)
         with pytest.raises(BadInputError, match="the interval is"):

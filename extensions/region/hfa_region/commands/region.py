@@ -119,7 +119,8 @@ def region(request: RegionRequest) -> int:
 
     flint_or_refusal()
     request.refuse(
-        ("plant",), "is a linear plant, whose region is unbounded; give an aircraft with --aircraft"
+        ("plant",),
+        "is a linear plant, but a region requires nonlinear equations; give --aircraft instead",
     )
     if request.check is not None:
         return _checked(request, request.check)
@@ -156,8 +157,7 @@ def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
     request.refuse(_OF_THE_SEARCH, "has no effect with --check; remove this option")
     request.refuse(
         ("plant",),
-        "is a linear plant, but the certificate is about an aircraft; give the aircraft with "
-        "--aircraft",
+        "is a linear plant, but the certificate is about an aircraft; give --aircraft instead",
     )
     request.refuse(
         ("design",),

@@ -44,7 +44,8 @@ def with_region(
     flint_or_refusal()
     if named.linear is None:
         raise BadInputError(
-            "--region requires the nonlinear equations of an aircraft; add --aircraft"
+            "--region requires the nonlinear equations of an aircraft; give --aircraft instead of "
+            "--model, or remove --region"
         )
     if len(verdicts) != 1:
         raise BadInputError(

@@ -57,11 +57,12 @@ def simulated(
     time = _times(system, time, dt, None if is_named else max(np.shape(u), default=0))
     if is_named:
         rows = _values("input", named, model.inputs)
-        if any(row.shape not in ((), time.shape) for row in rows):
-            raise BadInputError(
-                "the number of values of an input differs from the number of times; give "
-                f"{time.size} values"
-            )
+        for name, row in zip(model.inputs, rows, strict=True):
+            if row.shape not in ((), time.shape):
+                raise BadInputError(
+                    f"input {name} has shape {row.shape}, but there are {time.size} times; give "
+                    f"{time.size} values, or one number"
+                )
         u = np.reshape([np.broadcast_to(row, time.shape) for row in rows], (-1, time.size))
     values = np.array(u, dtype=float, ndmin=2)
     wanted = (len(model.inputs), time.size)
