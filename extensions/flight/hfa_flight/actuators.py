@@ -88,8 +88,8 @@ class ActuatorBank:
                 )
             if not lowest < highest:
                 raise BadInputError(
-                    f"the position limits of {name} are {lowest} and {highest}; give the lower "
-                    "limit first"
+                    f"the position limits of {name} are {lowest} and {highest}; give two "
+                    "different numbers, the lower first"
                 )
         if self.order not in (1, 2):
             raise BadInputError(f"the order of the actuators is {self.order}; give 1 or 2")

@@ -45,7 +45,8 @@ def gust_speed(point: OperatingPoint) -> float:
     model = point.model
     if "speed" not in (*model.states, *model.outputs):
         raise BadInputError(
-            f"{model.name} has no state or output named speed, which a gust requires; declare speed"
+            f"{model.name} has no state or output named speed, which a gust requires; declare an "
+            "output speed"
         )
     if "speed" in point.values:
         return point.values["speed"]

@@ -287,7 +287,9 @@ class ClosedLoop:
         for name in ("reference", "disturbance", "noise"):
             signal = getattr(self.scenario, name)
             if signal is not None and signal.size != k:
-                raise BadInputError(f"the {name} has {signal.size} channels; give {k}")
+                raise BadInputError(
+                    f"the {name} has {signal.size} channels; give {k}, one for each state"
+                )
 
     @cached_property
     def state_sizes(self) -> StateParts:

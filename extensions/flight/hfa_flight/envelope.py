@@ -103,7 +103,9 @@ def flight_envelope(
         refuse_unknown("the envelope has no state", name, tuple(model.states))
         pairs[name] = pair_of(f"the envelope of {key}", pair)
         if not pairs[name][0] < pairs[name][1]:
-            raise BadInputError(f"the envelope of {key} is {pair}; give the lowest value first")
+            raise BadInputError(
+                f"the envelope of {key} is {pair}; give two different numbers, the lower first"
+            )
     envelope = Limits.of(model, tuple(model.states), pairs)
     for name, value, within in zip(
         envelope.names, point.states, envelope.within(point.states), strict=True

@@ -150,19 +150,20 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
         reads = {*READING_SETTINGS} & {*self.set}
         if reads and self.weights is None:
             raise BadInputError(
-                f"--set {min(reads)} applies only to a network; give the file of a network with "
-                "--weights"
+                f"--set {min(reads)} applies only to a network; remove this setting, or give a "
+                "network with --weights"
             )
         if self.law == DEFAULT_LAW and not instead:
             return
         if {*self.set} - reads:
-            nothing = f"with --law {self.law} nothing is learned"
-            if instead:
-                nothing = f"with --{instead[0]} nothing is learned"
-            self.refuse(("set",), f"applies only to a learning law; {nothing}")
+            given = f"--{instead[0]}" if instead else f"--law {self.law}"
+            self.refuse(
+                ("set",), f"applies only to a learning law, not to {given}; remove this option"
+            )
         if self.members is None and self.turbulence is None:
-            nothing = "nothing is random in this run"
-            self.refuse(("seed",), f"applies only to a learning law or --turbulence; {nothing}")
+            self.refuse(
+                ("seed",), "applies only to a learning law or --turbulence; remove this option"
+            )
 
     def flown_policy(self, linear: LinearModel) -> GainPolicy | FunctionPolicy:
         """Return the policy about a trim that the options specify.
@@ -348,7 +349,8 @@ def gust_at(
     length, peak, begin = typed
     if not 0 <= begin < duration:
         raise BadInputError(
-            f"--gust begins at {begin:g} s, outside the flight; give BEGIN from 0 to {duration:g} s"
+            f"--gust begins at {begin:g} s, outside the flight; give BEGIN from 0 to less than "
+            f"{duration:g} s"
         )
     return OneMinusCosine(length, peak, gust_speed(point), begin)
 
@@ -435,7 +437,9 @@ class ScenarioOptions(LawOptions, TrimOptions):
         model = point.model
         assert duration is not None
         if delay and not 0.0 < delay < duration:
-            raise BadInputError(f"--delay is {delay:g} s; give a delay between 0 and the duration")
+            raise BadInputError(
+                f"--delay is {delay:g} s; give a delay from 0 to less than {duration:g} s"
+            )
         names = model.linear
         disturbed = self.disturbance
         common = Scenario(

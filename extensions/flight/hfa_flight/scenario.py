@@ -59,8 +59,10 @@ class Uncertainty:
     def __post_init__(self) -> None:
         """Raise BadInputError for an invalid standard deviation or another type of turbulence."""
         if not isinstance(self.turbulence, Turbulence | None):
-            given = shown(self.turbulence)
-            raise BadInputError(f"turbulence is {given}; give hfa.Turbulence({given})")
+            raise BadInputError(
+                f"turbulence is {shown(self.turbulence)}; give hfa.Turbulence, such as "
+                "hfa.Turbulence('light', 1000.0)"
+            )
         for name, value in (*self.errors.items(), *self.noise.items()):
             if not (is_finite(value) and value >= 0.0):
                 raise BadInputError(

@@ -59,7 +59,7 @@ class Waveform(Result, Reported):
             if len(size) != 1 or np.shape(part) != size:
                 raise BadInputError(
                     f"the parts of a waveform have shapes {size} and {np.shape(part)}; give "
-                    "parts of equal length"
+                    "vectors of equal length"
                 )
             if not np.all(np.isfinite(part)):
                 raise BadInputError(

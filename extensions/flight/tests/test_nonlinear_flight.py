@@ -118,7 +118,7 @@ def test_the_default_envelope_is_centered_at_the_trim(newton: SimulatedCase) -> 
     ):
         flight_envelope(p, point, {"dihedral": (0.0, 0.1)})
     with pytest.raises(
-        BadInputError, match=r"dihedral is \(0.3, 0.2\); give the lowest value first"
+        BadInputError, match=r"dihedral is \(0.3, 0.2\); give two different numbers"
     ):
         flight_envelope(p, point, {"dihedral": (0.3, 0.2)})
 

@@ -14,7 +14,10 @@ from hfa.main import BAD_INPUT
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        ("fly --dihedral 15 --law exact --seed 3", "nothing is random in this run"),
+        (
+            "fly --dihedral 15 --law exact --seed 3",
+            "--seed applies only to a learning law or --turbulence; remove this option",
+        ),
         ("fly --dihedral 15 --gust 400:10 --turbulence own:5:1750", "cannot be combined"),
         ("fly --dihedral 15 --fault 0.2:0.5", "--fault requires actuators"),
         ("fly --dihedral 15 --command gamma=1:1", "a gain cannot follow a command of 'gamma'"),
@@ -39,7 +42,10 @@ from hfa.main import BAD_INPUT
             "export -o aircraft.zip",
             "aircraft.zip: the suffix '.zip' is unknown; use .fmu, .m, or a folder",
         ),
-        ("export -o out --set samples=30", "--set applies only to a learning law"),
+        (
+            "export -o out --set samples=30",
+            "--set applies only to a learning law, not to --law exact",
+        ),
         (
             "export -o out --actuators 0.5:60",
             "--actuators applies only to --controller; remove this option",

@@ -263,7 +263,9 @@ def _theils(search: Search, records: Sequence[Record], fit: Fit) -> dict[str, fl
         found = OutputError(responses, records, fixed, guesses).fit(theta, guesses)
     except FloatingPointError as error:
         names = ", ".join(record.name for record in records)
-        raise NoSolutionError(f"{names}: {error} with the identified parameters") from error
+        raise NoSolutionError(
+            f"{names}: {error} with the identified parameters; give shorter records"
+        ) from error
     theils = {}
     for place, name in enumerate(responses.measured):
         flags = np.concatenate([present[:, place] for present in found.present])

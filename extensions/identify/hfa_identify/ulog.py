@@ -206,7 +206,9 @@ def _cut(table: Path, data: Mapping[str, Any], time: np.ndarray, begin: float) -
     inside = (since >= flight.get("begin", -np.inf)) & (since <= flight.get("end", np.inf))
     if not inside.any():
         ends = f"{since[0]:.1f} to {since[-1]:.1f} s"
-        raise BadInputError(f"{table}: [flight] contains no samples; the log covers {ends}")
+        raise BadInputError(
+            f"{table}: [flight] contains no samples; give times within the log, {ends}"
+        )
     return time[inside]
 
 

@@ -101,7 +101,10 @@ def test_a_part_of_a_log_is_read(folder):
         ("[columns]\npitch = 3", "pitch is 3; write"),
         ("[columns]\npitch = { field = 'vehicle_attitude.pitch', scale = 'x' }", "scale of pitch"),
         ("[columns]\nelevator = 'actuator_servos.control[1]'", "no column of a measured state"),
-        (TABLE + "[flight]\nbegin = 9.0", "contains no samples; the log covers 0.0 to 4.0 s"),
+        (
+            TABLE + "[flight]\nbegin = 9.0",
+            "contains no samples; give times within the log, 0.0 to 4.0 s",
+        ),
     ],
 )
 def test_a_wrong_table_is_refused(table, text, folder):

@@ -325,7 +325,7 @@ def refuse_surface(name: str, pilot_input: PilotInput, is_position: bool) -> Non
         part = "a throttle position" if is_position else "a surface"
         raise BadInputError(
             f"the input {name} is {part}, not a pilot command, which --method jsbsim does not "
-            "support; use another method"
+            "support; use --method runge-kutta"
         )
 
 

@@ -202,8 +202,8 @@ def stored_gain(path: Path) -> np.ndarray | None:
         gain = numbers_in("K", arrays["K"])
         if gain.ndim != 2 or not np.all(np.isfinite(gain)):
             raise BadInputError(
-                f"K (shape {gain.shape}) is not a matrix of finite numbers; give one row per "
-                "action and one column per observation"
+                f"K (shape {gain.shape}) is not a matrix of finite numbers; give finite "
+                "numbers, one row per action and one column per observation"
             )
         return gain
 

@@ -303,15 +303,22 @@ def assess(request: AssessRequest) -> int:
 
     model = request.flown_aircraft()
     deployed = [deployment.on(model) for deployment in request.deployments(model)]
+    for name in ("draws", "picture"):
+        if len(deployed) > 1 and getattr(request, name) is not None:
+            raise BadInputError(f"--{name} requires a single deployment file; give only one file")
     for each in deployed:
         if each.deployment.actor and "cost" in request.need and each.deployment.cost is None:
             origin = each.deployment.origin
             raise BadInputError(
-                f"--need cost: {origin} has no table [cost]; add [cost] with Q and R"
+                f"--need cost: {origin} has no table [cost]; give a deployment file with Q and R "
+                "in [cost]"
             )
         if request.best and each.deployment.cost is None:
             origin = each.deployment.origin
-            raise BadInputError(f"--best: {origin} has no table [cost]; add [cost] with Q and R")
+            raise BadInputError(
+                f"--best: {origin} has no table [cost]; give a deployment file with Q and R in "
+                "[cost]"
+            )
     if request.bound is not None and not request.best:
         raise BadInputError("--bound requires a comparison with the best flights; add --best K")
     changes = [changes_of(each, request.vary) for each in deployed]
@@ -334,8 +341,6 @@ def assess(request: AssessRequest) -> int:
             best=_best_flights(request, each),
         )
         results.append(replace(found, assumed=_assumed_trim(request, points)))
-    if request.draws is not None and len(results) > 1:
-        raise BadInputError("--draws requires a single deployment file; give only one file")
     if len(results) == 1:
         report = results[0].report()
         if request.draws is not None:
@@ -343,8 +348,6 @@ def assess(request: AssessRequest) -> int:
             report = reported(report, draws)
         show(report, request, figure=results[0].figure, notes=results[0].warnings)
         return 0 if results[0].ok else 1
-    if request.picture is not None:
-        raise BadInputError("--picture requires a single deployment file; give only one file")
     notes = [
         f"{one.deployed.deployment.origin}: {note}" for one in results for note in one.warnings
     ]
