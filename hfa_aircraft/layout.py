@@ -157,7 +157,7 @@ class Layout(NamedTuple):
             slope = ca.jacobian(replacements[row], symbol)
             if slope.is_zero() or ca.depends_on(slope, symbol):
                 raise BadInputError(
-                    f"{self.name}: {output} replaces {state} and must be affine in {state}"
+                    f"{self.name}: {output} replaces {state} and must depend affinely on {state}"
                 )
             at_zero = ca.substitute(replacements[row], symbol, 0)
             parts = ca.substitute(parts, [symbol], [(values[output] - at_zero) / slope])

@@ -532,7 +532,8 @@ def _check_signal(where: str, signal: Signal) -> None:
     numbers = (signal.nominal, rate, signal.start)
     if not all(map(is_finite, numbers)) or min(signal.nominal, rate) <= 0.0:
         raise BadInputError(
-            f"{where}: start, nominal and rate must be finite, nominal and rate also positive"
+            f"{where}: nominal, rate, start are {shown(numbers)}; give finite numbers, nominal and "
+            "rate positive"
         )
     if not signal.min <= signal.max:
         raise BadInputError(

@@ -61,7 +61,7 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
             if error.name != module_name.partition(".")[0]:
                 raise
             raise AttributeError(
-                f"{package}.{name} needs the package {error.name}, which is not installed"
+                f"{package}.{name} requires the package {error.name}; install this package"
             ) from None
         return getattr(module, name_there) if name_there else module
 

@@ -246,10 +246,12 @@ def _part_by_shape(array: np.ndarray, game: Game) -> str:
     if not fitting and max(array.shape, default=1) == array.size:
         fitting = ["W"]
     if len(fitting) != 1:
-        meaning = "may be P or K" if fitting else "is neither W, P nor K of this plant"
-        raise BadInputError(
-            f"the array of shape {array.shape} {meaning}; name the file W.npy, P.npy or K.npy"
+        meaning = (
+            "may be P or K; name the file P.npy or K.npy"
+            if fitting
+            else f"does not fit W, P or K; give W as a row, P {shapes['P']} or K {shapes['K']}"
         )
+        raise BadInputError(f"the array of shape {array.shape} {meaning}")
     return fitting[0]
 
 

@@ -205,9 +205,8 @@ def stabilizing_step(
             return here._replace(weights=trial)
         fraction *= 0.5
     raise NoSolutionError(
-        "no step of the learning law keeps the recorded plant stable; check that the recorded"
-        " drifts are F = A z"
-        " of one linear plant, without the reference forcing and with little noise"
+        "no step of the learning law keeps the recorded plant stable; record drifts F = A z of one"
+        " linear plant, with little noise and without the reference forcing"
     )
 
 

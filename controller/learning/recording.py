@@ -52,8 +52,7 @@ class Stack(Reported):
             )
         if self.states.shape != self.drifts.shape:
             raise BadInputError(
-                f"states and drifts have shapes {self.states.shape} and {self.drifts.shape}; "
-                "give (N_h, n)"
+                f"states have shape {self.states.shape}, drifts {self.drifts.shape}; give (N_h, n)"
             )
 
     @property

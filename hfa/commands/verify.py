@@ -308,7 +308,7 @@ def _check_file(
         return _check_history(path, critics, request, named, scope)
     if "predefined_time" in request.set:
         raise BadInputError(
-            f"--set predefined_time applies only to a critic over time; {path} has no entry time"
+            f"{path} is not a history, but --set predefined_time requires one; remove this setting"
         )
     if files > _MANY:
         scope = replace(scope, flights=_FEW_FLIGHTS)

@@ -141,7 +141,7 @@ def test_a_critic_history_must_settle_in_time() -> None:
     )
     single = stored("single.npz", P=exact)
     refused = hfa("verify", "--model", plant, "--weights", single, "--set", "predefined_time=2")
-    assert_refused(refused, BAD_INPUT, "single.npz has no entry time")
+    assert_refused(refused, BAD_INPUT, "single.npz is not a history")
     refused = hfa(
         "verify", "--model", plant, "--weights", single, "--set", "predefined_time=2", *discounted
     )

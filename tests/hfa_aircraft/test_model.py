@@ -44,7 +44,7 @@ def cart(**declared: Any) -> Model:
         ({"trim": {"x": "0"}}, "trim imposes x = 0; give a finite number"),
         ({"trim": {"x": 0.0}, "replaced": {"x": "position"}}, "trim imposes the unknown"),
         ({"trim": {"height": 1.0}}, "trim imposes the unknown variable 'height'"),
-        ({"states": {"x": Signal(nominal=-1.0)}}, "nominal and rate also positive"),
+        ({"states": {"x": Signal(nominal=-1.0)}}, "nominal and rate positive"),
         ({"states": {"x": Signal(3)}}, "x: the unit is 3; give the unit as text"),  # type: ignore[arg-type]
     ],
 )

@@ -75,7 +75,7 @@ def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
     names = "from hfa import *; import hfa; print('fly' in dir(hfa), 'Model' in dir(hfa)); hfa.fly"
     refused = run_without_extensions(names, check=False)
     assert refused.stdout == "False True\n"
-    assert "hfa.fly needs the package hfa_flight, which is not installed" in refused.stderr
+    assert "hfa.fly requires the package hfa_flight; install this package" in refused.stderr
     answers = dict(zip(LINES, json.loads(done.stdout), strict=True))
 
     def run(*words: str) -> tuple[int, str]:

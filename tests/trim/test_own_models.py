@@ -398,7 +398,7 @@ FAULTS = {
     "B = 3": "A does not exist; define a Model",
     "1 / 0": "ZeroDivisionError: division by zero; correct the file",
     "import hfa as s; A = s.Model('a', {'x': s.Signal(nominal=0)}, {}, None)": (
-        "nominal and rate also positive"
+        "nominal and rate positive"
     ),
     "import hfa as s; A = s.Model('a', {'x': s.Signal()}, {'x': s.Signal()}, None)": (
         "x is declared twice"

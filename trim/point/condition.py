@@ -94,7 +94,7 @@ class TrimCondition:
             for number in numbers:
                 if not is_finite(number):
                     raise BadInputError(
-                        f"{name} is {shown(number)}; give a finite number, or several to hfa.sweep"
+                        f"{name} is {shown(number)}; give a finite number (hfa.sweep accepts lists)"
                     )
                 if limits.least[index] <= number <= limits.most[index]:
                     continue
@@ -189,7 +189,7 @@ class TrimCondition:
             describe = self.model.describe
             raise BadInputError(
                 f"condition {self.name}: {name} is given for {by} from {describe(by, first)} to "
-                f"{describe(by, last)}, not at {describe(by, outside[0])}"
+                f"{describe(by, last)}, not at {describe(by, outside[0])}; give {by} in this range"
             )
         return table.at(scheduled)
 

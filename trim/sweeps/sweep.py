@@ -523,7 +523,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         """
         if {*values} != {*self.variables}:
             raise BadInputError(
-                "a variable is missing or unknown; give one value for each of "
+                f"the names are {', '.join(values) or 'missing'}; give one value for each of "
                 f"{', '.join(self.variables)}"
             )
         axes = {name: [value] for name, value in values.items()}

@@ -27,7 +27,7 @@ def linear_model_at(swept: Sweep, index: int) -> LinearModel:
     """
     count = len(swept.reasons)
     if not -count <= index < count:
-        raise IndexError(f"point {index} does not exist; the sweep has {count} points")
+        raise IndexError(f"point {index} does not exist; choose from {-count} to {count - 1}")
     index %= count
     if swept.reasons[index]:
         raise NoSolutionError(

@@ -82,8 +82,7 @@ def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
     exact = np.asarray(exact, dtype=float)
     if value.shape != exact.shape:
         raise BadInputError(
-            f"the learned value has shape {value.shape} and the exact value {exact.shape}; give "
-            "equal shapes"
+            f"the value has shape {value.shape}, the exact value {exact.shape}; give equal shapes"
         )
     if not np.all(np.isfinite(value)):
         return math.inf

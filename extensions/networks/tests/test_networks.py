@@ -286,7 +286,7 @@ def test_kind_of_an_npy_file_follows_from_shape(game: Game) -> None:
         assert np.array_equal(stored_part, right)
     np.save("odd.npy", np.ones((4, 3)))
     assert (
-        "odd.npy: the array of shape (4, 3) is neither"
+        "odd.npy: the array of shape (4, 3) does not fit W, P or K"
         in hfa("verify", *AT_15, "--weights", "odd.npy").err
     )
 

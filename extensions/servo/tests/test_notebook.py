@@ -603,7 +603,7 @@ def test_errors_name_the_correct_call() -> None:
             return observation
 
     with pytest.raises(
-        BadInputError, match=r"dihedral is \[0\.1, 0\.2\].* or several to hfa\.sweep"
+        BadInputError, match=r"dihedral is \[0\.1, 0\.2\].*hfa\.sweep accepts lists"
     ):
         hfa.find_operating_point(MODEL, dihedral=[0.1, 0.2])
     with pytest.raises(BadInputError, match="quickest_flight minimizes the time"):
