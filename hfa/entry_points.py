@@ -66,7 +66,7 @@ CORE = {
     ),
     "linearize": CommandEntry(
         "model",
-        "compute the exact A and B at a trim, modes and error bands",
+        "compute the exact A and B at a trim, modes and handling qualities",
         "hfa.commands.linearize:linearize",
         example="hfa linearize --dihedral 10 -o model.mat",
         results=(

@@ -80,8 +80,8 @@ class LinearizeRequest(OneTrimRequest):
 
 @command(LinearizeRequest)
 def linearize(request: LinearizeRequest) -> int:
-    """Linearize exactly at a trim, and report matrices, modes, handling qualities, transfer
-    functions, error bands and differences from the printed matrices."""
+    """Linearize exactly at a trim, and report matrices, modes and handling qualities. --bode adds
+    transfer functions. Error bands and differences from printed matrices are added where known."""
     aircraft = request.flown_aircraft()
     point = trimmed(request, aircraft)
     usual = aircraft.linear

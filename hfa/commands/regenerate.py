@@ -19,8 +19,8 @@ class RegenerateRequest(HfaOptions, OutputOptions):
 
 @command(RegenerateRequest)
 def regenerate(request: RegenerateRequest) -> int:
-    """Compute both printed matrix pairs (A, B) from one aircraft, and compare them with the print
-    entry by entry.
+    """Compute both printed matrix pairs (A, B) from one aircraft, and compare each entry with its
+    printed value.
 
     The exit code is 1 if a check fails.
     """

@@ -117,8 +117,8 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
 
     law: str = law_option("exact")
     set: Mapping[str, Any] = setting_option(
-        "setting of the learning law, such as predefined_time=2, or of a network in --weights: "
-        "activation or scale",
+        "setting of the learning law, such as predefined_time=2, or of a critic: scale=a,b,... "
+        "(network: factor on each state), activation=HIDDEN[,OUTPUT] (state dict)",
         READING_SETTINGS,
     )
     weights: Path | None = None
@@ -374,13 +374,14 @@ class ScenarioOptions(LawOptions, TrimOptions):
         "duration of the flight, s; default 20", "S", number, default=20.0
     )
     initial: Mapping[str, float] = option(
-        "initial deviation of a state from the trim, degrees for angles",
+        "initial deviation of a state from the trim, degrees for angles; repeatable",
         "NAME=VALUE",
         OfModel(_state),
         named=True,
     )
     disturbance: Mapping[str, float] = option(
-        "constant added to the derivative of a state, or value of a disturbance of the model",
+        "constant added to the derivative of a state, or value of a disturbance of the model; "
+        "repeatable",
         "NAME=VALUE",
         OfModel(_disturbed),
         named=True,
@@ -403,15 +404,15 @@ class ScenarioOptions(LawOptions, TrimOptions):
     turbulence: Turbulence | None = turbulence_option()
     error: Mapping[str, float] = option(
         "factor on a parameter of the simulated aircraft only; with --samples, relative "
-        "standard deviation of the parameter",
+        "standard deviation of the parameter; repeatable",
         "NAME=NUMBER",
         _number,
         named=True,
         rare=True,
     )
     noise: Mapping[str, float] = noise_option(
-        "error added to a measured state, degrees for angles; with --samples, standard deviation "
-        "of the error"
+        "constant error of a measured state, degrees for angles; with --samples, standard "
+        "deviation of the error; repeatable"
     )
     gust: tuple[float, ...] | None = gust_option()
     envelope: Mapping[str, tuple[float, float]] = option(

@@ -4,7 +4,7 @@ from hfa.entry_points import CommandEntry
 
 PRINTED = CommandEntry(
     "critic",
-    "check every digit of a printed answer, name the wrong entry",
+    "compare every printed digit of P, K, L, W or H, name wrong entries",
     "hfa_printed.commands.printed:printed",
     example="hfa printed studies/published/sources/radp_suspension.toml",
     results=("hfa_printed.printed_verdict:PrintedVerdict",),

@@ -37,7 +37,7 @@ class DavemlRequest(OutputOptions):
 
 @command(DavemlRequest)
 def daveml(request: DavemlRequest) -> int:
-    """Recompute the check cases of a DAVE-ML file, and compare with the outputs in the file.
+    """Recompute the check cases of a DAVE-ML file, and compare them with the outputs in the file.
 
     Exit code 0: every output agrees within the tolerance in the file. Exit code 1: otherwise, or if
     the file has no check case.

@@ -73,8 +73,8 @@ def export(request: ExportRequest) -> int:
     example 100 Hz loop. FILE.fmu is the nonlinear aircraft as an FMU 2.0, in closed loop if a
     policy is given. An FMU requires a C compiler. FILE.m is a MATLAB and Octave function that makes
     state-space systems from the .mat files of `hfa sweep` and `hfa linearize`. --controller FILE
-    replaces the gain by a controller. With --policy DEPLOYMENT.toml, the only output is a function
-    for one sample of the deployed policy, with normalizer, clipping and mapping.
+    replaces the gain by a controller. With --policy DEPLOYMENT.toml, the C source is only a
+    function for one sample of the deployed policy, with normalizer, clipping and mapping.
     """
     names_no_policy = (
         not request.law

@@ -48,7 +48,9 @@ class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
         whole(1),
         rare=True,
     )
-    output: Path | None = output_option(stores=(".zarr",), purpose=" (members)")
+    output: Path | None = output_option(
+        stores=(".zarr",), purpose=" (flights of --samples or --draws)"
+    )
     picture: Path | None = picture_option("the flight, or the flights of --draws")
     steps: Path | None = option(
         "simulate the discrete-time plant in FILE from --initial for --duration steps; policy: "
@@ -69,11 +71,11 @@ def fly(request: FlyRequest) -> int:
     """Simulate a policy on the nonlinear aircraft, and compare the flight with the linear model.
 
     `--law none --command elevator=1:2,2:-2,3:0` simulates a doublet without a policy. With
-    scheduled gains, a --command of the scheduling variable follows the trims. --samples N
-    simulates N flights, with --error and --noise as standard deviations and turbulence determined
-    by --seed and the number of the flight. --draws N simulates N aircraft with random parameters,
-    from the trim and with the policy of --aircraft. --model FILE simulates a discrete-time plant.
-    --Q and --R add the cost of the flight.
+    scheduled gains, a --command of the scheduling variable moves the reference along the trims.
+    --samples N simulates N flights, with --error and --noise as standard deviations and turbulence
+    determined by --seed and the number of the flight. --draws N simulates N aircraft with random
+    parameters, from the nominal trim and with the nominal policy. --model FILE simulates a
+    discrete-time plant. --Q and --R add the cost of the flight.
 
     Exit code 1 if a state leaves its envelope, an input exceeds its control limits, or an
     oscillation does not decay (--samples: in every flight; --draws: in any).

@@ -44,19 +44,21 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
         default=4,
     )
     margin: float = option(
-        "relative gap between W and the cost; a smaller gap requires more boxes; default 0.02",
+        "relative distance of W below the linear quadratic cost; a smaller distance requires more "
+        "time; default 0.02",
         "PART",
         lambda text: _part(text),
         default=0.02,
     )
     seconds: float = option(
-        "processor time of the proof, s; default 120",
+        "limit of processor time for the proof, s; default 120",
         "S",
         positive,
         default=120.0,
     )
     limits: Mapping[str, tuple[float, float]] = option(
-        "limits of a state, instead of the limits of the flight envelope; repeatable",
+        "limits of a state, instead of the limits of the flight envelope, degrees for angles; "
+        "repeatable",
         "NAME=LOW:HIGH",
         OfModel(span),
         names="--limit",

@@ -76,7 +76,8 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         rare=True,
     )
     limits: Mapping[str, tuple[float, float]] = option(
-        "limits of a state, instead of the limits of the flight envelope; repeatable",
+        "limits of a state, instead of the limits of the flight envelope, degrees for angles; "
+        "repeatable",
         "NAME=LOW:HIGH",
         OfModel(span),
         names="--limit",

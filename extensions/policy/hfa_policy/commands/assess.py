@@ -293,7 +293,7 @@ def assess(request: AssessRequest) -> int:
     a disturbance pulse.
 
     Exit code 0: the policy holds at every trim and satisfies every --need. Exit code 1: otherwise,
-    or if the files of the policy prove a mistake in the deployment file."""
+    or if the files of the policy contradict the deployment file."""
     from hfa_identify.draws.report import reported
     from hfa_policy.assess import judged
     from hfa_policy.assessment import Assessor

@@ -28,8 +28,8 @@ class PrintedRequest(OutputOptions):
         required=True,
     )
     limit_cost: float | None = option(
-        "with learned = true, exit with code 0 if the cost of the printed solution is at most this "
-        "many percent above the optimum; default: every printed digit must be correct",
+        "for a file with learned = true: exit code 0 if the cost of the printed solution is at "
+        "most this many percent above the optimum; default: every printed digit must be correct",
         "PERCENT",
         positive,
     )
@@ -41,10 +41,10 @@ class PrintedRequest(OutputOptions):
 
 @command(PrintedRequest)
 def printed(request: PrintedRequest) -> int:
-    """Check every digit of a printed answer, and name the wrong entry.
+    """Compare every printed digit of P, K, L, W or H with the exact solution of the printed plant.
 
-    Exit code 0: every digit is right, or the cost is within --limit-cost. Exit code 1: an entry is
-    wrong, or the digits do not decide."""
+    The report names wrong entries. Exit code 0: every digit is correct, or the cost is within
+    --limit-cost. Exit code 1: an entry is wrong, or the comparison is inconclusive."""
     progress = ProgressLine("compare")
     progress(0, 1)
     verdict = replace(check_printed(request.file, progress), limit_cost=request.limit_cost)

@@ -36,7 +36,7 @@ class CheckRequest(PlantOptions, OutputOptions):
     basis: str | None = option(
         "basis functions of W in --weights; default quadratic", "BASIS", rare=True
     )
-    design: Any = design_option("design with the actuators of the controller in --weights")
+    design: Any = design_option("design that defines the actuators of the controller in --weights")
 
     def origin(self) -> Mapping[str, Any]:
         """Return the provenance of the user's aircraft file, or {} if no file is given."""

@@ -38,9 +38,7 @@ class ScheduleRequest(WeightOptions, RangeOptions):
         "FILE",
         input_file(*MATRIX_FILES),
     )
-    design: Any = design_option(
-        "design with the actuators of the scheduled controller in --weights"
-    )
+    design: Any = design_option("design that defines the actuators of the controller in --weights")
     rate: bool = option(
         "also prove stability for a moving scheduling variable, up to a rate that the proof finds",
         rare=True,

@@ -50,19 +50,20 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
     """Options of `hfa prove region`."""
 
     weights: Path | None = option(
-        "file with a policy: K, P, W, or a network (proved on boxes); default: policy of the "
-        "exact game",
+        "file with a policy: K, P, W, or a network (the region is proved with boxes); default: "
+        "policy of the exact game",
         "FILE",
         critic_path,
     )
     policy: Path | None = option(
-        "deployment file of a policy, which is evaluated in continuous time and proved on boxes",
+        "deployment file of a policy, which is evaluated in continuous time; the region is proved "
+        "with boxes",
         "DEPLOYMENT.toml",
         input_file(".toml"),
     )
     set: Mapping[str, Any] = setting_option(
-        "setting of a network: scale=a,b,... (factor on each state); of a state dict: "
-        "activation=tanh|...",
+        "setting of a critic: scale=a,b,... (network: factor on each state), "
+        "activation=HIDDEN[,OUTPUT] (state dict)",
         READING_SETTINGS,
     )
     check: Path | None = option(
@@ -112,7 +113,8 @@ def region(request: RegionRequest) -> int:
     --disturbance NAME=SIZE, the set is proved invariant under every disturbance up to SIZE, and
     convergence is not claimed. The report also names a state with V' >= 0, an initial condition
     that does not converge, and the active limits. -o FILE.json writes a certificate, and --check
-    FILE verifies a certificate. For networks and deployment files, repeat --weights or --policy.
+    FILE verifies a certificate. To verify the region of a network or of a deployment file, give
+    --weights or --policy again.
     Not covered: sampling, actuators, delays, and a linearization that is not Hurwitz. Exit code 0:
     the set is proved. The command requires `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
