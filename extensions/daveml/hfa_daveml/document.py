@@ -343,12 +343,13 @@ class _Reader:
         """
         place = f"function for {result}"
         rows = [self._numbers_in(each, place) for each in element.iterfind("dataPoint")]
-        if {row.size for row in rows} not in ({2}, {3}):
-            raise self._error(
-                place,
-                "a <dataPoint> is invalid; give one or two arguments, the same number for all, "
-                "and a value",
-            )
+        for index, row in enumerate(rows):
+            if row.size not in (2, 3) or row.size != rows[0].size:
+                raise self._error(
+                    place,
+                    f"<dataPoint> {index + 1} has {row.size} numbers; give one or two arguments, "
+                    "the same number for all, and a value",
+                )
         table = np.array(rows)
         try:
             return table_of_points(table[:, :-1], table[:, -1])
@@ -386,20 +387,18 @@ class _Reader:
 
     def _case(self, element: ElementTree.Element) -> CheckCase:
         name = element.get("name", "")
-        inputs = tuple(self._signals(element.find("checkInputs"), name))
-        outputs = tuple(self._signals(element.find("checkOutputs"), name))
+        inputs = tuple(self._signals(element, "checkInputs", name))
+        outputs = tuple(self._signals(element, "checkOutputs", name))
         if not outputs:
             raise self._error(
                 f"check case {name}", "<checkOutputs> has no <signal>; add the outputs to check"
             )
         return CheckCase(name, inputs, outputs)
 
-    def _signals(self, group: ElementTree.Element | None, case: str) -> Iterator[Signal]:
+    def _signals(self, shot: ElementTree.Element, tag: str, case: str) -> Iterator[Signal]:
+        group = shot.find(tag)
         if group is None:
-            raise self._error(
-                f"check case {case}",
-                "<checkInputs> or <checkOutputs> is missing; add the missing element",
-            )
+            raise self._error(f"check case {case}", f"<{tag}> is missing; add <{tag}>")
         for signal in group.iter("signal"):
             texts = {child.tag: (child.text or "").strip() for child in signal}
             name = texts.get("signalName") or texts.get("varID") or texts.get("signalID", "")

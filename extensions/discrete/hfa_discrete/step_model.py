@@ -25,7 +25,7 @@ def step_model(path: Path) -> Model:
     if problem is None:
         raise BadInputError(
             f'{path} is in continuous time, but hfa fly --model requires time = "discrete"; for '
-            "a continuous-time plant, give --aircraft FILE.py:NAME"
+            "a continuous-time plant, give --aircraft FILE.npz instead of --model"
         )
     step = problem.step
     names = step.names

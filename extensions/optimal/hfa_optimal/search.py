@@ -161,8 +161,8 @@ class BestFlights:
                 return self._refined(horizon, linear, proposals)
             if seconds is not None:
                 raise BadInputError(
-                    f"the horizon of {seconds:g} s is too short: {unfinished}; give a horizon of "
-                    f"at least {_LONGER * seconds:.3g} s, or omit the horizon"
+                    f"the horizon of {seconds:g} s is too short: {unfinished}; set seconds to at "
+                    f"least {_LONGER * seconds:.3g}, or omit seconds"
                 )
             horizon *= _LONGER
         raise NoSolutionError(

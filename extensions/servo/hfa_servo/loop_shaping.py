@@ -58,7 +58,8 @@ def robust_controller(A: np.ndarray, B: np.ndarray, C: np.ndarray, factor: float
         Z = solve_continuous_are(A.T, C.T, B @ B.T, np.eye(len(C)))
     except (np.linalg.LinAlgError, ValueError) as error:
         raise NoSolutionError(
-            f"the shaped plant has no robust controller: {error}; check inputs and outputs"
+            f"the shaped plant has no robust controller: {error}; choose inputs that control, and "
+            "outputs that measure, every mode that does not decay"
         ) from error
     smallest = float(np.sqrt(1.0 + np.abs(np.linalg.eigvals(X @ Z)).max()))
     gamma = factor * smallest

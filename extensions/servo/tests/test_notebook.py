@@ -606,7 +606,7 @@ def test_errors_name_the_correct_call() -> None:
         BadInputError, match=r"dihedral is \[0\.1, 0\.2\].*hfa\.sweep accepts lists"
     ):
         hfa.find_operating_point(MODEL, dihedral=[0.1, 0.2])
-    with pytest.raises(BadInputError, match="quickest_flight minimizes the time"):
+    with pytest.raises(BadInputError, match="quickest_flight for the least time"):
         hfa.optimize(MODEL, initial={"alpha": 0.1}, minimize="time")
     with pytest.raises(BadInputError, match="identify: the argument model is missing, only"):
         hfa.identify("flight.csv", states=["speed"])

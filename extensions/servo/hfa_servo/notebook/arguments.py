@@ -65,7 +65,7 @@ _LINKS = (Model, TrimCondition, OperatingPoint, LinearModel, Game)
 #: Keywords that specify a game on a linear model.
 _OF_GAME = ("Q", "R", "delta", "E")
 #: Keyword that no function accepts -> advice for the message.
-_ELSEWHERE = {"minimize": "optimize minimizes the cost; quickest_flight minimizes the time"}
+_ELSEWHERE = {"minimize": "use optimize for the least cost, or quickest_flight for the least time"}
 
 
 def keywords(known: Sequence[str], named: dict[str, Any]) -> dict[str, Any]:
