@@ -102,6 +102,10 @@ def _applied(operator: ElementTree.Element, arguments: list[Any]) -> Any:
         return _OF_TWO[name](*arguments)
     if name in _OF_MANY and count >= 1:
         return reduce(_OF_MANY[name], arguments)
+    if name not in ("minus", "root", *_OF_ONE, *_OF_TWO, *_OF_MANY):
+        raise BadInputError(
+            f"<{shortened(name)}> is not supported in a formula; rewrite the formula"
+        )
     raise BadInputError(
         f"the number of arguments of <{shortened(name)}> is {count}, which is not supported; "
         "rewrite the formula"

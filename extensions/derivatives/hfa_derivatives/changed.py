@@ -40,10 +40,9 @@ def changed_aircraft(path: str) -> Model | None:
             "that these parameters change"
         )
     values = _table(path, data, "parameters")
-    if not all(map(is_finite, values.values())):
-        raise BadInputError(
-            f"{path}: parameters are {shown(values)}; give a finite number for each name"
-        )
+    for name, value in values.items():
+        if not is_finite(value):
+            raise BadInputError(f"{path}: parameter {name} is {shown(value)}; give a finite number")
     with said_of(path):
         model = load_model(other).with_parameters(**values)
     _check_bands(path, data, model)
