@@ -98,7 +98,7 @@ class MonteCarlo(StatesAndInputs, Reported):
         if self.scenario.samples is not None:
             raise BadInputError(
                 "the random quantities of the scenario are already drawn; give the scenario "
-                "before drawn()"
+                "without drawn()"
             )
         refuse_start(self.envelope, np.array(self.point.states) + self.scenario.initial)
         for name in self.scenario.uncertainty.errors:

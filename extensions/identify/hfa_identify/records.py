@@ -154,7 +154,8 @@ def record_of(
     _check_inputs(name, list(model.inputs), inputs)
     if not arrays:
         raise BadInputError(
-            f"{name} has no column of a measured state or output; add such a column"
+            f"{name} has no column of a measured state or output; add a column such as "
+            f"{next(iter(model.states))}"
         )
     for each, values in arrays.items():
         others = [column for other, column in arrays.items() if other != each]

@@ -82,7 +82,8 @@ def ulog_columns(path: Path, table: Path | None, model: Model) -> dict[str, np.n
     measured = {name: each for name, each in series.items() if name not in model.inputs}
     if not measured:
         raise BadInputError(
-            f"{table} has no column of a measured state or output; add such a column"
+            f"{table} has no column of a measured state or output; add a column such as "
+            f"{next(iter(model.states))}"
         )
     densest = max(measured, key=lambda name: len(measured[name][0]))
     time = _cut(table, data, series[densest][0], log.start_timestamp * _MICRO)

@@ -100,7 +100,10 @@ def test_a_part_of_a_log_is_read(folder):
         ("[columns]\npitch = 'vehicle_attitude.p'", "no field 'p'"),
         ("[columns]\npitch = 3", "pitch is 3; write"),
         ("[columns]\npitch = { field = 'vehicle_attitude.pitch', scale = 'x' }", "scale of pitch"),
-        ("[columns]\nelevator = 'actuator_servos.control[1]'", "no column of a measured state"),
+        (
+            "[columns]\nelevator = 'actuator_servos.control[1]'",
+            "state or output; add a column such as",
+        ),
         (
             TABLE + "[flight]\nbegin = 9.0",
             "contains no samples; give times within the log, 0.0 to 4.0 s",
