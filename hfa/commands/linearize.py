@@ -50,8 +50,7 @@ def _names_of(*kinds: str) -> OfModel:
 
 
 def _about_states(model: Model) -> str:
-    usual = f"{len(model.linear)} of {len(model.states)}"
-    return f"states of the model, in order; default: {usual}"
+    return f"states of the model, in order; default: {', '.join(model.linear)}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
