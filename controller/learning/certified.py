@@ -374,7 +374,9 @@ class CertifiedSettings:
             refuse_unless_positive(name, getattr(self, name))
         for name in ("eta", "theta"):
             if getattr(self, name) >= 1.0:
-                raise BadInputError(f"{name} is {getattr(self, name)}; give a number less than 1")
+                raise BadInputError(
+                    f"{name} is {getattr(self, name)}; give a number between 0 and 1"
+                )
         if self.tick > self.predefined_time:
             raise BadInputError(
                 f"tick is {self.tick} s; give at most the predefined_time, {self.predefined_time} s"

@@ -197,7 +197,7 @@ def named_model(typed: Mapping[str, Any]) -> Model:
         for name in ("dynamics", "parameters"):
             if name in typed:
                 raise BadInputError(
-                    f"--{name} applies only to the HFA; use --hold, or remove --aircraft"
+                    f"--{name} applies only to the HFA; remove this option or --aircraft"
                 )
         note_read(typed["aircraft"].rpartition(":")[0])
         return load_model(typed["aircraft"])

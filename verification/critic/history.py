@@ -50,7 +50,7 @@ def check_history(
     """
     if not critics or any(critic.time is None for critic in critics):
         raise BadInputError(
-            "a critic without a time was given; create the history with critics_over_time"
+            "a critic or its time is missing; create the history with critics_over_time"
         )
     verdict = check_critic(game, critics[-1], limit=limit, scope=scope)
     box = scope.box if scope is not None else None
