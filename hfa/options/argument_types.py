@@ -80,7 +80,7 @@ def span(model: Model, name: str, text: str) -> tuple[float, float]:
     lowest = quantity(model, name, low)
     highest = quantity(model, name, high)
     if not lowest < highest:
-        raise BadInputError(f"is {shortened(text)!r}; give the lower limit first")
+        raise BadInputError(f"is {shortened(text)!r}; give two different limits, the lower first")
     return lowest, highest
 
 

@@ -83,7 +83,7 @@ class TrimCondition:
             if not lowest < highest:
                 raise BadInputError(
                     f"the limits of {name} are {model.describe(name, lowest)} and "
-                    f"{model.describe(name, highest)}; give the lower limit first"
+                    f"{model.describe(name, highest)}; give two different limits, the lower first"
                 )
         self._check_imposed()
 

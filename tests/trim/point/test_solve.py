@@ -248,7 +248,7 @@ def test_the_cheaper_of_two_minima_is_found(
         ({"limits": {"rudder": (-1.0, 1.0)}}, "unknown trim variable 'rudder'"),
         (
             {"limits": {"alpha": (0.5, 0.1)}},
-            "the limits of alpha are 28.6479 deg and 5.72958 deg; give the lower limit first",
+            "the limits of alpha are 28.6479 deg and 5.72958 deg; give two different limits, the lower first",
         ),
     ],
 )
