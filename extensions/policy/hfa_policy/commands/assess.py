@@ -139,7 +139,13 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         whole(0, _MOST_SAMPLES),
         default=300,
     )
-    seed: int = option("seed of all random numbers; default 0", "N", whole(0), default=0, rare=True)
+    seed: int = option(
+        "seed of the initial conditions, noise and turbulence; default 0",
+        "N",
+        whole(0),
+        default=0,
+        rare=True,
+    )
     box: Mapping[str, float] = option(
         "half-width of the initial-condition box in a state, degrees for angles; repeatable",
         "NAME=VALUE",
