@@ -195,7 +195,7 @@ def _request(command: Command, program: str, words: list[str]) -> Request:
     }
     first = Parser(prog=program, with_help=False)
     first.declare(of_the_model)
-    chosen = first.parse_some(words)
+    chosen = first.typed(first.parse_known_args(words)[0])
     model = named_model(chosen)
     if chosen.get("units") == "si":
         from hfa_aircraft.units import in_si

@@ -35,12 +35,14 @@ class Layout(NamedTuple):
     names: five tuples with the names of states, inputs, parameters, disturbances and outputs
     replaced: pairs (state, output) of the `Model`: the output is a variable of a trim in place of
         the state
+    linear: names of the states of linear models
     """
 
     name: str
     equations: Callable[..., Any]
     names: tuple[tuple[str, ...], ...]
     replaced: tuple[tuple[str, str], ...]
+    linear: tuple[str, ...]
 
     @property
     def variables(self) -> tuple[str, ...]:

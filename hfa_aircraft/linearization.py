@@ -42,8 +42,8 @@ def linearized(
     outputs: names of outputs or states
     disturbances: names of the disturbances in w
 
-    Raises BadInputError for an unknown disturbance, for a state or input that affects f only in
-    steps, and for faulty equations.
+    Raises BadInputError for an unknown disturbance, for an input or a state of linear models that
+    affects f only in steps, and for faulty equations.
     """
     x, u, p = layout.symbols("x", "u", "p")
     w = ca.SX.sym("w", len(disturbances))
@@ -53,7 +53,8 @@ def linearized(
     f, y = layout.expressions(vectors, outputs)
     A = ca.jacobian(f, x)
     B = ca.jacobian(f, u)
-    layout.refuse_steps(A, layout.names[0])
+    columns = [layout.names[0].index(name) for name in layout.linear]
+    layout.refuse_steps(A[:, columns], layout.linear)
     layout.refuse_steps(B, layout.names[1])
     parts = [f, y, A, B, ca.jacobian(y, x), ca.jacobian(y, u)]
     if disturbances:

@@ -399,7 +399,7 @@ class Model(Reported):
     def layout(self) -> Layout:
         """Equations and signal names of the model, without the values of its parameters."""
         names = tuple(tuple(getattr(self, kind)) for kind in (*VECTORS.values(), "outputs"))
-        return Layout(self.name, self.equations, names, tuple(self.replaced.items()))
+        return Layout(self.name, self.equations, names, tuple(self.replaced.items()), self.linear)
 
     def functions(
         self, outputs: Sequence[str] | None = None, disturbances: Sequence[str] = ()

@@ -85,12 +85,11 @@ class Parser(argparse.ArgumentParser):
         for word in option_words:
             name = word.partition("=")[0]
             if name.startswith("--") and name not in actions:
-                complaint = unknown(f"option {shortened(name)}", name, actions, self.prog)
-                raise BadInputError(complaint)
+                raise BadInputError(unknown(f"option {shortened(name)}", name, actions, self.prog))
         parsed, strays = self.parse_known_intermixed_args(words)
         if strays:
             self.error(f"unrecognized arguments: {' '.join(map(shortened, strays))}")
-        typed = self._typed(parsed)
+        typed = self.typed(parsed)
         missing = [
             option.flags[-1]
             for name, option in self.options.items()
@@ -100,16 +99,9 @@ class Parser(argparse.ArgumentParser):
             self.error(f"the following arguments are required: {', '.join(missing)}")
         return typed
 
-    def parse_some(self, words: list[str]) -> dict[str, Any]:
-        """Return the values of the declared options in a command line, field of the request ->
-        value.
-
-        Other options and words are ignored.
-        """
-        return self._typed(self.parse_known_args(words)[0])
-
     @staticmethod
-    def _typed(parsed: argparse.Namespace) -> dict[str, Any]:
+    def typed(parsed: argparse.Namespace) -> dict[str, Any]:
+        """Return the values of the given options, field of the request -> value."""
         return {
             name: tuple(value) if isinstance(value, list) else value
             for name, value in vars(parsed).items()

@@ -44,6 +44,18 @@ def test_aircraft_are_trimmed_at_a_calibrated_airspeed(name, kcas, altitude):
 
 
 @needs_jsbsim
+def test_yaw_that_only_switches_is_no_obstacle():
+    """The F-16 is linearized, although its yaw enters the equations only as a switch condition.
+
+    Linear models do not contain yaw.
+    """
+    model = load_model("jsbsim:f16")
+    linear = linearize(model, find_operating_point(model))
+    assert "yaw" not in linear.states
+    assert np.isfinite(linear.A).all()
+
+
+@needs_jsbsim
 def test_trims_at_equal_kcas_mach_and_speed_agree():
     """Trims at the same kcas, Mach number or true airspeed have equal speeds, also in a sweep over
     kcas.
