@@ -54,7 +54,7 @@ _GROWING: dict[str, tuple[str, str, tuple[int, ...]]] = {
 
 
 def _growth(job: str, quick: bool) -> list[Growth]:
-    """Return the measured times and memories of a growing job at all its sizes.
+    """Return the run time and peak memory of a job at increasing sizes.
 
     Each size is measured in a new process.
 

@@ -215,12 +215,12 @@ def carefully_certified(form: NormalForm) -> Certified:
 
 
 def reach_checks(form: NormalForm) -> tuple[Check, ...]:
-    """Return the check that the inputs reach every mode that does not decay, by more than rounding.
+    """Return the check of stabilizability, as a tuple with one check.
 
-    form: normal form of the game before `turned`, because `turned` replaces entries that are 0 by
-        rounding errors
+    The effect of the inputs on every mode that does not decay must exceed rounding errors.
 
-    The result is a tuple with this one check.
+    form: normal form of the game before `turned`, which would replace exact zeros with rounding
+        errors
     """
     return checks_of(TEST_OF_REACH, {"reach": sought_reach(form[None])[0]})
 

@@ -110,10 +110,14 @@ def summary(
 ) -> dict[str, Any]:
     """Return counts and cost ratios of the flights of one policy.
 
-    `stay` and `end_at_trim` count flights. `over_best` and `over_lqr` are the median and the
-    largest ratio of costs, or None if there are no ratios. `over_best` covers the flights within
-    the envelope for which a best flight was found. `over_lqr` covers the flights in which the
-    policy and the LQR stay within the envelope.
+    - stay, end_at_trim: number of flights that stay within the envelope, and number of those that
+      also converge to the trim
+    - over_best: median and largest ratio to the cost of the best flight, over the flights within
+      the envelope for which a best flight was found
+    - over_lqr: median and largest ratio to the cost of the LQR, over the initial conditions from
+      which both policies stay within the envelope
+
+    A ratio is None if no flight qualifies.
 
     column: flights of the policy
     best: cost of the best flight found for each initial condition, or None

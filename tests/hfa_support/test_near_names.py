@@ -1,4 +1,4 @@
-"""Suggestions of known names in messages on an unknown name."""
+"""Suggestions of known names in messages about unknown names."""
 
 import pytest
 

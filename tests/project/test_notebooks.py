@@ -89,8 +89,8 @@ def outputs_agree(text: str, old: str) -> bool:
 def is_drawn_as(picture_now: bytes, png: str) -> bool:
     """Return whether two PNG pictures have equal size and fewer than 0.5 % different pixels.
 
-    The tolerance allows for another date and another rendering of letters. The result is False for
-    an empty `png`.
+    The tolerance accepts a different date and font rendering. The result is False for an empty
+    `png`.
 
     png: base64 text
     """

@@ -29,7 +29,9 @@ def game_models() -> dict[str, Game]:
 
 
 def regenerated_models() -> dict[str, Game]:
-    """Return the games at the dihedral angles `ANGLES` with all dynamics of the HFA, by name."""
+    """Return the games of every variant of the HFA dynamics at the dihedral angles `ANGLES`, by
+    name.
+    """
     return {
         f"regenerated-{dynamics}-{angle}": game_at(float(angle), dynamics)
         for dynamics in VARIANTS

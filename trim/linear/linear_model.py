@@ -30,7 +30,9 @@ if TYPE_CHECKING:
 @checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearModel(StatesAndInputs, ByValue, Result, Reported):
-    """Linear model x' = A x + B u + E w, y - Y0 = C x + D u + F w; x = X - X0, u = U - U0 (Eq. 9).
+    """Linear model x' = A x + B u + E w, y - Y0 = C x + D u + F w (Eq. 9 of the paper).
+
+    The deviations are x = X - X0 and u = U - U0.
 
     A: (n, n), ∂f/∂X, in units of the row's rate per unit of the column; can be indexed by names:
         A["pitch_rate", "alpha"].
@@ -40,7 +42,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     states: names of the states, in order; by default x1, x2, ...
     inputs: names of the inputs, in order; by default u1, u2, ...
     point: operating point, whose values are the offsets X0, U0; by default the origin.
-    outputs: names y of the outputs, in order; by default the states.
+    outputs: names of the outputs y, in order; by default the states.
     E: (n, l), ∂f/∂w; without columns if there are no disturbances.
     F: (k, l), ∂y/∂w.
     output_offsets: Y0, (k,).

@@ -52,9 +52,11 @@ def changed_aircraft(path: str) -> Model | None:
 
 
 def _check_bands(path: str, data: Mapping[str, Any], model: Model) -> None:
-    """Raise BadInputError unless each entry of [bands] is a pair [low, high] around its value.
+    """Raise BadInputError unless each entry of [bands] is a pair [low, high] that contains the
+    value.
 
-    Each entry must be named like a parameter of the model or a sensor error of the file.
+    The name of each entry must be that of a parameter of the model or of a sensor error of the
+    file.
     """
     bands = _table(path, data, "bands")
     sensors = _table(path, data, "sensors")

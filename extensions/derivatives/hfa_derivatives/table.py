@@ -315,10 +315,11 @@ def _refuse_missing(
 
 
 def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> None:
-    """Raise BadInputError if the sizes and inertias of an aircraft are not possible.
+    """Raise BadInputError for impossible or conflicting data of an aircraft.
 
-    The cases are a size, mass or moment of inertia that is not positive, both mass and weight, and
-    Ixx Izz <= Ixz².
+    - a size, mass, weight, moment of inertia or speed that is not positive
+    - mass and weight both given
+    - Ixx Izz <= Ixz²
     """
     positive = ("wing_area", "span", "chord", "mass", "weight", "Ixx", "Iyy", "Izz", "speed")
     for name in positive:

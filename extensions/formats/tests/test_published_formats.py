@@ -69,7 +69,7 @@ def test_an_output_satisfies_the_schema(trim: dict[str, Any]) -> None:
 def test_planted_faults_violate_the_schema(
     change: dict[str, Any], said: str, trim: dict[str, Any]
 ) -> None:
-    """Unknown entries, wrong types and missing entries (planted faults) violate the schema."""
+    """Unknown entries, wrong types, missing entries and an unknown schema are reported."""
     assert said in " ".join(complaints_about(trim | change))
 
 

@@ -256,10 +256,10 @@ def _unbiased(total: float, fitted: float, count: int) -> float:
 
 
 def _white_and_slow(seen: np.ndarray, count: int) -> tuple[float, float, float]:
-    """Return the BIC, the pole and the share of white noise plus a first-order process.
+    """Return (BIC, pole, share) of the best model of white noise plus a first-order process.
 
-    The share is the fraction of the variance that the first-order process has. Among fixed poles
-    and shares, those with the largest Whittle likelihood are chosen.
+    The share is the fraction of the variance due to the first-order process. Pole and share are
+    chosen from fixed values by the largest Whittle likelihood.
 
     seen: autocorrelation at lags 0, 1, ...
     count: number of samples

@@ -34,7 +34,7 @@ STEP = 0.04
 
 
 def doublets(time):
-    """Return the elevator of a 3-2-1-1 input, rad, (N,).
+    """Return the elevator deflection from trim of a 3-2-1-1 input, rad, (N,).
 
     The amplitude is 2 deg. The input begins at 0.5 s, and its time unit is 0.4 s.
 

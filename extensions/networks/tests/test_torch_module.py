@@ -66,9 +66,10 @@ def _network(activation: Any) -> Any:
 
 
 def test_a_sequential_equals_its_state_dict(folder: Any) -> None:
-    """A Sequential has the policy of its formula, and the cost of its state dict in a file.
+    """The policy of a Sequential equals the formula of the network.
 
-    Another activation changes the policy.
+    Its cost equals that of the same weights read from a file. With another activation, the policy
+    differs.
     """
     network = _network(_module("Tanh"))
     critic = hfa.from_network(GAME, network)

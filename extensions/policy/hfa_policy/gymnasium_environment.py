@@ -119,7 +119,7 @@ class AircraftEnvironment(gymnasium.Env):
     def _start(self, start: Any) -> np.ndarray:
         """Return an initial state as an array (n,).
 
-        Raises BadInputError unless `start` is n finite numbers.
+        Raises BadInputError unless `start` consists of n finite numbers.
         """
         states = numbers_in("options: start", start)
         wanted = self.episodes.states.shape[1:]

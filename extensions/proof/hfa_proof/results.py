@@ -64,7 +64,7 @@ class ProvedResult(Result):
 
     @property
     def states(self) -> Sequence[str]:
-        """Names of the moving states, in the order of the deviations z."""
+        """Names of the states that are not held constant, in the order of the deviations z."""
         return self.subject.states
 
     @property

@@ -287,9 +287,11 @@ def _controller_function(point: OperatingPoint, commanded: CommandedPolicy) -> c
 def _measured_loop(
     outputs: MeasuredOutputs, loop: ExportedLoop, actuators: ActuatorBank, point: OperatingPoint
 ) -> ca.Function:
-    """Return the Function (y, u) -> (y', scheduling variable, measured outputs), in still air.
+    """Return the CasADi Function (y, u) -> (y', scheduling variable, measured outputs) in still
+    air.
 
-    y contains the states X of the aircraft, then the actuator states. u are deviations from trim.
+    y contains the states X of the aircraft, then the actuator states. u contains the commands, as
+    deviations from trim.
     """
     model = point.model
     trim = np.array(point.inputs)

@@ -205,7 +205,7 @@ def _gust_by_differences(aircraft: Model, built: DesignModel) -> np.ndarray:
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_updraft_columns_agree_with_finite_differences(dynamics: str) -> None:
-    """The column of E for an updraft agrees with finite differences, also in the rows of
+    """The column of E for an updraft agrees with finite differences, including the rows of
     integrals.
     """
     aircraft = hfa.aircraft(dynamics)

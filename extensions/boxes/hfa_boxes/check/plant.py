@@ -84,9 +84,10 @@ class Plant:
                 )
 
     def rates_at(self, x: ca.SX, u: ca.SX, w: Sequence[Any] | None = None) -> tuple[ca.SX, ca.SX]:
-        """Return the rates of the moving states, and the outputs that have limits.
+        """Return the rates of the states that are not held constant, and the outputs that have
+        limits.
 
-        x: values of the moving states, (n,)
+        x: values of the states that are not held constant, (n,)
         u: values of the inputs, (m,)
         w: values of all disturbances, or None for 0
         """

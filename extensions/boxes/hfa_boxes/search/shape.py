@@ -254,7 +254,11 @@ class Shape:
         return replace(turned, coefficients=np.linalg.lstsq(self.basis.at(y), values)[0])
 
     def in_cube(self) -> Shape:
-        """Return the same V in coordinates in which samples of the boundary are in the cube."""
+        """Return V in coordinates scaled such that the cube |y_i| <= 1 contains sampled boundary
+        points.
+
+        The half-width of the cube is `_ROOM` times the largest sampled |y_i|.
+        """
         return self.stretched(_ROOM * np.abs(self.edge_points(4 * _RAYS)).max(axis=0))
 
     def piece(self) -> Piece:

@@ -25,7 +25,7 @@ EVERYTHING = Uncertainty(
 
 @pytest.fixture
 def plan(point: OperatingPoint, gain: np.ndarray) -> MonteCarlo:
-    """Return a plan of twelve short flights with all kinds of random quantities."""
+    """Return a Monte Carlo plan of twelve short flights with every kind of random quantity."""
     wave = Harmonic(3.0, np.full(6, 1e-3), np.zeros(6))
     scenario = Scenario(
         duration=0.5,

@@ -416,7 +416,7 @@ def rest_point(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | None:
 def rest_check(rest: np.ndarray | None, b: np.ndarray, limit: float) -> Check:
     """Return the check of the distance max_i |rest_i| / b_i between equilibrium and trim.
 
-    rest: equilibrium, (n,), or None for an infinite distance
+    rest: equilibrium, (n,), or None if none was found; the distance is then infinite
     b: half-widths of the box of states, (n,)
     limit: largest distance that passes
     """

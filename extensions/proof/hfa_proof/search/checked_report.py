@@ -104,9 +104,10 @@ def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
 
 
 def _checked_verdict(statement: Statement, data: Content) -> str:
-    """Return the first words of the report of a statement that the checker has proved.
+    """Return the first words of the report of a certificate that the checker has verified.
 
-    The words state whether the full claim is proved, refuted or open.
+    A verified certificate may prove the full claim, refute it or leave it open. The words state
+    which.
 
     data: data of the report, with the entry `proved`
     """

@@ -362,9 +362,9 @@ def _models_report(statement: ModelsStatement, data: Content) -> Report:
 
 
 def _entries(statement: ModelsStatement) -> list[tuple[Any, ...]]:
-    """Return (breakpoint, matrix, row, column, value, unit) of every entry of the models.
+    """Return one row (breakpoint, matrix, row, column, value, unit) for each entry of the models.
 
-    The matrices are A, B and K, and the trim inputs U0.
+    The entries are those of A, B, K and the trim inputs U0.
     """
     model = statement.flight.model
     states = model.linear

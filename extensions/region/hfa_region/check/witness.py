@@ -103,11 +103,12 @@ def limit_names(inputs: Iterable[str]) -> tuple[str, ...]:
 def _read_parts(
     entries: Fields, name: str, statement: RegionStatement, allowed: tuple[str, ...]
 ) -> tuple[Part, ...]:
-    """Return the parts of the set in the entry `name`, with their proofs.
+    """Return the parts of the set in an entry of the witness, with their proofs.
 
     entries: reader of the witness
+    name: entry with the parts
     statement: the statement, which determines the sizes of the matrices
-    allowed: values that describe an input or a disturbance
+    allowed: permitted descriptions of an input or a disturbance, such as `FREE`
 
     Raises Malformed for the first wrong entry.
     """

@@ -496,7 +496,7 @@ def _first_lost(
 
 
 def measured(V: PolynomialFunction, rho: float, T: np.ndarray) -> float:
-    """Return the n-th root of the volume of {V <= rho}, relative to the volume of the unit ball.
+    """Return the n-th root of the ratio of the volume of {V <= rho} to the volume of the unit ball.
 
     The result is 0 if no sampled ray reaches the boundary of the set.
 

@@ -83,7 +83,7 @@ class _Step:
         return in_y.substituted(np.linalg.inv(self.search.T))
 
     def _decrease(self, part: Mapping[str, str], evidence: Mapping[str, Any]) -> None:
-        """Require a sum of squares for the decrease of V on a part.
+        """Require, by a sum of squares, that the next V decreases on a part of the set.
 
         -V' - σ (1 - V) minus products with further multipliers must be a sum of squares. σ is the
         multiplier of the level in the proof for the present V.
