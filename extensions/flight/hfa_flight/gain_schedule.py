@@ -118,12 +118,16 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
     key = model.schedule_key
     plant = PlantNames(model.linear, tuple(model.inputs), model.units(model.linear))
     with said_of(path):
-        K = numbers_in("K", stored["K"]) if "K" in stored else np.zeros(0)
+        if "K" not in stored:
+            raise BadInputError(
+                f"K is missing; add a K of {m} x {n}, or one for each value of {key}"
+            )
+        K = numbers_in("K", stored["K"])
         if K.ndim != 3:
             if K.shape != (m, n):
+                shape = " x ".join(map(str, K.shape)) or "a number"
                 raise BadInputError(
-                    f"the file contains neither a K of {m} x {n} nor {key} with a K for each"
-                    " value; add one of these entries"
+                    f"K is {shape}; give a K of {m} x {n}, or one for each value of {key}"
                 )
             gain = checked_matrix("K", K, LARGEST_CRITIC_ENTRY) * file_scales(stored, plant)
             return GainSchedule(np.zeros(1), gain[None], model)

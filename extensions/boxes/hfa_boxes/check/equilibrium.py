@@ -68,7 +68,9 @@ def zero_near(
     try:
         C = np.linalg.inv(at.slopes.middle[:, columns])
     except np.linalg.LinAlgError as error:
-        raise Rejected("no equilibrium is enclosed: the Jacobian is singular") from error
+        raise Rejected(
+            "no equilibrium is enclosed near the trim: the Jacobian is singular"
+        ) from error
     radius = np.zeros_like(point)
     moved = _moved(C, at.values)
     radius[columns] = 2.0 * moved + 1e-14 * (np.abs(point) + nominal)[columns]

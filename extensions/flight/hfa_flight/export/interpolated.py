@@ -57,8 +57,8 @@ class InterpolatedModel:
         for values, reason in zip(self.sweep.values, self.sweep.reasons, strict=True):
             if reason:
                 raise BadInputError(
-                    f"no trim at {self._describe(values)}, so the sweep cannot be interpolated: "
-                    f"{reason}"
+                    f"the sweep has no trim at {self._describe(values)} "
+                    f"({reason.removeprefix('no trim: ')}); sweep a grid with a trim at every point"
                 )
 
     @cached_property

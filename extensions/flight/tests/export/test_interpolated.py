@@ -90,5 +90,7 @@ def test_interpolation_outside_the_sweep_is_refused(model: InterpolatedModel) ->
         model.at(dihedral=0.1, speed=50.0)
     with pytest.raises(BadInputError, match="give dihedral, speed, each by name"):
         model.at(speed=68.0)
-    with pytest.raises(BadInputError, match="no trim at dihedral 0 deg, speed 5 ft/s"):
+    with pytest.raises(
+        BadInputError, match="the sweep has no trim at dihedral 0 deg, speed 5 ft/s"
+    ):
         InterpolatedModel(sweep(hfa.aircraft(), {"dihedral": [0.0, 0.1], "speed": [5.0, 68.0]}))

@@ -94,12 +94,12 @@ def _part(text: str) -> float:
 def cost(request: CostRequest) -> int:
     """Prove a lower bound on the cost of every flight of the nonlinear aircraft to its trim.
 
-    The cost is the integral of x'Qx + u'Ru, in deviations from the trim. W is a polynomial in the
-    initial condition. Every flight that ends at the trim, within the envelope and the limits of the
-    inputs, costs at least the smaller of W and the proved level. -o FILE.json writes a certificate,
-    also if the run is interrupted. --check FILE verifies a certificate. `hfa optimize --bound FILE`
-    compares flights with the bound. Exit code 0 if the bound is proved. The command requires `pip
-    install .[proof]`.
+    The cost is the integral of x'Qx + u'Ru, in deviations from the trim. The bound consists of a
+    polynomial W in the initial condition and a level. Every flight that ends at the trim, within
+    the envelope and the limits of the inputs, costs at least the smaller of W and the level. -o
+    FILE.json writes a certificate, also if the run is interrupted. --check FILE verifies a
+    certificate. `hfa optimize --bound FILE` compares flights with the bound. Exit code 0 if the
+    bound is proved. The command requires `pip install .[proof]`.
     """
     from hfa_proof.arithmetic import flint_or_refusal
 

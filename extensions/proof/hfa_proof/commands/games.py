@@ -110,10 +110,10 @@ def solution(request: SolutionRequest) -> int:
 
 @command(CriticRequest)
 def critic(request: CriticRequest) -> int:
-    """Prove whether a critic's gain stabilizes the plant, and bound the distances of W, P or K.
+    """Prove whether a critic's gain stabilizes the plant.
 
-    The proof uses ball arithmetic. The result contains lower and upper bounds on the distances
-    from the exact solution. -o FILE.json writes a certificate for `hfa prove --check FILE`.
+    The distance of W, P or K from the exact solution is bounded from below and above. The proof
+    uses ball arithmetic. -o FILE.json writes a certificate for `hfa prove --check FILE`.
     Exit code 0: the gain is proved to stabilize the plant. Exit code 1: stability is refuted or
     remains open. The command requires `pip install .[proof]`."""
     from controller.critic.critic_file import Reading, critic_in

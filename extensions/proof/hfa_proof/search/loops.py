@@ -101,8 +101,8 @@ def loop_of_gains(
     """
     if len(breakpoints) < 2:
         raise BadInputError(
-            f"the table of gains has {len(breakpoints)} breakpoints; give at least "
-            "two, in increasing order"
+            f"a single gain K is given; give K at two or more values of {model.schedule}, in "
+            "increasing order"
         )
     count, m, columns = K.shape
     n = len(model.linear)

@@ -153,8 +153,8 @@ class GridSearch:
         for part, cell in bisected([box], self._prove, _NARROWEST * self.family.step):
             if cell is None:
                 raise NoSolutionError(
-                    f"no bounds of the linear models from {part.low:g} to {part.high:g} "
-                    f"{self.family.model.schedule_unit} are proved"
+                    f"the linear models from {part.low:g} to {part.high:g} "
+                    f"{self.family.model.schedule_unit} cannot be bounded; leave out this part"
                 )
             self.cells.append(cell)
 
