@@ -42,7 +42,7 @@ def main(words: list[str] | None = None) -> int:
     runs: list[report.Results] = []
     try:
         for number in range(1, 2 if arguments.quick else _RUNS + 1):
-            runs.append(_run(_asked(arguments.names), number, arguments.quick))
+            runs.append(_run(_selected(arguments.names), number, arguments.quick))
     except KeyboardInterrupt:
         print(f"interrupted: {len(runs)} runs are finished", file=sys.stderr)
     if not runs:
@@ -78,7 +78,7 @@ def _run(names: list[str], number: int, quick: bool) -> report.Results:
     return rows
 
 
-def _asked(names: list[str]) -> list[str]:
+def _selected(names: list[str]) -> list[str]:
     """Return the names of the selected jobs, in the order of the table.
 
     names: names of jobs or subjects; empty for all jobs

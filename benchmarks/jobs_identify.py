@@ -118,7 +118,7 @@ class RecordCase:
         start[self.seen] = v[len(FREE) :]
         return start, v[: len(FREE)]
 
-    def by_hand(self, v: np.ndarray) -> np.ndarray:
+    def residuals_in_python(self, v: np.ndarray) -> np.ndarray:
         """Return the residuals of the record, in standard deviations, simulated in plain Python.
 
         The simulation uses Runge-Kutta steps. If the simulation fails, all residuals are
@@ -129,7 +129,7 @@ class RecordCase:
         start, theta = self.unknown(v)
         k = self.derivatives | dict(zip(PARAMETERS, theta.tolist(), strict=False))
         try:
-            y = _flown_by_hand(start.tolist(), self.inputs.tolist(), k)[:, self.seen]
+            y = _simulated_in_python(start.tolist(), self.inputs.tolist(), k)[:, self.seen]
         except (ValueError, OverflowError):
             return np.full(self.measured.size, _DIVERGED)
         y[:, list(SENSORS).index("alpha")] += theta[-2]
@@ -201,7 +201,7 @@ class RecordCase:
         return estimates
 
 
-def _flown_by_hand(
+def _simulated_in_python(
     start: list[float], inputs: list[list[float]], k: Mapping[str, float]
 ) -> np.ndarray:
     """Return the states (N, n) at the samples, simulated with Runge-Kutta steps of order 4.
@@ -301,7 +301,7 @@ def _record(quick: bool) -> list[Row]:
     job = f"{len(FREE)} unknowns from a record of {len(case.time)} samples"
     rows = []
     for peer, residuals, repeats, target in (
-        ("SciPy's least_squares, simulation in plain Python", case.by_hand, 1, 10.0),
+        ("SciPy's least_squares, simulation in plain Python", case.residuals_in_python, 1, 10.0),
         ("least_squares with the same compiled simulation", case.compiled(), 2, 0.5),
     ):
         steps = 1 if quick else None

@@ -97,14 +97,14 @@ def setup(app: Any) -> None:
     """
     app.connect("autodoc-process-docstring", docstrings.read)
     app.connect("source-read", _without_links_to_the_repository)
-    app.connect("build-finished", _without_dead_links_back)
+    app.connect("build-finished", _remove_dead_links)
 
 
 def _without_links_to_the_repository(_app: Any, _page: str, source: list[str]) -> None:
     source[0] = re.sub(r"\[([^\]]+)\]\(\.\./([^)#]+)[^)]*\)", r"\1 (`\2`)", source[0])
 
 
-def _without_dead_links_back(app: Any, error: Exception | None) -> None:
+def _remove_dead_links(app: Any, error: Exception | None) -> None:
     """Remove the links from source pages to anchors that do not exist in the reference.
 
     Nothing is done if the build failed.

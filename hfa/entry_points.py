@@ -102,7 +102,7 @@ CORE = {
         example="hfa learn --dihedral 15 -o learned.npz",
         results=(
             "controller.game.training_run:TrainingRun hfa.options.games:NamedGame"
-            " hfa.commands.game:Judged",
+            " hfa.commands.game:LearnedChecks",
         ),
     ),
     "verify": CommandEntry(

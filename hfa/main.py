@@ -19,7 +19,7 @@ from hfa.entry_points import command_named, commands, found_in, words_after
 from hfa.exit_codes import BAD_INPUT, DONE, FAILED, INTERRUPTED
 from hfa.options.parser import Parser, unknown
 from hfa_support.errors import BadInputError, NoSolutionError, on_one_line, shortened
-from hfa_support.progress import drop, say_aside
+from hfa_support.progress import drop, print_to_stderr
 
 if TYPE_CHECKING:
     from hfa.options.command import Command
@@ -82,10 +82,10 @@ def reported(words: list[str], find: Find) -> int:
             message, code = _failure(error)
             if isinstance(error, OSError):
                 drop(sys.stdout)
-            say_aside("hfa: " + on_one_line(message))
+            print_to_stderr("hfa: " + on_one_line(message))
             return code
     if not {"-q", "--quiet"} & set(words):
-        _say_warnings(caught)
+        _print_warnings(caught)
     return code
 
 
@@ -218,14 +218,14 @@ def _refuse_to_overwrite(request: Request) -> None:
         raise BadInputError(f"{paths[0]} is given for two outputs; give two different files")
 
 
-def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
+def _print_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
     """Print the warnings of a successful run as notes, each distinct text once.
 
     - UserWarning: all are printed.
     - warnings for programmers, such as deprecations: none is printed.
     - other warnings, such as those of NumPy: at most `_MOST_NOTES` are printed.
     """
-    from hfa.output import say_notes
+    from hfa.output import print_notes
 
     caught = [each for each in caught if not issubclass(each.category, _FOR_PROGRAMMERS)]
     notes = [str(warning.message) for warning in caught if warning.category is UserWarning]
@@ -234,7 +234,7 @@ def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
         for warning in caught
         if warning.category is not UserWarning
     ]
-    say_notes((*dict.fromkeys(notes), *list(dict.fromkeys(others))[:_MOST_NOTES]))
+    print_notes((*dict.fromkeys(notes), *list(dict.fromkeys(others))[:_MOST_NOTES]))
 
 
 def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:

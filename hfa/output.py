@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hfa_support.errors import NoSolutionError, on_one_line
-from hfa_support.progress import say, say_aside
+from hfa_support.progress import print_flushed, print_to_stderr
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,7 +70,7 @@ def show(
             save(figure(), picture, request.provenance.text())
     print_report(printed or report, request, notes=notes)
     for written in filter(None, (request.output, picture)):
-        say_aside(f"wrote {written}")
+        print_to_stderr(f"wrote {written}")
     if report.failure:
         raise NoSolutionError(report.failure)
 
@@ -97,14 +97,14 @@ def print_report(report: Report, request: JsonOption, *, notes: Iterable[str] = 
     """
     report = stated(report, request)
     if request.json:
-        say(report.json())
+        print_flushed(report.json())
     elif sys.stdout is None or not sys.stdout.isatty():
-        say(report.text())
+        print_flushed(report.text())
     else:
         # Colors are turned off by NO_COLOR (no-color.org).
         plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
-        say(report.text(not plain, shutil.get_terminal_size().columns))
-    say_notes(notes)
+        print_flushed(report.text(not plain, shutil.get_terminal_size().columns))
+    print_notes(notes)
 
 
 def trimmed(request: OneTrimRequest, aircraft: Model) -> OperatingPoint:
@@ -130,10 +130,10 @@ def trimmed(request: OneTrimRequest, aircraft: Model) -> OperatingPoint:
 # Standard error during a run.
 
 
-def say_notes(warnings: Iterable[str]) -> None:
+def print_notes(warnings: Iterable[str]) -> None:
     """Print each note as one line on standard error, prefixed by "hfa: note: "."""
     for warning in warnings:
-        say_aside(f"hfa: note: {on_one_line(warning)}")
+        print_to_stderr(f"hfa: note: {on_one_line(warning)}")
 
 
 #: Seconds of work before the duration is estimated, and shortest duration that is announced.
@@ -166,7 +166,7 @@ class ProgressLine:
             line += f"  {what}"
         if self._shown and line != self._last:
             self._last = line
-            say_aside(line, end="\r\033[K" if done >= total else "")
+            print_to_stderr(line, end="\r\033[K" if done >= total else "")
 
     def _announce(self, done: float, total: float) -> None:
         """Print a note with the remaining time of a long run, at most once.
@@ -184,4 +184,4 @@ class ProgressLine:
         self._announced = True
         seconds = (now - began) * (total - done) / (done - before)
         if seconds > _LONG:
-            say_notes([f"{self._name}: about {seconds / 60:.3g} minutes more; Ctrl-C ends it"])
+            print_notes([f"{self._name}: about {seconds / 60:.3g} minutes more; Ctrl-C ends it"])

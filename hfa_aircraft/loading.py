@@ -87,7 +87,7 @@ def load_model(text: str) -> Model:
             f"{where}: {type(error).__name__}: {error}; correct the file"
         ) from error
     if not isinstance(model, Model):
-        raise BadInputError(f"{where}: {_what_is_there(module, name, model)}")
+        raise BadInputError(f"{where}: {_no_model_message(module, name, model)}")
     return _loaded(model, text, sources)
 
 
@@ -189,7 +189,7 @@ def _imported(name: str) -> types.ModuleType:
     return importlib.import_module(name)
 
 
-def _what_is_there(module: types.ModuleType, name: str, value: Any) -> str:
+def _no_model_message(module: types.ModuleType, name: str, value: Any) -> str:
     """Return the error message for a name in a Python module that does not refer to a model.
 
     The message lists the models of the module.

@@ -37,7 +37,7 @@ class NoSolutionError(RuntimeError):
 
 
 @contextmanager
-def said_of(what: str | Path) -> Iterator[None]:
+def prefix_errors(what: str | Path) -> Iterator[None]:
     """Put a file name before the message of a BadInputError that is raised in the `with` block.
 
     A message that already begins with this name is not changed.

@@ -25,7 +25,7 @@ class Progress(Protocol):
         """
 
 
-def told(items: Sequence[Item], progress: Progress | None) -> Iterator[Item]:
+def with_progress(items: Sequence[Item], progress: Progress | None) -> Iterator[Item]:
     """Yield the items of a sequence, and report the progress after each item is processed.
 
     progress: callback, or None
@@ -36,7 +36,7 @@ def told(items: Sequence[Item], progress: Progress | None) -> Iterator[Item]:
             progress(done, len(items))
 
 
-def say(text: str) -> None:
+def print_flushed(text: str) -> None:
     """Print a text on standard output and flush the stream.
 
     A full disk therefore raises an OSError here. If the reader of the pipe has stopped, later
@@ -48,7 +48,7 @@ def say(text: str) -> None:
         drop(sys.stdout)
 
 
-def say_aside(text: str, end: str = "\n") -> None:
+def print_to_stderr(text: str, end: str = "\n") -> None:
     """Print a text on standard error. On a terminal, the text replaces an unfinished progress line.
 
     Nothing is printed if standard error is closed or cannot be written.

@@ -60,10 +60,10 @@ def misfit(name: str, parameter: str, value: Any, wanted: str) -> BadInputError:
     if wanted.endswith("an array of numbers") and type(value) in (list, tuple, np.ndarray):
         numbers_in(f"{name}: {parameter}", value)
     saved = ", or the file in which the policy is saved" if hasattr(value, "predict") else ""
-    return BadInputError(f"{name}: {parameter} is {_said(value)}; give {wanted}{saved}")
+    return BadInputError(f"{name}: {parameter} is {_description(value)}; give {wanted}{saved}")
 
 
-def _said(value: Any) -> str:
+def _description(value: Any) -> str:
     """Return a description of a value for messages.
 
     Numbers, texts and None are shown. An array is described by its shape, another object by its

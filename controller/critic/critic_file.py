@@ -20,7 +20,7 @@ from controller.game.names import PlantNames
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix
 from hfa_support.arguments import checks_arguments
 from hfa_support.entry_points import CRITICS, offered, part
-from hfa_support.errors import BadInputError, file_faults, numbers_in, said_of
+from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors
 from hfa_support.files import MATRIX_FILES
 
 #: Array of a critic -> number of its dimensions.
@@ -105,10 +105,10 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
         )
     if is_network(file):
         read: CriticReader = part(CRITICS, _format_of(file), str(path))
-        with said_of(path), file_faults(path):
+        with prefix_errors(path), file_faults(path):
             return (read(game, path, reading),)
     entries = entries_in(path)
-    with said_of(path):
+    with prefix_errors(path):
         if UNKNOWN in entries:
             entries = {_part_by_shape(entries[UNKNOWN], game): entries[UNKNOWN]}
         # In addition to the rows over time, a file may contain the last row under its standard
@@ -179,7 +179,7 @@ def read_critic(
             raise BadInputError(
                 f"{path} cannot be read without a game; give the game as the second argument"
             )
-        with said_of(path):
+        with prefix_errors(path):
             return Critic(single_parts(entries, PlantNames(), None)["K"])
     return critic_in(path, game, Reading(basis, network, activation, scale))
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import casadi as ca
 
-from hfa_support.errors import BadInputError, said_of, shortened
+from hfa_support.errors import BadInputError, prefix_errors, shortened
 
 #: Functions that the text may contain, and its largest length.
 _FUNCTIONS = ("sin", "cos", "tan", "tanh", "exp", "log", "sqrt", "fabs")
@@ -37,7 +37,7 @@ def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Funct
     z = ca.SX.sym("z", states)
     symbols = {f"x{index + 1}": z[index] for index in range(states)}
     symbols |= {name: z[index] for index, name in enumerate(names)}
-    with said_of("features"):
+    with prefix_errors("features"):
         try:
             features = expressions(text, symbols, f"x1 to x{states}")
             return ca.Function("features", [z], [ca.densify(ca.vertcat(*features))])

@@ -25,11 +25,11 @@ def matrices(path: Path) -> dict[str, Any]:
     - a .npy file that is not named after a matrix of a plant or critic: its matrix has the name
       `UNKNOWN`
 
-    Raises BadInputError as `_beside` does.
+    Raises BadInputError as `_matrix_files` does.
     """
     if path.suffix.lower() == ".csv":
-        return matrices_and_names(_beside(path))
-    files = _beside(path) if path.stem in (*PLANT, *CRITIC) else {UNKNOWN: path}
+        return matrices_and_names(_matrix_files(path))
+    files = _matrix_files(path) if path.stem in (*PLANT, *CRITIC) else {UNKNOWN: path}
     arrays = {}
     for name, file in files.items():
         with file_faults(file):
@@ -37,7 +37,7 @@ def matrices(path: Path) -> dict[str, Any]:
     return arrays
 
 
-def _beside(path: Path) -> dict[str, Path]:
+def _matrix_files(path: Path) -> dict[str, Path]:
     """Return the files of a matrix and of its plant's other matrices, as a map matrix name -> path.
 
     Only a file named A has other matrices of its plant: those in the same folder.

@@ -15,7 +15,7 @@ from controller.game.file_entries import found_in, words
 from controller.game.names import PlantNames
 from controller.game.zero_sum import LARGEST, Game, checked_matrix
 from hfa_support.entry_points import PARTS, part
-from hfa_support.errors import BadInputError, numbers_in, said_of, shortened, shown
+from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shortened, shown
 
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta")
 #: Further entries of a plant in discrete time (time = "discrete").
@@ -88,7 +88,7 @@ def stored_game(
     R has no value, or an entry is not valid.
     """
     contents = read_arrays(path) if found is None else found
-    with said_of(path):
+    with prefix_errors(path):
         stored, notes = entries_of(contents, {"A", "B"})
         parts = {key: stored[key] for key in MODEL_KEYS if key in stored}
         if "disturbances" in stored and "E" in parts:  # a file written by `hfa linearize`

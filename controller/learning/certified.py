@@ -240,15 +240,15 @@ def lower_discount(
         discount = here.problem.discount
         lower = max(target, discount - 0.5 * equations.margin(here.weights, here.problem))
         if lower > target and discount - lower <= SMALLEST_STEP * min(discount, 1.0):
-            raise _not_brought_to_rest(discount)
+            raise _unstable_mode_error(discount)
         there = here._replace(problem=here.problem._replace(discount=lower))
         here, converged = iterate(equations, there, normaliser, to_the_floor=False)
         if not converged:
-            raise _not_brought_to_rest(lower)
+            raise _unstable_mode_error(lower)
     return here
 
 
-def _not_brought_to_rest(discount: float) -> NoSolutionError:
+def _unstable_mode_error(discount: float) -> NoSolutionError:
     return NoSolutionError(
         f"the discount cannot be lowered below {discount:.6g} 1/s, where the learned policies"
         " leave a mode unstable; check that (A, B) is stabilizable and that Q weights the mode"

@@ -72,7 +72,7 @@ def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
     loop = spectrum(game.A - game.B @ K) if is_moderate else None
     if loop is None or loop.abscissa >= 0.0:
         return FlightCost(math.inf, math.inf, math.inf, exact_gain, 0.0, exact_distance)
-    worst, mean = cost_lost(game, exact, K)
+    worst, mean = cost_above_optimum(game, exact, K)
     return FlightCost(
         worst=100.0 * worst,
         mean=100.0 * mean,
@@ -83,7 +83,7 @@ def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
     )
 
 
-def cost_lost(game: Game, exact: Solution, K: np.ndarray) -> tuple[float, float]:
+def cost_above_optimum(game: Game, exact: Solution, K: np.ndarray) -> tuple[float, float]:
     """Return the largest and the mean relative excess of the cost of u = -K z above the optimum.
 
     The excesses are the eigenvalues of P*⁻¹ D on the states with a positive optimal cost. D is the

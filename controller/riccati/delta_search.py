@@ -54,14 +54,14 @@ class Bracket(NamedTuple):
 class _Answers:
     """Cache of the existence of a solution at each δ that a search has evaluated."""
 
-    def __init__(self, ask: Callable[[float], Answer]) -> None:
-        self._ask = ask
+    def __init__(self, existence_at: Callable[[float], Answer]) -> None:
+        self._existence_at = existence_at
         self._known: dict[float, Answer] = {}
 
     def at(self, delta: float) -> Answer:
         """Return whether a solution exists at δ = delta. Each δ is evaluated only once."""
         if delta not in self._known:
-            self._known[delta] = self._ask(delta)
+            self._known[delta] = self._existence_at(delta)
         return self._known[delta]
 
     @property
@@ -92,7 +92,7 @@ class _Answers:
 
 
 def smallest_delta(
-    ask: Callable[[float], Answer],
+    existence_at: Callable[[float], Answer],
     begin: float,
     tolerance: float,
     progress: Progress | None = None,
@@ -101,7 +101,8 @@ def smallest_delta(
 
     Both bounds are 0 if a solution exists at every evaluated δ down to `LEAST` times `begin`.
 
-    ask: function δ -> existence. The set of δ with a solution must be an interval (δ_min, inf].
+    existence_at: function δ -> existence. The set of δ with a solution must be an interval
+        (δ_min, inf].
     begin: a δ that should have a solution
     tolerance: relative width of the bounds, if no δ is undecided
     progress: called during the search, or None
@@ -109,7 +110,7 @@ def smallest_delta(
     Raises NoSolutionError if no δ up to `MOST` times `begin` is found to have a solution.
     """
     report = progress or (lambda *_: None)
-    answers = _Answers(ask)
+    answers = _Answers(existence_at)
     _climb(answers, begin)
     while True:
         least = answers.good

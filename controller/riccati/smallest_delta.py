@@ -142,7 +142,7 @@ def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> Del
 
     highest = Answer(False)
 
-    def ask(delta: float) -> Answer:
+    def existence_at(delta: float) -> Answer:
         nonlocal highest
         if delta * size <= highest.gain:
             return highest
@@ -150,7 +150,7 @@ def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> Del
         highest = max(highest, answer, key=lambda each: each.gain)
         return answer
 
-    value, refused, _ = smallest_delta(ask, begin, TOLERANCE, progress)
+    value, refused, _ = smallest_delta(existence_at, begin, TOLERANCE, progress)
     return DeltaMin(value * size, refused * size)
 
 

@@ -95,7 +95,7 @@ def learn(request: LearnRequest) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class Judged(Result):
+class LearnedChecks(Result):
     """Checks of a learned critic against the exact solution, as written to files.
 
     certificates: the checks of this comparison
@@ -125,7 +125,7 @@ def show_learned(
     """
     from hfa_support.reporting.checks import checks_block
 
-    judged = Judged(verdict.checks, verdict.ok, H).as_data()
+    judged = LearnedChecks(verdict.checks, verdict.ok, H).as_data()
     report = run.report()
     parts = (verdict.headline(), *report.parts, checks_block(verdict.checks))
     report = replace(report, parts=parts).with_data(**named.as_data(), **judged)

@@ -22,7 +22,7 @@ from hfa_model.variants import VARIANTS
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.report import Report
-from trim.hfa.printed import bands_known, compared_with_print, entry_bands, printed_at, with_bands
+from trim.hfa.printed import entry_bands, has_bands, printed_at, with_bands, with_printed_matrices
 from trim.linear.handling_qualities import with_qualities
 from trim.linear.linear_model import LinearModel
 from trim.linear.linear_report import linear_model_report
@@ -104,7 +104,7 @@ def linearize(request: LinearizeRequest) -> int:
     # The printed matrices are in feet.
     printed = printed_at(point) if _is_printed(model) and request.units != "si" else None
     if printed is not None:
-        report = compared_with_print(report, model, printed)
+        report = with_printed_matrices(report, model, printed)
     notes = [*report.notes, reduction_note(model, full.select(usual), follow)]
     notes = [note for note in notes if note]
     report = replace(report, notes=notes).with_data(warnings=notes)
@@ -159,7 +159,7 @@ def _of_the_hfa(request: LinearizeRequest, model: LinearModel) -> Report:
     bands = None
     comparison = None
     if _is_printed(model):
-        bands = entry_bands(parameters, condition, model) if bands_known(parameters) else None
+        bands = entry_bands(parameters, condition, model) if has_bands(parameters) else None
         name = next((variant for variant in VARIANTS if variant != request.dynamics), "")
         changed = aircraft(name, parameters.values)
         with suppress(BadInputError, NoSolutionError):  # the other dynamics have no trim there

@@ -22,9 +22,9 @@ from hfa.options.trims import OutputOptions, picture_option
 from hfa.output import ProgressLine, show
 from hfa_aircraft.model import Model
 from hfa_support.entry_points import PARTS, part
-from hfa_support.errors import BadInputError, refuse_unknown, said_of
+from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown
 from hfa_support.files import MATRIX_FILES, note_read
-from hfa_support.progress import told
+from hfa_support.progress import with_progress
 from verification.critic.critic_check import check_critic
 from verification.critic.scope import LIMIT, SECONDS, Nearby, Scheduled, Scope
 from verification.critic.verdict import NEAR, Verdict
@@ -151,7 +151,7 @@ def verify(request: VerifyRequest) -> int:
         )
     else:
         progress(0, len(paths))
-    for path in told(paths, progress):
+    for path in with_progress(paths, progress):
         with named.asking_for_time():
             verdicts[str(path)] = _check_file(path, request, named, scope, len(paths))
     cost = request.limit_cost
@@ -334,7 +334,7 @@ def _check_history(
     """
     from verification.critic.history import check_history
 
-    with said_of(path):
+    with prefix_errors(path):
         return check_history(
             named.game,
             critics,

@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 import casadi as ca
 
 from hfa_support.files import temporary_folder
-from hfa_support.progress import say_aside
+from hfa_support.progress import print_to_stderr
 
 #: Products and sums are rounded separately, even on processors with fused multiply-add.
 _FLAGS = ("-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
@@ -58,7 +58,7 @@ def compiled(
     """
     compiler = c_compiler()
     if compiler is None:
-        _say("no C compiler found; running without machine code")
+        _print_once("no C compiler found; running without machine code")
         return None
     command = [compiler, optimize, *_FLAGS]
     content = "\n".join([text("placeholder"), *command])
@@ -73,7 +73,7 @@ def compiled(
         if library is not None:
             library.unlink(missing_ok=True)
         why = str(error).splitlines()[0]
-        _say(f"cannot compile machine code with {compiler} ({why}); running without")
+        _print_once(f"cannot compile machine code with {compiler} ({why}); running without")
         return None
 
 
@@ -149,6 +149,6 @@ def c_compiler() -> str | None:
 
 
 @cache
-def _say(message: str) -> None:
+def _print_once(message: str) -> None:
     """Print a message on standard error. The same message is printed only once per process."""
-    say_aside(f"hfa: {message}")
+    print_to_stderr(f"hfa: {message}")

@@ -50,7 +50,9 @@ _SECONDS = 2.5
 _DRAWN = ("speed", "alpha", "pitch_rate", "elevator_center")
 
 
-def best_beside_policies(linear: LinearModel, limits: dict[str, tuple[float, float]]) -> BestFlight:
+def best_flight_and_policies(
+    linear: LinearModel, limits: dict[str, tuple[float, float]]
+) -> BestFlight:
     """Return the best flight found from the paper's x(0), together with flights of three policies.
 
     The policies are the exact LQR, a critic learned as by `hfa learn`, and the exact game policy.
@@ -117,7 +119,7 @@ def study() -> tuple[FlightsData, list[BestFlight]]:
     within = {}
     for name, limits in LIMITS.items():
         for degrees, linear in zip(DEGREES, models, strict=True):
-            best = best_beside_policies(linear, limits)
+            best = best_flight_and_policies(linear, limits)
             flown.append(best)
             rows.append(flight_data(degrees, name, best))
         within[name] = limits_of(best.problem)

@@ -22,7 +22,7 @@ from scipy.integrate import solve_ivp
 
 import hfa
 from hfa_aircraft.layout import components
-from hfa_optimal.flights import Flown
+from hfa_optimal.flights import SimulatedFlight
 from hfa_optimal.initial_conditions import drawn_starts
 from hfa_optimal.problem import FlightProblem, flight_problem
 from hfa_optimal.search import BestFlights
@@ -83,7 +83,7 @@ def rates_of(problem: FlightProblem) -> BoundFunction:
     return BoundFunction(ca.Function("rates", [X, U], [ca.densify(rates)], {"cse": True}))
 
 
-def independent_cost(problem: FlightProblem, flown: Flown) -> float:
+def independent_cost(problem: FlightProblem, flown: SimulatedFlight) -> float:
     """Return the cost of a flight, computed by SciPy's DOP853 with the equations of the model.
 
     The inputs of the flight are interpolated linearly. The linear policy adds a correction for the

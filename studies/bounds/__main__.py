@@ -25,7 +25,7 @@ from hfa_optimal.search import BestFlights
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
 from studies.bounds.aircraft import VAN_DER_POL, navion_of_the_tutorial
-from studies.bounds.flights import flown_above
+from studies.bounds.flights import cost_ratios
 from studies.finished import row_by_row
 
 _SEED = 0
@@ -73,7 +73,7 @@ def bounded(name: str, starts: int, flights: int | None = None) -> dict[str, Any
     best = BestFlights(problem, starts)
     table = starts_table(best, drawn_starts(problem, starts, _SEED), bound=bound)
     ratios = [1.0 / ratio for ratio in table.over_bound]
-    other = flown_above(problem, bound, flights or aircraft.flights, _SEED)
+    other = cost_ratios(problem, bound, flights or aircraft.flights, _SEED)
     return {
         "aircraft": name,
         "degree": aircraft.degree,

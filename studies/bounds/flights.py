@@ -29,7 +29,7 @@ _PULSE = 60
 _SIZES = (0.0, 0.1, 1.0)
 
 
-class FlownAbove(NamedTuple):
+class CostRatios(NamedTuple):
     """Costs of flights compared with a lower bound.
 
     flights: number of flights that end at the trim within the limits
@@ -43,9 +43,9 @@ class FlownAbove(NamedTuple):
     median: float
 
 
-def flown_above(
+def cost_ratios(
     problem: FlightProblem, bound: CostStatement, flights: int, seed: int = 0
-) -> FlownAbove:
+) -> CostRatios:
     """Return the costs of at least `flights` flights to the trim, compared with a lower bound.
 
     Half of the flights begin on the faces of the usual box. Pulses are added to the inputs. Three
@@ -74,14 +74,14 @@ def flown_above(
         sizes = random.choice(_SIZES, (len(z), 1)) * problem.sizes[1]
         pulses = random.uniform(-1.0, 1.0, (_PULSES, len(z), m)) * sizes
         settings = np.column_stack([way == 0, factors])
-        costs = flown_costs(problem, one_step, z, settings, pulses, most)
+        costs = flight_costs(problem, one_step, z, settings, pulses, most)
         ended = np.isfinite(costs)
         ratios = np.concatenate([ratios, costs[ended] / bound.bound(z[ended])])
     below = int(np.sum(ratios < 1.0))
-    return FlownAbove(len(ratios), below, float(ratios.min()), float(np.median(ratios)))
+    return CostRatios(len(ratios), below, float(ratios.min()), float(np.median(ratios)))
 
 
-def flown_costs(
+def flight_costs(
     problem: FlightProblem,
     one_step: RowFunction,
     z: np.ndarray,

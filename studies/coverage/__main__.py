@@ -40,7 +40,7 @@ _BEFORE = 500
 Columns = dict[str, np.ndarray]
 
 
-def flown(model: Model) -> Columns:
+def simulated_record(model: Model) -> Columns:
     """Return the columns of a simulated record with a 3-2-1-1 elevator input (2 deg, 0.4 s per
     unit).
 
@@ -164,7 +164,7 @@ def plant(model: Model, columns: Columns) -> None:
 def main() -> None:
     """Run the study selected by the command line."""
     model = from_derivatives(AIRCRAFT)
-    columns = flown(model)
+    columns = simulated_record(model)
     if sys.argv[1:] == ["faults"]:
         plant(model, columns)
         return

@@ -23,7 +23,7 @@ from hfa_support.reporting.figure import new_figure, save
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
 from studies.finished import finished, stamped
-from studies.gap.judging import SEED, STARTS, judged
+from studies.gap.judging import SEED, STARTS, flight_results
 from studies.gap.tasks import SAMPLE_TIME, TASKS, Task
 from studies.gap.training import BUDGETS, SECONDS, Run
 
@@ -67,7 +67,7 @@ def train_missing(runs: Sequence[Run]) -> None:
             print(f"{number} of {len(runs)}: {run.name}, {seconds:.0f} s", flush=True)
 
 
-def judged_once(task: Task, runs: Sequence[Run], folder: Path) -> dict[str, Any]:
+def stored_results(task: Task, runs: Sequence[Run], folder: Path) -> dict[str, Any]:
     """Return the results of the flights of all trained policies of an aircraft.
 
     Stored results are reused if the policy files and the settings are unchanged.
@@ -84,7 +84,7 @@ def judged_once(task: Task, runs: Sequence[Run], folder: Path) -> dict[str, Any]
     known = finished(path, decides)
     if known is None:
         progress = ProgressLine(f"flights of {task.name}")
-        content = judged(task, [run for run, _ in trained], progress)
+        content = flight_results(task, [run for run, _ in trained], progress)
         for policy, (_, record) in zip(content["policies"], trained, strict=True):
             policy["steps"] = record["steps"]
             policy["sha256"] = record["policy_sha256"]
@@ -205,7 +205,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not arguments.judge_only:
         train_missing(runs)
     aircraft = [
-        judged_once(task, [run for run in runs if run.task == task], folder) for task in TASKS
+        stored_results(task, [run for run in runs if run.task == task], folder) for task in TASKS
     ]
     data = {
         "sample_time": SAMPLE_TIME,

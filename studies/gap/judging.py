@@ -10,7 +10,7 @@ import numpy as np
 
 import hfa
 from hfa_flight.scenario import Scenario
-from hfa_optimal.flights import Flights, Flown
+from hfa_optimal.flights import Flights, SimulatedFlight
 from hfa_optimal.initial_conditions import drawn_starts
 from hfa_optimal.pilots import Pilot, deployed_pilot, gain_pilot
 from hfa_optimal.problem import flight_problem
@@ -43,7 +43,9 @@ class Outcome:
     cost: float
 
 
-def judged(task: Task, runs: Sequence[Run], progress: Progress | None = None) -> dict[str, Any]:
+def flight_results(
+    task: Task, runs: Sequence[Run], progress: Progress | None = None
+) -> dict[str, Any]:
     """Return the results of simulated flights of an aircraft's policies.
 
     All flights begin at the initial conditions of the best flights.
@@ -100,7 +102,7 @@ def _pilot(flights: Flights, run: Run, point: OperatingPoint) -> Pilot:
     return deployed_pilot(flights, run.name, policy, sampled_scenario(policy, calm, point))
 
 
-def _outcome(flown: Flown) -> Outcome:
+def _outcome(flown: SimulatedFlight) -> Outcome:
     stays = flown.departure is None
     return Outcome(stays, stays and flown.converges, flown.running_cost)
 

@@ -13,7 +13,7 @@ from typing import Any
 from hfa import find_operating_point
 from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
-from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, answered
+from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, responses
 from trim.point.condition import release, usual_condition
 from trim.point.operating_point import OperatingPoint
 
@@ -77,7 +77,7 @@ def _residual(name: str, held: Mapping[str, float], free: tuple[str, ...]) -> fl
         "aircraft": name,
         "point": {"state": point.states._asdict(), "commands": point.inputs._asdict()},
     }
-    (answer,) = answered([item])
+    (answer,) = responses([item])
     return max(abs(answer[axis]) for axis in AXES)
 
 
@@ -98,7 +98,7 @@ def _earth(name: str, held: Mapping[str, float], heading: float) -> tuple[float,
         "earth": "own",
         "point": {"state": state, "commands": point.inputs._asdict()},
     }
-    (answer,) = answered([item])
+    (answer,) = responses([item])
     pitch = point.states.pitch
     down = answer["wdot"] * math.cos(pitch) - answer["udot"] * math.sin(pitch)
     _, there = _trimmed(name, held, (), GRAVITY + down)

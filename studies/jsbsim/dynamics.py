@@ -19,7 +19,7 @@ import numpy as np
 from hfa import find_operating_point, linearize
 from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
-from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, answered
+from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, responses
 from studies.jsbsim.study import positions
 from trim.point.condition import release, usual_condition
 from trim.point.operating_point import OperatingPoint
@@ -104,8 +104,8 @@ def slopes(name: str, model: Model, point: OperatingPoint) -> tuple[int, int, st
             moved[column] += sign * _step(model, column)
             there = {key: moved[key] for key in state}
             items.append(_at(name, model, there, {key: moved[key] for key in inputs}))
-    answers = answered(items, 3000.0)
-    ours = of_rest(model, point)
+    answers = responses(items, 3000.0)
+    ours = slopes_in_equilibrium(model, point)
     agree = 0
     worst = (0.0, "")
     for number, column in enumerate(columns):
@@ -130,7 +130,7 @@ def _step(model: Model, name: str) -> float:
     return 0.1 * _STEP
 
 
-def of_rest(model: Model, point: OperatingPoint) -> dict[str, np.ndarray]:
+def slopes_in_equilibrium(model: Model, point: OperatingPoint) -> dict[str, np.ndarray]:
     """Return the columns (6,) of A and B by state or input, with propellers and governors in
     equilibrium.
 
@@ -187,7 +187,7 @@ def thrust_miss(name: str, model: Model, point: OperatingPoint) -> float:
     for throttle in _THROTTLES:
         items.append(_at(name, model, state, {**point.inputs._asdict(), "throttle": throttle}))
     worst = 0.0
-    for item, answer in zip(items, answered(items, 3000.0), strict=True):
+    for item, answer in zip(items, responses(items, 3000.0), strict=True):
         engines = {key: answer[key] for key in state if key.startswith(("rpm", "blade"))}
         values = {**state, **engines}
         commands = [item["point"]["commands"][key] for key in model.inputs]
@@ -212,8 +212,8 @@ def flight_miss(name: str, model: Model, point: OperatingPoint) -> str:
         item = _at(name, model, state, inputs)
         item["point"] |= {"flight": _FLIGHT, "rest": _REST, "pulse": pulse}
         items.append(item)
-    theirs = answered(items, 3000.0)
-    ours = [_flown(model, state, inputs, pulse) for pulse in (_PULSE, {})]
+    theirs = responses(items, 3000.0)
+    ours = [_simulated(model, state, inputs, pulse) for pulse in (_PULSE, {})]
     misses = {}
     for key in ("speed", "alpha", "pitch_rate", "pitch", "altitude"):
         moved = ours[0][key] - ours[1][key]
@@ -223,7 +223,7 @@ def flight_miss(name: str, model: Model, point: OperatingPoint) -> str:
     return f"{misses[worst]:.0e} ({worst})"
 
 
-def _flown(
+def _simulated(
     model: Model,
     state: Mapping[str, float],
     inputs: Mapping[str, float],

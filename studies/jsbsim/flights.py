@@ -22,7 +22,7 @@ from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
 from hfa_support.errors import BadInputError
 from studies.jsbsim.__main__ import RESULTS
-from studies.jsbsim.reference import GRAVITY, answered
+from studies.jsbsim.reference import GRAVITY, responses
 from trim.point.condition import release, usual_condition
 from trim.point.operating_point import OperatingPoint
 
@@ -88,7 +88,7 @@ def line(name: str, count: int, seed: int = 2) -> str:
     items = [
         {"aircraft": name, "point": flight | {"step": step}} for flight in flights for step in STEPS
     ]
-    answers = answered(items, 6000.0)
+    answers = responses(items, 6000.0)
     rows = []
     for number, flight in enumerate(flights):
         theirs = answers[number * len(STEPS) : (number + 1) * len(STEPS)]
@@ -131,7 +131,7 @@ def _condition(name: str) -> dict[str, float]:
 
 
 def drawn(point: OperatingPoint, count: int, seed: int) -> list[dict[str, Any]]:
-    """Return `count` requests for `answered`: random flights that begin near a trim.
+    """Return `count` requests for `responses`: random flights that begin near a trim.
 
     Each flight has three steps of the throttle and pulses of elevator, aileron and rudder.
     """
@@ -171,7 +171,7 @@ def difference(model: Model, flight: Mapping[str, Any], answer: Mapping[str, Any
     flight: the request
     answer: JSBSim's response to the request
     """
-    ours = flown(model, flight, answer["start"])
+    ours = simulated(model, flight, answer["start"])
     worst = 0.0
     for name in _COMPARED:
         theirs = np.array([state[name] for state in answer["states"]])
@@ -180,7 +180,7 @@ def difference(model: Model, flight: Mapping[str, Any], answer: Mapping[str, Any
     return worst
 
 
-def flown(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -> np.ndarray:
+def simulated(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -> np.ndarray:
     """Return the states of a flight after each second, (seconds, n), by the classical Runge-Kutta
     method.
 

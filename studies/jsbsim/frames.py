@@ -15,7 +15,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from studies.jsbsim.flights import CONDITIONS, drawn, trimmed
-from studies.jsbsim.reference import answered
+from studies.jsbsim.reference import responses
 
 _STEP = 1.0 / 120.0
 #: Settling time of the engines before a flight, s.
@@ -55,10 +55,10 @@ def largest(name: str, count: int, seconds: int = 30) -> tuple[float, str]:
         flight |= {"step": _STEP, "rest": _REST, "flight": seconds}
         items.append({"aircraft": name, "point": flight, "earth": "own"})
     found = []
-    for flight, answer in zip(flights, answered(items), strict=True):
+    for flight, answer in zip(flights, responses(items), strict=True):
         if answer is None or "error" in answer:
             raise RuntimeError(f"JSBSim does not fly {name}: {answer}")
-        ours = flown(model, flight, answer["start"])
+        ours = simulated(model, flight, answer["start"])
         for index, state in enumerate(model.states):
             if state not in answer["states"][0]:
                 continue
@@ -70,7 +70,7 @@ def largest(name: str, count: int, seconds: int = 30) -> tuple[float, str]:
     return max(found)
 
 
-def flown(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -> np.ndarray:
+def simulated(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -> np.ndarray:
     """Return the states of a flight in JSBSim's frames after each second, (seconds, n).
 
     start: JSBSim's states at the start of the flight

@@ -21,9 +21,9 @@ import numpy as np
 from hfa import Signal, find_operating_point, identify
 from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
-from studies.jsbsim.dynamics import RATES, of_rest
+from studies.jsbsim.dynamics import RATES, slopes_in_equilibrium
 from studies.jsbsim.flights import RADIUS
-from studies.jsbsim.reference import GRAVITY, answered
+from studies.jsbsim.reference import GRAVITY, responses
 from trim.point.condition import release, usual_condition
 from trim.point.operating_point import OperatingPoint
 
@@ -113,7 +113,7 @@ def line(name: str, case: Case, count: int) -> str:
 
     count: number of identifications
     """
-    point, flights = flown(name, case)
+    point, flights = jsbsim_flights(name, case)
     theirs, ours = jsbsim_slopes(name, point), own_slopes(point)
     model = linear_model(theirs, case.free)
     passed = 0
@@ -140,7 +140,7 @@ def line(name: str, case: Case, count: int) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def flown(name: str, case: Case) -> tuple[OperatingPoint, list[dict[str, np.ndarray]]]:
+def jsbsim_flights(name: str, case: Case) -> tuple[OperatingPoint, list[dict[str, np.ndarray]]]:
     """Return the trim of a case and JSBSim's two flights, with both signs of the 3-2-1-1 input.
 
     The earth is flat. A flight is a dictionary name -> column, relative to the trim and without
@@ -158,7 +158,7 @@ def flown(name: str, case: Case) -> tuple[OperatingPoint, list[dict[str, np.ndar
         flight |= {"flight": _SECONDS, "rest": _REST, "radius": RADIUS}
         items.append({"aircraft": name, "point": flight | {"step": _STEP, "interval": _INTERVAL}})
     flights = []
-    for steps, answer in zip(moves, answered(items), strict=True):
+    for steps, answer in zip(moves, responses(items), strict=True):
         states = [answer["start"], *answer["states"]]
         columns = {
             state: np.array([each[state] for each in states]) - states[0][state]
@@ -202,7 +202,7 @@ def jsbsim_slopes(name: str, point: OperatingPoint) -> dict[str, float]:
     """
     request = {"state": point.states._asdict(), "commands": point.inputs._asdict()}
     request |= {"radius": RADIUS, "linear": True}
-    answer = answered([{"aircraft": name, "point": request}])[0]
+    answer = responses([{"aircraft": name, "point": request}])[0]
     table = np.hstack([answer["A"], answer["B"]])
     columns = [*answer["x"], *answer["u"]]
     names = _STATES | {"elevator": _ELEVATOR}
@@ -215,7 +215,7 @@ def jsbsim_slopes(name: str, point: OperatingPoint) -> dict[str, float]:
 
 def own_slopes(point: OperatingPoint) -> dict[str, float]:
     """Return the slopes of this project's linearization by name, with propellers in equilibrium."""
-    columns = of_rest(point.model, point)
+    columns = slopes_in_equilibrium(point.model, point)
     return {
         f"{row}__{column}": float(columns[column][RATES.index(row)])
         for row in _ROWS

@@ -121,11 +121,11 @@ def measured(name: str, points: Sequence[Mapping[str, Any]], seconds: float = 60
     seconds: time limit of each child process, s
     """
     items = [{"aircraft": name, "point": point} for point in points]
-    answers = answered(items, seconds)
+    answers = responses(items, seconds)
     return [None if answer is None or "error" in answer else answer for answer in answers]
 
 
-def answered(items: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list[Any]:
+def responses(items: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list[Any]:
     """Return JSBSim's response to each request, computed in child processes.
 
     The response is {"error": message} if JSBSim refuses the file, and None if JSBSim terminated. In
@@ -139,14 +139,14 @@ def answered(items: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list
     answers: list[Any] = []
     while len(answers) < len(items):
         waiting = list(items)[len(answers) :]
-        new_answers = _ask(waiting, seconds)
+        new_answers = _request(waiting, seconds)
         answers += new_answers
         if len(new_answers) < len(waiting):
             answers.append(None)  # the request at which JSBSim terminated
     return answers
 
 
-def _ask(items: Sequence[Mapping[str, Any]], seconds: float) -> list[Any]:
+def _request(items: Sequence[Mapping[str, Any]], seconds: float) -> list[Any]:
     """Return the responses that one child process writes before it ends or the time limit is
     reached.
 
@@ -177,12 +177,12 @@ def main() -> int:
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # JSBSim prints on standard output
     for item in items:
-        answers.write(json.dumps(_answer(item)) + "\n")
+        answers.write(json.dumps(_response(item)) + "\n")
         answers.flush()
     return 0
 
 
-def _answer(item: Mapping[str, Any]) -> dict[str, Any]:
+def _response(item: Mapping[str, Any]) -> dict[str, Any]:
     """Return JSBSim's response to a request, or {"error": message}.
 
     A response with nan is computed again, because JSBSim's first step reads uninitialized memory
@@ -208,7 +208,7 @@ def _found(item: Mapping[str, Any]) -> dict[str, Any]:
     for name in _missing(item["aircraft"], item.get("root")):
         simulator[name] = 0.0
     if "flight" in point:
-        return _flown(simulator, point)
+        return _simulated(simulator, point)
     return _trimmed(simulator, point) if "trim" in point else _settled(simulator, point)
 
 
@@ -396,7 +396,7 @@ def _run(step: Callable[[], Any], simulator: Any) -> list[str]:
 
 def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     """Return JSBSim's measurements at a fixed state, after engines and actuators have settled."""
-    _stand_still(simulator)
+    _freeze_state(simulator)
     commands = point.get("commands", {})
     _start(simulator, point["state"], commands)
     for name, value in point.get("held", {}).items():
@@ -438,13 +438,13 @@ def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     return answer
 
 
-def _stand_still(simulator: Any) -> None:
+def _freeze_state(simulator: Any) -> None:
     """Turn off the integration of the equations of motion, so that the state is constant."""
     for name in _INTEGRATORS:
         simulator[name] = 0
 
 
-def _flown(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
+def _simulated(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     """Simulate a flight in JSBSim and return the final states.
 
     If the request contains "changes", the result also contains "start" and "states". "start"
@@ -464,7 +464,7 @@ def _flown(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     leaned = {name: simulator[name] for name in _mixtures(simulator)}
     if "rest" in point:
         orders = {name: simulator[name] for name in _INTEGRATORS}
-        _stand_still(simulator)
+        _freeze_state(simulator)
         for _ in range(round(point["rest"] / length)):
             _run(simulator.run, simulator)
         for name, order in orders.items():

@@ -88,7 +88,7 @@ def plans_of(section: str, setting: Setting) -> tuple[FlightPlan, ...]:
     )
 
 
-class FlightLostError(Exception):
+class LeftEnvelopeError(Exception):
     """Raised if a number is requested of a flight that left the envelope."""
 
 
@@ -107,7 +107,7 @@ class Evidence:
         """Return the record of a flight. Raises FlightLostError if the flight left the envelope."""
         found = self.flown[plan]
         if not found.held:
-            raise FlightLostError(f"{found.plan.name}: lost at {found.lost_at:.4g} s")
+            raise LeftEnvelopeError(f"{found.plan.name}: lost at {found.lost_at:.4g} s")
         return found
 
     def numbers(self, group: str, law: str, name: str, of: tuple[str, ...] = ()) -> np.ndarray:
@@ -333,7 +333,7 @@ def check_claim(claim: Claim, evidence: Evidence) -> dict[str, Any]:
             checks[law] = checked(
                 law, measure_of(claim.measure)(evidence, law), limit, relation=claim.relation
             )
-        except FlightLostError as lost:
+        except LeftEnvelopeError as lost:
             checks[law] = Check(
                 law, math.inf, limit, ok=False, reason=str(lost), relation=claim.relation
             )

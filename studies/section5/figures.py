@@ -375,14 +375,14 @@ def _eight_figures(
     learned: (flight, title) for each panel of weights
     """
 
-    def beside(
+    def panels_in_columns(
         panel: Callable[..., PlotPanel], group: Sequence[Sequence[FlightRecord]]
     ) -> tuple[PlotPanel, ...]:
         return tuple(panel(name, records) for name, records in zip(columns, group, strict=True))
 
     tracked, steered, learning = groups
     drawn = [
-        (f"{_WORDS[state]} tracking", beside(partial(panels.states, state), tracked))
+        (f"{_WORDS[state]} tracking", panels_in_columns(partial(panels.states, state), tracked))
         for state in TRACKED
     ]
     drawn += [
@@ -392,8 +392,8 @@ def _eight_figures(
             "critic-weight increments",
             tuple(panels.weights(*each, increments=True) for each in learned),
         ),
-        ("Bellman residuals", beside(panels.residuals, learning)),
-        ("critic weight-update norms", beside(panels.updates, learning)),
+        ("Bellman residuals", panels_in_columns(panels.residuals, learning)),
+        ("critic weight-update norms", panels_in_columns(panels.updates, learning)),
     ]
     for number, (name, found) in enumerate(drawn, first):
         whole = title.format(name)

@@ -268,7 +268,7 @@ def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRec
     signals = (reference, configuration.disturbance, noise)
     start = configuration.initial if plan.commanded else np.zeros(_N)
     scenario = Scenario(settings.duration, settings.step, settings.tick, start, *signals)
-    flight, lost_at = _flown(configuration, CompiledLoop(ClosedLoop(plant, flown, scenario)))
+    flight, lost_at = _simulated(configuration, CompiledLoop(ClosedLoop(plant, flown, scenario)))
     times = flight.times[::each]
     errors = flight.errors[::each]
     # A flight that is lost in its first tick still contains its initial state.
@@ -294,7 +294,7 @@ def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRec
     )
 
 
-def _flown(configuration: Configuration, loop: CompiledLoop) -> tuple[Deviations, float]:
+def _simulated(configuration: Configuration, loop: CompiledLoop) -> tuple[Deviations, float]:
     """Return a simulated flight until it leaves the envelope, and the time of leaving, s.
 
     The time is inf if the flight stays within the envelope. At least the initial state is returned.
@@ -424,7 +424,7 @@ def _published(
     learning = int(np.ceil(predefined_time / configuration.flight.tick - 1e-9))
     ticks = np.arange(learning + 1 if frozen else 1)
 
-    def told(memory: np.ndarray) -> Critic:
+    def critic_of(memory: np.ndarray) -> Critic:
         weights = np.array([law.equations.unscaled(row) for row in memory])
         residual = np.array(
             [law.equations.reported_residuals(row)["residual_norm"] for row in memory]
@@ -435,7 +435,7 @@ def _published(
         )
 
     learns = (ticks < learning).astype(float)[:, None]
-    return CriticPolicy(name, law, drift, held=learns, start=law.start()["weights"]), told
+    return CriticPolicy(name, law, drift, held=learns, start=law.start()["weights"]), critic_of
 
 
 class _Training(NamedTuple):
@@ -500,7 +500,7 @@ def _learned(
         [held_gains(K, np.where(used, F, 0.0)) for K, used in zip(gains, uses, strict=True)]
     )
 
-    def told(memory: np.ndarray) -> Critic:
+    def critic_of(memory: np.ndarray) -> Critic:
         rows = (
             np.searchsorted(learned.times, tick * np.arange(len(memory)) + 1e-9, side="right") - 1
         )
@@ -510,4 +510,4 @@ def _learned(
         functions: Basis = basis(learned.basis, _N)
         return Critic(functions, learned.weights[rows], learned.residual_norm[rows], facts)
 
-    return TrackingPolicy(law, generator(reference), first, held=table), told
+    return TrackingPolicy(law, generator(reference), first, held=table), critic_of

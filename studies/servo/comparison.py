@@ -37,7 +37,7 @@ from hfa_support.provenance import Provenance
 from hfa_support.reporting.figure import new_figure, save
 from hfa_support.reporting.text import Table
 from studies.finished import finished, stamped
-from studies.servo.flights import flown_actuators
+from studies.servo.flights import equal_actuators
 from studies.servo.simvfa import REGULATED, adaptive_law, reference_servo
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def scenario_of(case: Case, commands: CommandSteps, duration: float = DURATION) 
         raise BadInputError(
             f"duration is {duration:g} s, but the commands end after {DURATION:g} s; shorten it"
         )
-    actuators = flown_actuators(case.actuator, case.faults)
+    actuators = equal_actuators(case.actuator, case.faults)
     return Scenario(
         duration=duration,
         step=STEP,
@@ -134,22 +134,22 @@ def laws_of(
     Raises BadInputError if a name in `only` is unknown.
     """
     found: dict[str, Make] = {
-        f"simvfa-{order}": lambda on: _flown(
+        f"simvfa-{order}": lambda on: _servo(
             on, reference_servo(on.aircraft, f"simvfa-{order}", ANGLES)
         ),
         f"simvfa-{order} adaptive": lambda on: adaptive_law(
             order, on.aircraft, on.point, on.commands, ANGLES
         ),
     }
-    found["servo"] = lambda on: _flown(on, designed_servo(on.aircraft))
-    found |= {name: lambda on, each=each: _flown(on, each) for name, each in controllers.items()}  # type: ignore[misc]
+    found["servo"] = lambda on: _servo(on, designed_servo(on.aircraft))
+    found |= {name: lambda on, each=each: _servo(on, each) for name, each in controllers.items()}  # type: ignore[misc]
     found["paper"] = _paper
     for name in only:
         refuse_unknown(f"order {order} has no law", name, found)
     return {name: made for name, made in found.items() if name in (only or found)}
 
 
-def _flown(on: Start, controller: ScheduledController) -> Policy:
+def _servo(on: Start, controller: ScheduledController) -> Policy:
     return servo_policy(controller, on.commands, on.aircraft, on.point)
 
 

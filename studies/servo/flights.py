@@ -63,7 +63,7 @@ NOISE = {
 ANGLES = (5.0, 11.0, 15.0)
 
 
-def flown_actuators(acting: Actuator, faults: tuple[ActuatorFault, ...] = ()) -> ActuatorBank:
+def equal_actuators(acting: Actuator, faults: tuple[ActuatorFault, ...] = ()) -> ActuatorBank:
     """Return five equal actuators with the limits `CONTROL_LIMITS` and without a rate limit.
 
     acting: dynamics of each actuator. An effectiveness other than 1 is added as a fault of the
@@ -77,7 +77,7 @@ def flown_actuators(acting: Actuator, faults: tuple[ActuatorFault, ...] = ()) ->
     return ActuatorBank(lag, lowest, highest, rate, acting.order, acting.damping, faults)
 
 
-def flown(
+def simulated_flight(
     aircraft: Model,
     model: LinearModel,
     controller: ScheduledController,
@@ -93,7 +93,7 @@ def flown(
     still = CommandSteps((), np.zeros(0), np.zeros((0, 0)))
     scenario = Scenario(
         **{"duration": SECONDS, "step": STEP, "tick": TICK, **happens},
-        actuators=flown_actuators(acting),
+        actuators=equal_actuators(acting),
     )
     envelope = flight_envelope(aircraft, model.point)
     point = model.point
@@ -119,7 +119,7 @@ def gust_held(
 
     def held(size: float) -> bool:
         gust = OneMinusCosine(length, math.copysign(size, peak), model.point.states.speed, 1.0)
-        return flown(aircraft, model, controller, acting, gust=gust).departure is None
+        return simulated_flight(aircraft, model, controller, acting, gust=gust).departure is None
 
     return math.copysign(largest_held(held, abs(peak), APART), peak)
 
@@ -227,7 +227,7 @@ def requirements(aircraft: Model, controller: ScheduledController) -> Report:
     one = np.eye(len(LINEAR_STATES))[LINEAR_STATES.index("pitch_rate")]
     for acting in REAL:
         words = f", order {acting.order}, {acting.bandwidth:g} rad/s, deg"
-        biased = flown(
+        biased = simulated_flight(
             aircraft,
             at_11,
             controller,
@@ -242,7 +242,7 @@ def requirements(aircraft: Model, controller: ScheduledController) -> Report:
         noisy = Scenario(
             duration=60.0, step=STEP, tick=STEP, uncertainty=Uncertainty(noise=NOISE)
         ).drawn(1, 0, at_11.point)
-        quiet = flown(
+        quiet = simulated_flight(
             aircraft, at_11, controller, acting, duration=60.0, tick=STEP, samples=noisy.samples
         )
         rates = np.degrees(

@@ -414,15 +414,17 @@ class AdaptivePolicy(Policy, ABC):
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
         """Return the inputs of the aircraft. Inputs that the law does not control are 0."""
         chosen = np.array([[float(name == one) for one in self.inputs] for name in INPUTS])
-        return ca.mtimes(ca.DM(chosen), self._flown(t, measurements, memory)[0])
+        return ca.mtimes(ca.DM(chosen), self._input_and_rate(t, measurements, memory)[0])
 
     def memory_rate(
         self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX, applied: ca.SX
     ) -> ca.SX:
         """Return the time derivative of the memory."""
-        return self._flown(t, measurements, memory)[1]
+        return self._input_and_rate(t, measurements, memory)[1]
 
-    def _flown(self, t: ca.SX, measurements: Measurements, memory: ca.SX) -> tuple[ca.SX, ca.SX]:
+    def _input_and_rate(
+        self, t: ca.SX, measurements: Measurements, memory: ca.SX
+    ) -> tuple[ca.SX, ca.SX]:
         parts = MemoryParts(memory)
         command = (self.commands.at(t), self.commands.rate(t))
         tables = self._table.at(self.dihedral + measurements.states[_DIHEDRAL])

@@ -62,7 +62,7 @@ def margins(
     return loop.abscissa, min(found[name].disk for name in servo.inputs)
 
 
-def flier(plant: str, degrees: float) -> Callable[[float, float], float]:
+def updraft_function(plant: str, degrees: float) -> Callable[[float, float], float]:
     """Return the function (length in ft, sign) -> largest tolerated peak of a 1-cosine gust, ft/s.
 
     The sign is 1 for an updraft and -1 for a downdraft. The gust is tolerated if every state and
@@ -118,7 +118,7 @@ def main() -> None:
     print("largest 1-cosine updraft, up / down, ft/s, under the paper's policy of published")
     for degrees in (5.0, 15.0):
         for plant in PLANTS:
-            largest = flier(plant, degrees)
+            largest = updraft_function(plant, degrees)
             gusts = [
                 f"{length} ft {largest(length, 1):.1f}/{largest(length, -1):.1f}"
                 for length in (150, 400, 1000)

@@ -82,12 +82,12 @@ def _theorem(
         yield Case(dict(zip(names, chosen, strict=True)) | fixed, nearby=nearby)
 
 
-def _by_hand(**fixed: Any) -> Iterator[Case]:
+def _gain_cases(**fixed: Any) -> Iterator[Case]:
     for gain in (1.0, 10.0, 100.0, 1e3, 1e4):
         yield Case(fixed | {"flight_start": FLIGHT_START, "gains": (gain, gain)})
 
 
-def _by_hand_from_lqr() -> Iterator[Case]:
+def _lqr_cases() -> Iterator[Case]:
     for policies, seed in product(_POLICIES, (0, 1)):
         flight = _SCALED | {
             "stack_policies": policies,
@@ -127,17 +127,17 @@ ROWS = {
         " in the ninth digit of W(0) leads to another root.",
     ),
     "gains by hand, raw, W(0) = 100": Row(
-        lambda: _by_hand(coordinates="raw", basis="paper"),
+        lambda: _gain_cases(coordinates="raw", basis="paper"),
         "W(0) = 100 does not stabilize; on the 5 degree model it makes a pole of -7.6e4 rad/s that"
         " no explicit step of 1e-4 s survives, and the flight is lost before the critic has"
         " learned.",
     ),
     "gains by hand, scaled, W(0) = 100": Row(
-        lambda: _by_hand(coordinates="scaled", basis="quadratic"),
+        lambda: _gain_cases(coordinates="scaled", basis="quadratic"),
         "As above; at 15 degrees scaling keeps some runs bounded and does not make them accurate.",
     ),
     "gains by hand, scaled, stabilizing W(0)": Row(
-        _by_hand_from_lqr,
+        _lqr_cases,
         "A stabilizing start, scaling and gains by hand keep flight and weights bounded; gains that"
         " an explicit step survives do not move the directions of the small eigenvalues of Sigma"
         " within T_w.",

@@ -191,7 +191,7 @@ def printed_at(point: OperatingPoint) -> PublishedModel | None:
     return None
 
 
-def compared_with_print(report: Report, model: LinearModel, published: PublishedModel) -> Report:
+def with_printed_matrices(report: Report, model: LinearModel, published: PublishedModel) -> Report:
     """Return the report of a linear model, with a table that compares A and B with the printed
     matrices.
 
@@ -348,7 +348,7 @@ def _largest(A: np.ndarray, B: np.ndarray) -> str:
     return f"{largest[row, column]:.2g} in {name}({LINEAR_STATES[row]}, {columns[column]})"
 
 
-def bands_known(parameters: ParameterSet) -> bool:
+def has_bands(parameters: ParameterSet) -> bool:
     """Return whether error bands exist for these parameters.
 
     The parameters must have a covariance and equal the identified values to 1e-7. The covariance of
@@ -372,7 +372,7 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
     condition: trim condition of the model
     model: the linear model
 
-    Raises BadInputError if no bands exist for the parameters (`bands_known`), or the states of the
+    Raises BadInputError if no bands exist for the parameters (`has_bands`), or the states of the
     model are not the paper's six.
 
     >>> import hfa
@@ -385,7 +385,7 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
         raise BadInputError(
             f"error bands exist only for the states {', '.join(LINEAR_STATES)}; select these states"
         )
-    if not bands_known(parameters):
+    if not has_bands(parameters):
         raise BadInputError(
             "error bands exist only for the identified parameters with their covariance; "
             "use the parameters.toml of `python -m studies.identification`, unchanged"

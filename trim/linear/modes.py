@@ -87,7 +87,7 @@ def modes_of(
         values.append(value)
         participations.append(participation)
         family_names.append(max(candidates, key=share))
-    return tuple(map(_mode, _told_apart(family_names), values, participations))
+    return tuple(map(_mode, _distinguished(family_names), values, participations))
 
 
 def spectrum(A: np.ndarray, size: float = 0.0) -> Spectrum:
@@ -109,7 +109,7 @@ def spectrum(A: np.ndarray, size: float = 0.0) -> Spectrum:
     return Spectrum(values, errors, right, left)
 
 
-def _told_apart(names: list[str]) -> list[str]:
+def _distinguished(names: list[str]) -> list[str]:
     """Return names of modes in which equal names are distinguished by "fast" and "slow", or by
     numbers.
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.native_units import native_of
-from hfa_support.errors import BadInputError, said_of, shown
+from hfa_support.errors import BadInputError, prefix_errors, shown
 from hfa_support.linear_table import LinearTable
 from hfa_support.schema import NUMBER, checked, read_named
 from hfa_support.units import si_factor
@@ -58,7 +58,7 @@ def read_condition(
         variable, factor = _variable(model, name, key, *model.states)
         limits[variable] = tuple(end * factor for end in ends)
     free = tuple(_variable(model, name, key)[0] for key in data.get("free", []))
-    with said_of(name):
+    with prefix_errors(name):
         return replace(release(usual, free=free, hold=hold, limits=limits), name=name)
 
 
@@ -98,5 +98,5 @@ def _table(model: Model, file: str, key: str, value: Any, factor: float) -> Line
     breakpoints, values = np.array(rows).T
     if model.schedule and model.unit(model.schedule).startswith("rad"):
         breakpoints = np.radians(breakpoints)
-    with said_of(f"{file}: {key}"):
+    with prefix_errors(f"{file}: {key}"):
         return LinearTable(breakpoints, values * factor)

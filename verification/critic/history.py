@@ -13,7 +13,7 @@ from controller.game.zero_sum import Game
 from controller.riccati.normal_form import NormalForm
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
-from hfa_support.progress import Progress, told
+from hfa_support.progress import Progress, with_progress
 from hfa_support.reporting.text import Table
 from verification.critic.critic_check import check_critic
 from verification.critic.critic_errors import critic_errors
@@ -55,7 +55,7 @@ def check_history(
     verdict = check_critic(game, critics[-1], limit=limit, scope=scope)
     box = scope.box if scope is not None else None
     rows = []
-    for critic in told(critics, progress):
+    for critic in with_progress(critics, progress):
         errors = {
             check.name: check.value
             for check in critic_errors(game, critic, verdict.exact, limit, box)

@@ -28,11 +28,11 @@ def interruption() -> Iterator[threading.Event]:
         yield asked
         return
 
-    def ask(number: int, frame: object) -> None:
+    def on_interrupt(number: int, frame: object) -> None:
         signal.signal(signal.SIGINT, before)
         asked.set()
 
-    signal.signal(signal.SIGINT, ask)
+    signal.signal(signal.SIGINT, on_interrupt)
     try:
         yield asked
     finally:
@@ -47,9 +47,9 @@ def interruptible(progress: Progress) -> Iterator[Progress]:
     """
     with interruption() as asked:
 
-        def tell(done: float, total: float, what: str = "", /) -> None:
+        def report(done: float, total: float, what: str = "", /) -> None:
             if asked.is_set():
                 raise KeyboardInterrupt
             progress(done, total, what)
 
-        yield tell
+        yield report

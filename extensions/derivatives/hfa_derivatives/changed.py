@@ -10,7 +10,14 @@ from typing import Any
 
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError, file_faults, is_finite, refuse_unknown, said_of, shown
+from hfa_support.errors import (
+    BadInputError,
+    file_faults,
+    is_finite,
+    prefix_errors,
+    refuse_unknown,
+    shown,
+)
 from hfa_support.files import read_toml
 
 #: Permitted entries of such a file. [covariance] is used by other readers.
@@ -43,7 +50,7 @@ def changed_aircraft(path: str) -> Model | None:
     for name, value in values.items():
         if not is_finite(value):
             raise BadInputError(f"{path}: parameter {name} is {shown(value)}; give a finite number")
-    with said_of(path):
+    with prefix_errors(path):
         model = load_model(other).with_parameters(**values)
     _check_bands(path, data, model)
     digest = hashlib.sha256((model.extras.source[1] + Path(path).read_text("utf-8")).encode())

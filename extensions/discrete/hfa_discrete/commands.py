@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from controller.game.zero_sum import Game
 from hfa.output import ProgressLine, show
 from hfa_discrete.discrete_game import DiscreteGame
-from hfa_support.errors import BadInputError, NoSolutionError, said_of
+from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 
 if TYPE_CHECKING:
     from controller.critic.critic import Critic
@@ -92,7 +92,7 @@ def verify(request: VerifyRequest, named: NamedGame, paths: list[Path]) -> int:
     problem: DiscreteGame = named.discrete
     critic, more = critic_of_steps(path, problem, request.reading())
     scope = Scope(progress=ProgressLine("prove"))
-    with said_of(path):
+    with prefix_errors(path):
         verdict = check_discrete(problem, critic, limit=request.limit_error, more=more, scope=scope)
     cost = request.limit_cost
     lines = about(named, verdict, cost)

@@ -74,7 +74,7 @@ def check_discounted(
         return _reason(game, exact, critic, says, {}, box)
 
     problem = sampled(game, dt, discount)
-    verdict = _judged(problem, critic, limit, scope or Scope(), diagnose)
+    verdict = _verdict(problem, critic, limit, scope or Scope(), diagnose)
     section = verdict.sections[0]
     return replace(
         verdict,
@@ -118,7 +118,7 @@ def check_discrete(
         question = 'of x\' = A x + B u; did you mean time = "continuous"?'
         return _reason(step, exact, critic, question, others, box)
 
-    return _judged(problem, critic, limit, scope or Scope(), diagnose, more)
+    return _verdict(problem, critic, limit, scope or Scope(), diagnose, more)
 
 
 def _reason(*what: Any) -> str:
@@ -133,7 +133,7 @@ def _reason(*what: Any) -> str:
     return str(loaded(offered(PARTS)["verify.reason.steps"])(*what))
 
 
-def _judged(
+def _verdict(
     problem: DiscreteGame,
     critic: Critic,
     limit: float,
@@ -166,7 +166,7 @@ def _judged(
         residual = bellman_residual(problem, (critic.P + critic.P.T) / 2.0)
         reason = f"the residual of Bellman's equation is {residual:.2g}"
         checks.append(at_most("bellman_residual", residual, limit, reason, kind="error"))
-    lost = discounted_cost_lost(exact, critic.K)
+    lost = discounted_cost_above_optimum(exact, critic.K)
     text = (
         "L2 gain, margins and the box of states apply only to continuous time and are not checked"
     )
@@ -256,7 +256,7 @@ def _errors_of_parts(
     return tuple(checks)
 
 
-def discounted_cost_lost(exact: DiscreteSolution, K: np.ndarray) -> float:
+def discounted_cost_above_optimum(exact: DiscreteSolution, K: np.ndarray) -> float:
     """Return the largest excess of the cost of u = -K x over the optimum, percent.
 
     The excess from the worst initial state is 100 times the largest x'Dx / x'P*x. D solves

@@ -8,7 +8,7 @@ from typing import Any
 from controller.critic.critic import Critic, from_parts
 from controller.critic.critic_file import Reading, critic_in, entries_in, is_network
 from hfa_discrete.discrete_game import DiscreteGame
-from hfa_support.errors import said_of
+from hfa_support.errors import prefix_errors
 
 
 def critic_of_steps(
@@ -27,7 +27,7 @@ def critic_of_steps(
     if "H" not in entries:
         more = {"L": entries["L"]} if "L" in entries else {}
         return critic_in(path, problem.step, reading), more
-    with said_of(path):
+    with prefix_errors(path):
         parts = problem.of_q_function(entries["H"])
         parts |= {name: entries[name] for name in ("P", "K", "L") if name in entries}
         critic = from_parts(problem.step, {name: parts[name] for name in ("P", "K")})

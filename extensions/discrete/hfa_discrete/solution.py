@@ -347,10 +347,10 @@ def _smallest_delta(form: StepForm, progress: Progress | None) -> DeltaMin:
     if most <= 0.0:
         return DeltaMin(0.0, 0.0)
 
-    def ask(delta: float) -> Answer:
+    def existence_at(delta: float) -> Answer:
         return _existence(accurate.with_delta(delta))
 
-    value, refused, _ = smallest_delta(ask, 2.0 * math.sqrt(most), TOLERANCE, progress)
+    value, refused, _ = smallest_delta(existence_at, 2.0 * math.sqrt(most), TOLERANCE, progress)
     return DeltaMin(value, refused)
 
 

@@ -18,7 +18,7 @@ OVER_GROUND = (
 LIMITED_OVER_GROUND = "speed and flow angles are over ground, and so are their limits"
 
 
-def flown_through_air(model: Model) -> bool:
+def has_angle_of_attack(model: Model) -> bool:
     """Return whether a model has the state `alpha` and the output `angle_of_attack`.
 
     In moving air, the state is relative to the ground and the output is relative to the air.
@@ -32,7 +32,7 @@ def limited_names(model: Model, moving_air: bool) -> tuple[str, ...]:
     The names are those of the states. In moving air, `ANGLE_OF_ATTACK` replaces alpha if the model
     has both.
     """
-    if not (moving_air and flown_through_air(model)):
+    if not (moving_air and has_angle_of_attack(model)):
         return tuple(model.states)
     return tuple(ANGLE_OF_ATTACK if name == ALPHA else name for name in model.states)
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
-from hfa_flight.air import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, flown_through_air
+from hfa_flight.air import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, has_angle_of_attack
 from hfa_flight.gust_equations import in_gusts
 from hfa_flight.policies import FunctionPolicy, GainPolicy, Measurements, Policy
 from hfa_flight.scenario import Scenario
@@ -160,7 +160,7 @@ class NonlinearPlant(Plant):
         a flow angle.
         """
         model = self._in(winds)
-        if not winds or not flown_through_air(model):
+        if not winds or not has_angle_of_attack(model):
             return ca.SX(0, 1)
         u = ca.SX.sym("u", len(model.inputs))
         vectors = self._absolute(x), components(u), model.p.tolist()

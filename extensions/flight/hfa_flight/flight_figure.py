@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_flight.air import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, flown_through_air
+from hfa_flight.air import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, has_angle_of_attack
 from hfa_flight.envelope import limits_text
 from hfa_flight.gust_equations import in_gusts
 from hfa_support.reporting.figure import new_figure
@@ -135,7 +135,7 @@ def _draw_state(axes: Axes, result: Flight, index: int) -> None:
     axes.plot(times, shown_values(flown, unit), color="C0", linewidth=1.2, label="nonlinear")
     limited = flown
     label = name
-    if name == ALPHA and result.flight.winds and flown_through_air(model):
+    if name == ALPHA and result.flight.winds and has_angle_of_attack(model):
         limited = result.angles_of_attack
         label = "alpha over ground"
         (through_air,) = axes.plot(

@@ -31,7 +31,7 @@ from hfa_flight.policies import (
 from hfa_flight.scenario import Scenario
 from hfa_flight.signals import CommandSteps
 from hfa_support.entry_points import CRITICS, PARTS, loaded, offered, part
-from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, said_of, shown
+from hfa_support.errors import BadInputError, numbers_in, prefix_errors, refuse_unknown, shown
 from trim.point.operating_point import OperatingPoint
 
 _FORMS = (
@@ -40,7 +40,9 @@ _FORMS = (
 )
 
 
-def flown_policy(given: Any, point: OperatingPoint, scenario: Scenario) -> tuple[Policy, Scenario]:
+def policy_and_scenario(
+    given: Any, point: OperatingPoint, scenario: Scenario
+) -> tuple[Policy, Scenario]:
     """Return the policy of a flight and the scenario.
 
     If `given` is a deployment, the scenario is changed to the sampling of the deployment.
@@ -92,7 +94,7 @@ def _policy_of_file(path: Path, point: OperatingPoint) -> Any:
     if "K" not in entries:
         return read_critic(path)
     of_gain = {name: entry for name, entry in entries.items() if name not in ("W", "P")}
-    with said_of(path):
+    with prefix_errors(path):
         return Critic(single_parts(of_gain, names_of_linear(point.linearize()), None)["K"])
 
 

@@ -14,7 +14,7 @@ from controller.game.names import PlantNames
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, checked_matrix
 from hfa_aircraft.model import Model
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError, numbers_in, said_of
+from hfa_support.errors import BadInputError, numbers_in, prefix_errors
 from hfa_support.linear_table import LinearTable
 from hfa_support.reporting.report import Reported
 
@@ -117,7 +117,7 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
     n = len(model.linear)
     key = model.schedule_key
     plant = PlantNames(model.linear, tuple(model.inputs), model.units(model.linear))
-    with said_of(path):
+    with prefix_errors(path):
         if "K" not in stored:
             raise BadInputError(
                 f"K is missing; add a K of {m} x {n}, or one for each value of {key}"

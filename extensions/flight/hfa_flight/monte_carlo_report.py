@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_flight.air import ANGLE_OF_ATTACK, OVER_GROUND, flown_through_air, limited_names
+from hfa_flight.air import ANGLE_OF_ATTACK, OVER_GROUND, has_angle_of_attack, limited_names
 from hfa_flight.envelope import control_limits
 from hfa_flight.monte_carlo import MonteCarlo
 from hfa_flight.results import MemberSummary
@@ -79,7 +79,7 @@ def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
     parts: list[Part] = []
     if found.held:
         parts.append(_quantile_table(plan, found))
-        if plan.scenario.moving_air and flown_through_air(plan.model):
+        if plan.scenario.moving_air and has_angle_of_attack(plan.model):
             parts.append(OVER_GROUND)
     gust = plan.member(0).gust
     if gust is not None and gust.text(plan.model):
@@ -131,7 +131,7 @@ def quantiles(model: Model, read: Read, inside: np.ndarray) -> dict[str, Any]:
         "effort": (read("effort"), tuple(model.inputs)),
         "final": (read("final"), tuple(model.states)),
     }
-    if flown_through_air(model):
+    if has_angle_of_attack(model):
         angles = read("peak_angle_of_attack")[:, None]
         quantities["peak_deviation"] = (angles, (ANGLE_OF_ATTACK,))
     if not inside.any():

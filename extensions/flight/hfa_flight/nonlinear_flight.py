@@ -16,7 +16,7 @@ from hfa_flight.air import (
     LIMITED_OVER_GROUND,
     OVER_GROUND,
     UPDRAFT,
-    flown_through_air,
+    has_angle_of_attack,
 )
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
 from hfa_flight.envelope import (
@@ -33,7 +33,7 @@ from hfa_flight.envelope import (
 )
 from hfa_flight.flight_cost import cost_of_flight
 from hfa_flight.flight_history import Deviations
-from hfa_flight.flown_policy import flown_policy
+from hfa_flight.flown_policy import policy_and_scenario
 from hfa_flight.gust_equations import in_gusts
 from hfa_flight.limit_cycle import Decay, LimitCycle, oscillation
 from hfa_flight.own_steps import (
@@ -121,9 +121,11 @@ def fly(
     (1001, 7)
     """
     refuse_method(model, method, step)
-    happens = _happening(model, Scenario() if scenario is None else scenario, seconds, initial)
+    happens = _scenario_of_flight(
+        model, Scenario() if scenario is None else scenario, seconds, initial
+    )
     happens = timed_by(method, step, happens)
-    flown, happens = flown_policy(policy, point, happens)
+    flown, happens = policy_and_scenario(policy, point, happens)
     plant = NonlinearPlant(with_errors(model, happens), point)
     loop = ClosedLoop(plant, flown, happens)
     within = envelope if isinstance(envelope, Limits) else flight_envelope(model, point, envelope)
@@ -138,7 +140,9 @@ def fly(
     return replace(result, predicted=CompiledLoop(linear).fly(ticks=ticks))
 
 
-def _happening(model: Model, given: Scenario, seconds: float | None, initial: Any) -> Scenario:
+def _scenario_of_flight(
+    model: Model, given: Scenario, seconds: float | None, initial: Any
+) -> Scenario:
     """Return the scenario for a flight of a model, with its duration and initial condition.
 
     seconds: duration, or None for that of the scenario
@@ -351,7 +355,7 @@ class Flight(StatesAndInputs, Result, Reported):
     def final(self) -> Mapping[str, float]:
         """Final absolute values of all states, and of the output `angle_of_attack` if it exists."""
         values = _by_name(self.model.states, self.states[-1])
-        if flown_through_air(self.model):
+        if has_angle_of_attack(self.model):
             values[ANGLE_OF_ATTACK] = float(self.angles_of_attack[-1])
         return values
 
@@ -362,7 +366,7 @@ class Flight(StatesAndInputs, Result, Reported):
         The angle of attack is included if the model outputs it and has the state alpha.
         """
         values = _by_name(self.model.states, np.abs(self.flight.states).max(axis=0))
-        if flown_through_air(self.model):
+        if has_angle_of_attack(self.model):
             trim = getattr(self.point.states, ALPHA)
             values[ANGLE_OF_ATTACK] = float(np.abs(self.angles_of_attack - trim).max())
         return values
@@ -499,7 +503,7 @@ class Flight(StatesAndInputs, Result, Reported):
         A table of tracking errors is included if there are commands, and the cost if there are
         weights.
         """
-        moving = bool(self.flight.winds) and flown_through_air(self.model)
+        moving = bool(self.flight.winds) and has_angle_of_attack(self.model)
         parts: list[Part] = []
         if self.commanded:
             parts.append(_tracking_table(self.commanded))
@@ -583,7 +587,7 @@ class Flight(StatesAndInputs, Result, Reported):
             "states": self.states[every],
             "inputs": self.inputs[every],
         }
-        if flown_through_air(self.point.model):
+        if has_angle_of_attack(self.point.model):
             columns["angles_of_attack"] = self.angles_of_attack[every]
         return FlightHistory(history=columns)
 
@@ -602,7 +606,7 @@ class Flight(StatesAndInputs, Result, Reported):
         for name, values in winds.items():
             units[name] = in_gusts(model).unit(name)
             columns.append(values)
-        if flown_through_air(model):
+        if has_angle_of_attack(model):
             units[ANGLE_OF_ATTACK] = model.unit(ALPHA)
             columns.append(history["angles_of_attack"])
         rows: Any = np.column_stack(columns)

@@ -165,7 +165,7 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
                 ("seed",), "applies only to a learning law or --turbulence; remove this option"
             )
 
-    def flown_policy(self, linear: LinearModel) -> GainPolicy | FunctionPolicy:
+    def policy_about(self, linear: LinearModel) -> GainPolicy | FunctionPolicy:
         """Return the policy about a trim that the options specify.
 
         The policy is read from a file, computed exactly, or learned on the linear model. A
@@ -225,7 +225,7 @@ def numbers(
     return convert
 
 
-def card_option() -> Any:
+def deployment_option() -> Any:
     """Return the option `--policy` as a dataclass field."""
     about = "policy from a deployment file, sampled and held"
     return option(about, "DEPLOYMENT.toml", input_file(".toml"))
@@ -485,7 +485,7 @@ class FlightOptions(ScenarioOptions):
     law: str = law_option(NONE, "exact")
     weights: Path | None = weights_option()
     controller: Path | None = controller_option()
-    policy: Path | None = card_option()
+    policy: Path | None = deployment_option()
     command: Mapping[str, list[tuple[float, float]]] = option(
         f"step commands for a state, or with --law {NONE} for an input: time, s, and deviation "
         "from the trim; repeatable",
@@ -545,7 +545,7 @@ class FlightOptions(ScenarioOptions):
                 refuse_unknown("a gain cannot follow a command of", name, model.linear)
             if steps.names:
                 reference = CommandedStates(steps, model.linear, filtered=False)
-            policy = self.flown_policy(noted_linear_model(model, point))
+            policy = self.policy_about(noted_linear_model(model, point))
         if reference is not None:
             scenario = replace(scenario, reference=reference)
         return PlannedFlight(

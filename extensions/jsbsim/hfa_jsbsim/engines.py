@@ -280,7 +280,7 @@ def placed(file: EngineFile, around: Surroundings) -> ca.SX:
     return ca.vertcat(*(ca.SX(around.properties.read(name, file.mount.where)) for name in names))
 
 
-def pushed(
+def thrust_force_and_moment(
     file: EngineFile, around: Surroundings, thrust: Any, location: Any = None, moment: Any = None
 ) -> tuple[ca.SX, ca.SX]:
     """Return the force, lb, and the moment about the center of gravity, ft lb, caused by a thrust.
@@ -313,7 +313,7 @@ def jet(file: EngineFile, around: Surroundings, thrust: Any) -> Effect:
     if file.thruster.name == "direct" and file.thruster_mount.find("pointing") is None:
         reverser = file.full_name("reverser-angle-rad")
         thrust = thrust * ca.cos(ca.SX(properties.read_or(reverser, 0.0, file.mount.where)))
-    force, moment = pushed(file, around, thrust)
+    force, moment = thrust_force_and_moment(file, around, thrust)
     return Effect(force, moment, thrust)
 
 

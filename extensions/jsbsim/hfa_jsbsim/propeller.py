@@ -16,7 +16,7 @@ from hfa_jsbsim.engines import (
     internal_table,
     orientation,
     placed,
-    pushed,
+    thrust_force_and_moment,
 )
 
 #: Fraction of the remaining angle by which the blades feather in each of JSBSim's frames.
@@ -61,7 +61,7 @@ def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effe
         - along * sense * power / omega
     )
     location = _acting_location(file, place, local, induced, sense)
-    force, moment = pushed(file, around, thrust, location, own_moment)
+    force, moment = thrust_force_and_moment(file, around, thrust, location, own_moment)
     speed_rate = (power - needed) / omega / inertia * 30.0 / math.pi
     rpm = getattr(around.states, f"rpm{number}")
     # The propeller does not turn backwards: at rest, a braking torque has no effect.

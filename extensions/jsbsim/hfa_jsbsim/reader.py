@@ -385,7 +385,7 @@ class _Declaration:
             signals[name] = Signal("rad", 0.1)
         return signals
 
-    def _of_dead_engines(self, values: Mapping[str, Any]) -> dict[str, float]:
+    def _of_stopped_engines(self, values: Mapping[str, Any]) -> dict[str, float]:
         """Return initial values of propeller speeds and blade angles of engines that do not run.
 
         The values are by name. An engine does not run if it is off or without fuel. The initial
@@ -408,10 +408,10 @@ class _Declaration:
                 end = "maxpitch" if values.get(f"feather{file.number}") else "minpitch"
                 blade[f"blade{file.number}"] = file.thruster.value_of(end, 0.0)
             ends |= blade
-            ends[f"rpm{file.number}"] = self._speed_of_rest(file, {**values, **blade})
+            ends[f"rpm{file.number}"] = self._equilibrium_speed(file, {**values, **blade})
         return ends
 
-    def _speed_of_rest(self, file: EngineFile, values: Mapping[str, Any]) -> float:
+    def _equilibrium_speed(self, file: EngineFile, values: Mapping[str, Any]) -> float:
         """Return the highest equilibrium speed of a propeller, rpm, or 0 if none exists.
 
         Speeds up to `_FASTEST` times the initial speed are searched. If the propeller does not slow
@@ -569,7 +569,7 @@ class _Declaration:
             for name, diameter, usual_rpm in propellers:
                 rpm = 60.0 * speed / (_ADVANCE_RATIO * diameter)
                 values[name] = np.clip(rpm, 0.5 * usual_rpm, 1.1 * usual_rpm)
-            return values | self._of_dead_engines({**imposed, **values})
+            return values | self._of_stopped_engines({**imposed, **values})
 
         return begin
 

@@ -11,7 +11,7 @@ import pytest
 from hfa_jsbsim.accounting import DATA as ELEMENTS
 from hfa_jsbsim.catalog import DATA as PROPERTIES, access
 from studies.jsbsim.constructs import judge as judging
-from studies.jsbsim.constructs.judge import ALL, judge, unused_slots
+from studies.jsbsim.constructs.judge import ALL, compare_constructs, unused_slots
 
 needs_jsbsim = pytest.mark.skipif(
     importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"
@@ -67,7 +67,9 @@ def test_unusual_constructs_agree_are_noted_or_are_refused(tmp_path):
 
     The test lists the expected verdict for each construct.
     """
-    verdicts = {each.name.split(": ")[1]: each.verdict for each in judge(list(QUICK), tmp_path)}
+    verdicts = {
+        each.name.split(": ")[1]: each.verdict for each in compare_constructs(list(QUICK), tmp_path)
+    }
     assert verdicts == {
         "plain": "agrees",
         "tank of grain": "agrees",
@@ -119,7 +121,7 @@ def test_no_difference_remains_unreported(tmp_path):
 
     At least 290 constructs agree.
     """
-    judgements = judge(list(ALL), tmp_path)
+    judgements = compare_constructs(list(ALL), tmp_path)
     wrong = [each for each in judgements if each.verdict in ("silent", "traceback")]
     assert not wrong
     assert len(judgements) >= 400
@@ -131,7 +133,7 @@ def test_an_unreported_difference_is_detected(tmp_path, monkeypatch):
     """The comparison detects a reader that ignores a construct without a note (planted error)."""
     # Planted error: a reader that ignores the construct.
     monkeypatch.setattr(judging, "read_model", lambda path: read_without_its_construct(tmp_path))
-    (judgement,) = judge(["functions: force at the center of gravity"], tmp_path)
+    (judgement,) = compare_constructs(["functions: force at the center of gravity"], tmp_path)
     assert judgement.verdict == "silent"
 
 

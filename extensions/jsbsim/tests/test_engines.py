@@ -9,7 +9,7 @@ from hfa import find_operating_point, linearize
 from hfa_aircraft.loading import load_model
 from studies.jsbsim.constructs.jet import SLOTS, jet
 from studies.jsbsim.flights import difference, drawn, trimmed
-from studies.jsbsim.reference import answered
+from studies.jsbsim.reference import responses
 from trim.point.condition import release, usual_condition
 
 needs_jsbsim = pytest.mark.skipif(
@@ -39,7 +39,7 @@ def test_simulations_of_jsbsim_converge_to_the_models_simulation(name):
     items = [
         {"aircraft": name, "point": flight | {"step": step}} for step in (1.0 / 120.0, 1.0 / 480.0)
     ]
-    coarse, fine = answered(items)
+    coarse, fine = responses(items)
     error = difference(model, flight, fine)
     assert difference(model, flight, coarse) / error == pytest.approx(4.0, rel=0.15)
     pairs = zip(coarse["states"], fine["states"], strict=True)

@@ -15,7 +15,7 @@ from hfa_jsbsim.reader import read_model
 from hfa_support.errors import BadInputError
 from studies.jsbsim import frames
 from studies.jsbsim.constructs.jet import component, jet
-from studies.jsbsim.reference import answered
+from studies.jsbsim.reference import responses
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"
@@ -57,8 +57,8 @@ def test_actuators_with_hysteresis_agree_with_jsbsim(tmp_path):
         flight = {"state": state, "commands": dict.fromkeys(models[-1].inputs, 0.0)}
         flight |= {"changes": changes, "step": 1.0 / 120.0, "rest": 10.0, "flight": 1}
         items.append({"aircraft": name, "root": str(tmp_path), "earth": "own", "point": flight})
-    for model, item, answer in zip(models, items, answered(items), strict=True):
-        ours = frames.flown(model, item["point"], answer["start"])[-1]
+    for model, item, answer in zip(models, items, responses(items), strict=True):
+        ours = frames.simulated(model, item["point"], answer["start"])[-1]
         assert ours[0] == pytest.approx(answer["states"][-1]["speed"], rel=1e-11)
         pitch = list(model.states).index("pitch_rate")
         assert ours[pitch] == pytest.approx(answer["states"][-1]["pitch_rate"], rel=1e-9)

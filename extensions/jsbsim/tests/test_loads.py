@@ -10,7 +10,7 @@ from hfa import BadInputError, find_operating_point, linearize
 from hfa_aircraft.loading import load_model
 from hfa_jsbsim.reader import read_model
 from studies.jsbsim.constructs.jet import coefficient, jet, slope
-from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, answered
+from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, responses
 from studies.jsbsim.study import positions
 from trim.point.condition import release, usual_condition
 
@@ -47,7 +47,7 @@ def residual(name, held, parameters, free=()):
     commands = point.inputs._asdict() | parameters
     held_there = positions(model, point.inputs._asdict())
     point_of_jsbsim = {"state": point.states._asdict(), "commands": commands, "held": held_there}
-    (answer,) = answered([{"aircraft": name, "point": point_of_jsbsim}])
+    (answer,) = responses([{"aircraft": name, "point": point_of_jsbsim}])
     weight = model.outputs_at(point.states, point.inputs, ["weight"])["weight"]
     return max(abs(answer[axis]) for axis in AXES), weight, answer["weight"]
 
@@ -236,7 +236,7 @@ def test_a_damper_with_filter_states_agrees_with_jsbsim(tmp_path, kind):
     path = written(tmp_path, plain[:kept] + plain[plain.index("</axis>", kept) + 7 :], "damped")
     state = {"altitude": 5000.0, "speed": 350.0, "alpha": 0.03, "beta": 0.05, "pitch": 0.03}
     point = {"state": state, "commands": {"throttle": 0.0}, "flight": 1.0}
-    (answer,) = answered([{"aircraft": "damped", "root": str(tmp_path), "point": point}])
+    (answer,) = responses([{"aircraft": "damped", "root": str(tmp_path), "point": point}])
     steady = states_after_a_second(load_model(path), state)
     model = states_after_a_second(load_model(f"{path}?filters=states"), state)
     miss = abs(model["yaw_rate"] - answer["yaw_rate"])  # JSBSim's components lag by one step

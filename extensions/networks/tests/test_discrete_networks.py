@@ -21,7 +21,7 @@ from hfa_discrete.critic_check import check_discounted, check_discrete
 from hfa_discrete.discrete_game import DiscreteGame
 from hfa_discrete.implied_policy import discrete_critic, policy_of_next
 from hfa_discrete.solution import DiscreteSolution, solve_discrete
-from hfa_networks.judge.network_flights import InSteps, flown_losses
+from hfa_networks.judge.network_flights import InSteps, costs_above_optimum
 from verification import Scope
 from verification.critic.critic_errors import Box
 
@@ -195,7 +195,7 @@ def test_simulated_cost_of_linear_network_equals_linear_loop() -> None:
     axis = InSteps(exact)
     remaining = axis.remaining_cost(K)
     assert remaining is not None
-    losses = flown_losses(axis, critic, exact, BOX, 10)
+    losses = costs_above_optimum(axis, critic, exact, BOX, 10)
     starts = np.random.default_rng(1).uniform(-1.0, 1.0, (10, 2))
     starts[::2] = np.sign(starts[::2])
     for loss, start in zip(losses, starts * BOX, strict=True):

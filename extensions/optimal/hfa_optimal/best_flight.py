@@ -12,7 +12,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_flight.envelope import limits_text
-from hfa_optimal.flights import Flown
+from hfa_optimal.flights import SimulatedFlight
 from hfa_optimal.problem import FlightProblem, OfProblem, flight_problem, named_initial
 from hfa_optimal.search import MESHES_AGREE, BestFlights, Found
 from hfa_policy.best_costs import Bracket, bracket_sentence, deviations_in_words
@@ -57,7 +57,7 @@ class PolicyFlight(Result):
         return self.departure is not None or not self.converges
 
     @staticmethod
-    def of(flown: Flown, best: float | None) -> PolicyFlight:
+    def of(flown: SimulatedFlight, best: float | None) -> PolicyFlight:
         """Return the record of a policy's simulated flight and its cost relative to the best
         flight.
 
@@ -102,7 +102,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     problem: FlightProblem
     found: Found
-    others: tuple[Flown, ...] = field(default=(), repr=False)
+    others: tuple[SimulatedFlight, ...] = field(default=(), repr=False)
     bracket: Bracket | None = None
 
     @property
@@ -196,7 +196,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return self.cost / self.lower_bound
 
     @property
-    def compared(self) -> tuple[Flown, ...]:
+    def compared(self) -> tuple[SimulatedFlight, ...]:
         """Simulated flights of the policies in `policies`, in the same order."""
         return (self.found.linear, *self.others)
 

@@ -36,7 +36,7 @@ _AT_LIMIT = 1e-3
 _FAR = 1e4
 
 
-class Flown(NamedTuple):
+class SimulatedFlight(NamedTuple):
     """Simulated flight with its cost.
 
     name: name of the policy
@@ -176,7 +176,7 @@ class Flights:
         start = np.zeros(len(self.problem.model.states))
         return Scenario(ticks * self.tick, self.step, self.tick, initial=start)
 
-    def follow(self, proposal: Proposal, seconds: float) -> Flown:
+    def follow(self, proposal: Proposal, seconds: float) -> SimulatedFlight:
         """Return the simulated flight that follows a proposal, and then the linear policy.
 
         proposal: the proposed flight
@@ -186,7 +186,7 @@ class Flights:
         policy = replace(loop.loop.policy, held=tracking_rows(self.problem, proposal, self.tick))
         return self.fly(loop, proposal.start, seconds, policy)
 
-    def linear(self, start: np.ndarray, seconds: float) -> Flown:
+    def linear(self, start: np.ndarray, seconds: float) -> SimulatedFlight:
         """Return the flight of the linear optimum, saturated at the limits of the inputs.
 
         start: initial deviations z, (k,)
@@ -196,7 +196,7 @@ class Flights:
 
     def fly(
         self, loop: CompiledLoop, start: np.ndarray, seconds: float, policy: Policy | None = None
-    ) -> Flown:
+    ) -> SimulatedFlight:
         """Return the simulated flight of a closed loop from an initial condition.
 
         The simulation ends early if a state deviates by more than `_FAR` nominal values.
@@ -220,7 +220,7 @@ class Flights:
             rows = loop.fly(scenario, stop=stop, policy=policy)
         return self.priced(loop.loop.policy, rows)
 
-    def priced(self, policy: Policy, rows: Deviations) -> Flown:
+    def priced(self, policy: Policy, rows: Deviations) -> SimulatedFlight:
         """Return a simulated flight with its cost, first departure from the envelope and saturated
         inputs.
 
@@ -248,4 +248,4 @@ class Flights:
         saturated = tuple(np.array(problem.inputs)[at_limit].tolist())
         inputs = rows.inputs + np.array(problem.point.inputs)
         costs = (running, tail, cost)
-        return Flown(policy.name, rows.times, states, inputs, *costs, left, saturated)
+        return SimulatedFlight(policy.name, rows.times, states, inputs, *costs, left, saturated)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_optimal.flights import Flown
+from hfa_optimal.flights import SimulatedFlight
 from hfa_optimal.problem import FlightProblem
 from hfa_support.reporting.text import shown_unit, shown_values
 
@@ -22,7 +22,7 @@ _BEYOND = 0.3
 def drawn(
     figure: Figure,
     problem: FlightProblem,
-    flights: list[tuple[Flown, str]],
+    flights: list[tuple[SimulatedFlight, str]],
     seconds: float,
     title: str,
 ) -> Figure:
@@ -59,7 +59,9 @@ def drawn(
     return figure
 
 
-def _draw(axes: Axes, problem: FlightProblem, name: str, flights: list[tuple[Flown, str]]) -> None:
+def _draw(
+    axes: Axes, problem: FlightProblem, name: str, flights: list[tuple[SimulatedFlight, str]]
+) -> None:
     """Draw one state or input of all flights and its limits in a panel.
 
     The vertical range fits the first flight and all flights that converge.
@@ -90,7 +92,7 @@ def _draw(axes: Axes, problem: FlightProblem, name: str, flights: list[tuple[Flo
     axes.grid(alpha=0.3)
 
 
-def _column(model: Model, flown: Flown, name: str) -> np.ndarray:
+def _column(model: Model, flown: SimulatedFlight, name: str) -> np.ndarray:
     if name in model.states:
         return flown.states[:, list(model.states).index(name)]
     return flown.inputs[:, list(model.inputs).index(name)]

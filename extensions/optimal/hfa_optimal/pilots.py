@@ -11,7 +11,7 @@ from controller.critic.critic import Critic
 from hfa_flight.policies import Policy, function_policy
 from hfa_flight.scenario import Scenario
 from hfa_flight.simulation import CompiledLoop
-from hfa_optimal.flights import Flights, Flown
+from hfa_optimal.flights import Flights, SimulatedFlight
 from hfa_policy.flown import flown_card, sampled_scenario
 
 
@@ -25,7 +25,7 @@ class Pilot(NamedTuple):
     name: str
     loop: CompiledLoop
 
-    def fly(self, flights: Flights, start: np.ndarray, seconds: float) -> Flown:
+    def fly(self, flights: Flights, start: np.ndarray, seconds: float) -> SimulatedFlight:
         """Return the policy's flight from an initial condition.
 
         start: initial deviations z, (k,)
@@ -51,7 +51,7 @@ def critic_pilot(flights: Flights, name: str, critic: Critic) -> Pilot:
     return Pilot(name, flights.compiled(policy))
 
 
-def card_pilot(flights: Flights, path: Path) -> Pilot:
+def deployment_pilot(flights: Flights, path: Path) -> Pilot:
     """Return the policy of a deployment file, with its sampling and delays.
 
     path: the deployment file

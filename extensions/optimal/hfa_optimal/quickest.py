@@ -12,7 +12,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_optimal.best_flight import envelope_pairs, limits_table
 from hfa_optimal.collocation import DEGREE, Proposal, adapted_mesh, collocation_points
-from hfa_optimal.flights import Flights, Flown
+from hfa_optimal.flights import Flights, SimulatedFlight
 from hfa_optimal.problem import FlightProblem, OfProblem, flight_problem, named_initial
 from hfa_optimal.quickest_program import TimeProgram
 from hfa_optimal.search import BestFlights, difference_of_meshes
@@ -77,7 +77,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     problem: FlightProblem
     proposal: Proposal
-    flown: Flown
+    flown: SimulatedFlight
     meshes: dict[int, float]
     reserve: float
 
@@ -202,7 +202,7 @@ def arrival_box(proposal: Proposal) -> np.ndarray:
     return ARRIVED * largest_deviations(proposal)
 
 
-def deviations_at(problem: FlightProblem, flown: Flown, seconds: float) -> np.ndarray:
+def deviations_at(problem: FlightProblem, flown: SimulatedFlight, seconds: float) -> np.ndarray:
     """Return the deviations z of a flight at a time, (k,).
 
     seconds: time, s
@@ -211,7 +211,7 @@ def deviations_at(problem: FlightProblem, flown: Flown, seconds: float) -> np.nd
     return np.array([np.interp(seconds, flown.times, column) for column in z.T])
 
 
-def not_arrived(problem: FlightProblem, flown: Flown, proposal: Proposal) -> str:
+def not_arrived(problem: FlightProblem, flown: SimulatedFlight, proposal: Proposal) -> str:
     """Return the reason why a simulated flight refutes a proposal, or "" if the flight confirms it.
 
     A confirming flight stays in the envelope. It is in the arrival box at the proposed time and at

@@ -18,7 +18,7 @@ from hfa_optimal.collocation import (
     adapted_mesh,
     mesh,
 )
-from hfa_optimal.flights import Flights, Flown
+from hfa_optimal.flights import Flights, SimulatedFlight
 from hfa_optimal.problem import MARGIN, FlightProblem
 from hfa_optimal.tracking import exponentials
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -83,12 +83,12 @@ class Found(NamedTuple):
     linear: flight of the linear optimum from the same initial condition
     """
 
-    flown: Flown
+    flown: SimulatedFlight
     proposal: Proposal
     seconds: float
     meshes: dict[int, float]
     guesses: dict[str, float]
-    linear: Flown
+    linear: SimulatedFlight
 
     @property
     def spread(self) -> float:
@@ -205,7 +205,9 @@ class BestFlights:
             count += 1
         return 1.2 * count * step
 
-    def _refined(self, seconds: float, linear: Flown, proposals: Mapping[str, Proposal]) -> Found:
+    def _refined(
+        self, seconds: float, linear: SimulatedFlight, proposals: Mapping[str, Proposal]
+    ) -> Found:
         """Return the cheapest flight that the simulation confirms, from proposals on finer meshes.
 
         seconds: horizon, s
@@ -233,7 +235,7 @@ class BestFlights:
 
     def _confirmed(
         self, seconds: float, meshes: dict[int, float], best: Proposal
-    ) -> tuple[Flown, Proposal, dict[int, float]]:
+    ) -> tuple[SimulatedFlight, Proposal, dict[int, float]]:
         """Return the simulated flight, the proposal that it follows, and the costs on all meshes.
 
         The mesh is refined until the costs on two meshes agree and the simulation confirms the
@@ -252,7 +254,7 @@ class BestFlights:
             alternating = self._alternating(best)
             reason = f"two meshes differ by {100 * change:.2g} %{alternating}"
             if change <= MESHES_AGREE:
-                flown, followed = self._flown(best, seconds, _TIGHTER)
+                flown, followed = self._simulated(best, seconds, _TIGHTER)
                 reason = refutation(flown, followed)
                 if not reason:
                     return flown, followed, meshes
@@ -268,7 +270,7 @@ class BestFlights:
             best = finer
             meshes = {**meshes, intervals: best.cost}
         if agreed is not None:
-            flown, followed = self._flown(agreed[0], seconds, _TIGHTEST)
+            flown, followed = self._simulated(agreed[0], seconds, _TIGHTEST)
             if not refutation(flown, followed):
                 return flown, followed, agreed[1]
         raise NoSolutionError(reason)
@@ -292,7 +294,9 @@ class BestFlights:
                 )
         return "".join(texts)
 
-    def _flown(self, best: Proposal, seconds: float, factor: float) -> tuple[Flown, Proposal]:
+    def _simulated(
+        self, best: Proposal, seconds: float, factor: float
+    ) -> tuple[SimulatedFlight, Proposal]:
         """Return the simulated flight that follows a proposal, and the followed proposal.
 
         If the flight leaves the limits, a second proposal with narrower limits is followed instead,
@@ -310,7 +314,7 @@ class BestFlights:
         return self.flights.follow(tighter, (1.0 + AFTER) * seconds), tighter
 
     def _from_guesses(
-        self, start: np.ndarray, seconds: float, linear: Flown
+        self, start: np.ndarray, seconds: float, linear: SimulatedFlight
     ) -> dict[str, Proposal]:
         """Return the feasible proposal on the coarsest mesh for each initial guess, by name of the
         guess.
@@ -331,7 +335,7 @@ class BestFlights:
         if linear.lost:
             first["fast decay"] = self._decay(start, 10.0 / seconds)
         else:
-            first["linear loop"] = self._flown_guess(linear)
+            first["linear loop"] = self._guess_of_flight(linear)
         adapted: list[tuple[Proposal, Proposal]] = []
         proposals = self._solved(start, seconds, first, adapted)
         costs = [proposal.cost for proposal in proposals.values()]
@@ -447,7 +451,7 @@ class BestFlights:
 
         return guess
 
-    def _flown_guess(self, flown: Flown) -> Guess:
+    def _guess_of_flight(self, flown: SimulatedFlight) -> Guess:
         """Return the states and inputs of a simulated flight as a guess."""
         problem = self.problem
         places = problem.followed_places
@@ -504,7 +508,7 @@ def _equal(one: Proposal, other: Proposal) -> bool:
     return abs(one.cost - other.cost) <= _EQUAL * abs(one.cost)
 
 
-def refutation(flown: Flown, proposal: Proposal) -> str:
+def refutation(flown: SimulatedFlight, proposal: Proposal) -> str:
     """Return the reason why a simulated flight refutes a proposal, or "" if the flight confirms it.
 
     A confirming flight stays in the envelope and converges to the trim. Its cost agrees with the

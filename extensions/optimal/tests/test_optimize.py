@@ -14,7 +14,7 @@ from cli import complaints_about
 import hfa
 from hfa.main import main
 from hfa_flight.envelope import Departure
-from hfa_optimal.flights import Flown
+from hfa_optimal.flights import SimulatedFlight
 from hfa_optimal.initial_conditions import drawn_starts, starts_table
 from hfa_optimal.problem import flight_problem
 from hfa_optimal.search import BestFlights
@@ -43,7 +43,7 @@ def test_the_hfa_leaves_the_envelope_with_exact_policy(capsys: pytest.CaptureFix
 def test_outcomes_contain_departure_and_convergence() -> None:
     """The outcome of a flight that leaves the envelope also contains whether it converges."""
     nothing = np.zeros((1, 1))
-    inside = Flown("policy", nothing[0], nothing, nothing, 1.0, 0.0, np.inf, None, ())
+    inside = SimulatedFlight("policy", nothing[0], nothing, nothing, 1.0, 0.0, np.inf, None, ())
     left = inside._replace(departure=Departure("pitch_rate", 0.018, 0.886, 0.6875, "rad/s"))
     assert (inside.ending, inside.outcome()) == ("does not converge", "does not converge")
     assert left.ending == "leaves the envelope, does not converge"

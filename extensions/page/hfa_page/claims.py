@@ -56,7 +56,7 @@ class Claims(NamedTuple):
         words = [f"{count} {verdict}" for verdict, count in counts if verdict != "not confirmed"]
         return ", ".join(words)
 
-    def flew(self, regeneration: Regeneration) -> bool:
+    def matches(self, regeneration: Regeneration) -> bool:
         """Return whether the stored flights used the same A and B as a regeneration.
 
         Returns False if claims.json contains no linear model, or a model at an angle that the
@@ -83,7 +83,7 @@ def claims_section(claims: Claims | None, regeneration: Regeneration) -> Report:
             "`hfa report --claims out` shows it."
         )
         return Report(_TITLE, (how,))
-    same = "the same matrices as" if claims.flew(regeneration) else "OTHER matrices than"
+    same = "the same matrices as" if claims.matches(regeneration) else "OTHER matrices than"
     return Report(
         _TITLE, (f"{claims.about}, {same} those of this page.", claims.rows), data=claims.data
     )

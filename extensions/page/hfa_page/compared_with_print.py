@@ -15,9 +15,7 @@ from trim.linear.linear_model import LinearModel
 _MOST_HALF_UNITS = (1.0, 2.0, 3.0)
 
 
-def matrices_compared_with_print(
-    model: LinearModel, published: PublishedModel
-) -> tuple[Table, ...]:
+def printed_comparison_tables(model: LinearModel, published: PublishedModel) -> tuple[Table, ...]:
     """Return tables of A and B with a printed row below each computed row.
 
     The color of an entry depends on its deviation in half units of the last printed digit.

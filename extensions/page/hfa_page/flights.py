@@ -42,7 +42,7 @@ class StoredFlights(NamedTuple):
     limits: str
     models: list[tuple[float, np.ndarray, np.ndarray]]
 
-    def flew(self, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]) -> bool:
+    def matches(self, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]) -> bool:
         """Return whether the stored linear models equal the given ones at all common angles.
 
         Returns False if there is no common angle.
@@ -67,7 +67,9 @@ def flights_section(
 
     A_and_B: dihedral angle, deg -> (A, B) on this page
     """
-    same = "this page's aircraft" if flights.flew(A_and_B) else "ANOTHER aircraft than this page's"
+    same = (
+        "this page's aircraft" if flights.matches(A_and_B) else "ANOTHER aircraft than this page's"
+    )
     about = (
         "Costs are integrals of x'Qx + u'Ru with the paper's Q and R. The policies are exact for "
         "the linear game, and their inputs are saturated. Outside: the flight leaves the limits. "

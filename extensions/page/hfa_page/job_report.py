@@ -16,7 +16,7 @@ from importlib.resources import files
 from typing import Any
 
 from hfa_page.claims import claims_section
-from hfa_page.compared_with_print import matrices_compared_with_print
+from hfa_page.compared_with_print import printed_comparison_tables
 from hfa_page.flights import flights_section
 from hfa_page.main_job import Angle, MainJob
 from hfa_page.plots import front_view, locus_plot
@@ -27,9 +27,9 @@ from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Part, Picture, Report
 from hfa_support.reporting.text import Cell, Table
 from trim.hfa.printed import (
-    bands_known,
     comparison_table,
     entry_bands,
+    has_bands,
     printed_at,
     with_bands,
 )
@@ -76,7 +76,7 @@ def main_report(job: MainJob) -> Report:
             *angles,
             claims,
             Report("Every entry compared with the printed one", (job.regeneration.picture(),)),
-            Report("Checks", (glosses(),)),
+            Report("Checks", (check_meanings(),)),
             Report("Modes over the dihedral angle", (replace(swept, parts=tables),)),
             Report("The aircraft", (job.parameters.report(),)),
         ),
@@ -92,7 +92,7 @@ def main_report(job: MainJob) -> Report:
     )
 
 
-def glosses() -> Table:
+def check_meanings() -> Table:
     """Return a table with the name and the meaning of each check on the page."""
     return Table(("check", "what it says"), tuple(tomllib.loads(_file("glosses.toml")).items()))
 
@@ -120,7 +120,7 @@ def verdicts(job: MainJob) -> Table:
     return Table(("check", "verdict"), rows)
 
 
-def flown_angles(job: MainJob) -> Report | None:
+def stored_flights_section(job: MainJob) -> Report | None:
     """Return the section on stored flights from the paper's x(0), or None if none are stored."""
     if job.flights is None:
         return None
@@ -188,13 +188,13 @@ def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
     is shown below the computed entry.
     """
     bands = (
-        entry_bands(job.parameters, angle.condition, model) if bands_known(job.parameters) else None
+        entry_bands(job.parameters, angle.condition, model) if has_bands(job.parameters) else None
     )
     report = with_bands(linear_model_report(model), model, bands)
     printed = printed_at(model.point)
     if printed is None or model.point.model.extras.native is not None:  # printed values are in feet
         return report
-    beside: tuple[Part, ...] = matrices_compared_with_print(model, printed)
+    beside: tuple[Part, ...] = printed_comparison_tables(model, printed)
     kept = report.parts[len(beside) :]
     return replace(report, parts=(*beside, _COLORS, *kept, comparison_table(model, printed)))
 
@@ -287,7 +287,7 @@ def any_angle(job: MainJob, drawn: Report) -> str:
     aircraft = "".join(pictures[:1])
     locus = "".join(pictures[1:])
     checks = Report("Verdicts", (verdicts(job),)).html(3)
-    flown = flown_angles(job)
+    flown = stored_flights_section(job)
     flights = "" if flown is None else flown.html(3)
     points = "\n".join(sections)
     return f"""<div id="any-angle"><h2>{drawn.title}</h2>

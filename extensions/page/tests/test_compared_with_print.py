@@ -7,7 +7,7 @@ from dataclasses import replace
 import hfa
 from hfa import LinearModel
 from hfa_model.printed_matrices import published_models
-from hfa_page.compared_with_print import matrices_compared_with_print
+from hfa_page.compared_with_print import printed_comparison_tables
 from trim import regenerate
 
 
@@ -17,9 +17,7 @@ def test_a_planted_deviation_colors_only_its_entry() -> None:
     model = regenerate(hfa.aircraft(), published)
 
     def tones(model: LinearModel) -> list[list[str]]:
-        rows = [
-            row for table in matrices_compared_with_print(model, published) for row in table.rows
-        ]
+        rows = [row for table in printed_comparison_tables(model, published) for row in table.rows]
         assert (rows[6][0], rows[7][0]) == ("pitch_rate", "printed")
         return [[getattr(cell, "tone", "") for cell in row[1:]] for row in rows]
 

@@ -26,7 +26,7 @@ from hfa_aircraft.model import Model
 from hfa_model.parameters import ParameterSet
 from hfa_page.claims import Claims, claims_section, load_claims
 from hfa_page.flights import flights_section, load_flights
-from hfa_page.job_report import angle_report, any_angle, glosses, verdict_sentence, verdicts
+from hfa_page.job_report import angle_report, any_angle, check_meanings, verdict_sentence, verdicts
 from hfa_page.main_job import MainJob, main_job, with_game
 from hfa_page.plots import front_view, in_script, locus_plot
 from hfa_support.reporting.report import Report
@@ -155,7 +155,7 @@ def test_every_check_has_an_explanation(job: MainJob) -> None:
     reports = (job.regeneration, solve(game), check_critic(game, critic, run=run))
     names = {name for result in reports for name in checks_in(result.report().data)}
     assert len(names) > 20
-    assert names - {name for name, _ in glosses().rows} == set()
+    assert names - {name for name, _ in check_meanings().rows} == set()
 
 
 def test_claims_of_other_matrices_are_detected(job: MainJob, claims: Claims) -> None:

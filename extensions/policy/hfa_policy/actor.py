@@ -14,7 +14,7 @@ from hfa_networks.files.network_file import network_in
 from hfa_networks.files.row_network import RowNetwork
 from hfa_networks.files.tensors import tensors_in
 from hfa_policy.stable_baselines import Zip, is_stable_baselines, read_zip
-from hfa_support.errors import BadInputError, numbers_in, said_of, shortened, shown
+from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shortened, shown
 from hfa_support.files import regular_file
 
 #: Value of `normalizer` for a policy without one. Its training may have had a VecNormalize that
@@ -185,7 +185,7 @@ def stored_gain(path: Path) -> np.ndarray | None:
     """
     if path.suffix.lower() != ".npz":
         return None
-    with said_of(path):
+    with prefix_errors(path):
         try:
             arrays = tensors_in(regular_file(path).read_bytes(), ".npz")
         except OSError as error:

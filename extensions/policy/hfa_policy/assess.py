@@ -79,7 +79,7 @@ def assess(
         refuse_unknown("box names an unknown state", name, model.linear)
         refuse_unless_positive(f"box of {name}", width)
     assessor = Assessor(deployed, trims_of(model, points), samples, seed, box or {})
-    return judged(
+    return assessment_of(
         assessor,
         needs=needs or {},
         changes=changes,
@@ -88,7 +88,7 @@ def assess(
     )
 
 
-def judged(
+def assessment_of(
     assessor: Assessor,
     *,
     needs: Mapping[str, float],

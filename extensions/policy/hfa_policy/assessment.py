@@ -12,7 +12,7 @@ import numpy as np
 
 from hfa_flight.limit_cycle import LimitCycle
 from hfa_policy.best_costs import BestCosts
-from hfa_policy.cost_above_optimum import CostLost, cost_lost
+from hfa_policy.cost_above_optimum import CostAboveOptimum, cost_above_optimum
 from hfa_policy.departures import departure_text, refuse_edges
 from hfa_policy.deployed import Deployed
 from hfa_policy.equilibrium import Equilibrium, EquilibriumSearch
@@ -85,7 +85,7 @@ class AssessedPoint(Result):
     radius: float
     delays: Delays | None
     margins: Margins | None
-    cost: CostLost | None
+    cost: CostAboveOptimum | None
     nonlinearity: Nonlinearity | None
     flights: Outcome | None
     disturbed: Outcome | None
@@ -221,7 +221,7 @@ class SampledLoop(NamedTuple):
     """
 
     radius: float
-    cost: CostLost | None
+    cost: CostAboveOptimum | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,7 +294,7 @@ class Assessor:
             reach=reach,
             seconds=seconds_to_converge(chain.radius, chain.dt),
             # A mode that is not assessed may later move the other modes away from the equilibrium.
-            swing=slowest_swing(chain) if reach.judged.all() else 0.0,
+            swing=slowest_swing(chain) if reach.decisive.all() else 0.0,
             drift=drift,
             lag=search.lag(equilibrium, drift),
             steady=self.steady,
@@ -345,7 +345,7 @@ class Assessor:
         chain = self._chain(place.reach)
         if self.deployed.deployment.cost is None:
             return SampledLoop(chain.radius, None)
-        lost = cost_lost(self.deployed, place.reach.loop, chain)
+        lost = cost_above_optimum(self.deployed, place.reach.loop, chain)
         return SampledLoop(chain.radius, None if isinstance(lost, str) else lost)
 
     def _delays(self, place: Place) -> Delays | None:
@@ -367,7 +367,7 @@ class Assessor:
         radius = math.nan
         slowest: complex = math.nan
         loop_margins: Margins | None = None
-        cost: CostLost | None = None
+        cost: CostAboveOptimum | None = None
         off_slope: Nonlinearity | None = None
         if equilibrium is None or place.reach is None:
             findings.append("no equilibrium exists near the trim")
@@ -383,7 +383,7 @@ class Assessor:
                 except (NoSolutionError, np.linalg.LinAlgError):
                     findings.append("the margins could not be computed")
             if deployment.cost is not None:
-                lost = cost_lost(self.deployed, place.reach.loop, chain)
+                lost = cost_above_optimum(self.deployed, place.reach.loop, chain)
                 cost = None if isinstance(lost, str) else lost
                 findings += [lost] if isinstance(lost, str) else []
         findings += flight_findings(radius, flown, pushed)
@@ -446,7 +446,7 @@ def equilibrium_findings(equilibrium: Equilibrium, reach: Reach) -> list[str]:
         names = ", ".join(equilibrium.clipped_observations)
         findings.append(f"the normalizer clips {names} at the equilibrium")
     findings += [f"{mode.why} the aircraft's own mode {mode.name}" for mode in reach.own]
-    if not reach.judged.all():
+    if not reach.decisive.all():
         findings.append(f"convergence is judged by the states within reach: {reach.states}")
     if equilibrium.kinks:
         more = len(equilibrium.kinks) - 1

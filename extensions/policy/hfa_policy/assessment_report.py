@@ -151,7 +151,7 @@ class Assessment(Result, Reported):
             verdicts.reverse()
         bad = [*filter(None, [self._mistaken(), *verdicts, *self.unmet, self._changed()])]
         flown = [self._departing(), self._cycling(), self._chattering(), self._flying()]
-        costs = [self._flown_costs(), self._drifting(), self._costing()]
+        costs = [self._costs_over_best(), self._drifting(), self._costing()]
         bounded = self._bounded_costs()
         loop = [self._saturating(), self._delaying(), self._offset(), *costs]
         own = self._leaving_alone()
@@ -211,7 +211,7 @@ class Assessment(Result, Reported):
         """
         holding = [point for point in self.points if point.holds]
         rate = f"at {1.0 / self.deployed.deployment.dt:.4g} Hz"
-        judged_by = "" if self._flown else "its linear loop "
+        judged_by = "" if self._has_flights else "its linear loop "
         if len(holding) == len(self.points):
             return f"{judged_by}holds {self._where(holding)} {rate}"
         if not holding:
@@ -223,7 +223,7 @@ class Assessment(Result, Reported):
         )
 
     @property
-    def _flown(self) -> bool:
+    def _has_flights(self) -> bool:
         """True if flights from initial conditions were simulated at one trim or more."""
         return any(point.flights is not None for point in self.points)
 
@@ -379,7 +379,7 @@ class Assessment(Result, Reported):
             return f"no equilibrium near the trim{self._unless_all(nowhere)}"
         farthest = None
         for point in self.points:
-            shares = np.where(point.place.judged, np.abs(point.offset) / point.place.box, 0.0)
+            shares = np.where(point.place.decisive, np.abs(point.offset) / point.place.box, 0.0)
             index = int(np.argmax(shares))
             if farthest is None or shares[index] > farthest[0]:
                 name = point.point.model.linear[index]
@@ -425,7 +425,7 @@ class Assessment(Result, Reported):
         seconds = max(flights.seconds for flights in flown)
         return f"{count} of {starts} flights stay inside but do not converge within {seconds:.3g} s"
 
-    def _flown_costs(self) -> str:
+    def _costs_over_best(self) -> str:
         """Return a phrase on costs relative to the best flights found.
 
         The costs are those at the trim with the worst median. The phrase is "" without best

@@ -43,7 +43,7 @@ class Sample(NamedTuple):
     seconds: float
 
 
-class Flown(NamedTuple):
+class FlightResults(NamedTuple):
     """Results of the N flights with one change of the deployment file.
 
     costs: (N,), cost of each flight.
@@ -57,11 +57,11 @@ class Flown(NamedTuple):
     back: int
     into_box: int
 
-    def counted_in_box(self) -> Flown:
+    def counted_in_box(self) -> FlightResults:
         """Return the results with `back` replaced by `into_box`."""
         return self._replace(back=self.into_box)
 
-    def times(self, other: Flown) -> float:
+    def times(self, other: FlightResults) -> float:
         """Return the median ratio of the costs of these flights to the costs with another change.
 
         other: results with the other change, from the same initial conditions
@@ -121,7 +121,7 @@ class ChangeFlights:
         whole = self.assessor.flight()
         return replace(whole, dt=dt, delay=delay, parts=parts, extra=extra, other=steered)
 
-    def flown_by_optimum(self, sample: Sample) -> Flown | None:
+    def simulate_optimum(self, sample: Sample) -> FlightResults | None:
         """Return the results of flights with the sampled optimal gain of the first trim.
 
         The flights have no delay. The result is None if the optimum does not exist. Each flight
@@ -161,7 +161,7 @@ class ChangeFlights:
             rows.append(flight.rows(starts, trims, pushes))
         owners = np.repeat(np.arange(len(self.places)), starts_here)
         costs, kept = self._costs_and_kept(flight, np.vstack(rows), owners, sample.seconds)
-        return Flown(costs, int(kept.sum()), int(kept.sum()), int(kept.sum()))
+        return FlightResults(costs, int(kept.sum()), int(kept.sum()), int(kept.sum()))
 
     def _optimum(self) -> np.ndarray | None:
         """Return the gain K of the sampled optimum u = -K x at the first trim.
@@ -186,13 +186,13 @@ class ChangeFlights:
             return None
         return np.asarray(np.linalg.solve(R + Gamma.T @ P @ Gamma, Gamma.T @ P @ Phi))
 
-    def flown(
+    def simulate(
         self,
         repairs: Sequence[Repair],
         sample: Sample,
         dt: float | None = None,
         delay: float | None = None,
-    ) -> list[Flown]:
+    ) -> list[FlightResults]:
         """Simulate flights with each change and return their costs and counts.
 
         repairs: the changes
@@ -211,7 +211,7 @@ class ChangeFlights:
         ends = (kept, at_rest & (distance <= NEAR), at_rest & (distance <= 1.0))
         of_each_change = (len(repairs), -1)
         counts = [end.reshape(of_each_change).sum(axis=1).tolist() for end in ends]
-        return [*map(Flown, costs.reshape(of_each_change), *counts)]
+        return [*map(FlightResults, costs.reshape(of_each_change), *counts)]
 
     def _rows(self, flight: SampledFlight, repair: Repair, starts_here: int) -> np.ndarray:
         """Return the initial rows of the flights with one change, ordered by trim (`flights.py`).

@@ -116,7 +116,7 @@ def _row(assessment: Assessment) -> tuple[str, ...]:
         _worst(min, delays, ".4g"),
         _worst(min, disks if len(disks) == len(points) else [], ".3f"),
         _worst(max, costs, ".4g"),
-        *_flown(points),
+        *_flight_counts(points),
     )
 
 
@@ -132,7 +132,7 @@ def _worst(of: Callable[..., float], values: Sequence[float], form: str) -> str:
     return format(of(finite), form)
 
 
-def _flown(points: Sequence[AssessedPoint]) -> tuple[str, str, str]:
+def _flight_counts(points: Sequence[AssessedPoint]) -> tuple[str, str, str]:
     """Return the numbers of flights that converge, leave the envelope, and converge after a pulse.
 
     Each is a sum over the trims as text, or "-" without flights.

@@ -25,7 +25,7 @@ _COSTS_NOTHING = 1e-12
 
 
 @dataclass(frozen=True)
-class CostLost(Result):
+class CostAboveOptimum(Result):
     """Cost above the optimum for deviations from the equilibrium, percent, or inf if unbounded.
 
     worst: worst case of u = -K x in continuous time, without delay, or nan for a policy that uses
@@ -47,7 +47,9 @@ class CostLost(Result):
         return float(np.fmax(self.worst, self.sampled_worst))
 
 
-def cost_lost(deployed: Deployed, equilibrium: Equilibrium, chain: Chain) -> CostLost | str:
+def cost_above_optimum(
+    deployed: Deployed, equilibrium: Equilibrium, chain: Chain
+) -> CostAboveOptimum | str:
     """Return the cost above the optimum, or a sentence with the reason why no optimum exists.
 
     chain: sampled loop with its delay
@@ -66,8 +68,8 @@ def cost_lost(deployed: Deployed, equilibrium: Equilibrium, chain: Chain) -> Cos
         optimum = solve_discrete(problem).P
     except NoSolutionError as error:
         return f"the cost has no optimum here: {error}"
-    sampled_worst, sampled_mean = _sampled_lost(problem.step, optimum, chain)
-    return CostLost(worst, mean, sampled_worst, sampled_mean)
+    sampled_worst, sampled_mean = _sampled_costs(problem.step, optimum, chain)
+    return CostAboveOptimum(worst, mean, sampled_worst, sampled_mean)
 
 
 def lqr_at(deployed: Deployed, equilibrium: Equilibrium) -> Game:
@@ -113,7 +115,7 @@ def weights_at(
     return Q, R
 
 
-def _sampled_lost(step: Game, optimum: np.ndarray, chain: Chain) -> tuple[float, float]:
+def _sampled_costs(step: Game, optimum: np.ndarray, chain: Chain) -> tuple[float, float]:
     """Return the worst and the mean cost of a sampled loop above the optimum, percent.
 
     At the first sample, delayed commands have their equilibrium values, and earlier observations

@@ -26,7 +26,7 @@ from hfa_aircraft.model import Model
 from hfa_policy.deployment import Deployment
 from hfa_policy.formulas import Formula, read_formula
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError, refuse_unknown, said_of, shortened
+from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown, shortened
 from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint
 
@@ -51,7 +51,7 @@ class Deployed:
 
     def __post_init__(self) -> None:
         """Check every name of the deployment, its formulas and its cost."""
-        with said_of(self.deployment.origin):
+        with prefix_errors(self.deployment.origin):
             _ = self.observed
             for name in self.deployment.action:
                 refuse_unknown("action names the unknown input", name, tuple(self.model.inputs))
@@ -71,7 +71,7 @@ class Deployed:
         """
         formulas = []
         for name, entry in self.deployment.observation.items():
-            with said_of(f"observation.{shortened(name)}"):
+            with prefix_errors(f"observation.{shortened(name)}"):
                 formulas.append(read_formula(entry.get("formula", name), self.names))
         return tuple(formulas)
 
@@ -83,7 +83,7 @@ class Deployed:
         """
         formulas = []
         for name, entry in self.deployment.action.items():
-            with said_of(f"action.{name}.map"):
+            with prefix_errors(f"action.{name}.map"):
                 text = entry.get("map", f"{TRIM} + {ACTION}")
                 formula = read_formula(text, (ACTION, TRIM, *self.names))
                 if ACTION not in formula.names:
@@ -151,7 +151,7 @@ class Deployed:
 
         action: (m,), replaces the action of a policy that is not trained yet
         """
-        with said_of(self.deployment.origin):
+        with prefix_errors(self.deployment.origin):
             for point in points:
                 n = len(self.model.states)
                 m = len(self.model.inputs)

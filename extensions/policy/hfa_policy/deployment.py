@@ -17,7 +17,7 @@ from controller.game.zero_sum import Game
 from hfa_policy.actor import NONE as NONE, Actor, gain_function, read_actor, stored_gain
 from hfa_policy.normalizer import Normalizer, normalizer_of, read_normalizer
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError, refuse_unknown, said_of, shown
+from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown, shown
 from hfa_support.files import read_toml
 from hfa_support.reporting.report import Reported
 from hfa_support.schema import NUMBER, POSITIVE, Number, checked
@@ -105,7 +105,7 @@ class Deployment(Reported):
 
     def __post_init__(self) -> None:
         """Check every entry that can be checked without the aircraft."""
-        with said_of(self.origin):
+        with prefix_errors(self.origin):
             entries = {
                 name: _plain(getattr(self, name))
                 for name in ("policy", "observation", "action", "timing", "cost")
@@ -115,7 +115,7 @@ class Deployment(Reported):
         card = checked(self.origin, entries, _CARD)
         for name, value in card.items():
             object.__setattr__(self, name, value)
-        with said_of(self.origin):
+        with prefix_errors(self.origin):
             self._check_policy()
             self._check_observation()
             self._check_action()
@@ -279,7 +279,7 @@ class Deployment(Reported):
         stored = self.policy.get("normalizer")
         if stored is None or stored == NONE:
             return None
-        with said_of(self.origin):
+        with prefix_errors(self.origin):
             if isinstance(stored, dict):
                 normalizer: Normalizer | None = normalizer_of(stored)
             else:

@@ -18,7 +18,7 @@ from hfa_flight.scenario import Scenario
 from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
 from hfa_policy.held_step import parts_of_a_sample
-from hfa_policy.mistakes_in_files import notes_on_card
+from hfa_policy.mistakes_in_files import notes_on_files
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import BoundFunction
 from hfa_support.user_warning import warn
@@ -136,7 +136,7 @@ def flown_deployment(
     """
     deployed = deployment.on(point.model)
     deployed.refuse_undefined_at([point])
-    for note in notes_on_card(deployed, [point]):
+    for note in notes_on_files(deployed, [point]):
         warn(note)
     return policy_about(deployed, point, name)
 

@@ -12,7 +12,7 @@ from controller.game.names import PlantNames
 from controller.game.user_files import Defaults, entries_of, is_discrete, stored_game
 from hfa_aircraft.model import Model
 from hfa_derivatives.matrices import plant_model
-from hfa_support.errors import BadInputError, said_of
+from hfa_support.errors import BadInputError, prefix_errors
 
 
 def linear_plant(path: str) -> Model:
@@ -23,7 +23,7 @@ def linear_plant(path: str) -> Model:
     Raises BadInputError if the file contains no such plant or the plant is in discrete time.
     """
     found = read_arrays(path)
-    with said_of(path):
+    with prefix_errors(path):
         entries, _ = entries_of(found, {"A", "B"})
         if is_discrete(entries):
             raise BadInputError(

@@ -23,7 +23,7 @@ def mistakes_in_files(deployed: Deployed, points: Sequence[OperatingPoint]) -> I
     yield from mistakes_of_observations(deployed, stored, normalizer, points)
 
 
-def notes_on_card(deployed: Deployed, points: Sequence[OperatingPoint]) -> list[str]:
+def notes_on_files(deployed: Deployed, points: Sequence[OperatingPoint]) -> list[str]:
     """Return a sentence for each mistake that the policy's files show.
 
     A warning is added if the files leave open whether a normalizer is missing. The list is empty

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_policy.inert_pickle import Inert, inert
-from hfa_support.errors import BadInputError, is_finite, numbers_in, said_of, shown
+from hfa_support.errors import BadInputError, is_finite, numbers_in, prefix_errors, shown
 from hfa_support.files import regular_file
 
 #: Defaults of VecNormalize, for a deployment file with mean and variance only.
@@ -97,7 +97,7 @@ def read_normalizer(path: str | Path) -> Normalizer | None:
     that names the file and the fault if the file contains no normalizer of an array of
     observations.
     """
-    with said_of(path):
+    with prefix_errors(path):
         try:
             content = regular_file(path).read_bytes()
         except OSError as error:

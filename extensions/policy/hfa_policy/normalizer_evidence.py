@@ -38,7 +38,7 @@ def mistakes_of_normalizer(
         training = _normalizer_in_training(deployed, stored)
         if training in (_Training.LIKELY, _Training.NORMALIZED):
             is_proved = training is _Training.NORMALIZED
-            yield Mistake("no normalizer", is_proved, _says_no_normalizer(training))
+            yield Mistake("no normalizer", is_proved, _no_normalizer_message(training))
         return
     if normalizer is None:
         return
@@ -74,7 +74,7 @@ class _Training(Enum):
     NORMALIZED = "one"
 
 
-def _says_no_normalizer(training: _Training) -> str:
+def _no_normalizer_message(training: _Training) -> str:
     """Return the message for a normalizer that the deployment file omits, with the remedy.
 
     training: LIKELY or NORMALIZED

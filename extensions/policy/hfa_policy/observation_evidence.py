@@ -178,7 +178,7 @@ def mistakes_of_observations(
     stored: settings in the policy's zip, or None
     normalizer: normalizer of the training, or None
     """
-    seen = _seen(stored, normalizer)
+    seen = _training_statistics(stored, normalizer)
     if seen is None:
         return
     centre, spread, is_of_many = seen
@@ -265,7 +265,7 @@ def _of_abouts(absolute: list[str], deviations: list[str]) -> Iterator[Mistake]:
         )
 
 
-def _seen(
+def _training_statistics(
     stored: Zip | None, normalizer: Normalizer | None
 ) -> tuple[np.ndarray, np.ndarray, bool] | None:
     """Return mean (k,) and standard deviation (k,) of the observations in the training.
@@ -291,7 +291,7 @@ def observations_of_training(deployment: Deployment) -> tuple[np.ndarray, np.nda
     The size is the root mean square about the mean. Without statistics of many observations, the
     mean is assumed to be 0. None means that nothing is known.
     """
-    seen = _seen(deployment.actor.stored, deployment.normalizer)
+    seen = _training_statistics(deployment.actor.stored, deployment.normalizer)
     if seen is None:
         return None
     centre, spread, is_statistics = seen

@@ -115,9 +115,9 @@ class Place:
     steady: OperatingPoint | None = None
 
     @property
-    def judged(self) -> np.ndarray:
+    def decisive(self) -> np.ndarray:
         """Mask (k,) of the linear states that decide whether a flight converges."""
-        return np.ones(len(self.box), dtype=bool) if self.reach is None else self.reach.judged
+        return np.ones(len(self.box), dtype=bool) if self.reach is None else self.reach.decisive
 
     @property
     def stays(self) -> bool:
@@ -196,7 +196,7 @@ def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[An
     return starts, pushes
 
 
-class FlownRows:
+class SimulatedRows:
     """Simulation of flights at several places.
 
     A flight ends if it converges, leaves the envelope, is in a limit cycle, or remains at another
@@ -234,7 +234,7 @@ class FlownRows:
         self.balls = np.array([BALL * place.box for place in places])[owners]
         self.stable = np.array([place.stable for place in places])[owners]
         self.stays = np.array([place.stays for place in places])[owners]
-        self.judged = np.array([place.judged for place in places])[owners]
+        self.decisive = np.array([place.decisive for place in places])[owners]
         window = flight.samples_in_window * flight.dt
         enough = [2 + math.ceil(place.swing / window - 1e-9) for place in places]
         self.enough = np.array(enough)[owners]
@@ -283,7 +283,7 @@ class FlownRows:
         flying: indices of the unfinished flights
         number: number of earlier windows
         """
-        rows = self._flown(window, flying, number)
+        rows = self._advanced(window, flying, number)
         lost = ~self.flight.are_inside(rows, self.least[flying], self.most[flying])
         distance, swings = self._in_balls(rows, flying)
         back = self._back(flying, distance)
@@ -293,7 +293,7 @@ class FlownRows:
         self.status[flying[back]] = _RETURNED
         self.status[flying[lost]] = _LOST
 
-    def _flown(self, window: Window, flying: np.ndarray, number: int) -> np.ndarray:
+    def _advanced(self, window: Window, flying: np.ndarray, number: int) -> np.ndarray:
         """Advance flights by one window and return their rows (`flights.py`) at its end.
 
         The lowest and highest values in these rows are those within the window. The disturbance
@@ -329,9 +329,9 @@ class FlownRows:
         moved = rows[:, self.flight.slices[0]] - self.trims[flying]
         centre = self.centres[flying] + np.einsum("nij,nj->ni", self.drifts[flying], moved)
         farthest = np.maximum(highest - centre, centre - lowest) / self.balls[flying]
-        judged = self.judged[flying]
-        distance = np.nan_to_num(np.where(judged, farthest, 0.0).max(axis=1), nan=np.inf)
-        return distance, np.where(judged, (highest - lowest) / 2.0 / self.balls[flying], 0.0)
+        decisive = self.decisive[flying]
+        distance = np.nan_to_num(np.where(decisive, farthest, 0.0).max(axis=1), nan=np.inf)
+        return distance, np.where(decisive, (highest - lowest) / 2.0 / self.balls[flying], 0.0)
 
     def _back(self, flying: np.ndarray, distance: np.ndarray) -> np.ndarray:
         """Return a mask of the flights that have converged.
@@ -406,7 +406,7 @@ class FlownRows:
         """
         _, _, low_X, high_X, *_ = self.flight.slices
         moved = (self.rows[:, high_X] - self.rows[:, low_X])[:, self.linear]
-        return np.asarray(np.where(self.judged, moved / 2.0, 0.0))
+        return np.asarray(np.where(self.decisive, moved / 2.0, 0.0))
 
     def outcome(self, owner: int, place: Place) -> Outcome:
         """Return the outcomes of the flights about one trim.
@@ -422,7 +422,7 @@ class FlownRows:
         worst, ends = self._worst(neither, returned)
         left = None
         if lost.size:
-            worst, left = self._first_lost(lost, place)
+            worst, left = self._earliest_departure(lost, place)
             ends = LEAVES
         X = self.flight.slices[0]
         at_start = self.first[worst, X][self.linear]
@@ -452,7 +452,7 @@ class FlownRows:
             departure=left,
         )
 
-    def _first_lost(self, lost: np.ndarray, place: Place) -> tuple[int, Departure | None]:
+    def _earliest_departure(self, lost: np.ndarray, place: Place) -> tuple[int, Departure | None]:
         """Return the index of the flight that leaves the envelope first, and its departure or None.
 
         lost: indices of the flights that leave the envelope
@@ -474,7 +474,7 @@ class FlownRows:
         search = EquilibriumSearch(self.flight.deployed, place.point, place.steady)
         X, memory, *_ = self.flight.slices
         m = len(place.point.model.inputs)
-        ball = BALL * place.box[place.judged]
+        ball = BALL * place.box[place.decisive]
         count = 0
         first: dict[str, float] = {}
         for _ in range(_OTHERS):
@@ -482,11 +482,11 @@ class FlownRows:
                 break
             row = self.rows[settled[0]]
             other = search.from_point(row[X], row[memory][:m])
-            here = self.rows[settled][:, X][:, self.linear][:, place.judged]
+            here = self.rows[settled][:, X][:, self.linear][:, place.decisive]
             at = np.zeros(len(settled), dtype=bool)
             if other is not None and not _is_same(other, place, self.linear):
                 there = other.states[self.linear]
-                at = np.all(np.abs(here - there[place.judged]) <= ball, axis=1)
+                at = np.all(np.abs(here - there[place.decisive]) <= ball, axis=1)
             if at[0]:
                 count += int(at.sum())
                 first = first or dict(zip(place.point.model.linear, there.tolist(), strict=True))
@@ -521,7 +521,7 @@ def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
     if place.equilibrium is None:
         return False
     apart = np.abs(other.states - place.equilibrium.states)[linear]
-    return bool(np.all(apart[place.judged] <= BALL * place.box[place.judged]))
+    return bool(np.all(apart[place.decisive] <= BALL * place.box[place.decisive]))
 
 
 def measured_cycle(
@@ -572,7 +572,7 @@ def fly_places(
             rows.append(flight.rows(starts, np.tile(trim, (samples, 1)), pushes))
     flown_places = places + places
     owners = np.repeat(np.arange(len(flown_places)), samples)
-    flown = FlownRows(flight, flown_places, np.vstack(rows), owners)
+    flown = SimulatedRows(flight, flown_places, np.vstack(rows), owners)
     seconds = max(place.seconds for place in places)
     flown.fly(seconds, flight.window(len(owners), seconds), progress)
     outcomes = [flown.outcome(owner, place) for owner, place in enumerate(flown_places)]

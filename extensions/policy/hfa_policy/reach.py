@@ -48,7 +48,7 @@ class Reach(NamedTuple):
     A mode is out of reach if the actions do not move the mode or the observations do not show the
     mode.
 
-    judged: (k,), mask of the linear states that count. All count unless a slow mode is out of
+    decisive: (k,), mask of the linear states that count. All count unless a slow mode is out of
         reach.
     loop: the equilibrium in coordinates of the r modes that count, or the equilibrium itself if all
         modes count.
@@ -56,7 +56,7 @@ class Reach(NamedTuple):
     states: names of the states that count.
     """
 
-    judged: np.ndarray
+    decisive: np.ndarray
     loop: Equilibrium
     own: tuple[OwnMode, ...]
     states: str
@@ -102,7 +102,7 @@ def reach_of(deployed: Deployed, equilibrium: Equilibrium, box: np.ndarray) -> R
     if own.all() or not slow.any():
         return everything
     shares = np.abs(right * left.T)
-    judged = shares[:, own].sum(axis=1) < _MOST * shares.sum(axis=1)
+    decisive = shares[:, own].sum(axis=1) < _MOST * shares.sum(axis=1)
     basis = _real(values, right, ~own)
     inverse = np.linalg.inv(np.hstack([basis, _real(values, right, own)]))[: basis.shape[1]]
     loop = equilibrium.in_basis(basis, inverse)
@@ -111,7 +111,7 @@ def reach_of(deployed: Deployed, equilibrium: Equilibrium, box: np.ndarray) -> R
         for value, by_actions in zip(values[slow], unmoved[slow], strict=True)
         for mode in _own_modes(deployed, A, value)
     ]
-    return Reach(judged, loop, tuple(dict.fromkeys(out_of_reach)), ", ".join(names[judged]))
+    return Reach(decisive, loop, tuple(dict.fromkeys(out_of_reach)), ", ".join(names[decisive]))
 
 
 def left_alone(

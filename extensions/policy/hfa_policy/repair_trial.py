@@ -18,12 +18,12 @@ from typing import NamedTuple
 import numpy as np
 
 from hfa_policy.assessment import AssessedPoint, Assessor
-from hfa_policy.change_flights import NEAR, ChangeFlights, Flown, Sample
+from hfa_policy.change_flights import NEAR, ChangeFlights, FlightResults, Sample
 from hfa_policy.deployment import Deployment
 from hfa_policy.mistake import Mistake
 from hfa_policy.observation_evidence import observations_of_training
 from hfa_policy.outcomes import seeded_starts
-from hfa_policy.repairs import Repair, card_with_gain, repairs_of
+from hfa_policy.repairs import Repair, deployment_with_gain, repairs_of
 from hfa_support.native.bound import RowFunction
 
 #: Fraction of the flights that converge with a good policy. A badly trained policy improves with
@@ -86,7 +86,7 @@ class _Found(NamedTuple):
     why: assumption of the change, for the message.
     """
 
-    flown: Flown
+    flown: FlightResults
     kind: str
     why: str
 
@@ -111,12 +111,12 @@ def _flies_well(point: AssessedPoint) -> bool:
     return near_trim and point.flights.returned >= _WELL * point.flights.starts
 
 
-def _brings_most_back(flown: Flown) -> bool:
+def _most_converge(flown: FlightResults) -> bool:
     """Return whether most flights converge."""
     return flown.back >= _WELL * len(flown.costs)
 
 
-def _harms(flown: Flown) -> bool:
+def _many_leave(flown: FlightResults) -> bool:
     """Return whether many flights leave the envelope.
 
     At most the fraction `_KEEPS` of the flights then stays inside.
@@ -124,7 +124,7 @@ def _harms(flown: Flown) -> bool:
     return flown.kept <= _KEEPS * len(flown.costs)
 
 
-def _is_better(flown: Flown, card: Flown) -> bool:
+def _is_better(flown: FlightResults, card: FlightResults) -> bool:
     """Return whether a change is clearly better than the file as written.
 
     With the change, no more flights may leave the envelope and no fewer may converge. In addition,
@@ -147,7 +147,9 @@ def _weakens(repair: Repair) -> bool:
     return bool(np.any(largest < 1.0) or np.any(np.abs(repair.gain) < 1.0))
 
 
-def _is_a_gain(flown: Flown, none: Flown, other_gains: Sequence[Flown]) -> bool:
+def _is_a_gain(
+    flown: FlightResults, none: FlightResults, other_gains: Sequence[FlightResults]
+) -> bool:
     """Return whether a change of gain alone improves the flights about as much as another change.
 
     With such a gain, about as many flights converge at about the same cost, or the cost is clearly
@@ -176,7 +178,7 @@ class _Trial:
         self.flights = ChangeFlights(assessor, self.places)
         # The radius is nan without an equilibrium.
         self.is_unstable = any(not point.radius < 1.0 for point in assessed)
-        self.gains = [card_with_gain(self.card, gain) for gain in _GAINS]
+        self.gains = [deployment_with_gain(self.card, gain) for gain in _GAINS]
 
     def named(self) -> Iterator[Mistake]:
         """Yield the best change of each kind, the best first, at most `_MOST_NAMED`.
@@ -187,7 +189,7 @@ class _Trial:
         if self._is_only_late():
             return
         repairs = self._left(repairs_of(self.deployed))
-        card, *flown = self.flights.flown([self.gains[0], *repairs], _WHOLE)
+        card, *flown = self.flights.simulate([self.gains[0], *repairs], _WHOLE)
         found = []
         for repair, of_repair in zip(repairs, flown, strict=True):
             if self._is_clear(repair, of_repair, card):
@@ -201,15 +203,15 @@ class _Trial:
             best_of_kinds.setdefault(each.kind, each)
         for each in list(best_of_kinds.values())[:_MOST_NAMED]:
             if each.flown.times(found[0].flown) < _AS_GOOD:
-                yield Mistake(each.kind, False, _said(each, card))
+                yield Mistake(each.kind, False, _recommendation(each, card))
 
     @cached_property
-    def _of_gains(self) -> list[Flown]:
+    def _of_gains(self) -> list[FlightResults]:
         """Results of the flights with each change of gain alone.
 
         The first gains are those of the file as written and of no control.
         """
-        return self.flights.flown(self.gains, _WHOLE)
+        return self.flights.simulate(self.gains, _WHOLE)
 
     def _near_optimal(self, found: list[_Found]) -> list[_Found]:
         """Return the found changes whose flights cost about as much as the flights of the optimum.
@@ -218,7 +220,7 @@ class _Trial:
         """
         if self.card.cost is None or not found:
             return found
-        optimum = self.flights.flown_by_optimum(_WHOLE)
+        optimum = self.flights.simulate_optimum(_WHOLE)
         if optimum is None:
             return found
         limits = {"scale": _OF_OPTIMUM_GUESSED}
@@ -235,15 +237,15 @@ class _Trial:
         """
         if self.card.delay == 0.0:
             return False
-        (on_time,) = self.flights.flown(self.gains[:1], _WHOLE, delay=0.0)
-        return _brings_most_back(on_time)
+        (on_time,) = self.flights.simulate(self.gains[:1], _WHOLE, delay=0.0)
+        return _most_converge(on_time)
 
     def _left(self, repairs: Sequence[Repair]) -> list[Repair]:
         """Return the changes that remain after a few short flights with each: `_LEFT` of each kind.
 
         These changes have the lowest costs of their kind.
         """
-        flown = self.flights.flown(repairs, _SHORT)
+        flown = self.flights.simulate(repairs, _SHORT)
         costs = [float(np.log(of_repair.costs).sum()) for of_repair in flown]
         left: dict[str, list[Repair]] = {}
         for number in np.argsort(costs).tolist():
@@ -252,7 +254,7 @@ class _Trial:
                 of_kind.append(repairs[number])
         return [repair for of_kind in left.values() for repair in of_kind]
 
-    def _is_clear(self, repair: Repair, flown: Flown, card: Flown) -> bool:
+    def _is_clear(self, repair: Repair, flown: FlightResults, card: FlightResults) -> bool:
         """Return whether a change is to be reported. All these conditions must be fulfilled:
 
         - Most flights converge with the change, and it is clearly better than the file as written.
@@ -261,7 +263,7 @@ class _Trial:
           control is about as good. The absence of control is disregarded if many flights leave the
           envelope with the file as written and the change weakens no observation or action.
         - A change of order reduces the cost to at most a third. Its flights converge if they end in
-          the box (`Flown.into_box`).
+          the box (`FlightResults.into_box`).
         - A change of a map is clearly better than weaker actions.
 
         flown: results with the change
@@ -272,7 +274,7 @@ class _Trial:
                 return False
             flown = flown.counted_in_box()
             card = card.counted_in_box()
-        if not _brings_most_back(flown) or not _is_better(flown, card):
+        if not _most_converge(flown) or not _is_better(flown, card):
             return False
         if repair.kind == "map" and self._is_weaker_action(repair, flown):
             return False
@@ -282,23 +284,23 @@ class _Trial:
         _, none, *others = self._of_gains
         if repair.kind == "order":
             none, *others = (of_gain.counted_in_box() for of_gain in (none, *others))
-        is_none = none.times(flown) < _NEEDED and (_weakens(repair) or not _harms(card))
+        is_none = none.times(flown) < _NEEDED and (_weakens(repair) or not _many_leave(card))
         return not is_none and not _is_a_gain(flown, none, others)
 
-    def _is_weaker_action(self, repair: Repair, flown: Flown) -> bool:
+    def _is_weaker_action(self, repair: Repair, flown: FlightResults) -> bool:
         """Return whether a change that weakens actions is about as good with still weaker actions.
 
         Weaker actions include zero.
         """
         smaller = repair.gain < 1.0
         gains = [np.where(smaller, part, 1.0) for part in _WEAKER]
-        weaker = self.flights.flown([repair._replace(gain=gain) for gain in gains], _WHOLE)
+        weaker = self.flights.simulate([repair._replace(gain=gain) for gain in gains], _WHOLE)
         return any(
             _CLEARLY * other.back >= flown.back and other.times(flown) < _CLEARLY
             for other in weaker
         )
 
-    def _faster(self, card: Flown) -> list[_Found]:
+    def _faster(self, card: FlightResults) -> list[_Found]:
         """Return a list with the longest shorter sample time at which the policy is clearly better.
 
         At this sample time, most flights converge, and their cost is at most a third. The list is
@@ -307,17 +309,17 @@ class _Trial:
 
         card: results of the file as written
         """
-        (short,) = self.flights.flown(self.gains[:1], _SHORT)
+        (short,) = self.flights.simulate(self.gains[:1], _SHORT)
         for part in _RATES:
             dt = part * self.card.dt
-            (short_faster,) = self.flights.flown(self.gains[:1], _SHORT, dt)
+            (short_faster,) = self.flights.simulate(self.gains[:1], _SHORT, dt)
             if short.times(short_faster) < _CLEARLY:
                 continue
-            (faster,) = self.flights.flown(self.gains[:1], _WHOLE, dt)
+            (faster,) = self.flights.simulate(self.gains[:1], _WHOLE, dt)
             is_third = _is_better(faster, card) and card.times(faster) >= _AS_IT_IS
-            if not _brings_most_back(faster) or not is_third:
+            if not _most_converge(faster) or not is_third:
                 continue
-            faster_gains = self.flights.flown(self.gains[1:_AT_RATES], _WHOLE, dt)
+            faster_gains = self.flights.simulate(self.gains[1:_AT_RATES], _WHOLE, dt)
             gains = (*faster_gains, *self._of_gains)
             if not any(faster.times(gain) >= _CLEARLY for gain in gains):
                 why = f"the policy were sampled every {1e3 * dt:.4g} ms or faster"
@@ -333,10 +335,10 @@ class _Trial:
         """
         if observations_of_training(self.card) is None:
             return 0.0
-        return self._misfit_of_card - self._misfit(repair.deployment)
+        return self._misfit_as_written - self._misfit(repair.deployment)
 
     @cached_property
-    def _misfit_of_card(self) -> float:
+    def _misfit_as_written(self) -> float:
         """Misfit of the file as written to the observations in training (`_misfit`)."""
         return self._misfit(self.card)
 
@@ -361,7 +363,7 @@ class _Trial:
         return float(np.abs(np.log((size_here + _LEAST) / (size + _LEAST))).sum())
 
 
-def _said(found: _Found, of_card: Flown) -> str:
+def _recommendation(found: _Found, of_card: FlightResults) -> str:
     """Return a sentence that recommends a change, with the ratio of the costs without and with it.
 
     of_card: results of the file as written

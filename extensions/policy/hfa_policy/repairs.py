@@ -35,7 +35,7 @@ class Repair(NamedTuple):
     S: np.ndarray
 
 
-def card_with_gain(card: Deployment, gain: float) -> Repair:
+def deployment_with_gain(card: Deployment, gain: float) -> Repair:
     """Return the trial change of a deployment that multiplies all actions by a gain."""
     return _with_gains(card, "", "", card, np.full(len(card.action), gain))
 

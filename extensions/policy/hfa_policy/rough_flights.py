@@ -97,13 +97,13 @@ def rough_flights(
         members = min(samples, _MOST_FLIGHTS) if is_random else 1
         envelope = flight_envelope(deployed.model, point)
         plan = MonteCarlo(members, seed, deployed.model, point, policy, scenario, envelope)
-        found.append(_flown(plan, policy))
+        found.append(_simulated(plan, policy))
         if progress is not None:
             progress(number + 1, len(points))
     return found
 
 
-def _flown(plan: MonteCarlo, policy: DeployedPolicy) -> RoughFlights:
+def _simulated(plan: MonteCarlo, policy: DeployedPolicy) -> RoughFlights:
     """Return the results of the flights from one trim.
 
     They include a reference flight without noise in still air.

@@ -176,12 +176,14 @@ def delays(equilibrium: Equilibrium, dt: float, deployed_delay: float) -> Delays
     for samples in range(most + 1):
         radii.append(chain_of(equilibrium, dt, samples * dt).radius)
         if samples >= first and radii[-1] >= 1.0:
-            fine = _first_lost(equilibrium, dt, deployed_delay, samples)
+            fine = _first_unstable_delay(equilibrium, dt, deployed_delay, samples)
             return Delays(tuple(radii), samples * dt, fine, samples * dt)
     return Delays(tuple(radii), None, None, most * dt)
 
 
-def _first_lost(equilibrium: Equilibrium, dt: float, deployed_delay: float, samples: int) -> float:
+def _first_unstable_delay(
+    equilibrium: Equilibrium, dt: float, deployed_delay: float, samples: int
+) -> float:
     """Return the first unstable delay within one sample, s.
 
     The resolution is 1/`_PARTS` of a sample. Delays below the deployed delay are omitted.

@@ -23,7 +23,7 @@ import numpy as np
 
 from hfa_networks.files.tensors import checked_tensors, tensors_in, unpacked
 from hfa_policy.inert_pickle import inert
-from hfa_support.errors import BadInputError, said_of, shortened, shown
+from hfa_support.errors import BadInputError, prefix_errors, shortened, shown
 from hfa_support.files import regular_file
 from hfa_support.schema import Number
 
@@ -101,7 +101,7 @@ def read_zip(path: str | Path) -> Zip:
 
     Raises a BadInputError that names the file and the fault.
     """
-    with said_of(path):
+    with prefix_errors(path):
         try:
             with zipfile.ZipFile(regular_file(path)) as archive:
                 data = json.loads(_member(archive, "data"))
@@ -241,7 +241,7 @@ def _stored(data: Mapping[str, Any], name: str) -> Any:
     """
     entry = data.get(name)
     if isinstance(entry, dict) and ":serialized:" in entry:
-        with said_of(name):
+        with prefix_errors(name):
             try:
                 content = base64.b64decode(entry[":serialized:"])
             except (TypeError, ValueError) as error:

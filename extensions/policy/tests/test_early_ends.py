@@ -12,7 +12,7 @@ from hfa_aircraft.loading import load_model
 from hfa_policy.assessment import Assessor
 from hfa_policy.deployment import Deployment
 from hfa_policy.equilibrium import EquilibriumSearch
-from hfa_policy.outcomes import _LOST, _RETURNED, HORIZON, FlownRows, seeded_starts
+from hfa_policy.outcomes import _LOST, _RETURNED, HORIZON, SimulatedRows, seeded_starts
 from hfa_policy.trims import trims_of
 
 STARTS = 100
@@ -37,7 +37,7 @@ def test_flights_that_end_early_are_classified_correctly(name, late):
         trim = flight.deployed.trim_vector(place.point)
         rows.append(flight.rows(starts, np.tile(trim, (STARTS, 1)), pushes))
     owners = np.repeat(np.arange(len(places)), STARTS)
-    flown = FlownRows(flight, places, np.vstack(rows), owners)
+    flown = SimulatedRows(flight, places, np.vstack(rows), owners)
     window = flight.window(len(owners), HORIZON)
     flown.fly(HORIZON, window)
     is_back, is_lost = flown.status == _RETURNED, flown.status == _LOST
@@ -72,13 +72,13 @@ def test_a_flight_that_has_converged_stays(stays):
     assessor = Assessor(deployment.on(model), trims_of(model, None), 40)
     flight = assessor.flight()
     (place,) = assessor.places(flight)
-    assert place.judged.all()
+    assert place.decisive.all()
     if not stays:
         place = replace(place, swing=0.0)
     starts, pushes = seeded_starts(place, 40, 1, pushed=True)
     trim = flight.deployed.trim_vector(place.point)
     rows = flight.rows(starts, np.tile(trim, (40, 1)), pushes)
-    flown = FlownRows(flight, [place], rows, np.zeros(40, dtype=int))
+    flown = SimulatedRows(flight, [place], rows, np.zeros(40, dtype=int))
     window = flight.window(40, place.seconds)
     flown.fly(place.seconds, window)
     is_early = (flown.status == _RETURNED) & (flown.times < place.seconds - 0.5)
@@ -142,7 +142,7 @@ def _distance(flown, rows, chosen):
     above = rows[:, high][:, flown.linear] - centres
     below = centres - rows[:, low][:, flown.linear]
     distance = np.maximum(above, below) / flown.balls[chosen]
-    return np.where(flown.judged[chosen], distance, 0.0).max(axis=1)
+    return np.where(flown.decisive[chosen], distance, 0.0).max(axis=1)
 
 
 @pytest.mark.slow

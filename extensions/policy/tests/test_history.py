@@ -14,7 +14,7 @@ import hfa
 from hfa_policy.assess import assess
 from hfa_policy.assessment import Assessor
 from hfa_policy.flown import exported_texts, flown_deployment
-from hfa_policy.outcomes import FlownRows
+from hfa_policy.outcomes import SimulatedRows
 from hfa_support.errors import BadInputError
 from hfa_support.native.machine_code import c_compiler
 
@@ -71,7 +71,7 @@ def test_assess_fly_and_environments_give_equal_flights(delay):
     trim = assessor.deployed.trim_vector(point)
     rows = flight.rows(start[None], trim[None], np.zeros((1, 4)))
     (place,) = assessor.places(flight)
-    flown = FlownRows(flight, [place], rows, np.zeros(1, dtype=int))
+    flown = SimulatedRows(flight, [place], rows, np.zeros(1, dtype=int))
     flown.fly(1.0, flight.window(1, 1.0))
     states = flown.rows[0, flight.slices[0]]
     initial = dict(zip(model.states, start - point.states, strict=True))

@@ -17,7 +17,7 @@ from hfa_policy.mistakes_in_files import mistakes_in_files
 from hfa_policy.normalizer import read_normalizer
 from hfa_policy.normalizer_evidence import unknown_normalizer
 from hfa_policy.observation_evidence import UNCLEAR
-from hfa_policy.repairs import card_with_gain
+from hfa_policy.repairs import deployment_with_gain
 from hfa_policy.trims import trims_of
 
 DEGREES = 180.0 / np.pi
@@ -450,8 +450,8 @@ def test_the_sampled_optimum_costs_as_predicted():
     deployed = optimum_on_f16().on(model)
     assessor = Assessor(deployed, tuple(trims_of(model, [502.0])), 4)
     flights = ChangeFlights(assessor, assessor.places(assessor.flight()))
-    (own,) = flights.flown([card_with_gain(deployed.deployment, 1.0)], Sample(8, 20.0))
-    optimum = flights.flown_by_optimum(Sample(8, 20.0))
+    (own,) = flights.simulate([deployment_with_gain(deployed.deployment, 1.0)], Sample(8, 20.0))
+    optimum = flights.simulate_optimum(Sample(8, 20.0))
     assert optimum.kept == own.kept == 8
     assert own.times(optimum) == pytest.approx(1.0, abs=0.03)
 
@@ -479,8 +479,8 @@ def test_weights_of_outputs_and_states_cost_equally():
         deployment = right.changed(cost={"Q": weights, "R": R})
         assessor = Assessor(deployment.on(model), tuple(trims_of(model, [502.0])), 4)
         flights = ChangeFlights(assessor, assessor.places(assessor.flight()))
-        repairs = [card_with_gain(deployment, gain) for gain in (1.0, 0.0)]
-        flown.append([*flights.flown(repairs, sample), flights.flown_by_optimum(sample)])
+        repairs = [deployment_with_gain(deployment, gain) for gain in (1.0, 0.0)]
+        flown.append([*flights.simulate(repairs, sample), flights.simulate_optimum(sample)])
     for of_states, of_outputs in zip(*flown, strict=True):
         assert of_outputs.costs == pytest.approx(of_states.costs, rel=1e-6)
         assert of_outputs[1:] == of_states[1:]

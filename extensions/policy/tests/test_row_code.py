@@ -22,7 +22,7 @@ _SPECIAL = (0.0, -0.0, 1.0, -1.0, 0.5, -2.5, 3.0, np.inf, -np.inf, np.nan)
 @pytest.fixture(autouse=True)
 def cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    generated._say.cache_clear()
+    generated._print_once.cache_clear()
 
 
 def of_every_operation() -> ca.Function:

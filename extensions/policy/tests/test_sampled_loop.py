@@ -12,7 +12,7 @@ from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov, solve_lyap
 
 import hfa
 from hfa_policy.assessment import Assessor
-from hfa_policy.cost_above_optimum import cost_lost, lqr_at
+from hfa_policy.cost_above_optimum import cost_above_optimum, lqr_at
 from hfa_policy.sampled_loop import Chain, chain_of, delays, held, margins, slowest_swing
 from hfa_policy.trims import trims_of
 
@@ -143,7 +143,7 @@ def test_costs_equal_scipy(scale):
     loop is SciPy's Riccati solution.
     """
     deployed, equilibrium, K = linear_case(scale)
-    lost = cost_lost(deployed, equilibrium, chain_of(equilibrium, DT, 0.0))
+    lost = cost_above_optimum(deployed, equilibrium, chain_of(equilibrium, DT, 0.0))
     game = lqr_at(deployed, equilibrium)
     optimum = hfa.solve_game(game).P
     closed = game.A - game.B @ K

@@ -12,7 +12,7 @@ from hfa_networks.files.activations import ACTIVATIONS
 from hfa_networks.files.row_network import ROW_ACTIVATIONS
 from hfa_policy import outcomes
 from hfa_policy.assessment import Assessor
-from hfa_policy.outcomes import FlownRows, seeded_starts
+from hfa_policy.outcomes import SimulatedRows, seeded_starts
 from hfa_policy.trims import trims_of
 
 
@@ -120,7 +120,9 @@ def test_flights_in_a_limit_cycle_end_early():
     assessor = Assessor(late.on(aircraft("ppo_gtm")), trims("ppo_gtm")[1:2], samples=8)
     flight = assessor.flight()
     places = assessor.places(flight)
-    flown = FlownRows(flight, places, simulated_rows(flight, places[0], 8), np.zeros(8, dtype=int))
+    flown = SimulatedRows(
+        flight, places, simulated_rows(flight, places[0], 8), np.zeros(8, dtype=int)
+    )
     flown.fly(60.0, flight.window(8, 60.0))
     outcome = flown.outcome(0, places[0])
     assert (outcome.returned, outcome.lost) == (0, 0)
@@ -143,7 +145,7 @@ def test_flight_at_another_equilibrium_ends_early(monkeypatch):
     for windows in (outcomes._STANDING, 1000):
         # Only this number lets such a flight continue to its end.
         monkeypatch.setattr(outcomes, "_STANDING", windows)
-        flown = FlownRows(
+        flown = SimulatedRows(
             flight, places, simulated_rows(flight, places[0], 24), np.zeros(24, dtype=int)
         )
         flown.fly(60.0, flight.window(24, 60.0))

@@ -19,7 +19,7 @@ from hfa_printed.comparison import Position, change, compare, in_signs
 from hfa_printed.exact_answer import answer_of, certified_value, rough_values
 from hfa_printed.printed_file import PrintedFile
 from hfa_support.errors import BadInputError, NoSolutionError
-from hfa_support.progress import Progress, told
+from hfa_support.progress import Progress, with_progress
 from hfa_support.reporting.results import Result
 
 #: Accuracy of an approximate answer, relative to the largest entry of its block.
@@ -88,7 +88,7 @@ def changed_entries(file: PrintedFile, progress: Progress | None = None) -> list
     if not_searched(file):
         return []
     entries = []
-    for position, text in told(list(_positions(file)), progress):
+    for position, text in with_progress(list(_positions(file)), progress):
         for edits in _by_interval(_fitting(file, position, text)):
             entry = _likeliest(file, position, text, edits)
             if entry is not None:

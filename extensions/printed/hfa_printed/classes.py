@@ -36,7 +36,7 @@ Class = Literal[
 CLASSES: tuple[str, ...] = get_args(Class)
 #: Ratio of the error of one wrong entry to errors that the other entries may hide, for a learned
 #: answer.
-_STANDS_OUT = 10.0
+_ABOVE_NOISE = 10.0
 #: An answer with a larger relative error is that of an unknown problem. The limit is a convention:
 #: of 88 sources, unexplained answers have errors below 0.03 % or above 80 %.
 _FAR = 0.5
@@ -142,18 +142,18 @@ def _by_digits(
     wrong = comparison.wrong_positions
     if len(wrong) != 1 or comparison.outside.all():
         return None
-    if file.learned and not _stands_out(comparison):
+    if file.learned and not _exceeds_noise(comparison):
         return None
     if file.plant_rounded and (not_searched(file) or rounding_used(file, P, comparison) <= 1.0):
         return None
     return "one entry of the answer", _wrong_entry(file, comparison, wrong[0])
 
 
-def _stands_out(comparison: Comparison) -> bool:
+def _exceeds_noise(comparison: Comparison) -> bool:
     """Return whether the wrong entries are too far off to be noise of a learned answer.
 
     An error is too far off if noise of the same absolute and the same relative size would exceed
-    `_STANDS_OUT` half units in every other entry.
+    `_ABOVE_NOISE` half units in every other entry.
     """
     outside = comparison.outside
     error = np.abs(comparison.printed - comparison.exact)[outside].min()
@@ -161,7 +161,7 @@ def _stands_out(comparison: Comparison) -> bool:
     hidden = comparison.half_units[~outside]
     hidden_relative = (comparison.half_units / _sizes(comparison))[~outside]
     return bool(
-        error > _STANDS_OUT * hidden.max() and relative > _STANDS_OUT * hidden_relative.max()
+        error > _ABOVE_NOISE * hidden.max() and relative > _ABOVE_NOISE * hidden_relative.max()
     )
 
 

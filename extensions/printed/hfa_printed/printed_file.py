@@ -18,9 +18,9 @@ from controller.critic.features import expressions
 from hfa_printed.exact_answer import Plant
 from hfa_support.errors import (
     BadInputError,
+    prefix_errors,
     refuse_unknown,
     refuse_unless_positive,
-    said_of,
     shortened,
     shown,
 )
@@ -114,7 +114,7 @@ def load_printed(path: Path) -> PrintedFile:
             f"{path} cannot be read ({error.strerror}); give a readable file"
         ) from error
     note_read(path)
-    with said_of(path):
+    with prefix_errors(path):
         return _printed_file(content)
 
 
@@ -170,7 +170,7 @@ def read_block(
         rows = _multiplied(name, rows, exponent)
     numbers = []
     for index, row in enumerate(rows):
-        with said_of(f"{name}, row {index + 1}"):
+        with prefix_errors(f"{name}, row {index + 1}"):
             numbers.append([_number(word, parameters or {}) for word in row])
     table = np.array(numbers)
     return Block(tuple(map(tuple, rows)), table[:, :, 0], table[:, :, 1])

@@ -18,7 +18,7 @@ from hfa_printed.classes import Classified, classify
 from hfa_printed.comparison import Comparison
 from hfa_printed.exact_answer import policies
 from hfa_printed.printed_file import PrintedFile, load_printed
-from hfa_support.errors import said_of
+from hfa_support.errors import prefix_errors
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
@@ -128,15 +128,15 @@ def check_printed(path: Path, progress: Progress | None = None) -> PrintedVerdic
     NoSolutionError if the plant in the file has no certified answer.
     """
     file = load_printed(path)
-    with said_of(path):
+    with prefix_errors(path):
         classified = classify(file, progress)
     cost_lost = math.nan
     if classified.name == "close":
-        cost_lost = _cost_lost(file)
+        cost_lost = _cost_above_optimum(file)
     return PrintedVerdict(file, classified, cost_lost)
 
 
-def _cost_lost(file: PrintedFile) -> float:
+def _cost_above_optimum(file: PrintedFile) -> float:
     """Return an upper bound on the cost above the optimum of the printed policy, percent."""
     game = file.plant.game()
     K = _printed_gain(file)

@@ -264,7 +264,7 @@ def of_rows(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
         factors = np.sum(view.judged * view.exact * weights, axis=1)
         factors /= np.sum(view.exact**2 * weights, axis=1)
     order = _best_order(away)
-    yield Hypothesis(_order_says(noun, order), np.eye(size)[order].T @ view.judged)
+    yield Hypothesis(_order_text(noun, order), np.eye(size)[order].T @ view.judged)
     for says, divisors, fitted in _scales(view, noun, factors, degree):
         yield Hypothesis(says, view.judged / divisors[:, None], fitted)
 
@@ -294,7 +294,7 @@ def of_sides(view: View, noun: str) -> Iterator[Hypothesis]:
         factors = _symmetric_factors(view)
     order = _best_order(np.sum(np.nan_to_num(apart), axis=-1))
     back = np.eye(size)[order].T
-    yield Hypothesis(_order_says(noun, order), back @ view.judged @ back.T)
+    yield Hypothesis(_order_text(noun, order), back @ view.judged @ back.T)
     for says, divisors, fitted in _scales(view, noun, factors, _DEGREE):
         yield Hypothesis(says, view.judged / np.outer(divisors, divisors), fitted)
 
@@ -350,7 +350,7 @@ def _listed(noun: str, where: np.ndarray) -> str:
     return f"{noun}s {', '.join(numbers)} and {last}" if numbers else f"{noun} {last}"
 
 
-def _order_says(noun: str, order: Sequence[int] | np.ndarray) -> str:
+def _order_text(noun: str, order: Sequence[int] | np.ndarray) -> str:
     return f"the {noun}s are in the order {', '.join(str(index + 1) for index in order)}"
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from hfa_region.search.function import PolynomialFunction
 from hfa_region.search.plant import Outcome
-from hfa_region.search.region import Region, gone_starts
+from hfa_region.search.region import Region, starts_by_outcome
 from hfa_support.reporting.text import shown_unit, shown_values
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
     axes.set_xlim(*(_WIDER * np.array(x_limits)))
     axes.set_ylim(*(_WIDER * np.array(y_limits)))
     rays = _rays(region.T, i, j, _FLOWN)
-    found = gone_starts(region.plant, region.V, region.rho, region.T, rays)
+    found = starts_by_outcome(region.plant, region.V, region.rho, region.T, rays)
     for outcome, marker in _MARKERS.items():
         if outcome in found:
             x = shown_values(found[outcome][:, i], x_unit)

@@ -38,7 +38,7 @@ from hfa_region.check.taylor import Taylor
 from hfa_region.search.function import PolynomialFunction
 from hfa_region.search.level import ProvedLevel
 from hfa_region.search.plant import Outcome, Plant, outcomes
-from hfa_region.search.region import RegionSearch, gone_starts
+from hfa_region.search.region import RegionSearch, starts_by_outcome
 
 
 def run(*words: str) -> int:
@@ -145,7 +145,7 @@ def test_rays_contain_nonconverging_initial_conditions(certificate: Path, model:
     V = PolynomialFunction.of_terms(statement.terms)
     T = np.sqrt(statement.rho) * np.linalg.inv(np.linalg.cholesky(V.matrix())).T * 1.0001
     rays = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]) * np.linalg.norm(T, axis=1)
-    starts = gone_starts(Plant(statement.loop), V, statement.rho, T, rays)[Outcome.LOST]
+    starts = starts_by_outcome(Plant(statement.loop), V, statement.rho, T, rays)[Outcome.LOST]
     # The torque cannot lift the pendulum from the horizontal, nor stop it beyond some rate.
     assert len(starts) == 3
     assert np.all(V(starts) > statement.rho)

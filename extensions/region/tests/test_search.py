@@ -66,7 +66,7 @@ def test_largest_level_of_f16_within_limits_is_proved(
     plant = Plant(loop)
     P = V.matrix()
     widths = np.einsum("ki,ij,kj->k", plant.limited_rows, np.linalg.inv(P), plant.limited_rows)
-    rho = 0.999 * float(np.min(np.min(np.abs(plant.room), axis=1) ** 2 / widths))
+    rho = 0.999 * float(np.min(np.min(np.abs(plant.permitted_deviations), axis=1) ** 2 / widths))
     T = ball_of(P, rho)
     proved = proved_level(loop, V, rho, SETTING, T)
     assert proved is not None

@@ -29,7 +29,7 @@ from hfa_servo.scheduled_controller import COMMAND_SIGNALS, ScheduledController,
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.jsonable import finite_or_none
-from hfa_support.progress import Progress, told
+from hfa_support.progress import Progress, with_progress
 from hfa_support.reporting.checks import Check
 from hfa_support.user_warning import warn
 from trim.linear.linear_model import LinearModel
@@ -109,7 +109,7 @@ def design_controller(
     design = design.of(model)
     controllers: list[LinearController] = []
     linear_models: list[LinearModel] = []
-    for value in told(breakpoints.tolist(), progress):
+    for value in with_progress(breakpoints.tolist(), progress):
         try:
             linear_models.append(level_model(model, value))
             controllers.append(controller_at(model, linear_models[-1], design))

@@ -21,9 +21,9 @@ from hfa_flight.signals import COMMAND_FILTER
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import (
     BadInputError,
+    prefix_errors,
     refuse_unknown,
     refuse_unless_positive,
-    said_of,
     shortened,
 )
 from hfa_support.schema import NUMBER, POSITIVE, Number, checked, read_named
@@ -439,7 +439,7 @@ def _actuators_of(name: str, entries: Mapping[str, Any]) -> dict[str, Actuator]:
     for key, numbers in entries.get("actuators", {}).items():
         if numbers.get("order") in (1, 2):
             numbers = numbers | {"order": int(numbers["order"])}
-        with said_of(f"{name}: actuators.{shortened(key)}"):
+        with prefix_errors(f"{name}: actuators.{shortened(key)}"):
             actuators[key] = Actuator(**numbers)
     return actuators
 

@@ -171,7 +171,7 @@ def design_model(model: Model, linear: LinearModel, design: Design) -> DesignMod
             E_of_winds[integral] = by_w[row]
         elif name in design.states:
             C[row, design.states.index(name)] = 1.0
-    _refuse_seen_disturbances(design, winds, D[k:], by_w[k:])
+    _refuse_direct_effects(design, winds, D[k:], by_w[k:])
     sources = {"states": np.eye(size, n), "commands": B}
     for column, name in enumerate(winds):
         sources[name] = E_of_winds[:, column : column + 1]
@@ -200,7 +200,7 @@ def _add_actuator(A: np.ndarray, b: np.ndarray, design: Design, name: str) -> No
     b[last] = stiffness * actuator.effectiveness
 
 
-def _refuse_seen_disturbances(
+def _refuse_direct_effects(
     design: Design, winds: tuple[str, ...], by_commands: np.ndarray, by_winds: np.ndarray
 ) -> None:
     """Raise BadInputError if a disturbance acts directly on a sensor.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from controller.hfa_game import plant_names
 from hfa_servo.design_model import design_model
-from hfa_support.errors import said_of
+from hfa_support.errors import prefix_errors
 from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ def designed_game(request: PlantOptions, linear: LinearModel) -> NamedGame:
     why = "cannot be combined with --design, whose weights are in the units of the declaration"
     request.refuse(("units",), f"{why}; remove this option")
     built = design_model(linear.point.model, linear, request.design)
-    with said_of(f"design {built.design.name}"):
+    with prefix_errors(f"design {built.design.name}"):
         game = replace(built.game(), **request.changed_weights())
     of_design = f"design {built.design.name} of {plant_names(linear).origin}"
     game = replace(game, names=game.names._replace(origin=of_design))

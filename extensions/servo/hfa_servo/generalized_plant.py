@@ -39,8 +39,8 @@ from hfa_support.arguments import checks_arguments
 from hfa_support.errors import (
     BadInputError,
     NoSolutionError,
+    prefix_errors,
     refuse_unless_positive,
-    said_of,
     shortened,
 )
 from hfa_support.reporting.checks import Check, at_most, below
@@ -297,7 +297,7 @@ def stored_plant(
     positive.
     """
     names = [field.name for field in fields(GeneralizedPlant)]
-    with said_of(path):
+    with prefix_errors(path):
         stored, notes = entries_of(read_arrays(path) if found is None else found, {"A", "B2"})
         unused = sorted(
             set(stored) - {*names, "delta", "states", "inputs", "state_units", "input_units"}

@@ -22,7 +22,7 @@ from hfa_flight.gain_schedule import GainSchedule, load_gain_schedule
 from hfa_servo.design import signal_unit
 from hfa_servo.results import ControllerData, ControllerFile
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError, refuse_unknown, said_of, shown
+from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown, shown
 from hfa_support.jsonable import jsonable
 from hfa_support.linear_table import LinearTable
 from hfa_support.provenance import parameter_hash
@@ -412,7 +412,7 @@ def load_controller(path: str | Path, model: Model) -> ScheduledController:
             "with `hfa design -o`"
         )
     try:
-        with said_of(path):
+        with prefix_errors(path):
             made_with = native_of(model)
             if str(content.get("units", "english")) == "si":
                 made_with = in_si(made_with)

@@ -23,7 +23,7 @@ from hfa_servo.design import Actuator, Design
 from hfa_servo.design_model import DesignModel, design_model
 from hfa_servo.scheduled_controller import ScheduledController
 from hfa_support.errors import NoSolutionError
-from hfa_support.progress import Progress, told
+from hfa_support.progress import Progress, with_progress
 from hfa_support.reporting.checks import Check, Checked, below, checks_block
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
@@ -330,7 +330,7 @@ def check_margins(
         for order, bandwidth in itertools.product(orders, bandwidths)
     ]
     rows = []
-    for value in told(scheduling_values.tolist(), progress):
+    for value in with_progress(scheduling_values.tolist(), progress):
         linear = level_model(model, value)
         for actuators in banks or [{}]:
             loop = servo_loop(servo_plant(model, linear, controller, actuators), controller)

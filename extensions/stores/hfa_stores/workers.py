@@ -54,13 +54,13 @@ def open_workers(workers: int | str = 1) -> Iterator[Run]:
     elif workers < 1:
         raise BadInputError(f"the number of workers is {workers}; give at least 1")
     elif workers == 1:
-        yield _run_here
+        yield _run_in_process
     else:
         with _processes(workers) as run:
             yield run
 
 
-def _run_here(function: Callable[..., Any], tasks: Tasks) -> Iterator[tuple[int, Any]]:
+def _run_in_process(function: Callable[..., Any], tasks: Tasks) -> Iterator[tuple[int, Any]]:
     for key, arguments in tasks:
         yield key, function(*arguments)
 

@@ -14,7 +14,7 @@ from collections import Counter
 from pathlib import Path
 
 from studies.jsbsim.constructs.drawn import drawn
-from studies.jsbsim.constructs.judge import ALL, judge
+from studies.jsbsim.constructs.judge import ALL, compare_constructs
 
 
 def main(words: list[str]) -> int:
@@ -28,7 +28,7 @@ def main(words: list[str]) -> int:
         words = []
     names = [name for name in constructs if not words or any(word in name for word in words)]
     with tempfile.TemporaryDirectory() as folder:
-        judgements = judge(names, Path(folder), constructs)
+        judgements = compare_constructs(names, Path(folder), constructs)
     for judgement in judgements:
         print(f"{judgement.verdict:9} {judgement.name}: {judgement.why}")
     counts = Counter(judgement.verdict for judgement in judgements)

@@ -18,7 +18,7 @@ from studies.jsbsim.constructs.control import CONSTRUCTS as CONTROL
 from studies.jsbsim.constructs.functions import CONSTRUCTS as FUNCTIONS
 from studies.jsbsim.constructs.jet import SLOTS, jet
 from studies.jsbsim.constructs.named import CONSTRUCTS as NAMED
-from studies.jsbsim.reference import answered
+from studies.jsbsim.reference import responses
 
 ALL: dict[str, dict[str, str]] = {
     f"{kind}: {name}": slots
@@ -56,7 +56,7 @@ class Judgement:
     why: str
 
 
-def judge(
+def compare_constructs(
     names: list[str], folder: Path, constructs: Mapping[str, dict[str, str]] = ALL
 ) -> list[Judgement]:
     """Return the results of comparing constructs with JSBSim, each at two random states.
@@ -81,11 +81,11 @@ def judge(
             if name.startswith("drawn"):
                 point["longest"] = _LONGEST_DRAWN
             items.append({"aircraft": key, "root": str(folder), "point": point})
-    answers = answered(items)
+    answers = responses(items)
     judgements = []
     for number, name in enumerate(names):
         pairs = [(items[i]["point"], answers[i]) for i in (2 * number, 2 * number + 1)]
-        judgements.append(_judged(name, models[name], pairs))
+        judgements.append(_comparison(name, models[name], pairs))
     return judgements
 
 
@@ -114,7 +114,7 @@ def _point(rng: np.random.Generator) -> dict[str, Any]:
     return {"state": state, "commands": commands, "settle": _SECONDS}
 
 
-def _judged(name: str, model: Model | str, pairs: list[tuple[Any, Any]]) -> Judgement:
+def _comparison(name: str, model: Model | str, pairs: list[tuple[Any, Any]]) -> Judgement:
     """Return the result of comparing one construct with JSBSim.
 
     name: name of the construct

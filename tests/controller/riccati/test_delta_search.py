@@ -37,10 +37,10 @@ def test_the_bracket_has_the_requested_width() -> None:
 def test_wrong_refusals_above_a_solution_are_ignored() -> None:
     """The search ignores wrong refusals from 8 to 11.38, because a smaller delta has a solution."""
 
-    def ask(delta: float) -> Answer:
+    def existence_at(delta: float) -> Answer:
         return Answer(False, "rounding") if 8.0 < delta < 11.379426 else truth(delta)
 
-    value, refused, _ = smallest_delta(ask, 20.0, 1e-6)
+    value, refused, _ = smallest_delta(existence_at, 20.0, 1e-6)
     assert refused <= EXACT < value <= refused * (1.0 + 1e-6)
 
 
@@ -49,10 +49,10 @@ def test_the_bracket_contains_undecided_deltas() -> None:
     contains this interval.
     """
 
-    def ask(delta: float) -> Answer:
+    def existence_at(delta: float) -> Answer:
         return Answer(None, "rounding") if 0.4 < delta < 2.0 else truth(delta)
 
-    value, refused, ending = smallest_delta(ask, 20.0, 1e-6)
+    value, refused, ending = smallest_delta(existence_at, 20.0, 1e-6)
     assert 2.0 <= value <= 2.0 * (1.0 + 1e-6)
     assert 0.4 * (1.0 - 1e-6) <= refused <= 0.4
     assert ending == Answer(None, "rounding")
@@ -63,10 +63,10 @@ def test_the_smallest_delta_is_found_despite_undecided_deltas() -> None:
     9.
     """
 
-    def ask(delta: float) -> Answer:
+    def existence_at(delta: float) -> Answer:
         return Answer(None, "rounding") if 1.0 < delta < 9.0 else truth(delta)
 
-    value, refused, _ = smallest_delta(ask, 20.0, 1e-6)
+    value, refused, _ = smallest_delta(existence_at, 20.0, 1e-6)
     assert refused <= EXACT < value <= refused * (1.0 + 1e-6)
 
 

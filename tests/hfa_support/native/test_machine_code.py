@@ -19,7 +19,7 @@ needs_compiler = pytest.mark.skipif(
 @pytest.fixture(autouse=True)
 def cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    generated._say.cache_clear()
+    generated._print_once.cache_clear()
     return generated.cache_folder()
 
 

@@ -11,7 +11,7 @@ from project import ROOT
 import hfa
 from hfa_optimal.initial_conditions import drawn_starts
 from hfa_optimal.search import BestFlights
-from studies.best_flights.__main__ import DEGREES, LIMITS, START, best_beside_policies
+from studies.best_flights.__main__ import DEGREES, LIMITS, START, best_flight_and_policies
 from studies.best_flights.examination import (
     AIRCRAFT,
     independent_cost,
@@ -46,7 +46,7 @@ def test_a_new_search_gives_the_stored_costs(index: int) -> None:
     data = json.loads(STORED.read_text(encoding="utf-8"))
     stored = data["flights"][index]
     linear = hfa.paper.level_model(hfa.aircraft(), np.radians(stored["dihedral_deg"]))
-    best = best_beside_policies(linear, LIMITS[stored["within"]])
+    best = best_flight_and_policies(linear, LIMITS[stored["within"]])
     assert best.cost == pytest.approx(stored["best"]["cost"], rel=0.005)
     lqr, learned, exact = best.policies
     assert learned.cost == pytest.approx(stored["learned_critic"]["cost"], rel=1e-3)

@@ -15,7 +15,7 @@ from hfa_optimal.problem import flight_problem
 from studies.bounds.__main__ import main
 from studies.bounds.aircraft import navion_of_the_tutorial
 from studies.bounds.flexible import FLEXIBLE
-from studies.bounds.flights import FlownAbove, flown_above
+from studies.bounds.flights import CostRatios, cost_ratios
 from trim.point.linearize import linearize
 
 
@@ -23,7 +23,7 @@ def cart(x: Any, u: Any, p: Any, w: Any) -> Any:
     return {"position": u.speed}, {}
 
 
-def costs_over_bound(coefficient: float) -> FlownAbove:
+def costs_over_bound(coefficient: float) -> CostRatios:
     """Return the costs of flights of x' = u with Q = R = 1, compared with the bound W = k x².
 
     The least cost is x².
@@ -35,7 +35,7 @@ def costs_over_bound(coefficient: float) -> FlownAbove:
     still = {"position": 0.0, "speed": 0.0}
     piece = Piece(np.eye(1) / 64.0, Polynomial(1, ((4096.0 * coefficient, (2,)),)), 4096.0)
     bound = CostStatement(plant_of(problem), still, np.eye(1), np.eye(1), (piece,))
-    return flown_above(problem, bound, 500)
+    return cost_ratios(problem, bound, 500)
 
 
 def test_no_flight_costs_less_than_a_bound() -> None:

@@ -10,7 +10,7 @@ import pytest
 from project import ROOT
 
 from studies.gap.__main__ import rows_of
-from studies.gap.judging import SEED, STARTS, Outcome, judged, summary
+from studies.gap.judging import SEED, STARTS, Outcome, flight_results, summary
 from studies.gap.tasks import TASKS, deployment_of
 from studies.gap.training import BUDGETS, Run
 
@@ -79,7 +79,7 @@ def test_stored_results_contain_every_aircraft() -> None:
 def test_new_lqr_simulations_give_the_stored_costs() -> None:
     """New simulations of the LQR on the pendulum give the stored cost ratios."""
     data = json.loads(STORED.read_text(encoding="utf-8"))
-    again = judged(TASKS[0], [])
+    again = flight_results(TASKS[0], [])
     stored = data["aircraft"][0]
     assert again["found"] == stored["found"]
     for which in ("median", "worst"):

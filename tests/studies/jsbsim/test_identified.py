@@ -12,7 +12,7 @@ from hfa import identify
 from studies.jsbsim.identified import (
     CASES,
     begun,
-    flown,
+    jsbsim_flights,
     jsbsim_slopes,
     linear_model,
     own_slopes,
@@ -29,7 +29,7 @@ def test_bands_contain_the_derivatives_of_jsbsim(name: str) -> None:
     times the true value.
     """
     case = CASES[name]
-    point, flights = flown(name, case)
+    point, flights = jsbsim_flights(name, case)
     theirs, ours = jsbsim_slopes(name, point), own_slopes(point)
     model = linear_model(theirs, case.free)
     held = []

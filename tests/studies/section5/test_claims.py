@@ -20,7 +20,7 @@ from studies.section5.claims import (
     NOT_DECIDABLE,
     Claim,
     Evidence,
-    FlightLostError,
+    LeftEnvelopeError,
     check_claim,
     claims_of,
     measure_of,
@@ -184,7 +184,7 @@ def test_measures_use_the_declared_flights_and_names(said: dict[str, Any], value
         evidence = replace(evidence, flown={**evidence.flown, noisy.plan: noisy})
         said = said | {"to": "noise"}
     assert measure_of(said | {"in": group})(evidence, EXACT) == value
-    with pytest.raises(FlightLostError, match=r"5 deg, exact, A - 0\.2 A: lost at 0\.5 s"):
+    with pytest.raises(LeftEnvelopeError, match=r"5 deg, exact, A - 0\.2 A: lost at 0\.5 s"):
         measure_of({"worst": "cost", "in": "every uncertainty"})(
             evidence_of(*TABLES, lost_at=0.5), EXACT
         )

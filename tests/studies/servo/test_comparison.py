@@ -24,7 +24,7 @@ from hfa_servo.design import Actuator
 from hfa_servo.servo_loop import check_margins, servo_loop, servo_margins, servo_plant
 from studies.servo.__main__ import main
 from studies.servo.comparison import CASES, ServoFlight, designed_servo, fly_case, laws_of, rows_of
-from studies.servo.flights import delayed, flown, gust_held, slowest_delayed
+from studies.servo.flights import delayed, gust_held, simulated_flight, slowest_delayed
 from studies.servo.simvfa import reference_servo, simvfa_design
 from studies.unsteady.__main__ import margins as margins_of
 
@@ -163,7 +163,8 @@ def test_the_largest_gust_is_the_limit(published_aircraft: Model) -> None:
     for peak, lost in ((held, False), (held - 1.0, True)):
         gust = OneMinusCosine(150.0, peak, model.point.states.speed, 1.0)
         assert (
-            flown(published_aircraft, model, controller, acting, gust=gust).departure is not None
+            simulated_flight(published_aircraft, model, controller, acting, gust=gust).departure
+            is not None
         ) == lost
 
 

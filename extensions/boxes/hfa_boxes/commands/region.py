@@ -19,7 +19,7 @@ from hfa_boxes.check.statement import BoxStatement, Gain, digest_of
 from hfa_boxes.fields import FIELDS
 from hfa_boxes.interruption import interruptible
 from hfa_boxes.report import NOT_COVERED, checked_report, found_report
-from hfa_boxes.search.region import BoxRegion, RegionSearch, flown
+from hfa_boxes.search.region import BoxRegion, RegionSearch, flight_outcome
 from hfa_proof.subject import Given, compare, within
 from hfa_support.errors import BadInputError
 from hfa_support.files import forget_read
@@ -150,7 +150,7 @@ def prove(
     place = region.bound.place
     flight = None
     if place is not None and region.bound.rises:
-        flight = flown(search.samples, place, region)
+        flight = flight_outcome(search.samples, place, region)
     print_report(
         found_report(region, policy.words, flight, policy.not_covered, settings.reason), request
     )

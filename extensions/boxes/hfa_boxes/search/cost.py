@@ -22,7 +22,7 @@ from hfa_boxes.check.cover import OpenBoxError, RefutedError, SmallestBoxError
 from hfa_boxes.check.equilibrium import Equilibrium, open_rates
 from hfa_boxes.check.piece import Piece, Polynomial
 from hfa_boxes.check.plant import Plant
-from hfa_boxes.search.cost_fit import CostProblem, Fit, Wanted
+from hfa_boxes.search.cost_fit import CostProblem, Fit, TargetFlights
 from hfa_boxes.search.kinks import kink_at
 from hfa_boxes.search.out_of_time import OutOfTimeError
 from hfa_proof.checker.reading import Rejected
@@ -169,7 +169,7 @@ class CostSearch:
                     break
                 self._least_left = (1.0 - _OF_TIME_LEFT) * self._left()
                 try:
-                    proved.append(self._proved(c, self._wanted(proved, c, least)))
+                    proved.append(self._proved(c, self._target_flights(proved, c, least)))
                 except (OpenBoxError, Rejected, OutOfTimeError) as error:
                     stopped = f"the level {c:.4g} is not proved: {error}"
                     continue
@@ -192,7 +192,7 @@ class CostSearch:
         """
         dearest = np.argsort(-self._problem.linear_cost(self.starts[_FLOWN:]))[:_DEAREST]
         z = np.concatenate([self.starts[:_FLOWN], self.starts[_FLOWN + dearest]])
-        return z, self._problem.flown(z)
+        return z, self._problem.saturated_lqr_costs(z)
 
     def _levels(self, proved: Sequence[_Proved]) -> Iterator[tuple[float, float]]:
         """Yield pairs of a level to prove and the lowest flight cost that the fit considers.
@@ -234,7 +234,7 @@ class CostSearch:
             yield (1.0 - self._problem.margin) * float(cost), _NEAR * float(cost)
             tried |= (costs >= _NEAR * cost) & (costs <= cost)
 
-    def _wanted(self, proved: Sequence[_Proved], c: float, least: float) -> Wanted:
+    def _target_flights(self, proved: Sequence[_Proved], c: float, least: float) -> TargetFlights:
         """Return the flights at which the polynomial W of level c is to be large.
 
         Each flight costs at least `least`, and at most c / (1 - margin). The proved bound of its
@@ -246,7 +246,7 @@ class CostSearch:
         is_near = (1.0 - self._problem.margin) * costs <= c * (1.0 + 1e-9)
         is_near &= costs >= least
         poor = is_near & (self._bounds(proved) < self._good * costs)
-        return Wanted(z[poor], costs[poor], _OF_POOR if least else _OF_ALL)
+        return TargetFlights(z[poor], costs[poor], _OF_POOR if least else _OF_ALL)
 
     @property
     def _good(self) -> float:
@@ -277,13 +277,13 @@ class CostSearch:
     def _left(self) -> float:
         return self._seconds - (time.process_time() - self._begin)
 
-    def _tell(self, done: float, whole: float, text: str = "") -> None:
+    def _report(self, done: float, whole: float, text: str = "") -> None:
         if self._left() < self._least_left:
             raise OutOfTimeError("the attempt used half of the remaining time", text, done)
         if self._progress is not None:
             self._progress(done, whole, text)
 
-    def _proved(self, c: float, wanted: Wanted) -> _Proved:
+    def _proved(self, c: float, wanted: TargetFlights) -> _Proved:
         """Return a proved piece of level c.
 
         wanted: flights at which W is to be large
@@ -296,7 +296,7 @@ class CostSearch:
             piece = Piece(fit.M, W, c)
             fitted = time.process_time()
             try:
-                boxes = self._inequality(piece).proved(_ENDLESS, self._tell)
+                boxes = self._inequality(piece).proved(_ENDLESS, self._report)
             except (RefutedError, SmallestBoxError) as error:
                 fit.refuted(error.place)
             else:
@@ -304,7 +304,7 @@ class CostSearch:
             W = fit.fitted()
         raise OpenBoxError(f"{_REFUTED} successive polynomials were refuted", np.zeros(len(fit.M)))
 
-    def _fitted(self, c: float, wanted: Wanted) -> tuple[Fit, Polynomial]:
+    def _fitted(self, c: float, wanted: TargetFlights) -> tuple[Fit, Polynomial]:
         """Return the linear programs for level c and their first polynomial W.
 
         The sampled set is enlarged until the linear programs have a solution.
@@ -314,12 +314,12 @@ class CostSearch:
         Raises OpenBoxError if the largest sampled set gives no solution.
         """
 
-        def tell(programs: int) -> None:
-            self._tell(0.0, 1.0, f"{programs} linear programs")
+        def report(programs: int) -> None:
+            self._report(0.0, 1.0, f"{programs} linear programs")
 
         beyond = self._beyond(c)
         while True:
-            fit = Fit(self._problem, c, wanted, beyond, tell)
+            fit = Fit(self._problem, c, wanted, beyond, report)
             try:
                 return fit, fit.fitted()
             except OpenBoxError:

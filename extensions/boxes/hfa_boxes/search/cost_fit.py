@@ -20,7 +20,7 @@ from hfa_boxes.check.cover import OpenBoxError
 from hfa_boxes.check.equilibrium import Equilibrium
 from hfa_boxes.check.piece import Polynomial
 from hfa_boxes.check.plant import Plant
-from hfa_boxes.search.cost_flights import Inputs, flown_costs, running_cost
+from hfa_boxes.search.cost_flights import Inputs, flight_costs, running_cost
 from hfa_boxes.search.monomials import Monomials
 
 #: Share of the margin that the rows of the linear programs keep.
@@ -86,12 +86,12 @@ class CostProblem:
         x = z + self.equilibrium.x[: z.shape[1]]
         return np.asarray(np.all((low <= x) & (x <= high), axis=1))
 
-    def flown(self, z: np.ndarray) -> np.ndarray:
+    def saturated_lqr_costs(self, z: np.ndarray) -> np.ndarray:
         """Return the costs (N,) of flights from state deviations z (N, n) with the saturated LQR.
 
         The cost is inf for a flight that leaves the envelope or does not converge.
         """
-        return flown_costs(
+        return flight_costs(
             self.inputs,
             (self.Q, self.R, self.P),
             lambda z: np.asarray(2.0 * z @ self.P),
@@ -100,7 +100,7 @@ class CostProblem:
         )
 
 
-class Wanted(NamedTuple):
+class TargetFlights(NamedTuple):
     """Flights at which W is to be large, but at most their cost.
 
     z: initial conditions, (N, n)
@@ -122,22 +122,22 @@ class Fit:
     c: level
     wanted: flights at which W is to be large
     beyond: largest z'P z of samples, relative to c. Further out, W > c is required.
-    tell: called with the number of programs before each linear program. The callback may raise.
+    report: called with the number of programs before each linear program. The callback may raise.
     """
 
     def __init__(
         self,
         problem: CostProblem,
         c: float,
-        wanted: Wanted,
+        wanted: TargetFlights,
         beyond: float,
-        tell: Callable[[int], None],
+        report: Callable[[int], None],
     ) -> None:
         self._problem = problem
         self.c = c
         self._wanted = wanted
         self._beyond = beyond
-        self._tell = tell
+        self._report = report
         self._random = np.random.default_rng(1)
         n = len(problem.P)
         self.M = self._coordinates()
@@ -162,12 +162,12 @@ class Fit:
         if not self._rows:
             z = self._ball(_FIRST)
             self._add(z, self._best_inputs(z))
-            self._add_walls(_FIRST, every=True)
+            self._add_outer_constraints(_FIRST, every=True)
         for _ in range(_TURNS):
-            self._tell(len(self._sides))
+            self._report(len(self._sides))
             self._solve()
             rows, sides = self._violated()
-            has_low_wall = self._add_walls(_FIRST // 3, every=False)
+            has_low_wall = self._add_outer_constraints(_FIRST // 3, every=False)
             if not len(rows) and not has_low_wall:
                 break
             self._rows.append(rows)
@@ -318,7 +318,7 @@ class Fit:
         self._rows.append(rows)
         self._sides.append(sides)
 
-    def _add_walls(self, count: int, *, every: bool) -> bool:
+    def _add_outer_constraints(self, count: int, *, every: bool) -> bool:
         """Add constraints W >= 1.02 c at random points.
 
         The points are within the envelope, in the cube with z'P z > beyond c or on a face of the

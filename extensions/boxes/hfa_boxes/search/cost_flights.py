@@ -93,7 +93,7 @@ class Inputs:
         return v
 
 
-def flown_costs(
+def flight_costs(
     inputs: Inputs,
     weights: tuple[np.ndarray, np.ndarray, np.ndarray],
     gradient: Callable[[np.ndarray], np.ndarray],

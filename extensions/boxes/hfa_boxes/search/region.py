@@ -151,7 +151,7 @@ class RegionSearch:
             self._prove(self._part(shape, 1.0), origin)
             firsts.insert(0, (origin, shape))
         for origin, shape in firsts:
-            growth = Growth(self.samples, shape, self._tell)
+            growth = Growth(self.samples, shape, self._report)
             if self._best is None:
                 self._first_levels(growth, origin)
             self._enlarge(growth)
@@ -299,7 +299,7 @@ class RegionSearch:
         if self._save is not None:
             self._save(region)
 
-    def _tell(self, what: str) -> None:
+    def _report(self, what: str) -> None:
         self._count(0.0, 1.0, what)
 
     def _count(self, done: float, whole: float, text: str = "") -> None:
@@ -327,7 +327,7 @@ class RegionSearch:
             if not np.all(np.linalg.eigvalsh(slope + slope.T) < 0.0):
                 continue
             widths = np.diag(np.linalg.inv(P))
-            widest = float(np.min(self._room**2 / widths))
+            widest = float(np.min(self._limit_distances**2 / widths))
             sampled.append((origin, self._good(Shape.of_matrix(P / widest, self.J, 2), quick=True)))
         if not sampled:
             raise NoSolutionError("no Lyapunov function V decreases near the equilibrium")
@@ -364,7 +364,7 @@ class RegionSearch:
             yield "a sum of squares of modes", (modes.conj().T @ (weights[:, None] * modes)).real
 
     @property
-    def _room(self) -> np.ndarray:
+    def _limit_distances(self) -> np.ndarray:
         """Distances (n,) of the states at the equilibrium from their nearer limits.
 
         Each distance is at most `_WIDEST` nominal values.
@@ -378,7 +378,7 @@ class RegionSearch:
         return np.array([signals[name].nominal for name in self.loop.states])
 
 
-def flown(samples: Samples, place: np.ndarray, region: BoxRegion) -> str:
+def flight_outcome(samples: Samples, place: np.ndarray, region: BoxRegion) -> str:
     """Return a clause on the outcome of a flight that begins at the state deviation `place` (n,).
 
     The flight ends in three cases:

@@ -457,12 +457,12 @@ class Growth:
 
     samples: evaluation of the closed loop
     shape: first V, scaled to the largest set in which samples find no obstacle
-    tell: called with a description before each linear program. The callback may raise.
+    report: called with a description before each linear program. The callback may raise.
     """
 
-    def __init__(self, samples: Samples, shape: Shape, tell: Callable[[str], None]) -> None:
+    def __init__(self, samples: Samples, shape: Shape, report: Callable[[str], None]) -> None:
         self._samples = samples
-        self._tell = tell
+        self._report = report
         self._random = np.random.default_rng(1)
         self._refuted = np.zeros((0, len(shape.M)))
         self._slowest = np.zeros((0, len(shape.M)))
@@ -571,7 +571,7 @@ class Growth:
         mean = basis.at(self._edge(last, 1.0, _FIRST)).mean(axis=0)
         shape = None
         for _ in range(_PROGRAMS):
-            self._tell(f"V of degree {basis.degree}, size {self.shape.size():.4g}")
+            self._report(f"V of degree {basis.degree}, size {self.shape.size():.4g}")
             found = linprog(
                 mean @ unknowns,
                 -np.concatenate(rows) @ unknowns,

@@ -20,8 +20,8 @@ from hfa_flight.options import (
     LawOptions,
     actuators_of,
     actuators_option,
-    card_option,
     controller_option,
+    deployment_option,
     noted_linear_model,
     weights_option,
 )
@@ -62,7 +62,7 @@ class ExportRequest(LawOptions, AircraftOptions, TrimOptions, JsonOption):
     weights: Path | None = weights_option()
     controller: Path | None = controller_option()
     actuators: tuple[float, ...] | None = actuators_option()
-    policy: Path | None = card_option()
+    policy: Path | None = deployment_option()
 
 
 @command(ExportRequest)
@@ -99,7 +99,7 @@ def export(request: ExportRequest) -> int:
     model = request.flown_aircraft()
     point = request.operating_point(model)
     if request.policy is not None:
-        written = _written_card(request, request.policy, model, point, origin)
+        written = _write_deployed_policy(request, request.policy, model, point, origin)
     else:
         is_aircraft_alone = names_no_policy and _is_fmu(request)
         written = _written(request, model, point, origin, with_gain=not is_aircraft_alone)
@@ -128,7 +128,7 @@ def _write_function(request: ExportRequest) -> int:
     return 0
 
 
-def _written_card(
+def _write_deployed_policy(
     request: ExportRequest, card: Path, model: Model, point: OperatingPoint, origin: str
 ) -> list[Path]:
     """Write the command of a deployed policy at one sample as a C function or an FMU.
@@ -175,7 +175,7 @@ def _written(
     linear = noted_linear_model(model, point)
     policy = None
     if controller is None and with_gain:
-        policy = request.flown_policy(linear)
+        policy = request.policy_about(linear)
     if _is_fmu(request):
         steering = None
         if controller is not None:

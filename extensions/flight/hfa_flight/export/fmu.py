@@ -91,7 +91,7 @@ def _source(loop: ExportedLoop, origin: Provenance) -> str:
     unused = "" if loop.outputs else "\n    (void)u;"
     call = f"    loop({', '.join(('y', 'v', *results))});{unused}"
     return (
-        f'/* {comment_lines(_said(origin))} */\n#include "{SETTINGS}"\n\n#include <math.h>\n\n'
+        f'/* {comment_lines(_heading(origin))} */\n#include "{SETTINGS}"\n\n#include <math.h>\n\n'
         f"{c_function(function, 'loop', ('y', 'v'), results)}\n"
         f"void fmu_loop(const double *y, const double *v, double *dy, double *u)\n{{\n{call}\n}}\n"
     )
@@ -113,7 +113,7 @@ def _settings(loop: ExportedLoop, guid: str) -> str:
     )
 
 
-def _said(origin: Provenance) -> str:
+def _heading(origin: Provenance) -> str:
     return f"{origin.text()}\n{origin.command}"
 
 
@@ -131,7 +131,7 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
         fmiVersion="2.0",
         modelName=IDENTIFIER,
         guid=guid,
-        description="; ".join(_said(origin).splitlines()),
+        description="; ".join(_heading(origin).splitlines()),
         version=origin.version,
         generationTool=f"hfa-toolchain {origin.version}",
         generationDateAndTime=origin.date,

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.cost import cost_lost
+from controller.riccati.cost import cost_above_optimum
 from controller.riccati.gare import solve_game
 from hfa_aircraft.model import Model
 from hfa_support.errors import NoSolutionError
-from hfa_support.progress import Progress, told
+from hfa_support.progress import Progress, with_progress
 from hfa_support.reporting.results import Result
 from trim.linear.linear_model import LinearModel
 from trim.point.condition import TrimCondition
@@ -135,7 +135,7 @@ class DrawnAircraft:
     def points(self, progress: Progress | None = None) -> list[OperatingPoint]:
         """Return the trims of the drawn aircraft, without aircraft that have no trim."""
         found = []
-        for model in told(self.models, progress):
+        for model in with_progress(self.models, progress):
             try:
                 found.append(find_operating_point(model, self.condition, self.point))
             except TrimError:
@@ -196,7 +196,7 @@ class DrawnAircraft:
                 unsolved += 1
                 continue
             is_stable = _abscissa(linear.A - linear.B @ K) < 0.0
-            costs.append(cost_lost(drawn, solution, K)[0] if is_stable else np.inf)
+            costs.append(cost_above_optimum(drawn, solution, K)[0] if is_stable else np.inf)
         found = self._loops(K, _abscissa(game.A - game.B @ K), linear_models)
         worst = 100.0 * max(costs, default=np.nan)
         return replace(found, cost_lost_worst_percent=worst, unsolved=unsolved)

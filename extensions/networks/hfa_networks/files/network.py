@@ -23,7 +23,7 @@ from hfa_networks.files.q_function import policy_of
 from hfa_networks.files.state_dict import Squash
 from hfa_networks.files.torch_module import module_network
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError, said_of, shortened
+from hfa_support.errors import BadInputError, prefix_errors, shortened
 from hfa_support.user_warning import warn
 
 #: Kinds of outputs: V, dV/dz, u, and the vector (V, u).
@@ -81,7 +81,7 @@ def from_network(
     parts = _parts(network)
     stored = network_in(source, n, activation, parts, count, m)
     origin = f"network {Path(source).name}: {stored.chain}"
-    with said_of(source):
+    with prefix_errors(source):
         if stored.on_basis is not None:
             return _on_basis(game, stored, functions, scales, parts, origin)
         variants: dict[str, Callable[[], Critic]] = {}

@@ -30,7 +30,7 @@ from hfa_networks.files.state_dict import (
     without_training,
 )
 from hfa_networks.files.tensors import checked_tensors, tensors_in
-from hfa_support.errors import BadInputError, refuse_unknown, said_of, shortened
+from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown, shortened
 from hfa_support.files import regular_file
 
 #: Formats that store the order of the layers.
@@ -120,7 +120,7 @@ def network_in(
     path = Path(path)
     parts = parts or {"": ""}
     suffix = path.suffix.lower()
-    with said_of(path):
+    with prefix_errors(path):
         try:
             if suffix == ".onnx":
                 graph = graph_functions(path, states, inputs, parts)

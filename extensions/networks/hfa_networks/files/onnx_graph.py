@@ -16,7 +16,7 @@ from hfa_networks.files.activations import ACTIVATIONS, on_entries
 from hfa_networks.files.products import Products
 from hfa_networks.files.row_network import RowNetwork
 from hfa_networks.files.tensors import LARGEST_NETWORK, checked_tensors
-from hfa_support.errors import BadInputError, said_of, shortened
+from hfa_support.errors import BadInputError, prefix_errors, shortened
 from hfa_support.files import regular_file
 
 #: Oldest supported ONNX operator set.
@@ -511,7 +511,7 @@ def _constants(
     arrays = {}
     for name, tensor in tensors.items():
         if tensor.data_location == onnx.TensorProto.EXTERNAL:
-            with said_of(f"tensor {shortened(name)!r}"):
+            with prefix_errors(f"tensor {shortened(name)!r}"):
                 arrays[name] = _external(onnx, tensor, folder)
         else:
             arrays[name] = onnx.numpy_helper.to_array(tensor)

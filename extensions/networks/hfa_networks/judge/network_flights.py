@@ -45,7 +45,7 @@ _FARTHEST_REST = 100.0
 Expression = Callable[[ca.SX], ca.SX]
 
 
-class Flown(NamedTuple):
+class FlightResults(NamedTuple):
     """Results of simulations of a network. The fields are named as in the JSON output.
 
     A tested multiple of the box is a power of two. The loop converges from all smaller tested
@@ -77,10 +77,10 @@ class Loop(Protocol):
     """Closed loop of a plant and a policy, for simulation."""
 
     @property
-    def rest(self) -> np.ndarray | None:
+    def equilibrium(self) -> np.ndarray | None:
         """Equilibrium of the loop near z = 0, (n,), or None if none is found."""
 
-    def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
+    def simulate(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
         """Simulate the loop from the initial state `start` (n,).
 
         Returns the end state minus the equilibrium, (n,), and the cost, or None if the loop does
@@ -173,9 +173,9 @@ class InTime:
         z = symbols_for([policy], len(b))
         rates = ca.DM(self._worst) @ z + ca.DM(self._game.B) @ policy(z)
         loop = _FlowLoop(z, rates, self._exact, self.duration, b)
-        if loop.rest is None:
+        if loop.equilibrium is None:
             return loop
-        return loop.with_cost(_cost_of(policy, self._exact.K, self.price, loop.rest))
+        return loop.with_cost(_cost_of(policy, self._exact.K, self.price, loop.equilibrium))
 
 
 class InSteps:
@@ -233,30 +233,34 @@ class InSteps:
         x = symbols_for([policy], len(b))
         B = self._exact.game.B
         after = ca.DM(A) @ x + ca.DM(B) @ policy(x)
-        rest = rest_point(x, after - x, b)
+        equilibrium = newton_equilibrium(x, after - x, b)
         paid = type(x)(0.0)
-        if rest is not None:
-            paid = _cost_of(policy, self._exact.K, price, rest)(x)
+        if equilibrium is not None:
+            paid = _cost_of(policy, self._exact.K, price, equilibrium)(x)
         by_exact = np.linalg.matrix_power(A - B @ self._exact.K, self.steps)
         discount = self._exact.discount
-        return _StepLoop((x, after, paid), self._exact.P, (discount, self.steps), rest, by_exact)
+        return _StepLoop(
+            (x, after, paid), self._exact.P, (discount, self.steps), equilibrium, by_exact
+        )
 
 
 def _radius(matrix: np.ndarray) -> float:
     return float(np.abs(np.linalg.eigvals(matrix)).max())
 
 
-def _cost_of(policy: ca.Function, K: np.ndarray, price: np.ndarray, rest: np.ndarray) -> Expression:
+def _cost_of(
+    policy: ca.Function, K: np.ndarray, price: np.ndarray, equilibrium: np.ndarray
+) -> Expression:
     """Return the cost rate of a policy as the function z -> v' price v.
 
-    v = u(z) + K z - (u(rest) + K rest) is the deviation from the exact policy, minus its value at
-    the equilibrium.
+    v = u(z) + K z - (u(e) + K e) is the deviation from the exact policy, minus its value at the
+    equilibrium e.
 
     K: gain of the exact policy u* = -K z
     price: weight, (m, m)
-    rest: equilibrium of the loop, (n,)
+    equilibrium: equilibrium of the loop, (n,)
     """
-    at_rest = np.array(policy(rest)).ravel() + K @ rest
+    at_rest = np.array(policy(equilibrium)).ravel() + K @ equilibrium
 
     def cost(z: ca.SX) -> ca.SX:
         away = policy(z) + ca.DM(K) @ z - ca.DM(at_rest)
@@ -273,7 +277,7 @@ class _FlowLoop:
     exact: exact solution, whose P measures convergence
     time: duration of a simulation, s
     b: half-widths of the box of states, (n,)
-    rest: equilibrium near z = 0, or None if none is found
+    equilibrium: equilibrium near z = 0, or None if none is found
     """
 
     def __init__(self, z: ca.SX, rates: ca.SX, exact: Exact, time: float, b: np.ndarray) -> None:
@@ -281,7 +285,7 @@ class _FlowLoop:
         self._rates = rates
         self._P = exact.P
         self._time = time
-        self.rest = rest_point(z, rates, b)
+        self.equilibrium = newton_equilibrium(z, rates, b)
         self._bound = self._slopes_of(0.0)
 
     def with_cost(self, running: Expression) -> _FlowLoop:
@@ -301,7 +305,7 @@ class _FlowLoop:
         self._bound()
         return self._bound.results[0]
 
-    def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
+    def simulate(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
         """Simulate the loop from the initial state `start` (n,).
 
         Returns the end state minus the equilibrium, and the cost. The result is None in these
@@ -312,7 +316,7 @@ class _FlowLoop:
         """
         from scipy.integrate import odeint
 
-        if self.rest is None:
+        if self.equilibrium is None:
             return None
         tolerances = {"rtol": 1e-7, "atol": 1e-9 * np.abs(start).max(), "mxstep": STEPS}
         with (
@@ -328,8 +332,8 @@ class _FlowLoop:
             )
         if outcome["message"] != "Integration successful." or not np.all(np.isfinite(end)):
             return None
-        z = end[:-1] - self.rest
-        begin = start - self.rest
+        z = end[:-1] - self.equilibrium
+        begin = start - self.equilibrium
         if z @ self._P @ z > RETURNED * (begin @ self._P @ begin):
             return None
         return z, float(end[-1])
@@ -342,7 +346,7 @@ class _StepLoop:
     P: matrix of V*, (n, n)
     sums: discount factor α and number of steps
     by_exact: matrix of all steps of the exact loop, (n, n)
-    rest: equilibrium near x = 0, or None if none is found
+    equilibrium: equilibrium near x = 0, or None if none is found
     """
 
     def __init__(
@@ -350,7 +354,7 @@ class _StepLoop:
         expressions: tuple[ca.SX, ca.SX, ca.SX],
         P: np.ndarray,
         sums: tuple[float, int],
-        rest: np.ndarray | None,
+        equilibrium: np.ndarray | None,
         by_exact: np.ndarray,
     ) -> None:
         x, after, paid = expressions
@@ -362,22 +366,22 @@ class _StepLoop:
         self._steps = step.fold(steps)
         self._P = P
         self._by_exact = by_exact
-        self.rest = rest
+        self.equilibrium = equilibrium
 
-    def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
+    def simulate(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
         """Simulate the loop from the initial state `start` (n,).
 
         Returns the end state minus the equilibrium, and the cost, or None if the loop does not
         converge. The loop converges if V* about the equilibrium decreases to `RETURNED` times its
         initial value, or to twice the final V* of the exact loop.
         """
-        if self.rest is None:
+        if self.equilibrium is None:
             return None
         end = np.array(self._steps(np.concatenate([start, [0.0, 1.0]]))).ravel()
         if not np.all(np.isfinite(end)):
             return None
-        x = end[:-2] - self.rest
-        begin = start - self.rest
+        x = end[:-2] - self.equilibrium
+        begin = start - self.equilibrium
         by_exact = self._by_exact @ begin
         allowed = max(RETURNED * (begin @ self._P @ begin), 2.0 * (by_exact @ self._P @ by_exact))
         if x @ self._P @ x > allowed:
@@ -385,7 +389,7 @@ class _StepLoop:
         return x, float(end[-2])
 
 
-def rest_point(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | None:
+def newton_equilibrium(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | None:
     """Return the equilibrium z (n,) that Newton's method finds from z = 0, or None.
 
     The result is None without convergence. The iterates must stay within |z_i| <= `_FARTHEST_REST`
@@ -413,16 +417,16 @@ def rest_point(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | None:
     return None
 
 
-def rest_check(rest: np.ndarray | None, b: np.ndarray, limit: float) -> Check:
-    """Return the check of the distance max_i |rest_i| / b_i between equilibrium and trim.
+def equilibrium_check(equilibrium: np.ndarray | None, b: np.ndarray, limit: float) -> Check:
+    """Return the check of the distance max_i |e_i| / b_i between equilibrium and trim.
 
-    rest: equilibrium, (n,), or None if none was found; the distance is then infinite
+    equilibrium: equilibrium, (n,), or None if none was found; the distance is then infinite
     b: half-widths of the box of states, (n,)
     limit: largest distance that passes
     """
-    if rest is None:
+    if equilibrium is None:
         return at_most("rest_point", math.inf, limit, "no equilibrium near trim", kind="rest")
-    distance = float((np.abs(rest) / b).max())
+    distance = float((np.abs(equilibrium) / b).max())
     reason = f"equilibrium {distance:.2g} boxes off trim"
     return at_most("rest_point", distance, limit, reason, kind="rest")
 
@@ -434,7 +438,7 @@ def fly(
     b: np.ndarray,
     flights: int,
     plant: NonlinearPlant | None = None,
-) -> Flown:
+) -> FlightResults:
     """Simulate a network from the box |z_i| <= b_i.
 
     Nothing is simulated if the network has non-finite values or its linear loop is unstable.
@@ -443,10 +447,10 @@ def fly(
     plant: nonlinear plant of a critic in continuous time, or None
     """
     if not critic.finite or not axis.is_stable(critic.K):
-        return Flown()
+        return FlightResults()
     if critic.wide:
         flights = min(flights, _WIDE_FLIGHTS)
-    losses = flown_losses(axis, critic, exact, b, flights)
+    losses = costs_above_optimum(axis, critic, exact, b, flights)
     few = min(FEW, flights)
     loop = axis.loop(critic.policy, b)
     reached = [_reach(loop, b, few)]
@@ -456,10 +460,12 @@ def fly(
         for policy in (critic.policy(z), -ca.DM(exact.K) @ z):
             nonlinear = _FlowLoop(z, plant.closed(z, policy), exact, axis.duration, b)
             reached.append(_reach(nonlinear, b, few))
-    return Flown(flights, float(losses.max()), float(losses.mean()), loop.rest, *reached)
+    return FlightResults(
+        flights, float(losses.max()), float(losses.mean()), loop.equilibrium, *reached
+    )
 
 
-def flown_losses(
+def costs_above_optimum(
     axis: TimeAxis, critic: Critic, exact: Exact, b: np.ndarray, flights: int
 ) -> np.ndarray:
     """Return the cost above V* from each initial condition, in percent of V*, (flights,).
@@ -474,7 +480,7 @@ def flown_losses(
     loop = axis.worst_loop(critic.policy, b)
     losses = []
     for start in starts_in(b, flights):
-        end = loop.returned(start)
+        end = loop.simulate(start)
         if end is None:
             return np.full(flights, math.inf)
         cost = end[1] + end[0] @ remaining @ end[0]
@@ -503,16 +509,16 @@ def _reach(loop: Loop, b: np.ndarray, few: int) -> float:
     few: number of initial conditions for each multiple
     """
 
-    def returns(size: float) -> bool:
-        return all(loop.returned(start) is not None for start in size * starts_in(b, few))
+    def converges(size: float) -> bool:
+        return all(loop.simulate(start) is not None for start in size * starts_in(b, few))
 
     size = 1.0
-    if returns(size):
-        while size < 2.0**DOUBLINGS and returns(2.0 * size):
+    if converges(size):
+        while size < 2.0**DOUBLINGS and converges(2.0 * size):
             size *= 2.0
         return size
     while size > 2.0**-DOUBLINGS:
         size /= 2.0
-        if returns(size):
+        if converges(size):
             return size
     return 0.0

@@ -18,10 +18,10 @@ from hfa_networks.judge.network_bound import Proof, prove
 from hfa_networks.judge.network_flights import (
     DOUBLINGS,
     FEW,
-    Flown,
+    FlightResults,
     TimeAxis,
+    equilibrium_check,
     fly,
-    rest_check,
     starts_in,
 )
 from hfa_support.reporting.checks import Check
@@ -75,7 +75,7 @@ class Findings(NamedTuple):
     errors: list[Check]
     checks: list[Check]
     proof: Proof | None
-    flown: Flown
+    flown: FlightResults
     section: Section
     states: int = STARTS
 
@@ -167,7 +167,7 @@ def findings(
     checks = list(errors)
     flown = fly(axis, critic, exact, b, scope.flights, scope.plant)
     if flown.flights:
-        checks.append(rest_check(flown.rest_point, b, limit))
+        checks.append(equilibrium_check(flown.rest_point, b, limit))
     section = network_section(critic, b, worst, proof, flown)
     return Findings(errors, checks, proof, flown, section)
 
@@ -321,7 +321,11 @@ def _climber(
 
 
 def network_section(
-    critic: Critic, b: np.ndarray, found: tuple[Found, ...], proof: Proof | None, flown: Flown
+    critic: Critic,
+    b: np.ndarray,
+    found: tuple[Found, ...],
+    proof: Proof | None,
+    flown: FlightResults,
 ) -> Section:
     """Return the section of the report on a network.
 
@@ -364,14 +368,14 @@ def network_section(
         "value_at": value,
         **flown._asdict(),
     }
-    return Section((*lines, *_flown_lines(flown)), Details(network=data))
+    return Section((*lines, *_flight_lines(flown)), Details(network=data))
 
 
 def _row(numbers: np.ndarray) -> str:
     return ", ".join(f"{number:.4g}" for number in numbers)
 
 
-def _flown_lines(flown: Flown) -> list[str]:
+def _flight_lines(flown: FlightResults) -> list[str]:
     if not flown.flights:
         return ["No flights: the linear loop is not stable"]
     cost = "not all of them converge"

@@ -17,7 +17,7 @@ from hfa.options.request import OfModel, option
 from hfa.options.trims import AircraftOptions, OutputOptions, TrimOptions, picture_option
 from hfa.output import ProgressLine, show
 from hfa_flight.options import linear_state
-from hfa_support.errors import BadInputError, said_of
+from hfa_support.errors import BadInputError, prefix_errors
 from trim.point.linearize import linearize
 
 if TYPE_CHECKING:
@@ -140,18 +140,18 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         """
         from controller.critic.critic_file import Reading, critic_in
         from controller.riccati.gare import solve_game
-        from hfa_optimal.pilots import card_pilot, critic_pilot, gain_pilot
+        from hfa_optimal.pilots import critic_pilot, deployment_pilot, gain_pilot
 
         flights = search.flights
         pilots = []
         if np.isfinite(game.delta):
             pilots.append(gain_pilot(flights, "exact game policy, saturated", solve_game(game).K))
         if self.weights is not None:
-            with said_of(self.weights):
+            with prefix_errors(self.weights):
                 critic = critic_in(self.weights, game, Reading())
             pilots.append(critic_pilot(flights, f"critic of {self.weights}", critic))
         if self.policy is not None:
-            pilots.append(card_pilot(flights, self.policy))
+            pilots.append(deployment_pilot(flights, self.policy))
         return pilots
 
 

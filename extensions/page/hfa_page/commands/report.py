@@ -24,7 +24,7 @@ from hfa_page.main_job import ASKED, MOST_ASKED, MOST_SWEPT, SWEEP, MainJob, mai
 from hfa_support.errors import BadInputError
 from hfa_support.files import all_or_none, write_text
 from hfa_support.jsonable import jsonable
-from hfa_support.progress import say
+from hfa_support.progress import print_flushed
 from hfa_support.reporting.figure import save
 from hfa_support.reporting.report import Report
 
@@ -125,7 +125,7 @@ def report(request: ReportRequest) -> int:
     lines.append(
         f"Learned critics agree with the exact game solution: {'yes' if job.learned else 'NO'}"
     )
-    say(whole.json() if request.json else "\n".join(lines))
+    print_flushed(whole.json() if request.json else "\n".join(lines))
     return 0 if job.ok else 1
 
 

@@ -98,7 +98,7 @@ def _varied(model: Model, name: str, text: str) -> tuple[float, float]:
     return span(model, name, text)
 
 
-def _card_path(text: str) -> Path:
+def _deployment_path(text: str) -> Path:
     """Return the typed path of a deployment file, or of a file with a critic.
 
     Raises BadInputError if the file is missing or has another suffix.
@@ -114,7 +114,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         "deployment file (observations, actions and timing of a policy), or, with "
         "--sample-time, file with a gain K; several files are compared",
         "DEPLOYMENT.toml",
-        _card_path,
+        _deployment_path,
         names="cards",
         count="+",
     )
@@ -299,7 +299,7 @@ def assess(request: AssessRequest) -> int:
     Exit code 0: the policy holds at every trim and satisfies every --need. Exit code 1: otherwise,
     or if the files of the policy contradict the deployment file."""
     from hfa_identify.draws.report import reported
-    from hfa_policy.assess import judged
+    from hfa_policy.assess import assessment_of
     from hfa_policy.assessment import Assessor
     from hfa_policy.comparison import Comparison
     from hfa_policy.drawn_aircraft import drawn_policy
@@ -336,7 +336,7 @@ def assess(request: AssessRequest) -> int:
     results = []
     for each, changes_of_each in zip(deployed, changes, strict=True):
         assessor = Assessor(each, points, request.samples, request.seed, request.box)
-        found = judged(
+        found = assessment_of(
             assessor,
             needs=request.need,
             changes=changes_of_each,

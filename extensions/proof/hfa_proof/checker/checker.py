@@ -58,7 +58,7 @@ from hfa_proof.checker.witness import (
     TrimBox,
 )
 from hfa_support.arguments import checks_arguments
-from hfa_support.progress import Progress, told
+from hfa_support.progress import Progress, with_progress
 
 #: Bits of a midpoint.
 _PRECISION = 256
@@ -132,7 +132,7 @@ def check_schedule(
     boxes = [("loop", box) for box in witness.loop] + [("modes", box) for box in witness.modes]
     bounds: dict[str, list[Run]] = {"loop": [], "modes": []}
     linear_models = []
-    for name, box in told(boxes, progress):
+    for name, box in with_progress(boxes, progress):
         linear = _linear_model(statement, box.trim)
         if name == "loop":
             least, most = _loop_bounds(statement, linear, box)
@@ -224,7 +224,7 @@ def _check_scheduled_rate(
         "the boxes of the motion", [(flight.low, flight.high)], motion.boxes, _ends_of_cell
     )
     linear_models = []
-    for trim, turn in told(boxes, progress):
+    for trim, turn in with_progress(boxes, progress):
         linear = _linear_model(statement, trim)
         loop = closed_loop(linear, flight.model, statement.controller, statement.actuators)
         P = between(motion.breakpoints, motion.P, trim.low, trim.high)
@@ -312,7 +312,7 @@ def check_models(
     flight = statement.flight
     cells = covering("the cells", [(flight.low, flight.high)], witness.cells, _ends_of_cell)
     linear_models = []
-    for trim, box in told(cells, progress):
+    for trim, box in with_progress(cells, progress):
         linear = linear_model_on(flight, trim)
         exact = solution_on(statement.weights, linear.A, linear.B, box, lowest=1)
         for name, most in interpolation_errors(statement, linear, exact).items():

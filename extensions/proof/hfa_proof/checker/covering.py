@@ -40,7 +40,7 @@ def covering(
         near = [box for box in all_boxes if _meets(box, part)]
         if not near:
             raise Rejected(
-                f"{what} do not cover {_said(stated)}: nothing is proved at {_said(part)}"
+                f"{what} do not cover {_text(stated)}: nothing is proved at {_text(part)}"
             )
         if not any(_holds(box, part) for box in near):
             waiting += [(half, near) for half in _halves(part, near)]
@@ -51,7 +51,7 @@ def _check_ends(what: str, box: Box, coordinates: int) -> None:
     ordered = all(math.isfinite(low) and math.isfinite(high) and low <= high for low, high in box)
     if not (ordered and len(box) == coordinates > 0):
         raise Rejected(
-            f"{what}: each coordinate requires one finite interval, low <= high, but {_said(box)} "
+            f"{what}: each coordinate requires one finite interval, low <= high, but {_text(box)} "
             "is given"
         )
 
@@ -88,7 +88,7 @@ def _halves(part: Box, boxes: Sequence[Box]) -> list[Box]:
     return [[*part[:i], ends, *part[i + 1 :]] for ends in ((least, cut), (cut, most))]
 
 
-def _said(box: Box) -> str:
+def _text(box: Box) -> str:
     sides = []
     for low, high in box:
         sides.append(f"{low:.10g}" if low == high else f"{low:.10g} to {high:.10g}")

@@ -14,7 +14,7 @@ from hfa.options.request import option
 from hfa.options.trims import OutputOptions, called_at, scheduled
 from hfa.output import ProgressLine, print_report
 from hfa_proof.options import family_of, interval_of, refuse_no_certificate
-from hfa_support.errors import BadInputError, said_of
+from hfa_support.errors import BadInputError, prefix_errors
 from hfa_support.files import MATRIX_FILES
 
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ def critic(request: CriticRequest) -> int:
     stated = request.stated()
     game = stated.named.game
     stored = critic_in(request.file, game, Reading(request.basis))
-    with said_of(request.file):
+    with prefix_errors(request.file):
         proof = prove_critic(game, stored, stated.family, stated.value)
     return _shown(stated, proof, str(request.file))
 

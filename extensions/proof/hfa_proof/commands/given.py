@@ -29,7 +29,7 @@ from hfa_proof.checker.statement import (
 from hfa_proof.options import family_of, loop_of_file
 from hfa_proof.search.loops import Intervals
 from hfa_proof.subject import Given
-from hfa_support.errors import BadInputError, NoSolutionError, said_of
+from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 
 if TYPE_CHECKING:
     from hfa.options.games import PlantOptions
@@ -184,7 +184,7 @@ def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, 
         names = PlantNames(model.linear, tuple(model.inputs), model.units(model.linear))
     states = len(statement.weights.Q)
     entries = entries_in(request.weights)
-    with said_of(request.weights):
+    with prefix_errors(request.weights):
         parts = single_parts(entries, names, basis(request.basis or "quadratic", states))
     if "W" in parts:
         if "P" in statement.critic and "P" not in parts:

@@ -31,8 +31,8 @@ from hfa_proof.search.report import (
     SCHEMA,
     Content,
     breakpoint_data,
-    count_said,
-    interval_said,
+    count_text,
+    interval_text,
     schedule_data,
     schedule_parts,
 )
@@ -62,7 +62,7 @@ def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
     parts: list[Part] = []
     flight = getattr(statement, "flight", getattr(statement, "plant", None))
     if isinstance(flight, Flight):
-        description, of_aircraft = _flight_said(flight)
+        description, of_aircraft = _flight_text_and_data(flight)
         parts.append(description)
         data |= of_aircraft
     if isinstance(statement, ScheduleStatement):
@@ -70,11 +70,11 @@ def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
         result = schedule_data(statement, moving)
         data |= {name: result[name] for name in result if name not in ("schema", "statement")}
         parts += schedule_parts(statement, moving, {})
-        lines += _controller_said(statement)
-        what = interval_said(statement.flight)
+        lines += _controller_lines(statement)
+        what = interval_text(statement.flight)
     elif isinstance(statement, GameStatement):
         parts += _game_parts(statement, data)
-        lines += _weights_said(statement.weights)
+        lines += _weights_lines(statement.weights)
         data["game"] = content["weights"]
         data["proved"] = data["closed_loop_hurwitz"] is True
         what = "exact game, the plant of a file"
@@ -87,7 +87,7 @@ def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
             for name, error in statement.errors.items()
         ]
         parts.append(Table(("error of linear interpolation, at most", "bound"), rows))
-        lines += _weights_said(statement.weights)
+        lines += _weights_lines(statement.weights)
         tables = ("breakpoints", "A", "B", "inputs", "K")
         lines.append(
             "tables, SHA-256: "
@@ -96,7 +96,7 @@ def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
         data |= {"error": dict(statement.errors), "nodes": len(statement.breakpoints)}
         data["proved"] = True
         data["game"] = content["weights"]
-        what = f"{len(statement.breakpoints)} models, {interval_said(statement.flight)}"
+        what = f"{len(statement.breakpoints)} models, {interval_text(statement.flight)}"
     origin = "written by hfa {version} on {date}: {command}".format(**verified.written)
     parts += ["\n".join([*lines, f"boxes: {verified.boxes}"]), origin]
     title = qualified(f"{_checked_verdict(statement, data)}: {what}", not_given)
@@ -120,16 +120,16 @@ def _checked_verdict(statement: Statement, data: Content) -> str:
     return "Verified, refuted, the gain does not stabilize"
 
 
-def _flight_said(flight: Flight) -> tuple[str, Content]:
+def _flight_text_and_data(flight: Flight) -> tuple[str, Content]:
     """Return text and data about the aircraft of a statement.
 
     They contain the parameters with their errors, the trims and the limits.
     """
     model = flight.model
-    lines = [_aircraft_said(flight)]
-    lines.append(f"trims at {_values_said(model, flight.imposed)}")
+    lines = [_aircraft_text(flight)]
+    lines.append(f"trims at {_values_text(model, flight.imposed)}")
     for trim in flight.trims:
-        unknowns = _values_said(model, trim.unknowns)
+        unknowns = _values_text(model, trim.unknowns)
         lines.append(f"trim at {trim.breakpoint:.10g} {model.schedule_unit}: {unknowns}")
     limits = [
         f"{name} {' to '.join(model.describe(name, end) for end in ends)}"
@@ -138,7 +138,7 @@ def _flight_said(flight: Flight) -> tuple[str, Content]:
     lines.append(f"limits of the trims: {', '.join(limits) or 'none'}")
     if flight.spread:
         lines.append(f"for all values of {len(flight.spread)} parameters within these half-widths:")
-        lines.append(_values_said(model, flight.spread))
+        lines.append(_values_text(model, flight.spread))
     data: Content = {
         "dynamics": model.name,
         "source": model.extras.source[1],
@@ -158,7 +158,7 @@ def _identity(flight: Flight) -> tuple[str, str] | None:
     return None if flight.model.extras.source[1] else identity_of(flight.parameters)
 
 
-def _aircraft_said(flight: Flight) -> str:
+def _aircraft_text(flight: Flight) -> str:
     model = flight.model
     identity = _identity(flight)
     if identity is not None:
@@ -169,11 +169,11 @@ def _aircraft_said(flight: Flight) -> str:
     return f"{model.title}{source}{numbers}"
 
 
-def _values_said(model: Model, values: Mapping[str, float]) -> str:
+def _values_text(model: Model, values: Mapping[str, float]) -> str:
     return ", ".join(f"{name} {model.describe(name, value)}" for name, value in values.items())
 
 
-def _controller_said(statement: ScheduleStatement) -> list[str]:
+def _controller_lines(statement: ScheduleStatement) -> list[str]:
     """Return lines of text about the size, signals and actuators of the controller."""
     controller: Controller = statement.controller
     lines = [
@@ -204,7 +204,7 @@ def _game_parts(statement: GameStatement, data: Content) -> list[Part]:
         for name, (low, high) in statement.distances.items()
     ]
     least, most = statement.loop
-    count = count_said(Run(0.0, 0.0, least, most))
+    count = count_text(Run(0.0, 0.0, least, most))
     lines = ["open: whether A - B K with the critic's K is Hurwitz"]
     if statement.hurwitz:
         lines = ["A - B K with the critic's K is Hurwitz"]
@@ -225,24 +225,24 @@ def _game_parts(statement: GameStatement, data: Content) -> list[Part]:
         lines.append(f"delta_min is above {at_least(above, 10)}, at most {at_most(value, 10)}")
         modes = Run(0.0, 0.0, *statement.modes)
         count = "" if modes.least == modes.most else "open: the number between them; "
-        lines.append(f"{count}A has {count_said(modes)} unstable modes")
+        lines.append(f"{count}A has {count_text(modes)} unstable modes")
     if statement.decimals:
         lines.append("the distances are valid for every number that rounds to the stored doubles")
     if isinstance(statement.plant, Plant):
         for name, values in vars(statement.plant).items():
-            lines.append(f"{name} = {_matrix_said(values)}")
+            lines.append(f"{name} = {_matrix_text(values)}")
     for name, values in statement.critic.items():
-        lines.append(f"critic's {name} = {_matrix_said(values)}")
+        lines.append(f"critic's {name} = {_matrix_text(values)}")
     table = Table(("|X - X*| / |X*|, X* of the exact game", "at least", "at most"), rows)
     return [table, "\n".join(lines)]
 
 
-def _weights_said(weights: Weights) -> list[str]:
-    lines = [f"{name} = {_matrix_said(getattr(weights, name))}" for name in "QRE"]
+def _weights_lines(weights: Weights) -> list[str]:
+    lines = [f"{name} = {_matrix_text(getattr(weights, name))}" for name in "QRE"]
     return [*lines, f"delta = {weights.delta:.10g}"]
 
 
-def _matrix_said(values: np.ndarray) -> str:
+def _matrix_text(values: np.ndarray) -> str:
     """Return a matrix as short text: "I", its diagonal, or its size and SHA-256."""
     diagonal = np.diag(values)
     if values.shape[0] == values.shape[1] and np.array_equal(values, np.diag(diagonal)):

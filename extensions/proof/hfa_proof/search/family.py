@@ -216,7 +216,7 @@ class TrimSearch:
         self._equations = equations_of(self.flight, self.measured)
         self._rows = self._equations.moving_rows
         self._linear_models: dict[Box, LinearModelBox] = {}
-        self._refuse_what_nothing_balances(low)
+        self._refuse_unbalanced(low)
 
     def linear_model(self, box: Box) -> LinearModelBox:
         """Return the linear model that the checker proves on a box.
@@ -229,7 +229,7 @@ class TrimSearch:
             self._linear_models[box] = linear_model_on(self.flight, trim, self.measured)
         return self._linear_models[box]
 
-    def _refuse_what_nothing_balances(self, low: float) -> None:
+    def _refuse_unbalanced(self, low: float) -> None:
         """Raise BadInputError if an equation that depends on no unknown is not satisfied at a trim.
 
         low: scheduling value of the trim

@@ -35,7 +35,7 @@ def find_line(A: TaylorModel, rate: float = 0.0) -> tuple[int, Line] | None:
     return None
 
 
-def lines_beside_the_axis(A: TaylorModel) -> list[Line]:
+def lines_near_axis(A: TaylorModel) -> list[Line]:
     """Return lines Re λ = -rate proved to contain no eigenvalue of A, with their matrices H.
 
     The list contains the nearest line found on each side of the imaginary axis, at most one per
@@ -71,7 +71,7 @@ def bounds_of_modes(A: TaylorModel) -> tuple[tuple[int, int], list[Line]]:
         return (count, count), [line]
     least = 0
     most = A.parts[0].nrows()
-    lines = lines_beside_the_axis(A)
+    lines = lines_near_axis(A)
     for line in lines:
         at_least, at_most = least_and_most(A, line)
         least = max(least, at_least)

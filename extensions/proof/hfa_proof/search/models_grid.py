@@ -37,7 +37,7 @@ from hfa_proof.search.results import InterpolatedModels
 from hfa_proof.search.solution_proof import weights_of
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError
-from hfa_support.progress import Progress, told
+from hfa_support.progress import Progress, with_progress
 
 #: Factors on the Newton step for the reach of the solution, tried in order. A small reach gives a
 #: sharp bound but may be too small for a proof.
@@ -121,7 +121,7 @@ def prove_models(
     grid = GridSearch(family, low, high, tolerance)
     count = max(1, round((high - low) / (_CELL * family.step)))
     edges = np.linspace(low, high, count + 1).tolist()
-    for box in told([Box(*ends) for ends in pairwise(edges)], progress):
+    for box in with_progress([Box(*ends) for ends in pairwise(edges)], progress):
         grid.add(box)
     ends, errors = grid.coarsest()
     statement = replace(grid.tables(ends), errors=errors)

@@ -139,7 +139,7 @@ def proof_report(statement: Statement, data: Content) -> Report:
     """
     if isinstance(statement, ScheduleStatement):
         moving = {"dihedral_rate_deg_s", "scheduled_rate"} & data.keys()
-        title = f"every {interval_said(statement.flight)}, {statement.flight.model.title}"
+        title = f"every {interval_text(statement.flight)}, {statement.flight.model.title}"
         parts = schedule_parts(statement, bool(moving), data)
         return Report(f"{_verdict(statement, bool(moving))}: {title}", parts, data=data)
     if isinstance(statement, GameStatement):
@@ -182,7 +182,7 @@ def schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) ->
     parts.append(_not_covered(statement))
     for name, runs in (("loop", statement.loop), ("aircraft A", statement.modes)):
         heading = (f"{name}: {variable}, {unit}", "unstable modes")
-        parts.append(Table(heading, [(_span(run), count_said(run)) for run in runs]))
+        parts.append(Table(heading, [(_span(run), count_text(run)) for run in runs]))
     return parts
 
 
@@ -198,13 +198,13 @@ def _loop_sentences(statement: ScheduleStatement, stable: bool, data: Content) -
     lines = []
     for run in statement.loop:
         if run.least > 0:
-            modes = f"{count_said(run)} unstable modes"
+            modes = f"{count_text(run)} unstable modes"
             lines.append(f"the loop has {modes} at every {every} from {_span(run)} {unit}")
     for run in statement.loop:
         if run.least == 0 < run.most:
             lines.append(f"open: the loop from {_span(run)} {unit}")
     if stable:
-        what = _what_is_stable(statement)
+        what = _stable_loop_clause(statement)
         lines.append(f"the trim exists within its limits and {what} at every {every}")
     if len(flight.trims) != 1:
         starts = ", ".join(f"{trim.breakpoint:.10g}" for trim in flight.trims[:4])
@@ -220,7 +220,7 @@ def _loop_sentences(statement: ScheduleStatement, stable: bool, data: Content) -
     return lines
 
 
-def _what_is_stable(statement: ScheduleStatement) -> str:
+def _stable_loop_clause(statement: ScheduleStatement) -> str:
     """Return a clause on the loop that is proved stable."""
     if statement.actuators is not None:
         return "the loop through the actuators is stable"
@@ -249,7 +249,7 @@ def _span(run: Run) -> str:
     return f"{run.low:.10g} to {run.high:.10g}"
 
 
-def count_said(run: Run) -> str:
+def count_text(run: Run) -> str:
     """Return the number of unstable modes as text, such as "2" or "0 to 2".
 
     The second form is used if only bounds are proved.
@@ -315,7 +315,7 @@ def _solution_parts(data: Content, states: tuple[str, ...]) -> list[Part]:
         ("relative radius about the printed P", at_most(data["relative_radius"], 3)),
         ("delta_min", bracket),
         ("relative width of the bracket", width),
-        ("unstable modes of A", count_said(Run(0.0, 0.0, least_modes, most_modes))),
+        ("unstable modes of A", count_text(Run(0.0, 0.0, least_modes, most_modes))),
     ]
     states = states or numbered("z", len(data["P"]))
     return [
@@ -384,7 +384,7 @@ def _entries(statement: ModelsStatement) -> list[tuple[Any, ...]]:
     return rows
 
 
-def interval_said(flight: Flight) -> str:
+def interval_text(flight: Flight) -> str:
     """Return the interval of scheduling values as text, such as "dihedral from 5 to 15 deg"."""
     unit = flight.model.schedule_unit
     return f"{flight.model.schedule} from {flight.low:g} to {flight.high:g} {unit}"

@@ -33,13 +33,13 @@ from hfa_proof.checker.trims import LinearModelBox, Rejected
 from hfa_proof.checker.witness import trim_content
 from hfa_proof.search.certificate import CertificateFile, Content, Proof
 from hfa_proof.search.family import Box, Family, TrimSearch, bisected
-from hfa_proof.search.lines import find_line, lines_beside_the_axis
+from hfa_proof.search.lines import find_line, lines_near_axis
 from hfa_proof.search.loops import Loop, loop_of_schedule
 from hfa_proof.search.report import breakpoint_data, gaps, joined, schedule_data
 from hfa_proof.search.uncertain_loop import find_pieces
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
-from hfa_support.progress import Progress, told
+from hfa_support.progress import Progress, with_progress
 
 #: Widths of the narrowest boxes, in steps of the family; narrower parts remain open. They are
 #: larger with errors of parameters or actuators, which do not decrease with the box.
@@ -220,7 +220,7 @@ class ScheduleSearch:
     def _bound(self, box: Box) -> None:
         with suppress(Undecided, Rejected):
             linear = self.linear_model(box)
-            for line in lines_beside_the_axis(linear.A):
+            for line in lines_near_axis(linear.A):
                 least, most = least_and_most(linear.A, line)
                 content = trim_content(linear.trim) | vars(line)
                 self.boxes["modes"].append(ProvedBox(box, least, most, line.rate, content))
@@ -404,7 +404,7 @@ class MotionSearch:
         """
         narrowest = _NARROWEST_MOVING * self._search.family.step
         proved: list[Content] = []
-        for whole in told(self._boxes, progress):
+        for whole in with_progress(self._boxes, progress):
             for _, content in bisected([whole], partial(self._prove, rate), narrowest):
                 if content is None:
                     return []

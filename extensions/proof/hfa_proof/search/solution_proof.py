@@ -290,7 +290,7 @@ def prove_delta_min(
     guess = math.sqrt(in_doubles.value * in_doubles.refused)
     bracket = _first_bracket(exact, guess, progress)
     while bracket is not None and bracket.value - bracket.refused > WIDTH * bracket.value:
-        _tell(progress, "narrowing delta_min")
+        _report(progress, "narrowing delta_min")
         middle = math.sqrt(bracket.value * bracket.refused)
         game = exact.with_delta(middle)
         if game.has_value():
@@ -306,14 +306,14 @@ def prove_delta_min(
 def _first_bracket(exact: ExactGame, middle: float, progress: Progress | None) -> Bracket | None:
     value = None
     for distance in _DISTANCES:
-        _tell(progress, "bounding delta_min from above")
+        _report(progress, "bounding delta_min from above")
         if exact.with_delta(middle * (1.0 + distance)).has_value():
             value = middle * (1.0 + distance)
             break
     if value is None:
         return None
     for distance in _DISTANCES:
-        _tell(progress, "bounding delta_min from below")
+        _report(progress, "bounding delta_min from below")
         refused = middle * (1.0 - distance)
         why = exact.with_delta(refused).why_no_value()
         if why is not None:
@@ -321,7 +321,7 @@ def _first_bracket(exact: ExactGame, middle: float, progress: Progress | None) -
     return None
 
 
-def _tell(progress: Progress | None, what: str) -> None:
+def _report(progress: Progress | None, what: str) -> None:
     """Call the progress function, if there is one, with the current step."""
     if progress is not None:
         progress(0, 1, what)
@@ -354,11 +354,11 @@ def prove_solution(
     >>> hfa.prove_solution(game).proved
     True
     """
-    _tell(progress, "solving in doubles")
+    _report(progress, "solving in doubles")
     P = solve_game(game).P
-    _tell(progress, "enclosing the linear model")
+    _report(progress, "enclosing the linear model")
     exact = ExactGame.of(game, family, scheduling_value)
-    _tell(progress, "enclosing the solution")
+    _report(progress, "enclosing the solution")
     exact.solution()
     box, solution = exact.solution(decimals=True)
     A, B = exact.wide

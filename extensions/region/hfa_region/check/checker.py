@@ -33,7 +33,7 @@ from hfa_region.check.polynomial import Polynomial, power_of_length
 from hfa_region.check.positivity import Evidence, check_positive
 from hfa_region.check.statement import RegionStatement
 from hfa_region.check.witness import ANY, BALL, EDGE, LEVEL, OUTSIDE, Part, RegionWitness
-from hfa_support.progress import Progress, told
+from hfa_support.progress import Progress, with_progress
 
 #: Bits of a midpoint.
 PRECISION = 192
@@ -69,7 +69,7 @@ def check_region(
         what = f"empty {_named(part)}"
         constraints = inside | limits_of(loop, part.inputs)
         check_positive(what, nothing, constraints, part.evidence, loop.n)
-    for part in told(list(witness.parts), progress):
+    for part in with_progress(list(witness.parts), progress):
         degree = min(2 * part.evidence.main.high, loop.order + 1)
         lowest = loop.decrease(part.inputs).lowest(loop.n, degree - degree % 2)
         constraints = where | limits_of(loop, part.inputs)

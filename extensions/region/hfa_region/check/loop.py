@@ -63,7 +63,7 @@ class Equilibrium:
         self.u = self._inputs(self.x)
         self._check_near()
 
-    def room(self, name: str) -> tuple[arb | None, arb | None]:
+    def limit_distances(self, name: str) -> tuple[arb | None, arb | None]:
         """Return the distances of an input at the equilibrium from its lower and upper limit.
 
         A distance is None if there is no such limit.
@@ -140,7 +140,7 @@ class Equilibrium:
                     f"{name} at the equilibrium differs from the value in the certificate"
                 )
         for name in self.loop.inputs:
-            for room in self.room(name):
+            for room in self.limit_distances(name):
                 if room is not None and not room > 0:
                     raise Rejected(
                         f"{name} is not proved to be within its limits at the equilibrium"
@@ -239,7 +239,7 @@ class RegionLoop:
         """
         index = list(self.statement.loop.inputs).index(name)
         most = sum(self.command(index).norms(), arb(0))
-        low, high = self.equilibrium.room(name)
+        low, high = self.equilibrium.limit_distances(name)
         return (
             low is not None and not most < low,
             high is not None and not most < high,
@@ -258,7 +258,7 @@ class RegionLoop:
         name: name of the input
         """
         index = list(self.statement.loop.inputs).index(name)
-        low, high = self.equilibrium.room(name)
+        low, high = self.equilibrium.limit_distances(name)
         one = Polynomial.constant(arb(1))
         below = None if low is None else one + self.command(index).scaled(1 / low)
         above = None if high is None else one - self.command(index).scaled(1 / high)

@@ -13,7 +13,7 @@ from hfa_boxes.check.statement import Gain
 from hfa_boxes.commands.region import ProvedPolicy, SearchSettings, check, prove
 from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
-from hfa_support.errors import BadInputError, NoSolutionError, said_of
+from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
@@ -141,15 +141,15 @@ def _policy_of(request: RegionRequest) -> tuple[LinearModel, ProvedPolicy, Game]
     named = request.game()
     assert named.linear is not None
     if request.policy is not None:
-        return named.linear, card_policy(request.policy, named.linear), named.game
+        return named.linear, deployment_policy(request.policy, named.linear), named.game
     assert request.weights is not None
-    with said_of(request.weights):
+    with prefix_errors(request.weights):
         critic = critic_in(request.weights, named.game, request.reading())
     known = [] if critic.P is None else [("P of the critic", critic.P)]
     return named.linear, ProvedPolicy(critic.policy, critic.origin, known), named.game
 
 
-def card_policy(path: Path, linear: LinearModel) -> ProvedPolicy:
+def deployment_policy(path: Path, linear: LinearModel) -> ProvedPolicy:
     """Return the policy of a deployment file, applied in continuous time.
 
     path: deployment file

@@ -11,7 +11,7 @@ import numpy as np
 
 from hfa_proof.checker.reading import Terms
 from hfa_region.check.statement import HIGHEST_POLICY
-from hfa_support.errors import BadInputError, NoSolutionError, said_of
+from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 from trim.linear.linear_model import LinearModel
 from trim.point.linearize import linearize
 
@@ -130,7 +130,7 @@ def loop_of(
     if request.weights is not None:
         from controller.critic.critic_file import Reading, critic_in
 
-        with said_of(request.weights):
+        with prefix_errors(request.weights):
             critic = critic_in(request.weights, named.game, Reading(request.basis))
             policy = policy_terms(critic, named.linear.inputs)
         return named.linear, critic.K, critic.P, policy

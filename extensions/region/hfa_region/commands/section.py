@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from hfa.output import ProgressLine
-from hfa_support.errors import BadInputError, NoSolutionError, said_of
+from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 from hfa_support.reporting.report import Report
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def with_region(
             "give one critic, or remove --region"
         )
     critic = verdicts[0].critic
-    with said_of("--region"):
+    with prefix_errors("--region"):
         policy = policy_terms(critic, named.linear.inputs)
     loop = saturated_loop(named.linear, critic.K, policy)
     try:

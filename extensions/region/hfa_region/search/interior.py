@@ -175,7 +175,7 @@ class _Cone:
         product = self.Q @ dZ @ self.inverse
         return np.asarray(-(product + product.T) / 2)
 
-    def room(self) -> tuple[float, float]:
+    def longest_steps(self) -> tuple[float, float]:
         """Return the longest steps that keep Q and Z positive semidefinite."""
         return _longest(self.root_Q, self.dQ), _longest(self.root_Z, self.dZ)
 
@@ -328,7 +328,7 @@ class _Search:
 
         share: factor on the longest steps that keep the matrices positive semidefinite
         """
-        rooms = np.array([cone.room() for cone in self._cones])
+        rooms = np.array([cone.longest_steps() for cone in self._cones])
         to_edge = share * rooms.min(axis=0)
         return min(1.0, float(to_edge[0])), min(1.0, float(to_edge[1]))
 

@@ -133,7 +133,7 @@ class LevelSearch:
             self._decreases[key] = self.ball.decrease(part)
         return self._decreases[key]
 
-    def rest(self, part: Mapping[str, str]) -> Terms:
+    def remainder_term(self, part: Mapping[str, str]) -> Terms:
         """Return the term c |y|^degree that `target` subtracts instead of higher terms.
 
         The term bounds the terms of higher degree and the remainder.

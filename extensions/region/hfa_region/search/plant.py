@@ -93,7 +93,7 @@ class Plant:
         return np.asarray(rows[[self._signals.index(name) for name in self.limited]])
 
     @cached_property
-    def room(self) -> np.ndarray:
+    def permitted_deviations(self) -> np.ndarray:
         """Lowest and highest permitted deviation of each signal in `limited`, (k, 2)."""
         at = dict(zip(self._signals, (*self.loop.trim.values(), *self._outputs[0]), strict=True))
         pairs = [np.array(self.loop.limits[name]) - at[name] for name in self.limited]
@@ -174,7 +174,7 @@ class Plant:
         Outputs are linearized at the trim.
         """
         signals = z @ self.limited_rows.T
-        low, high = self.room.T
+        low, high = self.permitted_deviations.T
         return ~np.all((signals >= low) & (signals <= high), axis=1)
 
     def away(self, z: np.ndarray) -> np.ndarray:

@@ -184,7 +184,7 @@ class RegionSearch:
     def _left(self) -> float:
         return self._seconds - (time.process_time() - self._begin)
 
-    def _tell(self, what: str) -> None:
+    def _report(self, what: str) -> None:
         """Call the progress function with the current step.
 
         If the function raises KeyboardInterrupt, the remaining time of the search is set to 0.
@@ -241,7 +241,7 @@ class RegionSearch:
         """
         inverse = np.linalg.inv(P)
         rows = np.vstack([self.plant.limited_rows, np.eye(self._n)])
-        nearest = np.min(np.abs(self.plant.room), axis=1)
+        nearest = np.min(np.abs(self.plant.permitted_deviations), axis=1)
         room = np.concatenate([nearest, _WIDEST * self.plant.nominal])
         widths = np.einsum("ki,ij,kj->k", rows, inverse, rows)
         level = float(np.min(room**2 / widths)) * (1.0 - 1e-9)
@@ -255,7 +255,7 @@ class RegionSearch:
         origin: description of V
         setting: degrees of the proof
         """
-        self._tell(f"proving {origin}")
+        self._report(f"proving {origin}")
         return self._kept(proved_level(self.loop, V, rho, setting, V.coordinates()), V, origin)
 
     def _kept(self, proved: ProvedLevel | None, V: PolynomialFunction, origin: str) -> float:
@@ -287,7 +287,9 @@ class RegionSearch:
             return V
         for reach in setting.reaches:
             while self._left() > _TURNS_OF_A_PROOF * turn.seconds:
-                found = better(turn.search, self.plant.limited_rows, self.plant.room, reach)
+                found = better(
+                    turn.search, self.plant.limited_rows, self.plant.permitted_deviations, reach
+                )
                 after = None if found is None else self._turn(found, setting, turn.size)
                 if after is None:
                     break
@@ -324,7 +326,7 @@ class RegionSearch:
                     continue
             except NoSolutionError:  # not enclosed on such a large ball
                 continue
-            self._tell(f"V of degree {setting.degree}, size {size:.4g}")
+            self._report(f"V of degree {setting.degree}, size {size:.4g}")
             self._turns.append(tried)
             return _Turn(tried, search, size, time.process_time() - begin)
         return None
@@ -351,7 +353,7 @@ class RegionSearch:
         statement = proved.statement
         V = PolynomialFunction.of_terms(statement.terms)
         T = np.array(proved.witness["T"])
-        self._tell("what bounds it")
+        self._report("what bounds it")
         rises = first_rise(self.plant, V, V.slope, 2.0 * T)
         return Region(
             proved,
@@ -423,18 +425,18 @@ def bounds_of(
     generator = np.random.default_rng(1)
     directions = generator.normal(size=(_RAYS, len(T)))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    found = gone_starts(plant, V, rho, T, directions @ T.T)
+    found = starts_by_outcome(plant, V, rho, T, directions @ T.T)
     nearest = {}
     for outcome, starts in found.items():
         values = V(starts)
         nearest[outcome] = (float(values.min()), starts[values.argmin()])
     points = edge_points(V, T, rho) @ T.T @ plant.limited_rows.T
-    low, high = plant.room.T
+    low, high = plant.permitted_deviations.T
     near = (points.min(axis=0) <= _TOUCHES * low) | (points.max(axis=0) >= _TOUCHES * high)
     return Bounds(rises, nearest, tuple(np.array(plant.limited)[near].tolist()))
 
 
-def gone_starts(
+def starts_by_outcome(
     plant: Plant, V: PolynomialFunction, rho: float, T: np.ndarray, rays: np.ndarray
 ) -> dict[Outcome, np.ndarray]:
     """Return outcome -> initial conditions (k, n) from which simulations have this outcome.
@@ -465,7 +467,7 @@ def gone_starts(
         found = found.reshape(shells.shape)
         gone = found >= Outcome.LEFT
         kinds = found[gone.argmax(axis=0), np.arange(len(rays))][gone.any(axis=0)]
-        rays, low, high = _first_lost(rays, low, shells, gone)
+        rays, low, high = _first_not_converging(rays, low, shells, gone)
         if not len(rays):
             break
     first = np.asarray(high[:, None] * rays)
@@ -474,7 +476,7 @@ def gone_starts(
     return {kind: starts for kind, starts in of_kind.items() if len(starts)}
 
 
-def _first_lost(
+def _first_not_converging(
     rays: np.ndarray, low: np.ndarray, shells: np.ndarray, gone: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the rays with a factor that fails to converge, and two factors for each of these rays.

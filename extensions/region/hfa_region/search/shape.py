@@ -109,7 +109,7 @@ class _Step:
         multiplier = evidence["multipliers"][LEVEL]
         sigma = _square(self.n, low, multiplier["degrees"][1], np.array(multiplier["gram"]))
         sigma = sigma.scaled(scale)
-        identity.constants += [sigma.scaled(-1.0), search.rest(part).scaled(-scale)]
+        identity.constants += [sigma.scaled(-1.0), search.remainder_term(part).scaled(-scale)]
         for key, value in zip(sigma.keys.tolist(), sigma.values.tolist(), strict=True):
             problem.add(identity, self.keys + key, self.theta, np.full(len(self.keys), value))
         problem.subtract(identity, low, half)
