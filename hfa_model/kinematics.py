@@ -226,9 +226,9 @@ def _is_still(wind: Wind) -> bool:
 
 
 def _forward(x: State[Quantity], wind: Wind) -> Quantity:
-    """Return the forward component of the airspeed of the center of mass, in body axes, ft/s.
+    """Return the forward component of the velocity of the center of mass relative to the air, ft/s.
 
-    The component is V cos α - w sin θ + h cos θ.
+    The component is V cos α - w sin θ + h cos θ in body axes, with the speed V over ground.
 
     x: states
     wind: updraft w and headwind h
@@ -239,9 +239,10 @@ def _forward(x: State[Quantity], wind: Wind) -> Quantity:
 
 
 def _downward(x: State[Quantity], wind: Wind) -> Quantity:
-    """Return the downward component of the airspeed of the center of mass, in body axes, ft/s.
+    """Return the downward component of the velocity of the center of mass relative to the air,
+    ft/s.
 
-    The component is V sin α + w cos θ + h sin θ.
+    The component is V sin α + w cos θ + h sin θ in body axes, with the speed V over ground.
 
     x: states
     wind: updraft w and headwind h
@@ -252,9 +253,10 @@ def _downward(x: State[Quantity], wind: Wind) -> Quantity:
 
 
 def _hinge_descent(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> Quantity:
-    """Return the downward component of the airspeed of a hinge, in body axes, ft/s.
+    """Return the downward component of the velocity of a hinge relative to the air, ft/s.
 
-    w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ, with the span s of a panel.
+    In body axes, it is w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ, with the speed V over
+    ground and the span s of a panel.
 
     x: states
     p: parameters

@@ -29,7 +29,7 @@ _END = "<!-- end of the sums -->"
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the study and return 0, or return 2 if the package jsbsim is not installed.
 
-    The results and the page are written to files.
+    The results are written to results.json, and a summary to README.md.
     """
     parser = argparse.ArgumentParser("python -m studies.jsbsim", description=__doc__)
     parser.add_argument("--only", action="append", default=[], metavar="NAME")

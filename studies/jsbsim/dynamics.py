@@ -1,9 +1,9 @@
 """A and B, thrust and responses of JSBSim aircraft, compared with JSBSim.
 
 A and B are compared with finite differences of JSBSim's accelerations. Thrust is compared at five
-throttle settings. The response to an elevator pulse is compared after 10 s. The command
+throttle settings, and the response to an elevator pulse after 10 s. The command
 `python -m studies.jsbsim.dynamics [NAME ...]` prints a line for each aircraft. In both programs,
-propellers and governors are in equilibrium at each state. A and B therefore contain only the other
+propellers and governors are in equilibrium at each state, so that A and B contain only the other
 states.
 """
 

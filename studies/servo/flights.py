@@ -182,9 +182,9 @@ def slowest_delayed(
 
 
 def requirements(aircraft: Model, controller: ScheduledController) -> Report:
-    """Return a report of the required and the reached values of a servo controller.
+    """Return a report of the required and the achieved values of a servo controller.
 
-    The values are margins, gusts, and the effects of a biased gyro and noisy sensors.
+    The report covers margins, gusts, and the effects of a biased gyro and noisy sensors.
     """
     degrees = np.arange(21.0)
     single = check_margins(aircraft, controller, np.radians(degrees), (2.0, 10.0)).single

@@ -189,7 +189,7 @@ def test_modes_of_the_navion_agree_with_nelson(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_the_gtm_has_the_published_trim() -> None:
-    """The GTM has the published trim within 1 %, and the load factor 1 in level flight."""
+    """The trim of the GTM agrees with the published values within 1 %. The load factor is 1."""
     point = trimmed(GTM)
     computed = [point.values[name] for name in ("alpha", "elevator", "throttle")]
     np.testing.assert_allclose(computed, [0.04924, 0.04892, 14.33], rtol=0.01)

@@ -195,7 +195,7 @@ class Expressions(NamedTuple):
     error: (k,), x - x_d
     inputs: (m,), inputs of the plant, as deviations from trim
     winds: disturbances of the model that the scenario sets, in the order of `wind_names`
-    angle: (1,), deviation of the angle of attack through the air, or (0,) if it equals that of
+    angle: (1,), deviation of the angle of attack relative to the air, or (0,) if it equals that of
       alpha
     command: (m,), command of the policy
     measured: (n,), states of the plant with sensor noise

@@ -1,7 +1,7 @@
 """Envelope of a flight, first departure from the envelope, and inputs beyond their control limits.
 
 An envelope consists of `trim.limits.Limits` on the states of a model. In moving air, the limits of
-alpha apply to the angle of attack through the air.
+alpha apply to the angle of attack relative to the air.
 """
 
 from __future__ import annotations

@@ -104,7 +104,7 @@ def _draw_state(axes: Axes, result: Flight, index: int) -> None:
     """Draw one state over time in a panel, as absolute values.
 
     The panel shows the reference, the linear prediction, the nonlinear flight and the envelope. In
-    moving air, the panel of alpha also shows the angle of attack through the air.
+    moving air, the panel of alpha also shows the angle of attack relative to the air.
 
     index: index of the state
     """

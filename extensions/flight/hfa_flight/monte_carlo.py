@@ -45,7 +45,7 @@ KEPT = {
     "flown": ("time inside the envelope", "s"),
     "rms_error": ("root mean square error over that time, without noise", "error_state"),
     "peak_error": ("largest error, over ground", "error_state"),
-    "peak_angle_of_attack": ("largest angle of attack through the air, from trim", "rad"),
+    "peak_angle_of_attack": ("largest angle of attack relative to the air, from trim", "rad"),
     "effort": ("root mean square from trim", "input"),
     "lowest_input": ("lowest value inside the envelope", "input"),
     "highest_input": ("highest value inside the envelope", "input"),

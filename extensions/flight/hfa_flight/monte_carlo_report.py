@@ -147,7 +147,8 @@ def quantiles(model: Model, read: Read, inside: np.ndarray) -> dict[str, Any]:
 def _quantile_table(plan: MonteCarlo, found: MemberSummary) -> Table:
     """Return a table with one row for each variable of each quantity.
 
-    In moving air, a row for the angle of attack through the air is added if the model outputs it.
+    In moving air, a row for the angle of attack relative to the air is added if the model outputs
+    this angle.
     """
     shown: dict[str, Any] = {
         "rms error": found.rms_error,

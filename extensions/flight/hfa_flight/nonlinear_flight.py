@@ -283,7 +283,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def angles_of_attack(self) -> np.ndarray:
-        """Absolute angle of attack of the center of mass through the air, (N,), rad.
+        """Absolute angle of attack of the center of mass relative to the air, (N,), rad.
 
         In still air, it is alpha.
         """
@@ -523,7 +523,7 @@ class Flight(StatesAndInputs, Result, Reported):
     def _air_notes(self, through_air: bool) -> list[str]:
         """Return notes on moving air for the report: which flow angles are limited, and the gust.
 
-        through_air: whether the envelope limits the angle of attack through the air in place of
+        through_air: whether the envelope limits the angle of attack relative to the air in place of
             alpha
         """
         gust = self.loop.scenario.gust
@@ -537,7 +537,7 @@ class Flight(StatesAndInputs, Result, Reported):
     def _states(self, moving: bool) -> Table:
         """Return a table of the states, one row each: deviations, errors, envelope, prediction.
 
-        moving: whether a row for the angle of attack through the air is added
+        moving: whether a row for the angle of attack relative to the air is added
         """
         model = self.model
         header = ["state", "unit", "largest deviation", "final deviation", "rms error, 2nd half"]

@@ -29,7 +29,7 @@ class MemberSummary(Result):
     rms_error: quantiles of the rms error of each state, over the flight.
     peak_error: quantiles of the largest error of each state.
     effort: quantiles of the rms deviation of each input.
-    peak_deviation: quantiles of the largest deviation of the angle of attack through the air.
+    peak_deviation: quantiles of the largest deviation of the angle of attack relative to the air.
     store: path of the store of members, null if there is none.
     warnings: notes on the result.
     final: quantiles of each state at the end.

@@ -92,7 +92,7 @@ class CompiledLoop:
         """Return the observed values of the loop at a time, as one array.
 
         The values are, in this order, the error, the inputs, the disturbances of the scenario and
-        the angle of attack through the air.
+        the angle of attack relative to the air.
 
         time: s
         y: state of the loop

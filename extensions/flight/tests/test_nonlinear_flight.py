@@ -50,9 +50,9 @@ def test_parameter_errors_do_not_change_the_linear_prediction(newton: SimulatedC
 def test_the_envelope_limits_alpha_relative_to_the_air(
     newton: SimulatedCase,
 ) -> None:
-    """In a gust, the envelope limits the angle of attack through the air, not alpha over ground.
+    """In a gust, the envelope limits the angle of attack relative to the air, not alpha.
 
-    alpha falls below -1.4 deg, but the angle through the air stays between 2.6 and 3 deg.
+    alpha, which is over ground, falls below -1.4 deg, but the angle relative to the air stays between 2.6 and 3 deg.
     """
     gust = Scenario(duration=6.0, gust=OneMinusCosine(400.0, 5.0, 68.0))
     alpha = STATES.index("alpha")

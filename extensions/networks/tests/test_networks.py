@@ -204,8 +204,8 @@ def test_value_and_policy_of_one_file_are_named(game: Game) -> None:
 def test_v_and_a_policy_are_checked_together(game: Game) -> None:
     """V and u as outputs of one graph are checked together.
 
-    With the correct V and a policy of the wrong sign, the check fails and names the sign. Without a
-    kind, six outputs are a gradient.
+    With the correct V and a policy of the wrong sign, the check fails and reports the wrong sign.
+    If the argument `network` is omitted, six outputs are read as the gradient of V.
     """
     nodes = [
         ("MatMul", "x P", "h"),

@@ -180,8 +180,9 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def policies(self) -> Sequence[PolicyFlight]:
-        """Flights of policies from the same initial condition. The first is that of the saturated
-        linear policy.
+        """Flights of other policies from the initial condition of the best flight.
+
+        The first policy is the saturated linear policy.
         """
         return [PolicyFlight.of(flown, self.cost) for flown in self.compared]
 

@@ -58,9 +58,9 @@ class _Observed(NamedTuple):
     model: Model
 
     def given(self, is_absolute: bool) -> np.ndarray:
-        """Return what the policy receives for this observation at the trims, (N,).
+        """Return the values that the policy receives for this observation at the N trims, (N,).
 
-        is_absolute: True for absolute values, False for deviations, which are 0
+        is_absolute: True for absolute values, False for deviations from the trim, which are 0
         """
         if not is_absolute:
             return np.zeros(len(self.values))

@@ -29,7 +29,7 @@ DEVIATIONS = np.sinh(np.linspace(-12.0, 12.0, 40_001)) * 1e-2
 def content(kind: str) -> dict[str, Any]:
     """Return a true certificate of the region |level| <= 0.9.
 
-    kind: kind of the certificate
+    kind: kind of V, "quadratic" or "quartic"
     """
     terms, rho, setting = FUNCTIONS[kind]
     loop = SaturatedLoop(

@@ -43,7 +43,7 @@ class Motion:
     air: standard air at the altitude.
     pressure: dynamic pressure.
     mach: Mach number.
-    velocity: velocity through the air in body axes, (3,).
+    velocity: velocity relative to the air in body axes, (3,).
     rates: angular velocity in body axes, (3,), rad/s.
     """
 

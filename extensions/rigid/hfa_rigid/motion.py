@@ -13,7 +13,7 @@ from typing import Any
 
 import casadi as ca
 
-#: Speed, angle of attack and sideslip through the air; body-axis angular rates; Euler angles;
+#: Speed, angle of attack and sideslip relative to the air; body-axis angular rates; Euler angles;
 #: altitude.
 STATES = (
     *("speed", "alpha", "beta", "roll_rate", "pitch_rate", "yaw_rate"),
@@ -50,7 +50,7 @@ def rotation(roll: Any, pitch: Any, yaw: Any) -> Any:
 def wind_axes(alpha: Any, beta: Any) -> Any:
     """Return the matrix (3, 3) from wind axes to body axes.
 
-    The first column is the direction of the velocity through the air.
+    The first column is the direction of the velocity relative to the air.
 
     alpha, beta: angle of attack and sideslip, rad
     """
@@ -108,7 +108,7 @@ def inertia_matrix(moments: Sequence[Any], products: Sequence[Any]) -> Any:
 def flow_rates(velocity: Any, acceleration: Any) -> tuple[Any, Any, Any]:
     """Return the rate of the speed, and the rates of alpha and beta, rad/s.
 
-    velocity: velocity through the air in body axes, (3,)
+    velocity: velocity relative to the air in body axes, (3,)
     acceleration: rate of this velocity in body axes, (3,)
     """
     u, v, w = ca.vertsplit(velocity)
@@ -131,7 +131,7 @@ def state_rates(
     """Return name -> rate of each state in `STATES`.
 
     x: state
-    velocity: velocity through the air, in body axes, (3,)
+    velocity: velocity relative to the air, in body axes, (3,)
     velocity_rate: rate of `velocity` (`acceleration`), (3,)
     rotation_rate: rate of the angular velocity (`angular_acceleration`), (3,)
     climb: rate of the altitude

@@ -214,10 +214,11 @@ def _example(
     command: dict[str, str],
     origin: str,
 ) -> str:
-    """Return the C text of the example: a 100 Hz loop with aircraft, actuators and sensors.
+    """Return the C source of the example: a 100 Hz loop with aircraft, actuators and sensors.
 
     point: trim at which the flight begins
     outputs: measured outputs
+    actuators: actuators of the loop
     command: output -> unit of its command, for all commands of the controller
     origin: provenance, for a comment
     """

@@ -540,9 +540,10 @@ def test_keywords_change_a_game() -> None:
 
 
 def test_file_keys_and_degrees_are_available_as_attributes() -> None:
-    """Keys of files and angles in degrees are attributes.
+    """Keys of result files are attributes, and each angle has an attribute in degrees
+    (`alpha_deg`).
 
-    Quantities that are not angles have no degrees.
+    For quantities that are not angles, there is no such attribute.
     """
     linear = _linear()
     assert linear.operating_point is linear.point

@@ -21,7 +21,7 @@ def dataset(result: Any) -> xarray.Dataset:
 
     result: operating point, linear model or sweep
 
-    Raises BadInputError if xarray is missing, or for another result.
+    Raises BadInputError if xarray is missing, or for any other type of result.
     """
     try:
         import xarray  # noqa: F401

@@ -68,9 +68,9 @@ def _run_in_process(function: Callable[..., Any], tasks: Tasks) -> Iterator[tupl
 def _run_in(
     pool: Executor, in_flight: int, function: Callable[..., Any], tasks: Tasks
 ) -> Iterator[tuple[int, Any]]:
-    """Run tasks in a pool, and yield (key, result) of each task when it is finished.
+    """Run tasks in a pool, and yield (key, result) as each task finishes.
 
-    in_flight: largest number of tasks that are submitted at a time
+    in_flight: largest number of tasks that are submitted and not yet finished
     function: function that every task calls
     tasks: pairs (key, arguments of `function`)
     """

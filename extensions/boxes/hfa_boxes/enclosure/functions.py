@@ -152,13 +152,15 @@ def _tanh_line(ranges: Ranges) -> Parabola:
 def _highest_above(
     slope: np.ndarray, low: np.ndarray, high: np.ndarray, at_ends: np.ndarray
 ) -> np.ndarray:
-    """Return an upper bound of g(t) = tanh t - slope t over [low, high], without the rounding of g.
+    """Return an upper bound of g(t) = tanh t - slope t over [low, high].
+
+    Rounding errors in g are not included.
 
     at_ends: the larger of g(low) and g(high)
 
     For t < 0, g is convex and therefore highest at an end. For t > 0, g is concave and therefore
-    below its tangent at any p. The tangent is taken at the point p of this part of the range that
-    is closest to the computed zero of g'.
+    below its tangent at any p. The tangent is taken at the point p >= 0 of the range that is
+    closest to the computed zero of g'.
     """
     begin = np.maximum(low, 0.0)
     end = np.maximum(high, begin)

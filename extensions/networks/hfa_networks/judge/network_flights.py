@@ -345,7 +345,7 @@ class _StepLoop:
     expressions: symbols x (n,), after and paid
     P: matrix of V*, (n, n)
     sums: discount factor α and number of steps
-    by_exact: matrix of all steps of the exact loop, (n, n)
+    by_exact: state-transition matrix of the exact loop over all steps, (n, n)
     equilibrium: equilibrium near x = 0, or None if none is found
     """
 

@@ -47,7 +47,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         named=True,
     )
     to: Mapping[str, float] = option(
-        "value imposed at the final trim; other options describe the initial trim; repeatable",
+        "value imposed at the final trim, in place of its value at the initial trim; repeatable",
         "NAME=VALUE",
         OfModel(quantity),
         named=True,

@@ -170,9 +170,10 @@ def check_gain(weights: Weights, B: TaylorModel, critic: Mapping[str, np.ndarray
 
 
 def distance_bounds(differences: TaylorModel, sizes: Sequence[arb] | None) -> tuple[arb, arb]:
-    """Return a lower and an upper bound of the Frobenius norm of a matrix of differences.
+    """Return a lower and an upper bound on the Frobenius norm of a matrix of differences.
 
-    sizes: entries of a matrix whose norm divides the bounds, or None
+    differences: the matrix on the box
+    sizes: entries of a matrix to whose norm the bounds are relative, or None for absolute bounds
     """
     whole = arb(1) if sizes is None else norm(sizes)
     least = norm(differences.range().entries()) / whole

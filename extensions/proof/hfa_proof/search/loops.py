@@ -93,11 +93,12 @@ def loop_of_gains(
     The loop has uncertain first-order actuators if intervals are given.
 
     breakpoints: values of the scheduling variable, (g,)
-    K: gains, (g, m, n). With intervals also (g, m, n + m), with the last m columns for the
+    K: gains, (g, m, n), or (g, m, n + m) if intervals are given. The last m columns then multiply
+        the
         positions of the actuators.
     intervals: intervals of bandwidth, effectiveness and delay of the actuators, or None
 
-    Raises BadInputError if there are fewer than two breakpoints or K has another number of columns.
+    Raises BadInputError if there are fewer than two breakpoints or K has a wrong number of columns.
     """
     if len(breakpoints) < 2:
         raise BadInputError(

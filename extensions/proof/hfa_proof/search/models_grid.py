@@ -1,7 +1,7 @@
-"""Search for the fewest breakpoints with a proved bound of the interpolation error between them.
+"""Search for the fewest breakpoints with a proved bound on the interpolation error between them.
 
-The search uses double precision. The checker's tests prove trims, A, B and K on every cell, and
-their difference from the linear interpolation.
+The search uses double precision. On every cell, the tests of the checker prove enclosures of
+trims, A, B and K, and bounds on their differences from the linear interpolation.
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ def runs_of(least: int, most: int) -> Callable[[Any], Any]:
 
 
 def of_flights() -> dict[str, Change]:
-    """Return changes of a certificate to a false or invalid statement about a flight, by name."""
+    """Return name -> change of a certificate to a false or invalid statement about a flight."""
     changes: dict[str, Change] = {}
 
     def first_trim(function: Callable[[float, float], float]) -> Change:

@@ -60,9 +60,9 @@ def lqr(game: Game) -> np.ndarray:
 
 
 def value_in_degrees(game: Game, degrees: np.ndarray) -> np.ndarray:
-    """Return the exact P in other units: some states are in degrees.
+    """Return the exact P for states of which some are in degrees.
 
-    degrees: mask of these states
+    degrees: mask of the states in degrees
     """
     units = np.where(degrees, DEGREE, 1.0)
     return value(game) * np.outer(units, units)
