@@ -114,7 +114,7 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         part="verify.region",
     )
     flights: int | None = option(
-        "add N flights of the nonlinear aircraft, compared with the best flights found",
+        "add N nonlinear flights with the critic, compared with the best flights found",
         "N",
         whole(1),
         part="verify.flights",

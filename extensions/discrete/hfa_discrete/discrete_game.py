@@ -41,7 +41,8 @@ class DiscreteGame(Reported):
         """
         if not (is_finite(self.discount) and 0.0 < self.discount <= 1.0):
             raise BadInputError(
-                f"discount is {self.discount}; give a factor per step above 0 and at most 1"
+                f"discount is {self.discount}; give the factor per step, a number above 0 and at "
+                "most 1"
             )
         shape = self.step.B.shape
         N = np.zeros(shape) if self.N is None else checked_matrix("N", self.N, LARGEST)

@@ -115,7 +115,10 @@ def command_steps(given: Mapping[str, Any]) -> CommandSteps:
     steps = {name: numbers_in(f"the steps of {name}", pairs) for name, pairs in given.items()}
     for name, pairs in steps.items():
         if pairs.ndim != 2 or pairs.shape[1] != 2:
-            raise BadInputError(f"the steps of {name} are {shown(given[name])}; {_FORMS}")
+            raise BadInputError(
+                f"the steps of {name} are {shown(given[name])}; give pairs [(time, value), ...], "
+                "time in s"
+            )
         times = pairs[:, 0].tolist()
         if times[0] < 0.0 or any(later <= earlier for earlier, later in pairwise(times)):
             raise BadInputError(

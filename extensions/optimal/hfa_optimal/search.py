@@ -161,8 +161,8 @@ class BestFlights:
                 return self._refined(horizon, linear, proposals)
             if seconds is not None:
                 raise BadInputError(
-                    f"the horizon of {seconds:g} s is too short: {unfinished}; set seconds to at "
-                    f"least {_LONGER * seconds:.3g}, or omit seconds"
+                    f"the horizon of {seconds:g} s is too short: {unfinished}; omit seconds, or "
+                    f"increase it, for example to {_LONGER * seconds:.3g} s"
                 )
             horizon *= _LONGER
         raise NoSolutionError(

@@ -58,8 +58,8 @@ class DeployedPolicy(Policy):
         for name, value, whole in (("dt", deployment.dt, dt), ("delay", deployment.delay, delay)):
             if not math.isclose(value, whole * _CLOCK, abs_tol=1e-12):
                 raise BadInputError(
-                    f"{deployment.origin}: timing.{name} is {value:.12g} s; give a whole number "
-                    "of microseconds, which a simulation requires"
+                    f"{deployment.origin}: timing.{name} is {value:.12g} s; give a multiple of "
+                    "1e-6 s, which a simulation requires"
                 )
         return math.gcd(dt, delay) * _CLOCK
 

@@ -111,8 +111,8 @@ class AircraftEnvironment(gymnasium.Env):
         refuse_unless_whole("options: trim", number, 0)
         if number >= count:
             raise BadInputError(
-                f"options: trim is {number}, but there are {count} trims; give the index of a "
-                f"trim, at most {count - 1}"
+                f"options: trim is {number}, but the last trim has the index {count - 1}; give "
+                "the index of a trim"
             )
         return int(number)
 

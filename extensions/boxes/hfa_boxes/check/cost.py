@@ -256,7 +256,7 @@ class CostInequality(OnPiece):
         np.put_along_axis(points, nearest, ends, axis=1)
         in_set = points[self.within(points)]
         if len(in_set):
-            raise RefutedError("the set extends to a face of the cube", in_set[0])
+            raise RefutedError("the set {W <= c} extends beyond the boxes of the proof", in_set[0])
 
     def _inputs(self, boxes: Boxes, guess: Guess) -> tuple[np.ndarray, np.ndarray]:
         """Return Taylor models of the symbols (y, z, v, e) on boxes, with v at the guessed inputs.

@@ -54,7 +54,7 @@ class ExportRequest(LawOptions, AircraftOptions, TrimOptions, JsonOption):
         required=True,
     )
     law: str = option(
-        "gain to export: exact or certified; default: exact in C, none in an FMU",
+        "gain to export: exact or certified (learned); default: exact in C, none in an FMU",
         "NAME",
         one_of("exact", DEFAULT_LAW),
         default="",

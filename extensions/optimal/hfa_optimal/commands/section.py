@@ -39,8 +39,7 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
     """
     if named.linear is None:
         raise BadInputError(
-            "--flights requires a nonlinear aircraft; give --aircraft instead of --model, or "
-            "remove --flights"
+            "--flights cannot be combined with --model or --design; remove one of these options"
         )
     if len(verdicts) != 1:
         raise BadInputError(

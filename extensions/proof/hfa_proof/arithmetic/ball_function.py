@@ -123,7 +123,10 @@ def _sorted(x: Any, y: Any) -> tuple[Any, Any]:
     first = constant_part(x)
     second = constant_part(y)
     if not (first <= second or first > second):
-        raise Undecided("a comparison in the equations is undecided on this box")
+        raise Undecided(
+            "fmin, fmax or another comparison switches within a box; use smooth equations, or a "
+            "trim away from the switch"
+        )
     return (x, y) if first <= second else (y, x)
 
 

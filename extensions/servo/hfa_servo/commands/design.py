@@ -60,7 +60,7 @@ class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
         lambda model: f"default {_RANGE}" if model.extras.names_schedule else "",
     )
     bandwidth: tuple[float, ...] | None = option(
-        "actuator bandwidths for which margins are computed, rad/s; default 2:10",
+        "actuator bandwidths for which margins are computed, rad/s; default 2:10, two values",
         "A[:B...]",
         _bandwidths,
     )
