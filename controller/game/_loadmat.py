@@ -43,7 +43,9 @@ def leaves(
             yield from leaves(each, (*path, name), largest)
     elif issparse(value):
         if 8 * value.shape[0] * value.shape[1] > largest:
-            raise ValueError(f"a sparse matrix of {value.shape[0]} x {value.shape[1]} is too large")
+            raise ValueError(
+                f"a sparse {value.shape[0]} x {value.shape[1]} matrix exceeds the limit"
+            )
         yield path, value.toarray()
     elif isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
         yield from leaves({name: value[name].item() for name in value.dtype.names}, path, largest)

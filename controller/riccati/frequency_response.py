@@ -138,7 +138,7 @@ def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.nd
         return np.linalg.solve(resolvent, np.broadcast_to(B, (len(frequencies), *B.shape)))
     except np.linalg.LinAlgError as error:
         raise NoSolutionError(
-            "within rounding, a pole of the loop is on the imaginary axis"
+            "the loop has a pole on the imaginary axis, within rounding; give a stabilizing gain"
         ) from error
 
 

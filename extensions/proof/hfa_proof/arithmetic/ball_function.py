@@ -58,7 +58,7 @@ class BallFunction:
         ValueError if an argument has the wrong number of entries.
         """
         if [len(argument) for argument in arguments] != self._inputs:
-            raise ValueError(f"{self._name} does not have arguments of {self._inputs} entries")
+            raise ValueError(f"the arguments of {self._name} must have {self._inputs} entries")
         try:
             return self._run(arguments)
         except (ValueError, ZeroDivisionError) as error:

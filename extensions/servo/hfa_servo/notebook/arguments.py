@@ -272,8 +272,8 @@ class _Reading:
             if name == "Q" and _is_gain(value):
                 function = self.function.__name__
                 raise BadInputError(
-                    f"{function}: a gain K is not an argument; compare {function}(point) with the "
-                    "cost of fly(point, K)"
+                    f"{function} does not accept a gain K; remove K, and compare the result with "
+                    "the cost of fly(point, K)"
                 )
             found[name] = self._changed(value) if isinstance(value, Game) else value
             return
