@@ -47,7 +47,7 @@ def test_kinks_and_tables_are_proved_on_boxes(
     squares are refused.
     """
     proof = str(tmp_path / "proof.json")
-    words = ["prove", "region", *kinked, "--degree", "2", "--seconds", "1", "-o", proof]
+    words = ["prove", "region", *kinked, "--degree", "2", "--seconds", "4", "-o", proof]
     assert main(words) == 0
     assert "Proved on boxes, not by sums of squares: the equations have kinks" in (
         capsys.readouterr().out
