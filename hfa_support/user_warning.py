@@ -8,7 +8,7 @@ import warnings
 
 def warn(text: str) -> None:
     """Issue a warning at the nearest caller outside the packages of the project."""
-    own = ("hfa", "controller", "trim", "verification")
+    own = ("hfa", "controller.", "trim.", "verification.")
     level = 1
     while sys._getframe(level).f_globals.get("__name__", "").startswith(own):
         level += 1

@@ -66,6 +66,15 @@ def test_missing_entries_are_taken_from_the_paper() -> None:
     assert caught[0].filename == __file__
 
 
+def test_warnings_refer_to_modules_named_like_packages() -> None:
+    """A warning refers to a user's module whose name begins with that of a package."""
+    stored("plant.npz", **MODEL)
+    call = compile("load_game('plant.npz')", "trimming.py", "eval")
+    with pytest.warns(UserWarning, match="not given") as caught:
+        eval(call, {"__name__": "trimming", "load_game": load_game})
+    assert caught[0].filename == "trimming.py"
+
+
 def test_the_papers_game_is_converted_to_meters() -> None:
     """For a plant in meters, the paper's Q and E are converted from feet.
 
