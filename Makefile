@@ -56,7 +56,7 @@ test-core: .venv/tests
 	$(BIN)/python tests/core_alone.py
 
 # Files of long tests would wait behind each other: a worker without work takes tests of the others.
-test-all: .venv/ready
+test-all: .venv/ready test-core
 	$(BIN)/python -m pytest --dist worksteal
 
 # Many hostile inputs by every way in: numbers FIRST, FIRST + 1, ... of each.
