@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib
+import os
 import sys
 import types
 from collections.abc import Callable
@@ -14,10 +15,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from hfa_aircraft.local_sources import fingerprint, hash_of_sources
 from hfa_aircraft.model import Model
+from hfa_aircraft.parameter_file import ParameterFile
 from hfa_support.arguments import checks_arguments
 from hfa_support.entry_points import AIRCRAFT, loaded, offered
-from hfa_support.errors import BadInputError, file_faults, shown
-from hfa_support.files import regular_file
+from hfa_support.errors import BadInputError, file_faults, prefix_errors, shown
+from hfa_support.files import read_toml, regular_file
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -36,32 +38,150 @@ class AircraftReader(Protocol):
 
 
 @checks_arguments
-def load_model(text: str) -> Model:
+def load_model(text: str, parameters: str | Path | None = None) -> Model:
     """Return the model of an aircraft.
 
     Python files and modules are executed. Other schemes and suffixes are read by installed packages
     (`hfa_support.entry_points.AIRCRAFT`).
 
     text: `FILE.py:NAME`, `package.module:NAME`, `FILE.suffix` or `scheme:NAME`
+    parameters: TOML file with new values of parameters, as `hfa identify -o FILE.toml` writes it
 
     Raises BadInputError if the text has another form, or if the file or module cannot be read,
-    fails, or contains no model of this name.
+    fails, or contains no model of this name. A file of parameters that belongs to another aircraft
+    is refused.
 
     >>> import hfa
     >>> list(hfa.load_model("examples/navion.py:NAVION").inputs)
     ['thrust', 'elevator', 'aileron', 'rudder']
     """
-    where, colon, name = text.rpartition(":")
-    if not where.endswith(".py"):
-        offer = _format_of(text)
-        if offer is not None:
-            read = _read(offer, text)
-            return _loaded(read, text, _digest(read, text))
-    if not colon or not name.isidentifier():
-        forms = ", ".join(("FILE.py:NAME", *forms_of_packages()))
-        raise BadInputError(
-            f"{shown(text)} is not an aircraft; give {forms} or package.module:NAME"
-        )
+    offer = _reader_of(text)
+    model = _loaded_from_python(text) if offer is None else _loaded_from_data(text, offer)
+    return model if parameters is None else ParameterFile.read(parameters).applied_to(model)
+
+
+def load_changed(path: str) -> Model:
+    """Return the aircraft of a file that names another aircraft and new values of its parameters.
+
+    The other aircraft may be described by such a file too. Its path is relative to the folder of
+    the file that names it.
+
+    path: a TOML file with the entry `aircraft`
+
+    Raises BadInputError if a file cannot be read or belongs to an aircraft with another hash, if
+    files name each other, or if the other aircraft is defined in Python, which a data file never
+    executes.
+    """
+    files = [ParameterFile.read(path)]
+    paths = [Path(path).resolve()]
+    while True:
+        last = files[-1]
+        base = _in_folder(last.aircraft, str(Path(last.path).parent))
+        offer = _reader_of(base)
+        if offer is None:
+            with prefix_errors(last.path):
+                _refuse_unnamed(base)
+            raise BadInputError(
+                f"{last.path} changes parameters of {shown(base)}, which is Python code, and a "
+                f"data file executes none; give --aircraft {base} --parameters {last.path}"
+            )
+        if not is_parameter_file(base):
+            break
+        if Path(base).resolve() in paths:
+            names = " -> ".join([*(each.path for each in files), base])
+            raise BadInputError(f"{names}: these files name each other; name a table of data")
+        paths.append(Path(base).resolve())
+        files.append(ParameterFile.read(base))
+    with prefix_errors(last.path):
+        model = _loaded_from_data(base, offer)
+    for file in reversed(files):
+        model = file.read_as_aircraft(model)
+    return model
+
+
+def is_parameter_file(path: str) -> bool:
+    """Return whether a file is a TOML file that names another aircraft (`load_changed`).
+
+    Raises BadInputError if it is a TOML file that cannot be read.
+    """
+    if not path.endswith(".toml"):
+        return False
+    with file_faults(path):
+        return "aircraft" in read_toml(path)
+
+
+def relative_to(text: str, folder: Path) -> str:
+    """Return an argument of --aircraft with its file, if any, relative to a folder.
+
+    text: argument of --aircraft, relative to the working folder
+    folder: the other folder
+    """
+
+    def from_folder(file: str) -> str:
+        real = Path(os.path.realpath(Path(file).parent), Path(file).name)
+        try:
+            return Path(os.path.relpath(real, os.path.realpath(folder))).as_posix()
+        except ValueError:  # on another drive of Windows
+            return real.as_posix()
+
+    return _with_files(text, from_folder)
+
+
+def _in_folder(text: str, folder: str) -> str:
+    """Return an argument of --aircraft whose file is relative to `folder`, for the working
+    folder.
+    """
+    return _with_files(text, lambda file: str(Path(folder, file)))
+
+
+def _with_files(text: str, change: Callable[[str], str]) -> str:
+    """Return an argument of --aircraft with changed paths. Schemes and modules have no path.
+
+    change: function path -> new path
+    """
+    where, _, name = text.rpartition(":")
+    if where.endswith(".py"):
+        return f"{change(where)}:{name}"
+    offer = _reader_of(text)
+    if offer is None or not offer.name.startswith("."):
+        return text
+    files, question, query = text.partition("?")
+    joined = files.split(f"{offer.name}+")  # FILE.dml+FILE.dml
+    paths = [f"{each}{offer.name}" for each in joined[:-1]] + joined[-1:]
+    return "+".join(map(change, paths)) + question + query
+
+
+def _reader_of(text: str) -> EntryPoint | None:
+    """Return the entry point that reads an aircraft, or None for Python code.
+
+    text: argument of --aircraft
+    """
+    is_python = text.rpartition(":")[0].endswith(".py")
+    return None if is_python else _format_of(text)
+
+
+def _loaded_from_data(text: str, offer: EntryPoint) -> Model:
+    """Return the aircraft that an installed package reads, with its source.
+
+    text: argument of --aircraft
+    offer: entry point of the reader
+
+    Raises BadInputError as `_read` does.
+    """
+    model = _read(offer, text)
+    return _loaded(model, text, _digest(model, text))
+
+
+def _loaded_from_python(text: str) -> Model:
+    """Return the model that a Python file or module defines, with its source.
+
+    text: `FILE.py:NAME` or `package.module:NAME`
+
+    Raises BadInputError if the text has another form, or if the file or module cannot be read,
+    fails, or contains no model of this name.
+    """
+    _refuse_unnamed(text)
+    where, _, name = text.rpartition(":")
     try:
         module = _executed(where) if where.endswith(".py") else _imported(where)
         sources = hash_of_sources(Path(str(module.__file__)), module.__package__ or "")
@@ -89,6 +209,16 @@ def load_model(text: str) -> Model:
     if not isinstance(model, Model):
         raise BadInputError(f"{where}: {_no_model_message(module, name, model)}")
     return _loaded(model, text, sources)
+
+
+def _refuse_unnamed(text: str) -> None:
+    """Raise BadInputError unless the argument of --aircraft ends with `:NAME`."""
+    _, colon, name = text.rpartition(":")
+    if not colon or not name.isidentifier():
+        forms = ", ".join(("FILE.py:NAME", *forms_of_packages()))
+        raise BadInputError(
+            f"{shown(text)} is not an aircraft; give {forms} or package.module:NAME"
+        )
 
 
 def _loaded(model: Model, text: str, digest: str) -> Model:

@@ -40,7 +40,8 @@ class Provenance(Result):
     command: command line as typed.
     dynamics: name of the equations of motion, or "" for the user's plant.
     parameters: name or file of the parameters.
-    parameter_hash: hash of the parameter values, equal for two files with equal numbers.
+    parameter_hash: of the HFA, a hash of the parameter values, equal for two files with equal
+        numbers. Of another aircraft, a hash of the file of the parameters.
     changed: parameter -> its value and the identified value, if these differ.
     condition: imposed, free and limited variables of a trim, with angles in radians.
     flight: changes of the trim condition from the paper's level flight, not stored as data.
@@ -94,6 +95,7 @@ class Provenance(Result):
             first_line.append(f"plant {self.model}")
         elif self.parameters:
             first_line.append(f"{self.dynamics} dynamics")
+        if self.parameters:
             first_line.append(f"parameters {self.parameters} ({self.parameter_hash})")
         lines = [", ".join(first_line)]
         if self.changed:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -88,15 +89,27 @@ def _dynamics_help(model: Model | None) -> str:
     return ", ".join([*core, *further_dynamics()])
 
 
+def _parameters(model: Model | None, text: str) -> ParameterSet | Path:
+    """Return the parameters that --parameters gives: those of the HFA, or the file for an aircraft
+    of the user.
+
+    model: None while the model is unknown, which `named_model` loads with the parameters
+    """
+    return Path(text) if model is None or is_own(model) else load_parameters(text)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HfaOptions(Request):
     """Options for the dynamics and parameters of the paper's flexible aircraft (HFA)."""
 
     dynamics: str = option(_dynamics_help, "VARIANT", default="published")
-    parameters: ParameterSet | None = option(
-        of_hfa(f"parameters of the HFA: a file, {' or '.join(NAMED)} (default: identified)"),
+    parameters: ParameterSet | Path | None = option(
+        of_hfa(
+            f"parameters of the HFA: a file, {' or '.join(NAMED)} (default: identified)",
+            "new values of parameters: a file that hfa identify -o FILE.toml wrote",
+        ),
         "FILE",
-        load_parameters,
+        OfModel(_parameters),
         rare=True,
     )
 
@@ -108,7 +121,8 @@ class HfaOptions(Request):
     @property
     def parameter_set(self) -> ParameterSet:
         """Parameters of the HFA, from --parameters or the default."""
-        return default_parameters() if self.parameters is None else self.parameters
+        known = self.parameters
+        return known if isinstance(known, ParameterSet) else default_parameters()
 
     @property
     def hfa(self) -> Model:
@@ -131,12 +145,20 @@ class HfaOptions(Request):
     def _origin_of_file(self, condition: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the provenance of an aircraft that was loaded from a file.
 
-        The entry "model" contains the file and its digest.
+        The entry "model" contains the file and its digest. A file of --parameters is named with
+        the digest of its content.
 
         condition: entry for the trim condition
         """
         file, digest = self.model.extras.source
-        return {"model": f"{file} (SHA-256 {digest[:12]})", "condition": condition}
+        origin: dict[str, Any] = {
+            "model": f"{file} (SHA-256 {digest[:12]})",
+            "condition": condition,
+        }
+        if isinstance(self.parameters, Path):
+            content = hashlib.sha256(self.parameters.read_bytes()).hexdigest()
+            origin |= {"parameters": str(self.parameters), "parameter_hash": content[:12]}
+        return origin
 
     def _origin(self, model: Model, **of_the_trim: Any) -> Mapping[str, Any]:
         """Return the provenance of the HFA: dynamics, parameters, and changed parameters.
@@ -186,7 +208,7 @@ def named_model(typed: Mapping[str, Any]) -> Model:
 
     typed: field of the request -> value, for the options given by the user
 
-    Raises BadInputError if --dynamics or --parameters is combined with --aircraft.
+    Raises BadInputError if --dynamics is combined with --aircraft.
     """
     if "steps" in typed:
         model: Model = part(PARTS, "model.steps", "--model")(typed["steps"])
@@ -194,15 +216,14 @@ def named_model(typed: Mapping[str, Any]) -> Model:
     if "aircraft" in typed:
         from hfa_aircraft.loading import load_model
 
-        for name in ("dynamics", "parameters"):
-            if name in typed:
-                raise BadInputError(
-                    f"--{name} applies only to the HFA; remove this option or --aircraft"
-                )
+        if "dynamics" in typed:
+            raise BadInputError(
+                "--dynamics applies only to the HFA; remove this option or --aircraft"
+            )
         note_read(typed["aircraft"].rpartition(":")[0])
-        return load_model(typed["aircraft"])
-    values = (typed.get("parameters") or default_parameters()).values
-    return aircraft(typed.get("dynamics", HfaOptions.dynamics), values)
+        return load_model(typed["aircraft"], typed.get("parameters"))
+    known = load_parameters(typed.get("parameters", "identified"))
+    return aircraft(typed.get("dynamics", HfaOptions.dynamics), known.values)
 
 
 # Trim.

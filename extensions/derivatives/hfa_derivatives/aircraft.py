@@ -23,9 +23,9 @@ from typing import Any
 import casadi as ca
 
 from hfa_aircraft.extras import Extras
+from hfa_aircraft.loading import is_parameter_file, load_changed
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
-from hfa_derivatives.changed import changed_aircraft
 from hfa_derivatives.names import INDUCED, THRUST_INPUT
 from hfa_derivatives.table import Table, read_table, table_of
 from hfa_rigid.aircraft import FORCE, GRAVITY, LENGTH, Motion, rigid_aircraft
@@ -46,10 +46,8 @@ def read_model(text: str) -> Model:
 
     Raises BadInputError if the file cannot be read or an entry is missing, unknown or invalid.
     """
-    if text.endswith(".toml"):
-        changed = changed_aircraft(text)
-        if changed is not None:
-            return changed
+    if is_parameter_file(text):
+        return load_changed(text)
     return _model(read_table(text))
 
 

@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hfa_aircraft.loading import load_model, relative_to
 from hfa_support.errors import BadInputError
 
 if TYPE_CHECKING:
     from hfa_identify.identified import Identified
 
 
-def aircraft_text(found: Identified) -> str:
-    """Return the TOML text of an aircraft file with the estimates, bands and covariance.
+def aircraft_text(found: Identified, folder: Path) -> str:
+    """Return the TOML text of a file with the estimates, bands and covariance.
 
-    The file refers to the aircraft file from which the model was loaded. Estimated errors of
-    columns are in [sensors]. [covariance] is omitted if it is not finite.
+    The file names the aircraft, relative to its own folder, and the aircraft's SHA-256.
+    [parameters] contains the estimates and all other values that differ from the aircraft's own.
+    Estimated errors of columns are in [sensors]. [covariance] is omitted if it is not finite.
+
+    folder: folder of the file
 
     Raises BadInputError if the model was not loaded from a file.
     """
-    source = found.model.extras.source[0]
+    source, digest = found.model.extras.source
     if not source:
         raise BadInputError(
             "-o FILE.toml requires an aircraft that was read from a file; add --aircraft FILE"
@@ -28,8 +34,16 @@ def aircraft_text(found: Identified) -> str:
     own = [name for name in found.parameters if name in found.model.parameters]
     errors = [name for name in found.parameters if name not in own]
     places = [list(found.parameters).index(name) for name in own]
-    rows = [f"aircraft = '{source}'", "", "[parameters]"]
-    rows += [f"{name} = {found.parameters[name].value!r}" for name in own]
+    usual = load_model(source).parameters
+    values = {
+        name: signal.start
+        for name, signal in found.model.parameters.items()
+        if name in own or signal.start != usual[name].start
+    }
+    # JSON strings are valid TOML.
+    rows = [f"aircraft = {json.dumps(relative_to(source, folder), ensure_ascii=False)}"]
+    rows += [f'sha256 = "{digest}"', "", "[parameters]"]
+    rows += [f"{name} = {value!r}" for name, value in values.items()]
     rows += ["", "# Ends of the 95 % bands.", "[bands]"]
     rows += [f"{name} = [{each.low!r}, {each.high!r}]" for name, each in found.parameters.items()]
     if errors:

@@ -1,6 +1,7 @@
 """Parameters identified from records simulated with SciPy, and from records with planted faults."""
 
 import math
+import pickle
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -694,6 +695,46 @@ def test_the_command_writes_an_aircraft(folder, capsys):
     assert model.parameters["Cm_q"].start == pytest.approx(ours, rel=1e-4)
     assert model.parameters["Cm_q"].start != true_value("Cm_q")
     assert main(["trim", "--aircraft", "found.toml"]) == 0
+
+
+@pytest.mark.parametrize("is_python", [False, True])
+def test_the_written_file_names_its_aircraft(is_python, folder, capsys):
+    """The file names the aircraft relative to itself and contains the values fixed by --given.
+
+    Both files can be moved together. A changed aircraft is refused. An aircraft in Python is given
+    by the user.
+    """
+    for name in ("data", "results"):
+        Path(name).mkdir()
+    aircraft = Path("data/uav.toml")
+    aircraft.write_text(Path(UAV).read_text())
+    given = str(aircraft)
+    if is_python:
+        aircraft = Path("data/uav.py")
+        aircraft.write_text(f"import hfa\nUAV = hfa.from_derivatives({UAV!r})\n")
+        given = f"{aircraft}:UAV"
+    written("flight.csv", record(model=AIRCRAFT.with_parameters(CD_0=0.05)), {})
+    words = ["identify", "flight.csv", "--aircraft", given, "--free", "Cm_q"]
+    assert main([*words, "--given", "CD_0=0.05", "-o", "results/found.toml"]) == 0
+    Path("elsewhere").mkdir()
+    for name in ("data", "results"):
+        Path(name).rename(Path("elsewhere", name))
+    arguments = ("elsewhere/results/found.toml",)
+    if is_python:
+        arguments = (f"elsewhere/{given}", *arguments)
+    found = hfa.load_model(*arguments)
+    if is_python:
+        words = ["trim", "--aircraft", f"elsewhere/{given}"]
+        assert main([*words, "--parameters", "elsewhere/results/found.toml", "--draws", "2"]) == 0
+        assert "parameters elsewhere/results/found.toml (" in capsys.readouterr().out
+    assert found.parameters["CD_0"].start == 0.05
+    assert found.parameters["Cm_q"].start != true_value("Cm_q")
+    again = pickle.loads(pickle.dumps(found))
+    np.testing.assert_array_equal(again.p, found.p)
+    moved = Path("elsewhere", aircraft)
+    moved.write_text(moved.read_text() + "\n# changed")
+    with pytest.raises(hfa.BadInputError, match="SHA-256"):
+        hfa.load_model(*arguments)
 
 
 def test_a_wrong_unit_is_refused(folder, capsys):

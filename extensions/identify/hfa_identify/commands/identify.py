@@ -139,7 +139,7 @@ def identify(request: IdentifyRequest) -> int:
         progress=progress,
     )
     if request.output is not None and request.output.suffix == AIRCRAFT:
-        write_text(request.output, aircraft_text(found))
+        write_text(request.output, aircraft_text(found, request.output.parent))
         print_to_stderr(f"wrote {request.output}")
         request = replace(request, output=None)
     show(found.report(), request, figure=found.figure)

@@ -52,7 +52,8 @@ def spread_of(request: Any) -> ParameterSpread:
     model = request.model
     native = model.extras.native or model
     if request.own:
-        spread = spread_of_file(model.extras.source[0], native)
+        file = request.parameters or model.extras.source[0]
+        spread = spread_of_file(str(file), native)
     else:
         known = request.parameter_set
         if not known.covariance.size:

@@ -1,0 +1,110 @@
+"""TOML files that name another aircraft and new values of its parameters."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from cli import assert_refused, hfa
+
+import hfa as tool
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+PYTHON = """
+import pathlib
+from hfa import Model, Signal
+
+pathlib.Path({trace!r}).write_text("executed")
+CAR = Model(
+    name="car",
+    states={{"v": Signal(nominal=1.0, start=1.0)}},
+    inputs={{"thrust": Signal(nominal=1.0)}},
+    parameters={{"drag": Signal(start=1.0)}},
+    equations=lambda x, u, p, w: ({{"v": u.thrust - p.drag * x.v}}, {{}}),
+    trim={{"v": 1.0}},
+)
+"""
+
+
+def alpha(*words: str) -> float:
+    """Return the angle of attack, rad, of the trim that `hfa trim` finds."""
+    result = hfa("trim", *words, "--json")
+    assert result.code == 0, result.err
+    return float(json.loads(result.out)["operating_point"]["states"]["alpha"])
+
+
+@pytest.fixture
+def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Two folders with different aircraft of the same name; the one without `here` is current."""
+    here, other = tmp_path / "here", tmp_path / "other"
+    for folder in (here, other):
+        folder.mkdir()
+    shutil.copy(EXAMPLES / "uav.toml", here / "uav.toml")
+    heavy = (EXAMPLES / "uav.toml").read_text().replace("CL_0 = 0.28", "CL_0 = 0.10")
+    (other / "uav.toml").write_text(heavy)
+    monkeypatch.chdir(other)
+    return here
+
+
+def test_the_other_aircraft_is_found_beside_the_file(folders: Path) -> None:
+    """`aircraft = "uav.toml"` is the file in the folder of the TOML, not in the working folder."""
+    (folders / "found.toml").write_text('aircraft = "uav.toml"\n[parameters]\nCL_alpha = 3.45\n')
+    found = alpha("--aircraft", str(folders / "found.toml"))
+    assert found == pytest.approx(alpha("--aircraft", str(folders / "uav.toml")), abs=1e-9)
+    assert abs(found - alpha("--aircraft", "uav.toml")) > 0.01
+
+
+def test_a_changed_aircraft_is_refused(folders: Path) -> None:
+    """The SHA-256 of the aircraft is compared; the aircraft that belongs to it is accepted."""
+    digest = tool.load_model(str(folders / "uav.toml")).extras.source[1]
+    text = f'aircraft = "uav.toml"\nsha256 = "{digest}"\n[parameters]\nCL_alpha = 4.0\n'
+    (folders / "found.toml").write_text(text)
+    Path("found.toml").write_text(text)
+    alpha("--aircraft", str(folders / "found.toml"))
+    assert_refused(hfa("trim", "--aircraft", "found.toml"), 2, "found.toml", "SHA-256", "sha256")
+
+
+def test_files_that_name_each_other_are_refused(folders: Path) -> None:
+    """A chain of files ends in one line, whatever its length; a chain to a table is read."""
+    (folders / "one.toml").write_text('aircraft = "../here/two.toml"\n')
+    (folders / "two.toml").write_text('aircraft = "one.toml"\n')
+    (folders / "self.toml").write_text('aircraft = "self.toml"\n')
+    for name in ("one.toml", "two.toml", "self.toml"):
+        result = hfa("trim", "--aircraft", str(folders / name))
+        assert_refused(result, 2, "name each other", name)
+    (folders / "two.toml").write_text('aircraft = "uav.toml"\n[parameters]\nCL_0 = 0.10\n')
+    assert alpha("--aircraft", str(folders / "one.toml")) == pytest.approx(
+        alpha("--aircraft", "uav.toml"), abs=1e-9
+    )
+
+
+@pytest.mark.parametrize("named", ["car.py:CAR", "car_module:CAR"])
+def test_a_data_file_executes_no_python(
+    named: str, folders: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Python code that a TOML names is not executed; --parameters applies the same file."""
+    trace = folders / "trace"
+    monkeypatch.syspath_prepend(str(folders))
+    (folders / f"{named.removesuffix(':CAR').removesuffix('.py')}.py").write_text(
+        PYTHON.format(trace=str(trace))
+    )
+    parameters = folders / "found.toml"
+    parameters.write_text(f'aircraft = "{named}"\n[parameters]\ndrag = 3.0\n')
+    result = hfa("trim", "--aircraft", str(parameters))
+    assert_refused(result, 2, "--parameters", str(parameters))
+    assert not trace.exists()
+    words = result.err.rpartition("; give ")[2].split()
+    assert words[0] == "--aircraft"
+    trim = hfa("trim", *words, "--json")
+    assert trim.code == 0, trim.err
+    assert json.loads(trim.out)["operating_point"]["inputs"]["thrust"] == pytest.approx(3.0)
+    assert trace.exists()
+
+
+def test_a_name_that_is_no_aircraft_is_refused(folders: Path) -> None:
+    """A text that names neither data nor Python code is refused with the forms of aircraft."""
+    (folders / "found.toml").write_text('aircraft = "uav.tml"\n')
+    result = hfa("trim", "--aircraft", str(folders / "found.toml"))
+    assert_refused(result, 2, "found.toml", "uav.tml", "is not an aircraft")

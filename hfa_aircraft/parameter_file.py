@@ -1,0 +1,137 @@
+"""Files with new values of an aircraft's parameters, as `hfa identify -o FILE.toml` writes them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from hfa_aircraft.model import Model
+from hfa_support.errors import (
+    BadInputError,
+    file_faults,
+    is_finite,
+    prefix_errors,
+    refuse_unknown,
+    shown,
+)
+from hfa_support.files import read_toml
+
+#: Permitted entries of such a file. [covariance] is used by other readers.
+_KNOWN = ("aircraft", "sha256", "parameters", "bands", "covariance", "sensors")
+
+
+@dataclass(frozen=True)
+class ParameterFile:
+    """New values of an aircraft's parameters, and the aircraft that they belong to.
+
+    path: path of the file.
+    aircraft: argument of --aircraft as the file gives it, or "" if the file gives none. A file in
+        it is relative to the folder of this file.
+    sha256: hash of the aircraft, or "" if the file gives none.
+    values: parameter -> value, in the units of the aircraft.
+    bands: parameter or sensor error -> [low, high].
+    sensors: error of a column of a record -> value.
+    """
+
+    path: str
+    aircraft: str
+    sha256: str
+    values: Mapping[str, float]
+    bands: Mapping[str, Any]
+    sensors: Mapping[str, Any]
+
+    @classmethod
+    def read(cls, path: str | Path) -> ParameterFile:
+        """Return the content of a TOML file.
+
+        Raises BadInputError if the file cannot be read, or if an entry is unknown or invalid.
+        """
+        file = str(path)
+        with file_faults(file):
+            data = read_toml(file)
+        unknown = [name for name in data if name not in _KNOWN]
+        if unknown:
+            raise BadInputError(
+                f"{file}: unknown entry {shown(unknown[0])}; use {', '.join(_KNOWN)}"
+            )
+        texts = {name: data.get(name, "") for name in ("aircraft", "sha256")}
+        for name, text in texts.items():
+            if not isinstance(text, str) or (name in data and not text):
+                raise BadInputError(f"{file}: the entry {name} is {shown(text)}; give text")
+        values = _table(file, data, "parameters")
+        for name, value in values.items():
+            if not is_finite(value):
+                raise BadInputError(
+                    f"{file}: parameter {name} is {shown(value)}; give a finite number"
+                )
+        bands = _table(file, data, "bands")
+        return cls(file, **texts, values=values, bands=bands, sensors=_table(file, data, "sensors"))
+
+    def applied_to(self, model: Model) -> Model:
+        """Return an aircraft with the values of this file.
+
+        Raises BadInputError if the file belongs to an aircraft with another hash, if the aircraft
+        has no such parameter, or if a value is beyond the limits or its band.
+        """
+        named, digest = model.extras.source
+        if self.sha256 and self.sha256 != digest:
+            raise BadInputError(
+                f"{self.path} belongs to an aircraft with SHA-256 {shown(self.sha256)}, and "
+                f"{named} has {shown(digest)}; give the unchanged aircraft, or remove the entry "
+                "sha256 if the change does not matter"
+            )
+        with prefix_errors(self.path):
+            changed = model.with_parameters(**self.values)
+        self._check_bands(changed)
+        return changed
+
+    def read_as_aircraft(self, base: Model) -> Model:
+        """Return the aircraft that this file describes, with this file as its source.
+
+        base: the aircraft that the file names
+
+        Raises BadInputError as `applied_to` does.
+        """
+        changed = self.applied_to(base)
+        content = base.extras.source[1] + Path(self.path).read_text("utf-8")
+        source = (self.path, hashlib.sha256(content.encode()).hexdigest())
+        return replace(changed, extras=replace(changed.extras, source=source))
+
+    def _check_bands(self, model: Model) -> None:
+        """Raise BadInputError unless each entry of [bands] is a pair [low, high] that contains the
+        value of a parameter of the model, or of a sensor error of the file.
+        """
+        starts = {name: signal.start for name, signal in model.parameters.items()}
+        values = {**starts, **self.sensors}
+        for name, band in self.bands.items():
+            refuse_unknown(f"{self.path}: [bands] has the unknown parameter", name, values)
+            stated = f"the band of {name} is {shown(band)}"
+            if not _is_pair(band):
+                raise BadInputError(f"{self.path}: {stated}; give [low, high]")
+            low, high = band
+            if not low <= high:
+                raise BadInputError(f"{self.path}: {stated}; give the lower limit first")
+            if not (is_finite(values[name]) and low <= values[name] <= high):
+                raise BadInputError(
+                    f"{self.path}: {name} is {shown(values[name])}, outside the band "
+                    f"{shown(band)}; correct the value or the band"
+                )
+
+
+def _table(path: str, data: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Return the table with the given name from the data of a TOML file, or {} if it is missing.
+
+    Raises BadInputError if the entry is not a table.
+    """
+    table = data.get(name, {})
+    if not isinstance(table, dict):
+        raise BadInputError(f"{path}: {name} is {shown(table)}; give a table [{name}]")
+    return table
+
+
+def _is_pair(band: Any) -> bool:
+    """Return whether `band` is a list of two numbers of type int or float (not bool)."""
+    return isinstance(band, list) and [type(end) in (int, float) for end in band] == [True, True]
