@@ -150,12 +150,20 @@ class TrainingRun(Result, Reported):
 
     @property
     def outcome(self) -> str:
-        """ "settled", or a sentence with the reason why the run has not settled."""
+        """ "settled", or a sentence with the reason why the run has not settled.
+
+        The misfit of recorded drifts that are not linear in z, or noisy, follows "settled". The
+        learned gain is that of their linear fit.
+        """
         if self.excitation.rank < self.excitation.size:
             return f"the data have rank {self.excitation.rank} of {self.excitation.size}"
         if not math.isfinite(self.settling_time):
             last = self.settling_residual[-1]
             return f"the residual does not settle: {last:.3g} at the end, above {SETTLED:g}"
+        misfit = self.diagnostics.get("drift_misfit", 0.0)
+        if misfit > SETTLED:
+            percent = f"{100.0 * misfit:.2g} %"
+            return f"settled, but the recorded drifts deviate from F = A z by {percent}"
         return "settled"
 
     def report(self, *, history: bool = False) -> Report:

@@ -265,6 +265,24 @@ def test_a_gain_from_noisy_derivatives_is_refused(noise: float) -> None:
         assert result.diagnostics["drift_misfit"] == pytest.approx(noise, rel=0.2)
 
 
+def test_the_first_line_states_the_misfit_of_a_noisy_record() -> None:
+    """The first line states the misfit of noisy drifts. With exact drifts, it ends with "settled".
+
+    The noise makes the learned gain wrong by more than 5 %.
+    """
+    game, exact = published(PUBLISHED[0])
+    pool = random_pool(game, 500, seed=3)
+    noise = np.random.default_rng(4).normal(size=pool.drifts.shape) * pool.drifts.std(axis=0)
+    noisy = learn(game, tick=0.2, pool=Stack(pool.states, pool.drifts + 0.3 * noise))
+    assert noisy.settled
+    assert relative_error(noisy.K, exact.K) > 0.05
+    first_line = noisy.report().text().splitlines()[0]
+    stated = float(first_line.rsplit(" ", 2)[1])
+    assert stated == pytest.approx(100.0 * noisy.diagnostics["drift_misfit"], rel=0.05)
+    right = learn(game, tick=0.2, pool=pool)
+    assert right.report().text().splitlines()[0].endswith(": settled")
+
+
 RATE = decay_rate(time=5.0, eta=0.8, theta=0.9)
 ETA = 0.8
 
