@@ -198,9 +198,7 @@ def with_printed_matrices(report: Report, model: LinearModel, published: Publish
     published: the printed pair (A, B)
     """
     printed = OfTheHfa(printed={"A": published.A, "B": published.B})
-    beside = replace(
-        report, title="", parts=(report, comparison_table(model, published)), notes=report.notes
-    )
+    beside = replace(report, parts=(*report.parts, comparison_table(model, published)))
     return beside.with_data(**printed.as_data())
 
 

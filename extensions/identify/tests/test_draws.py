@@ -93,6 +93,22 @@ def test_a_held_parameter_narrows_the_band_of_mode(folder, capsys):
     assert kept["high"] - kept["low"] < 0.5 * (band["high"] - band["low"])
 
 
+@pytest.mark.parametrize("dihedral", ["15", "5", "12"])
+def test_linear_models_of_the_hfa_are_drawn(dihedral, capsys):
+    """`hfa linearize --draws` has bands at the printed angles, with the printed entries, and at
+    another angle.
+    """
+    words = ("linearize", "--dihedral", dihedral, "--draws", "2")
+    code, draws = answer(capsys, *words)
+    assert code == 0
+    assert "short period damping" in draws["bands"]
+    assert main(list(words)) == 0
+    printed = capsys.readouterr().out
+    assert printed.splitlines()[0].startswith(f"Linear model at dihedral {dihedral} deg")
+    assert draws["first_line"] == printed.splitlines()[1]
+    assert ("half units" in printed) == (dihedral != "12")
+
+
 def test_unstable_random_aircraft_are_counted():
     """If one of three random aircraft is unstable, two are reported as stable.
 
