@@ -28,8 +28,9 @@ _COSTS_NOTHING = 1e-12
 class CostAboveOptimum(Result):
     """Cost above the optimum for deviations from the equilibrium, percent, or inf if unbounded.
 
-    worst: worst case of u = -K x in continuous time, without delay, or nan for a policy that uses
-        several samples.
+    worst: worst case of u = -K x in continuous time, without delay. K includes the effect of an
+        observed input. nan for a policy that uses several samples, or whose inputs do not settle at
+        a constant state.
     mean: mean over all initial conditions, as for `worst`.
     sampled_worst: worst case of the sampled loop with delay, relative to the sampled optimum
         without delay. A step of dt costs dt (x'Qx + u'Ru), with x and u at its start.
@@ -60,8 +61,9 @@ def cost_above_optimum(
     try:
         worst = math.nan
         mean = math.nan
-        if equilibrium.frames is None:
-            continuous = flight_cost(game, solve_game(game), equilibrium.K)
+        gain = equilibrium.gain
+        if equilibrium.frames is None and gain is not None:
+            continuous = flight_cost(game, solve_game(game), gain)
             worst = continuous.worst
             mean = continuous.mean
         problem = sampled(game, chain.dt)

@@ -81,6 +81,16 @@ class Equilibrium:
     basis: Matrix | None = None
     frames: Frames | None = None
 
+    @property
+    def gain(self) -> Matrix | None:
+        """Gain (I - K_inputs)⁻¹ K of u = -gain x once the commands follow the state, (m', k).
+
+        None for a policy whose inputs do not settle at a constant state, such as an integrator.
+        """
+        if not np.abs(np.linalg.eigvals(self.K_inputs)).max() < 1.0:
+            return None
+        return np.linalg.solve(np.eye(len(self.K_inputs)) - self.K_inputs, self.K)
+
     def in_basis(self, basis: np.ndarray, inverse: np.ndarray) -> Equilibrium:
         """Return the equilibrium with A, B, C and K in the coordinates z of x = basis z.
 

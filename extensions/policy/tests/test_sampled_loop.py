@@ -160,6 +160,44 @@ def test_costs_equal_scipy(scale):
     assert lost.sampled_mean == pytest.approx(100.0 * shares.mean(), abs=1e-6)
 
 
+def deployment_that_observes_its_elevator(share, dt):
+    """Return a stable deployment of the GTM, whose elevator follows its own value just before.
+
+    share: factor of the observed elevator in the new elevator
+    """
+    _, _, K = linear_case()
+    before = ca.DM([[share], [0.0]])
+    o = ca.SX.sym("o", 5)
+    policy = ca.Function("policy", [o], [-ca.DM(K) @ o[:4] + before @ o[4:]])
+    observed = ("speed", "alpha", "pitch_rate", "pitch", "elevator")
+    return gtm_deployment(
+        {"file": policy},
+        observation={name: {} for name in observed},
+        cost={"Q": Q, "R": R},
+        timing={"dt": dt},
+    )
+
+
+@pytest.mark.parametrize("share", [0.4, -0.5])
+def test_the_cost_of_an_observed_input_is_the_limit_of_fast_sampling(share):
+    """With an observed input, the continuous cost is the limit of the cost of the sampled loop."""
+    deployment = deployment_that_observes_its_elevator(share, 1e-4)
+    deployed = deployment.on(model_of(GTM))
+    assessor = Assessor(deployed, trims_of(deployed.model, [45.0]), samples=0)
+    (loop,) = assessor.sampled_loops()
+    assert loop.cost.worst > 5.0
+    assert loop.cost.worst == pytest.approx(loop.cost.sampled_worst, rel=0.03)
+    assert loop.cost.mean == pytest.approx(loop.cost.sampled_mean, rel=0.2)
+
+
+def test_an_integrator_has_no_cost_in_continuous_time():
+    """The inputs of an integrator do not settle at a constant state: only the sampled cost exists."""
+    deployed = deployment_that_observes_its_elevator(1.0, DT).on(model_of(GTM))
+    assessor = Assessor(deployed, trims_of(deployed.model, [45.0]), samples=0)
+    (loop,) = assessor.sampled_loops()
+    assert math.isnan(loop.cost.worst)
+
+
 def test_a_loop_of_wrong_sign_is_unstable_undelayed(case):
     """A loop with a wrong sign is unstable, and its first unstable delay is 0."""
     deployed, _, _ = case
