@@ -21,7 +21,7 @@ import hfa
 from benchmarks.report import FOLDER, Limit, Row, in_turn
 from controller.game.basis import basis
 from controller.hfa_files import published_game
-from controller.riccati.gare import solve_game
+from controller.riccati.gare import unconfirmed_solution
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant
 from hfa_flight.monte_carlo import MonteCarlo, fly_member
 from hfa_flight.monte_carlo_store import stream_members
@@ -35,7 +35,7 @@ from studies.section5.critic_policy import CriticPolicy
 from studies.update_law.published_law import PublishedSettings, published_law
 from trim.hfa.level_flight import level_flight
 from trim.limits import Limits
-from trim.point.solve import find_operating_point
+from trim.point.solve import trim
 
 STEP = 1e-4
 STEPS = 200_000
@@ -69,7 +69,9 @@ class FlightCase:
         model = next(model for model in published_models() if model.dihedral_deg == 5.0)
         game = published_game(model.A, model.B)
         # Stabilizing initial weights: the LQR value, in the paper's basis.
-        start = tuple(basis("paper", 6).weights(solve_game(game.with_delta(np.inf)).P).tolist())
+        start = tuple(
+            basis("paper", 6).weights(unconfirmed_solution(game.with_delta(np.inf)).P).tolist()
+        )
         settings = PublishedSettings(
             samples=50,
             coordinates="scaled",
@@ -225,7 +227,7 @@ def critic_plan(members: int, duration: float) -> MonteCarlo:
     """
     case = FlightCase()
     aircraft = hfa.aircraft()
-    point = find_operating_point(aircraft, level_flight(float(np.radians(5.0))))
+    point = trim(aircraft, level_flight(float(np.radians(5.0))))
     initial = np.array([*case.start[:6], 0.0])
     signals = (case.reference, case.disturbance)
     uncertain = Uncertainty(

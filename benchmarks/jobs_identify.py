@@ -32,7 +32,7 @@ from hfa_identify.estimation import identify
 from hfa_identify.records import record_of
 from hfa_identify.response import Record, Responses
 from hfa_support.files import read_toml
-from trim.point.solve import find_operating_point
+from trim.point.solve import trim
 
 _UAV = str(Path(__file__).parents[1] / "examples" / "uav.toml")
 PARAMETERS = (
@@ -62,7 +62,7 @@ class RecordCase:
 
     def __init__(self, samples: int, off: float) -> None:
         true = from_derivatives(_UAV)
-        point = find_operating_point(true)
+        point = trim(true)
         self.time = _STEP * np.arange(samples)
         self.inputs = np.tile(np.array(point.inputs), (samples, 1))
         for name, amplitude, begin, unit in (
@@ -338,7 +338,7 @@ def _large(quick: bool) -> list[Row]:
     table = read_toml(_UAV)
     true = from_derivatives(table | {"more": _FLAP | _MORE})
     free = [name for name in true.parameters if name.startswith("C")]
-    point = find_operating_point(true)
+    point = trim(true)
     random = np.random.default_rng(1)
     records = []
     every = 40 if quick else 20

@@ -23,7 +23,7 @@ from hfa_policy.gymnasium_environment import AircraftEnvironment
 from hfa_policy.held_step import parts_of_a_sample, step_of_integration
 from hfa_policy.row_code import row_code
 from trim.point.condition import release, usual_condition
-from trim.point.solve import find_operating_point
+from trim.point.solve import trim
 from trim.sweeps.points import TRIMMED, trim_points
 
 #: JSBSim's frames per second.
@@ -104,7 +104,7 @@ def _environment(frames: int, count: int, target: float, quick: bool) -> Row:
     )
     model = load_model("jsbsim:c172p")
     steps = 5 if quick else 100
-    point = find_operating_point(model, usual_condition(model))
+    point = trim(model, usual_condition(model))
     episodes = Episodes(card.on(model), [point], count)
     one = AircraftEnvironment(Episodes(card.on(model), [point], 1))
     random = np.random.default_rng(0)

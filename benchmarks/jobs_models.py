@@ -20,7 +20,7 @@ from benchmarks.report import Limit, Row, in_turn, shortest
 from controller.game.zero_sum import Game
 from controller.hfa_files import published_game
 from controller.riccati.game_batch import solve_games
-from controller.riccati.gare import solve_game
+from controller.riccati.gare import unconfirmed_solution
 from controller.riccati.normal_form import NormalForm
 from hfa.paper import default_parameters
 from hfa_aircraft.loading import load_model
@@ -34,7 +34,7 @@ from trim.hfa.level_flight import level_flight
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.level_model import level_model
 from trim.point.linearize import linearize
-from trim.point.solve import find_operating_point
+from trim.point.solve import trim
 from trim.point.system import TrimSystem
 from trim.sweeps.machine import compiled_trim
 from trim.sweeps.mode_tracking import track_modes
@@ -129,7 +129,7 @@ def _one_game(quick: bool) -> list[Row]:
     for states, goal in ((6, 1.8),) if quick else ((6, 1.8), (24, 1.0), (48, 1.0), (96, 0.8)):
         games = [random_game(states, seed) for seed in range(2 if quick else 480 // states)]
         timing = in_turn(
-            partial(_each, solve_game, games),
+            partial(_each, unconfirmed_solution, games),
             partial(_each, scipy_value, games),
             len(games),
             len(games),
@@ -334,7 +334,7 @@ def _trim(quick: bool) -> list[Row]:
 
     def ours() -> None:
         for _ in range(100):
-            linearize(flexible, find_operating_point(flexible, condition))
+            linearize(flexible, trim(flexible, condition))
 
     def peer() -> None:
         for _ in range(20):
@@ -477,7 +477,7 @@ def f16_peer(condition: TrimCondition) -> Callable[[str, Sequence[float]], list[
     )
     states = list(model.states)
     inputs = list(model.inputs)
-    first = find_operating_point(model, condition)
+    first = trim(model, condition)
 
     def points(varied: str, values: Sequence[float]) -> list[Any]:
         x = np.array(first.states)

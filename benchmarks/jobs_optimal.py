@@ -31,7 +31,7 @@ from hfa_optimal.collocation import (
 )
 from hfa_optimal.initial_conditions import drawn_starts
 from hfa_optimal.problem import FlightProblem, flight_problem
-from trim.point.solve import find_operating_point
+from trim.point.solve import trim
 
 _GTM = Path(__file__).parents[1] / "examples" / "gtm.py"
 _INTERVALS = 50
@@ -52,7 +52,7 @@ def _best_flight(quick: bool) -> list[Row]:
     if importlib.util.find_spec("rockit") is None:
         return []
     model = load_model(f"{_GTM}:GTM")
-    problem = flight_problem(model, find_operating_point(model))
+    problem = flight_problem(model, trim(model))
     (start,) = drawn_starts(problem, 1, 0)
     transcription = Transcription(problem, _INTERVALS, Equations.of(problem, _STARTS))
     ours = _ours(transcription, start)

@@ -21,7 +21,7 @@ import numpy as np
 import hfa
 from benchmarks.report import Growth, Size, value_text
 from controller.hfa_files import published_game
-from controller.riccati.gare import solve_game
+from controller.riccati.gare import unconfirmed_solution
 from hfa_flight.envelope import flight_envelope
 from hfa_flight.monte_carlo import MonteCarlo
 from hfa_flight.monte_carlo_store import stream_members
@@ -31,7 +31,7 @@ from hfa_networks.files.network import from_network
 from hfa_stores.sweep_store import stream_sweep
 from trim.point.level_model import level_model
 from trim.sweeps.sweep_plan import Steps, SweepPlan
-from verification.critic.critic_check import check_critic
+from verification.critic.critic_check import verify
 from verification.critic.scope import Scope
 from verification.hfa_box import ordinary_box
 
@@ -103,7 +103,7 @@ def gain_plan(members: int, duration: float) -> MonteCarlo:
     aircraft = hfa.aircraft()
     scenario = Scenario(duration, uncertainty=UNCERTAIN)
     model = level_model(aircraft, float(np.radians(15.0)))
-    policy = GainPolicy("exact", solve_game(published_game(model.A, model.B)).K)
+    policy = GainPolicy("exact", unconfirmed_solution(published_game(model.A, model.B)).K)
     return MonteCarlo(
         members, 0, aircraft, model.point, policy, scenario, flight_envelope(aircraft, model.point)
     )
@@ -112,7 +112,7 @@ def gain_plan(members: int, duration: float) -> MonteCarlo:
 def _states(count: int, folder: Path) -> Callable[[], object]:
     """Return a function that solves a random game with `count` states."""
     game = random_game(count)
-    return lambda: solve_game(game)
+    return lambda: unconfirmed_solution(game)
 
 
 def random_game(states: int, seed: int = 0) -> hfa.Game:
@@ -148,7 +148,7 @@ def _networks(width: int, folder: Path) -> Callable[[], object]:
         inputs = outputs
     np.savez(folder / "network.npz", **layers)
     critic = from_network(game, folder / "network.npz", activation="tanh")
-    return lambda: check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=0))
+    return lambda: verify(game, critic, scope=Scope(box=ordinary_box(), flights=0))
 
 
 def _sized(job: str, count: int) -> Size:

@@ -9,9 +9,6 @@ from .learning.recording import Stack as Stack, random_pool as random_pool, reco
 from .learning.ticks import run as run
 from .riccati.frequency_response import bounded_real_gain as bounded_real_gain
 from .riccati.game_batch import solve_games as solve_games
+from .riccati.gare import solve as solve
 from .riccati.margins import disk_margin as disk_margin
 from .riccati.smallest_delta import minimum_delta as minimum_delta
-from .riccati.solution_report import solve
-
-# The name of 0.3, for one version.
-analyse_game = solve

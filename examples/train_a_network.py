@@ -56,7 +56,7 @@ def fit(
     """
     from scipy.optimize import minimize
 
-    exact = hfa.solve_game(game)
+    exact = hfa.solve(game)
     rng = np.random.default_rng(seed)
     n = len(game.A)
     y = rng.uniform(-1.0, 1.0, (n, points)) * rng.uniform(0.0, 1.0, points) ** 0.5

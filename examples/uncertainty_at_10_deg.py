@@ -32,7 +32,7 @@ shipped = hfa.paper.default_parameters()
 for dynamics in ("published", "newton"):
     aircraft = hfa.aircraft(dynamics, shipped.values)
     condition = hfa.paper.level_flight(np.radians(10.0))
-    model = hfa.linearize(aircraft, hfa.find_operating_point(aircraft, condition))
+    model = hfa.linearize(aircraft, hfa.trim(aircraft, condition))
     bands = entry_bands(shipped, condition, model)
     print(dynamics)
     for i in np.argsort(-bands.A, axis=None)[:3]:

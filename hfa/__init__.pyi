@@ -12,8 +12,8 @@ from controller.game.linear_game import game as game
 from controller.game.zero_sum import Game as Game
 from controller.hfa_files import load_game as load_game
 from controller.learning.certified import learn as learn
-from controller.riccati.gare import Solution as Solution, solve_game as solve_game
-from controller.riccati.solution_report import lqr as lqr, solve as solve
+from controller.riccati.gare import Solution as Solution, solve as solve
+from controller.riccati.lqr import lqr as lqr
 from hfa_aircraft.loading import load_model as load_model
 from hfa_aircraft.model import Model as Model
 from hfa_aircraft.signals import Signal as Signal
@@ -23,7 +23,7 @@ from hfa_flight.turbulence import Turbulence as Turbulence
 from hfa_identify.estimation import identify as identify
 from hfa_model.choice import aircraft as aircraft
 from hfa_networks.files.network import from_network as from_network
-from hfa_optimal.best_flight import BestFlight as BestFlight, best_flight as best_flight
+from hfa_optimal.best_flight import BestFlight as BestFlight, optimize as optimize
 from hfa_optimal.quickest import quickest_flight as quickest_flight
 from hfa_policy.assess import assess as assess
 from hfa_policy.assessment_report import Assessment as Assessment
@@ -42,18 +42,11 @@ from trim.linear.linear_model import LinearModel as LinearModel
 from trim.point.condition import TrimCondition as TrimCondition
 from trim.point.linearize import linearize as linearize
 from trim.point.operating_point import OperatingPoint as OperatingPoint
-from trim.point.solve import find_operating_point as find_operating_point
+from trim.point.solve import trim as trim
 from trim.sweeps.sweep import sweep as sweep
-from verification.critic.critic_check import check_critic as check_critic
+from verification.critic.critic_check import verify as verify
 from verification.critic.verdict import Verdict as Verdict
 
 from . import paper as paper
-
-# The words of the commands.
-trim = find_operating_point
-verify = check_critic
-optimize = best_flight
-# The earlier name, for one version.
-load_critic = read_critic
 
 __version__: str

@@ -93,7 +93,7 @@ CORE = {
         "solve the zero-sum game exactly, with a certificate",
         "hfa.commands.game:solve",
         example="hfa solve --dihedral 15 --delta 300",
-        results=("controller.riccati.solution_report:AnalysedGame hfa.options.games:NamedGame",),
+        results=("controller.riccati.gare:Solution hfa.options.games:NamedGame",),
     ),
     "learn": CommandEntry(
         "critic",

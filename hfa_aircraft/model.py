@@ -34,9 +34,9 @@ class UsualTrim(dict[str, float]):
     def __call__(self, *condition: Any, **held: Any) -> Any:
         """Return the trim of the model under a condition, as in model.trim(speed=60.0).
 
-        The arguments are those of `find_operating_point` after the model.
+        The arguments are those of `trim` after the model.
         """
-        return self.model.find_operating_point(*condition, **held)
+        return self.model.trim(*condition, **held)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

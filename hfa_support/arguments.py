@@ -43,7 +43,7 @@ def checks_arguments(public: Public) -> Public:
     Traceback (most recent call last):
     ...
     hfa_support.errors.BadInputError: linearize: point is None; give an OperatingPoint, made by
-    find_operating_point(model)
+    trim(model)
     """
     if isinstance(public, type):
         public.__init__ = _checked(public.__init__, public.__name__, 1)  # type: ignore[misc]

@@ -22,8 +22,8 @@ elevator: elevator_center elevator_outer
 fpa: path_angle gamma
 gamma: path_angle flight_path_angle delta
 h: altitude
-hinf: solve_game
-hinfsyn: solve_game
+hinf: solve
+hinfsyn: solve
 interp: at
 load_aircraft: load_model
 make_env: environment

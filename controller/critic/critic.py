@@ -188,7 +188,7 @@ def from_gain(game: Game, K: ArrayLike) -> Critic:
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
-    >>> hfa.check_critic(game, hfa.from_gain(game, [[0.5]])).ok
+    >>> hfa.verify(game, hfa.from_gain(game, [[0.5]])).ok
     False
     """
     return Critic(game.checked_gain(K))

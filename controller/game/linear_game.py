@@ -41,7 +41,7 @@ def game(
 
     >>> import hfa
     >>> model = hfa.aircraft()
-    >>> linear = hfa.linearize(model, hfa.find_operating_point(model))
+    >>> linear = hfa.linearize(model, hfa.trim(model))
     >>> hfa.game(linear, Q={"speed": 0.01}).Q.diagonal().tolist()
     [0.01, 0.0, 0.0, 0.0, 0.0, 0.0]
     """

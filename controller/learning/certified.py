@@ -659,7 +659,7 @@ def learn(
     K.
 
     Use `run` for a learning law that you define yourself. The result is not verified.
-    `hfa.check_critic` verifies it with the matrix A of the game.
+    `hfa.verify` verifies it with the matrix A of the game.
 
     game: the game
     law: "certified"

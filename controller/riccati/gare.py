@@ -1,9 +1,10 @@
-"""Certified exact solution of the zero-sum game on a linear model."""
+"""Exact solution of the zero-sum game on a linear model: certified, and confirmed by its cost."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,14 +16,17 @@ from controller.riccati.certificate import (
     Certified,
     certified_solution,
 )
+from controller.riccati.loop_margins import LoopMargin, loop_margins, named_margins
+from controller.riccati.margins import DiskMargin, disk_margin
+from controller.riccati.meaning import meaning_checks
 from controller.riccati.normal_form import NormalForm
+from controller.riccati.smallest_delta import DeltaMin, smallest_delta_of, why_refused
 from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.progress import Progress
-from hfa_support.reporting.checks import checks_block
+from hfa_support.reporting.checks import Check
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Roots
-from hfa_support.reporting.text import Table, eigenvalue_text, entry_rows, matrix_table
 
 if TYPE_CHECKING:
     import control
@@ -31,6 +35,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution(Result, Reported):
     """Value z'P z of a game, its policies u = -K z and d = L z, and its certificate.
+
+    The smallest delta and the margins are computed when they are first used.
 
     P: (n, n), of the value z'P z
     K: (m, n), of the policy u = -K z
@@ -42,17 +48,22 @@ class Solution(Result, Reported):
         disturbance, 1/s
     abscissa_error: change of the largest real part of the eigenvalues of A - B K by rounding of A,
         B and K, 1/s, to first order
+    meaning: checks of the cost and the L2 gain of the policies, () if they were not made
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
-    >>> solution = hfa.solve_game(game)
+    >>> solution = hfa.solve(game)
     >>> type(solution) is hfa.Solution, solution.K.shape
     (True, (1, 1))
     """
 
+    schema = "hfa.game-solution/1"
+    made_by = "hfa solve"
     json_keys = (
-        "P K disturbance_gain delta certificate closed_loop_eigenvalues "
-        "closed_loop_abscissa_error=abscissa_error worst_case_eigenvalues"
+        "states=names.states inputs=names.inputs P K disturbance_gain delta certificate "
+        "closed_loop_eigenvalues closed_loop_abscissa_error=abscissa_error worst_case_eigenvalues "
+        "delta_min delta_margin meaning loop_margins disk_margin state_units=names.state_units "
+        "input_units=names.input_units"
     )
 
     P: Matrix
@@ -63,6 +74,7 @@ class Solution(Result, Reported):
     closed_loop_eigenvalues: Roots
     worst_case_eigenvalues: Roots
     abscissa_error: float
+    meaning: tuple[Check, ...] = ()
 
     @property
     def delta(self) -> float:
@@ -96,14 +108,42 @@ class Solution(Result, Reported):
         """True if every eigenvalue of A - B K has a real part below -`abscissa_error`."""
         return bool(self.closed_loop_eigenvalues.real.max() < -self.abscissa_error)
 
-    def margins(self) -> dict[str, dict[str, float]]:
-        """Return the stability margins at each input, input -> name of the margin -> value.
+    @cached_property
+    def smallest(self) -> DeltaMin:
+        """Bounds of the smallest delta that has a solution."""
+        return smallest_delta_of(NormalForm.of(self.game))
 
-        Each margin is computed with the loops of the other inputs closed (`named_margins`).
-        """
-        from controller.riccati.loop_margins import margins_of_inputs
+    @property
+    def delta_min(self) -> float:
+        """Smallest delta found to have a solution, an upper bound of the exact delta_min."""
+        return self.smallest.value
 
-        return margins_of_inputs(self.names, certified(NormalForm.of(self.game)))
+    @property
+    def delta_margin(self) -> float:
+        """Ratio delta / delta_min, or inf if delta_min is 0."""
+        return self.smallest.margin(self.delta)
+
+    @cached_property
+    def loops(self) -> tuple[LoopMargin, ...]:
+        """Margins at each input, with the loops of the other inputs closed."""
+        return loop_margins(*self._balanced)
+
+    @property
+    def loop_margins(self) -> dict[str, dict[str, float]]:
+        """Stability margins, input -> name of the margin -> value (`named_margins`)."""
+        return named_margins(self.names.inputs, self.loops)
+
+    @cached_property
+    def disk_margin(self) -> DiskMargin:
+        """Disk margin for all inputs together."""
+        return disk_margin(*self._balanced)
+
+    @property
+    def _balanced(self) -> tuple[Game, np.ndarray]:
+        """The game in normal form and its gain K there, so that margins do not depend on units."""
+        solved = certified(NormalForm.of(self.game))
+        balanced = solved.form.game()
+        return balanced, balanced.gain(solved.X)
 
     def cost(self, z: ArrayLike) -> float:
         """Return z'P z, the value of the game from the initial state z, (n,).
@@ -118,43 +158,50 @@ class Solution(Result, Reported):
         return float(state @ self.P @ state)
 
     def report(self) -> Report:
-        """Return a report of P, K, the closed-loop eigenvalues and the certificate."""
-        inputs = self.names.inputs
-        states = self.names.states
-        poles = [value for value in self.closed_loop_eigenvalues if value.imag >= 0]
-        return Report(
-            title=f"Exact game solution for {self.names.origin}, delta {self.delta:.6g}",
-            parts=(
-                matrix_table("P", states, states, self.P),
-                matrix_table("K", inputs, states, self.K),
-                f"closed loop A - B K, 1/s: {', '.join(map(eigenvalue_text, poles))}",
-                checks_block(self.certificate.checks),
-            ),
-            data=self.as_data(),
-            records=Table(
-                ("matrix", "row", "column", "value", "unit"),
-                entry_rows((self.P,), (self.K,), self.names),
-            ),
-        )
+        """Return a report of the solution: P, K, eigenvalues, checks, delta_min and margins."""
+        from controller.riccati.solution_report import solution_report
+
+        return solution_report(self)
 
 
 @checks_arguments
-def solve_game(game: Game, progress: Progress | None = None) -> Solution:
-    """Return the certified exact solution of a game (paper Section 3.1).
+def solve(game: Game, progress: Progress | None = None) -> Solution:
+    """Return the exact solution of a game, certified and confirmed (paper Section 3.1).
 
     A'P + P A + Q - P S P = 0,  K = R⁻¹B'P,  L = δ⁻²E'P,  S = B R⁻¹ B' - δ⁻²E E'
+
+    The certificate is a set of tests of P. The cost and the L2 gain of the policies confirm it. All
+    tests are made in normal form. The verdict therefore does not depend on the user's units.
 
     game: the game
     progress: called by the search for delta_min, which runs only if there is no solution
 
-    Raises NoSolutionError if there is no certified solution. The message names the mode for which
-    no delta has a solution, or the failed test of the certificate and delta_min.
+    Raises NoSolutionError if there is no certified solution, or if the cost or L2 gain of its
+    policies contradicts the certificate. The message names the mode for which no delta has a
+    solution, or the failed test and delta_min.
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
-    >>> hfa.solve_game(game).K.round(4).tolist()
-    [[3.0972]]
+    >>> solution = hfa.solve(game)
+    >>> solution.K.round(4).tolist(), round(solution.delta_min, 4)
+    ([[3.0972]], 1.0)
+    """
+    form = NormalForm.of(game)
+    solved = certified(form, progress)
+    meaning = meaning_checks(solved.form.game(), solved.X, np.ones(len(solved.X)))
+    for check in meaning:
+        if not check.ok:
+            unconfirmed = f"certified, but not confirmed: {check.name}: {check.reason}"
+            advice = smallest_delta_of(form, progress).advice(game.delta)
+            raise NoSolutionError(f"{unconfirmed}; {advice}")
+    return replace(solution_of(form, solved, game), meaning=meaning)
+
+
+def unconfirmed_solution(game: Game, progress: Progress | None = None) -> Solution:
+    """Return the certified solution of a game without the checks of its cost and L2 gain.
+
+    For searches and sweeps that solve many games. The arguments and errors are those of `solve`.
     """
     form = NormalForm.of(game)
     return solution_of(form, certified(form, progress), game)
@@ -172,8 +219,6 @@ def certified(form: NormalForm, progress: Progress | None = None) -> Certified:
     try:
         return certified_solution(form)
     except NoSolutionError as failure:
-        from controller.riccati.smallest_delta import why_refused
-
         raise NoSolutionError(why_refused(form, str(failure), progress)) from failure
 
 

@@ -18,7 +18,7 @@ HERE = Path(__file__).parent
 steps = int(sys.argv[2]) if len(sys.argv) > 2 else 250_000
 model = hfa.load_model(f"{HERE.parent}/gtm.py:GTM")
 speeds = np.arange(40.0, 57.0, 4.0)  # m/s
-trims = [hfa.find_operating_point(model, hold={"speed": speed}) for speed in speeds]
+trims = [hfa.trim(model, hold={"speed": speed}) for speed in speeds]
 deployment = hfa.Deployment.load(HERE / sys.argv[1])  # observations, actions, timing, cost
 flights = hfa.vector_environment(model, deployment, trims, count=32, seconds=8.0)
 normalized = VecNormalize(flights, gamma=0.98)

@@ -40,7 +40,7 @@ def solve(request: SolveRequest) -> int:
     A file of --model with B1, B2, C1, D12 and optionally C2, D21, D11, D22 is a generalized plant,
     as for `hinfsyn`. The H-infinity norm of the closed loop is then below delta, by default 1.01
     delta_min. The exit code is 1 if there is no certified solution."""
-    from controller.riccati import solution_report
+    from controller.riccati import gare
 
     arrays = None
     if request.plant is not None:
@@ -64,9 +64,9 @@ def solve(request: SolveRequest) -> int:
         code: int = part(PARTS, "solve.steps", IN_STEPS)(request, named)
         return code
     with named.asking_for_time():
-        analysed_game = solution_report.solve(named.game, ProgressLine("solve"))
-    subject = (named, analysed_game.K)
-    report = with_draws(analysed_game.report(), request, subject)
+        solution = gare.solve(named.game, ProgressLine("solve"))
+        solved = solution.report()
+    report = with_draws(solved, request, (named, solution.K))
     show(report.with_data(**named.as_data()), request, notes=named.warnings)
     return 0
 
@@ -83,7 +83,7 @@ def learn(request: LearnRequest) -> int:
     -o FILE saves the weights for `hfa verify`. For a discrete-time plant, Q-learning from recorded
     steps is used. The exit code is 1 if a check fails.
     """
-    from verification.critic.critic_check import check_critic
+    from verification.critic.critic_check import verify
 
     named = request.game(may_be_discrete=True)
     if named.discrete is not None:
@@ -91,7 +91,7 @@ def learn(request: LearnRequest) -> int:
         return code
     run = request.learned(named.game)
     critic = run.critic(named.game)
-    return show_learned(request, named, run, check_critic(named.game, critic, run=run))
+    return show_learned(request, named, run, verify(named.game, critic, run=run))
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,7 +28,7 @@ from trim.linear.linear_model import LinearModel
 from trim.linear.linear_report import linear_model_report
 from trim.linear.reduction import reduction_note
 from trim.point.operating_point import OperatingPoint
-from trim.point.solve import find_operating_point
+from trim.point.solve import trim
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -163,7 +163,7 @@ def _of_the_hfa(request: LinearizeRequest, model: LinearModel) -> Report:
         name = next((variant for variant in VARIANTS if variant != request.dynamics), "")
         changed = aircraft(name, parameters.values)
         with suppress(BadInputError, NoSolutionError):  # the other dynamics have no trim there
-            comparison = find_operating_point(changed, condition, model.point).linearize()
+            comparison = trim(changed, condition, model.point).linearize()
     return with_bands(linear_model_report(model), model, bands, comparison)
 
 

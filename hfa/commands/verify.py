@@ -25,7 +25,7 @@ from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown
 from hfa_support.files import MATRIX_FILES, note_read
 from hfa_support.progress import with_progress
-from verification.critic.critic_check import check_critic
+from verification.critic import critic_check
 from verification.critic.scope import LIMIT, SECONDS, Nearby, Scheduled, Scope
 from verification.critic.verdict import NEAR, Verdict
 from verification.hfa_box import ordinary_box
@@ -146,7 +146,7 @@ def verify(request: VerifyRequest) -> int:
     progress = ProgressLine("compare")
     if not paths:
         run = request.learned(named.game)
-        verdicts[f"the law {run.law!r}, seed {run.seed},"] = check_critic(
+        verdicts[f"the law {run.law!r}, seed {run.seed},"] = critic_check.verify(
             named.game, run.critic(named.game), run=run, limit=request.limit_error, scope=scope
         )
     else:
@@ -319,7 +319,7 @@ def _check_file(
             from verification.critic.about_trim import nonlinear_plant
 
             scope = replace(scope, plant=nonlinear_plant(named.linear))
-    return check_critic(named.game, critic, limit=request.limit_error, scope=scope)
+    return critic_check.verify(named.game, critic, limit=request.limit_error, scope=scope)
 
 
 def _check_history(

@@ -8,7 +8,7 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import NoSolutionError
 from trim.point.condition import TrimCondition, release
 from trim.point.reasons import explained
-from trim.point.solve import TrimError, find_operating_point
+from trim.point.solve import TrimError, trim
 
 if TYPE_CHECKING:
     from hfa.options.trims import TrimOptions
@@ -31,7 +31,7 @@ def advised(
         return error
     freed = release(condition, free=("alpha",))
     try:
-        free_point = find_operating_point(aircraft, freed, request.start_point)
+        free_point = trim(aircraft, freed, request.start_point)
     except NoSolutionError:
         return error
     trimmed = request.model.describe("alpha", free_point.states.alpha)

@@ -29,7 +29,7 @@ from hfa_support.reporting.report import SUFFIXES, Report
 from hfa_support.units import SYSTEMS
 from trim.point.condition import TrimCondition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
-from trim.point.solve import TrimError, find_operating_point
+from trim.point.solve import TrimError, trim
 
 #: Options of the trim condition, without the scheduling variable.
 OF_THE_TRIM = ("condition", "free", "hold", "limit", "start")
@@ -481,7 +481,7 @@ class TrimOptions(HfaOptions):
             begins = typed if self.start is None else "--start"
             warn(f"{by} is free: the search begins at {begins}")
         try:
-            return find_operating_point(aircraft, condition, self.start_point)
+            return trim(aircraft, condition, self.start_point)
         except TrimError as failure:
             from hfa.options.no_trim import advised
 

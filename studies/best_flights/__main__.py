@@ -66,7 +66,7 @@ def best_flight_and_policies(
     found = search.found(problem.deviations(START))
     gains = {
         "learned critic, saturated": hfa.learn(game, seed=0).K,
-        "exact game policy, saturated": hfa.solve_game(game).K,
+        "exact game policy, saturated": hfa.solve(game).K,
     }
     flown = []
     for name, K in gains.items():

@@ -63,9 +63,9 @@ def problem_of(source: str) -> FlightProblem:
     """
     if source not in ("published", "newton"):
         model = hfa.load_model(source)
-        return flight_problem(model, hfa.find_operating_point(model))
+        return flight_problem(model, hfa.trim(model))
     model = hfa.aircraft(dynamics=source)
-    point = hfa.find_operating_point(model, hold={"dihedral": np.radians(_DIHEDRAL)})
+    point = hfa.trim(model, hold={"dihedral": np.radians(_DIHEDRAL)})
     game = hfa.paper.published_game(hfa.linearize(model, point))
     return flight_problem(model, point, game.Q, game.R)
 

@@ -64,7 +64,7 @@ def bounded(name: str, starts: int, flights: int | None = None) -> dict[str, Any
     """
     aircraft = AIRCRAFT[name]
     model = aircraft.model()
-    problem = flight_problem(model, hfa.find_operating_point(model))
+    problem = flight_problem(model, hfa.trim(model))
     search = bound_search(problem, degree=aircraft.degree, margin=aircraft.margin, seconds=120.0)
     begin = time.process_time()
     found = search.found()

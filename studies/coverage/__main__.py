@@ -19,7 +19,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
-from hfa import find_operating_point, identify
+from hfa import identify, trim
 from hfa_aircraft.model import Model
 from hfa_derivatives.aircraft import from_derivatives
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -46,7 +46,7 @@ def simulated_record(model: Model) -> Columns:
 
     SciPy integrates the equations. The record has no noise.
     """
-    point = find_operating_point(model)
+    point = trim(model)
     time = np.arange(0.0, _SECONDS, _INTERVAL)
     inputs = np.tile(np.array(point.inputs), (len(time), 1))
     place = np.searchsorted([0.5, 1.7, 2.5, 2.9, 3.3], time, side="right")

@@ -38,7 +38,7 @@ class Task:
     def point(self) -> OperatingPoint:
         """Return the trim of the aircraft at the values in `hold`."""
         model = hfa.aircraft() if self.aircraft is None else hfa.load_model(self.aircraft)
-        return hfa.find_operating_point(model, hold=dict(self.hold))
+        return hfa.trim(model, hold=dict(self.hold))
 
 
 TASKS = (

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from hfa import find_operating_point
+from hfa import trim
 from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
 from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, responses
@@ -60,7 +60,7 @@ def _trimmed(
     model = read_model(f"jsbsim:{name}").with_parameters(gravity=gravity)
     known = {each: value for each, value in held.items() if each in model.holdable}
     condition = release(usual_condition(model), hold=known, free=free)
-    return model, find_operating_point(model, condition)
+    return model, trim(model, condition)
 
 
 def _residual(name: str, held: Mapping[str, float], free: tuple[str, ...]) -> float:

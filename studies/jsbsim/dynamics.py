@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa import find_operating_point, linearize
+from hfa import linearize, trim
 from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
 from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, responses
@@ -76,7 +76,7 @@ def trimmed(name: str, **parameters: float) -> tuple[Model, OperatingPoint]:
     gravity = GRAVITY * (RADIUS / (RADIUS + altitude)) ** 2
     model = read_model(f"jsbsim:{name}").with_parameters(gravity=gravity, **parameters)
     condition = release(usual_condition(model), hold={"kcas": kcas, "altitude": altitude})
-    return model, find_operating_point(model, condition)
+    return model, trim(model, condition)
 
 
 def _at(name: str, model: Model, state: Mapping[str, float], inputs: Mapping[str, float]) -> Any:

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import root
 
-from hfa import find_operating_point
+from hfa import trim
 from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
 from hfa_support.errors import BadInputError
@@ -113,7 +113,7 @@ def trimmed(name: str) -> tuple[Model, OperatingPoint]:
     model = read_model(name).with_parameters(gravity=GRAVITY)
     held = _condition(name.removeprefix("jsbsim:").partition("?")[0])
     condition = release(usual_condition(model), hold=held)
-    return model, find_operating_point(model, condition)
+    return model, trim(model, condition)
 
 
 def _condition(name: str) -> dict[str, float]:

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa import Signal, find_operating_point, identify
+from hfa import Signal, identify, trim
 from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
 from studies.jsbsim.dynamics import RATES, slopes_in_equilibrium
@@ -148,7 +148,7 @@ def jsbsim_flights(name: str, case: Case) -> tuple[OperatingPoint, list[dict[str
     """
     model = read_model(f"jsbsim:{name}").with_parameters(gravity=GRAVITY)
     held = {"kcas": case.kcas, "altitude": case.altitude}
-    point = find_operating_point(model, release(usual_condition(model), hold=held))
+    point = trim(model, release(usual_condition(model), hold=held))
     moves = [manoeuvre(case, sign) for sign in (1.0, -1.0)]
     trimmed = point.inputs._asdict()
     items = []

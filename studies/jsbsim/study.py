@@ -14,7 +14,7 @@ from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, measured
 from trim.point.condition import TrimCondition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.reasons import explained
-from trim.point.solve import TrimError, find_operating_point
+from trim.point.solve import TrimError, trim
 
 #: Conditions: calibrated airspeed, kt, and altitude, ft.
 SPEEDS = ((60.0, 1000.0), (90.0, 3000.0), (130.0, 5000.0), (200.0, 10000.0), (300.0, 20000.0))
@@ -57,7 +57,7 @@ def _trimmed(model: Model, held: Mapping[str, float]) -> dict[str, Any]:
     condition = release(usual_condition(flown), hold=held)
     point: dict[str, Any] = {"at": dict(held)}
     try:
-        solution = find_operating_point(flown, condition)
+        solution = trim(flown, condition)
         point["kind"] = "level" if "gamma" in model.trim else "glide"
     except TrimError as error:
         point["kind"] = "none"
@@ -75,7 +75,7 @@ def _trimmed(model: Model, held: Mapping[str, float]) -> dict[str, Any]:
 
 def _solution(model: Model, condition: TrimCondition) -> OperatingPoint | None:
     try:
-        return find_operating_point(model, condition)
+        return trim(model, condition)
     except TrimError:
         return None
 

@@ -14,7 +14,7 @@ import hfa
 from controller import Stack, basis, random_pool
 from controller.game.basis import Basis
 from controller.game.training_run import TrainingRun
-from hfa import Game, Solution, check_critic, from_weights, learn, solve_game
+from hfa import Game, Solution, from_weights, learn, solve, verify
 from hfa.paper import published_game
 from hfa_flight import Policy, Scenario, Waveform
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant
@@ -120,7 +120,7 @@ class PaperCase:
     @cached_property
     def exact(self) -> Solution:
         """The exact solution of the game."""
-        return solve_game(self.game)
+        return solve(self.game)
 
     def reweighted(self, alpha_factor: float) -> PaperCase:
         """Return a copy of the case in which the weight of alpha in Q is multiplied by a factor."""
@@ -406,7 +406,7 @@ def _published(
         start_game = replace(case.game, Q=modified.start_Q * np.eye(_N), delta=np.inf)
         functions = basis(modified.basis, _N)
         gains = (modified.alpha1, modified.alpha2)
-        start = tuple(functions.weights(solve_game(start_game).P).tolist())
+        start = tuple(functions.weights(solve(start_game).P).tolist())
     chosen = PublishedSettings(
         predefined_time=predefined_time,
         step=configuration.flight.step,
@@ -478,7 +478,7 @@ def _train(setting: Setting, case: PaperCase, law: str, predefined_time: float) 
         learned = learn(case.game, law, critic.seed, pool=recorded_pool(setting, case), **chosen)
     gains, certified_from = certified_gains(case.game, learned, configuration.flight.tick)
     last_critic = from_weights(target, learned.weights[-1], learned.basis)
-    verdict = check_critic(target, last_critic, run=learned)
+    verdict = verify(target, last_critic, run=learned)
     return _Training(learned, gains, certified_from, verdict.ok)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 import hfa
 import hfa_model
-from hfa import BadInputError, OperatingPoint, find_operating_point, linearize, solve_game
+from hfa import BadInputError, OperatingPoint, linearize, solve, trim
 from hfa.extend import Report
 from hfa.paper import level_flight, published_game
 from hfa_aircraft.model import Model
@@ -167,7 +167,7 @@ def _paper(on: Start) -> Policy:
     The policy has six states and five inputs. It includes neither actuators nor integrators.
     """
     model = linearize(on.aircraft, on.point)
-    return GainPolicy("paper", solve_game(published_game(model.A, model.B)).K)
+    return GainPolicy("paper", solve(published_game(model.A, model.B)).K)
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,7 +229,7 @@ def fly_case(
     """
     commands = commands or simvfa_commands()
     scenario = scenario_of(case, commands, duration)
-    point = find_operating_point(aircraft, level_flight(float(np.radians(TRIM_DEG))))
+    point = trim(aircraft, level_flight(float(np.radians(TRIM_DEG))))
     envelope = flight_envelope(aircraft, point)
     outputs = MeasuredOutputs(aircraft, point, commands.names)
     for law, make in laws_of(case.actuator.order, controllers, only).items():

@@ -18,7 +18,7 @@ import numpy as np
 
 import hfa
 import hfa_model
-from hfa import OperatingPoint, solve_game
+from hfa import OperatingPoint, solve
 from hfa.paper import level_model
 from hfa_aircraft.model import Model
 from hfa_flight import CommandSteps
@@ -102,7 +102,7 @@ def reference_model(built: DesignModel) -> ReferenceModel:
     inverse = np.linalg.inv(mixed @ B1)
     rate = mixed @ (game.A + SHIFT * np.eye(n)) @ B1
     R_inverse = inverse @ (rate + rate.T) @ inverse + EPSILON * np.eye(len(C))
-    K = solve_game(game).K
+    K = solve(game).K
     return ReferenceModel(game.A, game.B, C, K, B1 @ R_inverse @ S, S, R_inverse, squared_up)
 
 

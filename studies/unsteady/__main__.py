@@ -18,7 +18,7 @@ from functools import cache
 import numpy as np
 
 import hfa
-from hfa import LinearModel, Model, fly, solve_game
+from hfa import LinearModel, Model, fly, solve
 from hfa.paper import level_model, published_game
 from hfa_air.unsteady import UNSTEADY
 from hfa_flight import GainPolicy, OneMinusCosine, Scenario, flight_envelope
@@ -73,7 +73,7 @@ def updraft_function(plant: str, degrees: float) -> Callable[[float, float], flo
     degrees: dihedral angle
     """
     model = model_at(plant, degrees)
-    K = solve_game(published_game(model_at("published", degrees))).K
+    K = solve(published_game(model_at("published", degrees))).K
     law = GainPolicy("paper", np.pad(K, ((0, 0), (0, len(model.A) - K.shape[1])))[None])
     envelope = flight_envelope(PLANTS[plant], model.point)
 

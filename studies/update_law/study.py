@@ -17,7 +17,7 @@ from controller import random_pool, run
 from controller.game.settling import settled_at
 from controller.game.training_run import TrainingRun
 from controller.riccati.balancing import is_hurwitz
-from hfa import Game, NoSolutionError, check_critic, from_weights, learn
+from hfa import Game, NoSolutionError, from_weights, learn, verify
 from hfa.paper import published_game
 from hfa_model import published_models
 from hfa_support.jsonable import jsonable
@@ -243,7 +243,7 @@ def made(reference: Reference, case: Case, chosen: PublishedSettings) -> dict[st
             is_hurwitz(game.A - game.S @ result.P) and is_hurwitz(game.A - game.B @ result.K)
         ),
         "certified": (
-            check_critic(game, from_weights(game, result.weights[-1], result.basis), run=result).ok
+            verify(game, from_weights(game, result.weights[-1], result.basis), run=result).ok
         ),
     }
     stack["P_errors_nearby"] = [

@@ -22,7 +22,7 @@ from trim.hfa.printed import EntryRow, eigenvalue_errors, entries_records, entri
 from trim.linear.linear_model import LinearModel
 from trim.point.condition import release
 from trim.point.linearize import linearize
-from trim.point.solve import find_operating_point
+from trim.point.solve import trim
 
 SCHEMA = "hfa.validation/1"
 #: Difference -> (limit, unit in messages). Eigenvalues are printed to 1e-5.
@@ -188,7 +188,7 @@ class Validation(Checked, Reported):
                 "ok": self.ok,
                 "checks": [check.to_dict() for check in self.checks],
                 "trim_units": _UNITS,
-                "trims": [trim._asdict() for trim in self.trims],
+                "trims": [row._asdict() for row in self.trims],
                 "entries": [entry.to_dict() for entry in self.entries],
                 "misprints": sources["qu_2018"]["misprints"],
             },
@@ -233,7 +233,7 @@ def model_at(aircraft: Model, released: ReleasedTrim) -> LinearModel:
         limits=_ANY_INPUT,
     )
     condition = release(level, hold={"aileron_center": released.inputs.aileron_center})
-    return linearize(aircraft, find_operating_point(aircraft, condition))
+    return linearize(aircraft, trim(aircraft, condition))
 
 
 def _trim_difference(released: ReleasedTrim, model: LinearModel) -> TrimDifference:

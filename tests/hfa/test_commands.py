@@ -13,7 +13,7 @@ from cli import answer, hfa
 from extension import needs
 from game_files import AT_15
 
-from hfa import find_operating_point, linearize
+from hfa import linearize, trim
 from hfa.entry_points import commands
 from hfa.main import DONE, FAILED
 from hfa.paper import default_parameters, level_flight
@@ -277,7 +277,7 @@ def test_npz_files_contain_columns_of_all_winds(published_aircraft: Model) -> No
     They equal those of `linearize` in Python. The printed text omits E.
     """
     assert "E  " not in hfa("linearize", *AT_15, *CHOSEN, "-o", "model.npz").out
-    point = find_operating_point(published_aircraft, level_flight(np.radians(15.0)))
+    point = trim(published_aircraft, level_flight(np.radians(15.0)))
     winds = tuple(choice.aircraft().disturbances)
     model = linearize(
         published_aircraft,

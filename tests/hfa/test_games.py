@@ -13,7 +13,7 @@ from cli import answer, hfa
 from game_files import AT_15, HISTORY, LABELS, QUICK, small
 from known_models import game_at
 
-from hfa import solve_game
+from hfa import solve
 from hfa.main import DONE, FAILED
 from hfa_model import INPUTS, LINEAR_STATES
 from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
@@ -23,14 +23,14 @@ from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
 
 @pytest.mark.parametrize(("degrees", "dynamics"), [("5", "published"), ("15", "newton")])
 def test_solve_gives_the_certified_solution(degrees: str, dynamics: str) -> None:
-    """`hfa solve` reports the P and K of `solve_game`, a certificate, delta_min and margins."""
+    """`hfa solve` reports the P and K of `solve`, a certificate, delta_min and margins."""
     data = answer("solve", "--dihedral", degrees, "--dynamics", dynamics)
     assert (
         set(data)
         >= {"schema", "P", "K", "delta", "delta_min", "certificate", "meaning", "disk_margin"}
         | LABELS
     )
-    exact = solve_game(game_at(float(degrees), dynamics))
+    exact = solve(game_at(float(degrees), dynamics))
     np.testing.assert_array_equal(data["P"], exact.P)
     np.testing.assert_array_equal(data["K"], exact.K)
     assert data["delta"] == 200.0

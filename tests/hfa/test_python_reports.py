@@ -37,7 +37,7 @@ def test_a_points_report_equals_the_commands(
 ) -> None:
     """The report of an operating point in Python equals the text of `hfa trim`."""
     model = hfa.load_model(aircraft) if aircraft else hfa.aircraft()
-    point = hfa.find_operating_point(model, hold=hold)
+    point = hfa.trim(model, hold=hold)
     assert without_source(command("trim", *words).out) == point.report().text()
     assert point.report().data["search"]["unknowns"] >= 4
 
@@ -45,13 +45,13 @@ def test_a_points_report_equals_the_commands(
 def reports() -> list[Report]:
     """Return seven reports of trims, a linear model, verdicts and a regeneration."""
     model = hfa.aircraft()
-    point = hfa.find_operating_point(model, hold={"dihedral": 0.2})
+    point = hfa.trim(model, hold={"dihedral": 0.2})
     two = {"dihedral": np.radians(10.0), "throttle": 45.0, "aileron_outer": np.radians(1.0)}
-    other = hfa.find_operating_point(model, hold=two, free=("alpha", "speed"))
+    other = hfa.trim(model, hold=two, free=("alpha", "speed"))
     assert "Another trim" in other.report().text()
     game = hfa.paper.published_game(hfa.linearize(model, point))
-    K = hfa.solve_game(game).K
-    verdicts = [hfa.check_critic(game, hfa.from_gain(game, factor * K)) for factor in (1.002, -1.0)]
+    K = hfa.solve(game).K
+    verdicts = [hfa.verify(game, hfa.from_gain(game, factor * K)) for factor in (1.002, -1.0)]
     assert [verdict.grade for verdict in verdicts] == ["near", "fail"]
     return [
         *(result.report() for result in (point, other, hfa.linearize(model, point), *verdicts)),

@@ -12,7 +12,7 @@ from extension import needs
 from game_files import AT_15, LABELS, QUICK, checks_of, small, stored
 
 from controller import load_game
-from hfa import Game, solve_game
+from hfa import Game, solve
 from hfa.main import BAD_INPUT, DONE, FAILED
 
 # Verify.
@@ -42,7 +42,7 @@ def test_verify_names_the_origin_of_the_critic() -> None:
 @pytest.mark.parametrize(("kind", "suffix"), [("P", "npz"), ("K", "mat"), ("W", "json")])
 def test_verify_passes_an_exact_critic_file(game: Game, kind: str, suffix: str) -> None:
     """A file with the exact P, K or W passes. The error of P is null if only K is given."""
-    exact = solve_game(game)
+    exact = solve(game)
     row, column = np.triu_indices(6)
     weights = np.where(row == column, 1.0, 2.0) * exact.P[row, column]
     file = stored(f"critic.{suffix}", **{kind: {"W": weights, "P": exact.P, "K": exact.K}[kind]})
@@ -55,7 +55,7 @@ def test_verify_passes_an_exact_critic_file(game: Game, kind: str, suffix: str) 
 
 def test_verify_shows_progress_on_a_terminal(game: Game) -> None:
     """`hfa verify` shows its progress on a terminal and erases it at the end."""
-    file = stored("critic.npz", K=solve_game(game).K)
+    file = stored("critic.npz", K=solve(game).K)
     message = hfa("verify", *AT_15, "--weights", file, err=Terminal()).err
     assert message == "\r\033[Kcompare:   0 %\r\033[Kcompare: 100 %\r\033[K"
 
@@ -63,7 +63,7 @@ def test_verify_shows_progress_on_a_terminal(game: Game) -> None:
 @needs("hfa_reasons")
 def test_a_weight_beyond_P_and_K_is_refused(game: Game) -> None:
     """A wrong weight that changes neither P nor K fails, and the diagnosis names the cause."""
-    P = solve_game(game).P
+    P = solve(game).P
     row, column = np.triu_indices(6)
     weights = np.concatenate([np.where(row == column, 1.0, 2.0) * P[row, column], np.zeros(4)])
     assert (
@@ -84,7 +84,7 @@ def test_a_weight_beyond_P_and_K_is_refused(game: Game) -> None:
 
 def test_the_user_sets_the_error_limit(game: Game) -> None:
     """An error of 1e-5 in P fails by default and passes with --limit-error 2e-5."""
-    file = stored("P.json", P=(1.0 + 1e-5) * solve_game(game).P)
+    file = stored("P.json", P=(1.0 + 1e-5) * solve(game).P)
     assert answer("verify", *AT_15, "--weights", file, code=FAILED)["P_rel_error"] == pytest.approx(
         1e-5, rel=1e-6
     )
@@ -112,7 +112,7 @@ def test_a_critic_history_must_settle_in_time() -> None:
     The setting is refused for a critic without time and together with --discount.
     """
     plant = small("plant.json")
-    exact = solve_game(load_game("plant.json")).P
+    exact = solve(load_game("plant.json")).P
     times = np.arange(0.0, 4.5, 0.5)
     sizes = np.where(times < 2.0, 0.5, 1e-9)
     weights = np.outer(1.0 + sizes, [exact[0, 0], 2.0 * exact[0, 1], exact[1, 1]])
@@ -155,7 +155,7 @@ def test_a_critic_history_must_settle_in_time() -> None:
 
 def test_the_cost_limit_decides_the_exit_code(game: Game) -> None:
     """The cost of a critic is reported. With --limit-cost, the cost decides the exit code."""
-    file = stored("P.json", P=1.004 * solve_game(game).P)
+    file = stored("P.json", P=1.004 * solve(game).P)
     words = ("verify", *AT_15, "--weights", file)
     graded = answer(*words, code=FAILED)["graded"]
     assert 0.0 < graded["cost_lost_mean_percent"] < graded["cost_lost_worst_percent"] < 0.01

@@ -27,16 +27,16 @@ Calls = dict[str, tuple[Callable[..., Any], dict[str, Any]]]
 def valid_calls() -> Calls:
     model = hfa.aircraft()
     condition = hfa.paper.level_flight(0.2)
-    point = hfa.find_operating_point(model, condition)
+    point = hfa.trim(model, condition)
     linear = hfa.linearize(model, point)
     game = hfa.paper.published_game(linear)
-    exact = hfa.solve_game(game)
+    exact = hfa.solve(game)
     critic = hfa.from_gain(game, exact.K)
     history = controller.critics_over_time(game, np.array([0.0, 1.0]), K=np.array([exact.K] * 2))
     functions: dict[Callable[..., Any], dict[str, Any]] = {
         hfa.aircraft: {"dynamics": "newton", "parameters": None},
         hfa.load_model: {"text": f"{ROOT / 'examples' / 'navion.py'}:NAVION"},
-        hfa.find_operating_point: {"model": model, "condition": condition, "start": point},
+        hfa.trim: {"model": model, "condition": condition, "start": point},
         hfa.linearize: {
             "model": model,
             "point": point,
@@ -46,7 +46,7 @@ def valid_calls() -> Calls:
         },
         hfa.sweep: {"model": model, "grid": {"dihedral": [0.1, 0.2]}, "condition": condition},
         hfa.game: {"linear": linear, "Q": None, "R": None, "delta": 200.0, "E": None},
-        hfa.solve_game: {"game": game, "progress": None},
+        hfa.solve: {"game": game, "progress": None},
         hfa.from_gain: {"game": game, "K": exact.K},
         hfa.from_value: {"game": game, "P": exact.P},
         hfa.from_weights: {
@@ -56,7 +56,7 @@ def valid_calls() -> Calls:
             "constant": 0.0,
             "precision": "float64",
         },
-        hfa.check_critic: {"game": game, "critic": critic, "limit": 1e-6, "scope": None},
+        hfa.verify: {"game": game, "critic": critic, "limit": 1e-6, "scope": None},
         hfa.paper.level_flight: {"dihedral": 0.1, "limits": {}},
         hfa.paper.level_model: {"model": model, "scheduled": 0.2},
         trim.release: {"condition": condition, "free": ("speed",), "hold": {"throttle": 40.0}},
@@ -92,7 +92,7 @@ def valid_calls_of_extensions() -> Calls:
     calls = valid_calls()
     model = calls["linearize"][1]["model"]
     point = calls["linearize"][1]["point"]
-    game = calls["solve_game"][1]["game"]
+    game = calls["solve"][1]["game"]
     K = calls["from_gain"][1]["K"]
     policy = hfa_flight.GainPolicy("exact", K)
     envelope = hfa_flight.flight_envelope(model, point)
@@ -127,7 +127,7 @@ def wrong_values() -> list[Any]:
         name: calls["trim_report"][1][name] for name in ("model", "condition", "point")
     } | {
         "linear": calls["published_game"][1]["A"],
-        "game": calls["solve_game"][1]["game"],
+        "game": calls["solve"][1]["game"],
     }
     plain = [None, True, 0, -1, 3.5, 1j, float("nan"), float("inf"), 10**400, "", "x", b"x"]
     full = [[], {}, (), [1.0], {"x": 1.0}, ["x"], [None], [[1.0], [1.0, 2.0]], {1: 2}]
@@ -162,7 +162,7 @@ def faults(function: Callable[..., Any], arguments: Mapping[str, Any]) -> dict[s
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("name", ["linearize", "find_operating_point", "from_gain", "modes_of"])
+@pytest.mark.parametrize("name", ["linearize", "trim", "from_gain", "modes_of"])
 def test_a_wrong_argument_is_named(name: str) -> None:
     """A core function accepts valid arguments and refuses wrong values with a proper error."""
     function, arguments = valid_calls()[name]

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import pytest
 
-from hfa import BadInputError, find_operating_point
+from hfa import BadInputError, trim
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 
@@ -104,7 +104,7 @@ def test_states_keep_the_class_of_their_declaration() -> None:
         ),
         trim={"place": 0.0, "pace": 2.0},
     )
-    point = find_operating_point(model)
+    point = trim(model)
     assert isinstance(point.states, Car)
     assert point.states.energy == 2.0
     assert point.inputs.force == pytest.approx(2.0)
@@ -120,7 +120,7 @@ def test_a_users_symbol_in_equations_is_named(where: str) -> None:
     if where == "a rate of MX":
         rate = ca.Function("f", [stray], [stray**2])(stray)
     with pytest.raises(BadInputError, match="the equations use the symbol 'stray', which has no"):
-        find_operating_point(
+        trim(
             cart(
                 equations=lambda x, u, p, w: (
                     {"x": x.v, "v": u.force + rate},

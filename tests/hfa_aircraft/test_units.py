@@ -11,7 +11,7 @@ from extension import Extension
 
 import hfa
 from controller import minimum_delta
-from hfa import BadInputError, Game, TrimCondition, find_operating_point, linearize, solve_game
+from hfa import BadInputError, Game, TrimCondition, linearize, solve, trim
 from hfa.paper import published_game
 from hfa_aircraft.model import Model
 from hfa_aircraft.native_units import native_of
@@ -35,8 +35,8 @@ def factors(model: Model, names: tuple[str, ...]) -> np.ndarray:
 def test_si_models_give_the_same_results(model: Model) -> None:
     """Trim, A, P and smallest delta of a model in SI units agree with those in English units."""
     converted = in_si(model)
-    point = find_operating_point(model, usual_condition(model).at(ANGLE))
-    point_in_si = find_operating_point(converted, usual_condition(converted).at(ANGLE))
+    point = trim(model, usual_condition(model).at(ANGLE))
+    point_in_si = trim(converted, usual_condition(converted).at(ANGLE))
     sizes = factors(model, tuple(model.states))
     np.testing.assert_allclose(np.array(point_in_si.states), point.states * sizes, rtol=1e-12)
     np.testing.assert_allclose(point_in_si.inputs, point.inputs, rtol=1e-9)
@@ -46,8 +46,8 @@ def test_si_models_give_the_same_results(model: Model) -> None:
     np.testing.assert_allclose(linear_in_si.A / rows[:, None] * rows, linear.A, atol=1e-12)
     game = published_game(linear)
     game_in_si = published_game(linear_in_si)
-    P = solve_game(game).P
-    P_from_si = solve_game(game_in_si).P * np.outer(rows, rows)
+    P = solve(game).P
+    P_from_si = solve(game_in_si).P * np.outer(rows, rows)
     np.testing.assert_allclose(P_from_si, P, atol=1e-10 * np.abs(P).max())
     smallest = minimum_delta(game).value
     assert minimum_delta(game_in_si).value == pytest.approx(smallest, rel=1e-6)
@@ -61,7 +61,7 @@ def test_a_trim_report_in_si_contains_newtons() -> None:
         trim_report(
             model_given,
             usual_condition(model_given),
-            find_operating_point(model_given, usual_condition(model_given)),
+            trim(model_given, usual_condition(model_given)),
         ).data
         for model_given in (model, converted)
     )
@@ -85,9 +85,9 @@ def test_parameters_envelope_and_pickles_are_converted() -> None:
     assert heavier.parameters["panel_mass"].unit == "kg"
     slugs = native_of(heavier).parameters["panel_mass"].start
     assert slugs == pytest.approx(200.0 / si_factor("slug"))
-    point = find_operating_point(converted, usual_condition(converted))
+    point = trim(converted, usual_condition(converted))
     envelope = envelopes.flight_envelope(converted, point)
-    own = envelopes.flight_envelope(model, find_operating_point(model, usual_condition(model)))
+    own = envelopes.flight_envelope(model, trim(model, usual_condition(model)))
     np.testing.assert_allclose(
         envelope.highest, own.highest * factors(model, tuple(model.states)), rtol=1e-9
     )
@@ -127,8 +127,8 @@ def test_conditions_and_points_in_other_units_are_refused() -> None:
     model = MODELS[0]
     converted = in_si(model)
     with pytest.raises(BadInputError, match="condition and the model have different units"):
-        find_operating_point(converted, usual_condition(model))
-    point = find_operating_point(model, usual_condition(model))
+        trim(converted, usual_condition(model))
+    point = trim(model, usual_condition(model))
     with pytest.raises(BadInputError, match="operating point and the model have different units"):
         linearize(converted, point)
     assert isinstance(published_game(linearize(model, point)), Game)

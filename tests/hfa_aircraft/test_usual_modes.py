@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from hfa import Model, Signal, find_operating_point, linearize, sweep
+from hfa import Model, Signal, linearize, sweep, trim
 
 _UNITS = {
     "V": "ft/s",
@@ -53,7 +53,7 @@ def test_linearize_and_sweep_give_equal_mode_names() -> None:
     speeds = [400.0, 500.0, 600.0]
     swept = sweep(model, {"V": speeds})
     for speed, eigenvalues in zip(speeds, swept.eigenvalues, strict=True):
-        modes = linearize(model, find_operating_point(model, hold={"V": speed})).modes
+        modes = linearize(model, trim(model, hold={"V": speed})).modes
         named = {mode.name: mode.eigenvalue for mode in modes}
         assert set(named) == {"short period", "phugoid", "dutch roll", "roll", "spiral"}
         for name, value in zip(swept.mode_names, eigenvalues, strict=True):

@@ -11,7 +11,7 @@ from random_points import RATE_SCALES, random_points
 
 import hfa
 import hfa_model
-from hfa import TrimCondition, find_operating_point, linearize
+from hfa import TrimCondition, linearize, trim
 from hfa.paper import level_flight
 from hfa_aircraft.model import Model
 from hfa_model import STATES, VARIANTS, Input, Parameters, State
@@ -160,8 +160,7 @@ def test_two_scalings_leave_a_and_b_unchanged(aircraft: Model, change: Any) -> N
     )
     condition = level_flight(float(np.radians(15.0)))
     first, second = (
-        linearize(model, find_operating_point(model, condition), full=True)
-        for model in (aircraft, other_aircraft)
+        linearize(model, trim(model, condition), full=True) for model in (aircraft, other_aircraft)
     )
     for before, after in ((first.A, second.A), (first.B, second.B)):
         np.testing.assert_allclose(after, before, rtol=1e-12, atol=1e-12 * np.abs(before).max())
@@ -172,10 +171,7 @@ def test_two_scalings_leave_a_and_b_unchanged(aircraft: Model, change: Any) -> N
         ),
     )
     assert (
-        np.abs(
-            linearize(forgotten, find_operating_point(forgotten, condition), full=True).A - first.A
-        ).max()
-        > 1e-4
+        np.abs(linearize(forgotten, trim(forgotten, condition), full=True).A - first.A).max() > 1e-4
     )
 
 
@@ -191,9 +187,7 @@ def test_a_stiff_hinge_gives_the_rigid_aircraft(aircraft: Model) -> None:
     # Without the hinge there are three equations for three unknowns: alpha, throttle and the center
     # elevator.
     unhinged = {name: 0.0 for name in hfa.aircraft().steady if name != "dihedral_rate"}
-    rigid_point = find_operating_point(
-        aircraft, TrimCondition(hfa.aircraft(), elastic.imposed, unhinged)
-    )
+    rigid_point = trim(aircraft, TrimCondition(hfa.aircraft(), elastic.imposed, unhinged))
     rigid = linearize(aircraft, rigid_point).select(("speed", "alpha", "pitch", "pitch_rate"))
     reference = np.linalg.eigvals(rigid.A)
     errors = []
@@ -202,7 +196,7 @@ def test_a_stiff_hinge_gives_the_rigid_aircraft(aircraft: Model) -> None:
             hfa_model.variant_of(aircraft),
             hfa_model.parameters_of(aircraft)._replace(hinge_stiffness=stiffness),
         )
-        model = linearize(stiff, find_operating_point(stiff, release(elastic, free=("dihedral",))))
+        model = linearize(stiff, trim(stiff, release(elastic, free=("dihedral",))))
         errors.append(float(eigenvalue_errors(np.linalg.eigvals(model.A), reference).max()))
     orders = np.log10(np.array(errors[:-1]) / errors[1:])
     assert errors[-1] < 2e-4

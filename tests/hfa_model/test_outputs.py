@@ -11,7 +11,7 @@ from random_points import random_points, rising
 
 import hfa
 import hfa_model
-from hfa import BadInputError, find_operating_point
+from hfa import BadInputError, trim
 from hfa.paper import level_flight
 from hfa_aircraft.model import Model
 from hfa_model import STATES, Input, Parameters, State
@@ -141,7 +141,7 @@ def test_panel_load_factors_follow_the_moving_panels(
 
 def test_an_updraft_increases_only_the_air_angle(published_aircraft: Model) -> None:
     """An updraft increases the angle of attack by w/V and the load factor, but not gamma."""
-    point = find_operating_point(published_aircraft, level_flight(0.2))
+    point = trim(published_aircraft, level_flight(0.2))
     x = np.array(point.states)
     u = np.array(point.inputs)
     still = outputs(published_aircraft, x, u)
@@ -168,7 +168,7 @@ def test_an_updraft_increases_only_the_air_angle(published_aircraft: Model) -> N
 def test_loads_out_of_range_are_refused(name: str, value: float, message: str) -> None:
     """Loads at a state out of range are refused, and the message names the state."""
     model = hfa.aircraft()
-    point = find_operating_point(model, level_flight(0.1))
+    point = trim(model, level_flight(0.1))
     state = State(*point.states)._replace(**{name: value})
     with pytest.raises(BadInputError, match=message):
         hfa_model.loads(model, state, point.inputs)

@@ -20,7 +20,7 @@ FOLDERS_ABOVE = {folder.parent for folder in FOLDERS.values()}
 #: Lines that a type checker must report, at the end of the script.
 WRONG = (
     "text: str = linear.A",
-    "hfa.solve_game(model)",
+    "hfa.solve(model)",
     "hfa.game(linear, Q=1, R='a', delta='b')",
     "hfa.from_derivatives(3)",
     "point.states = 1",

@@ -29,11 +29,10 @@ SHOWN = {
     "Regeneration": "Both printed pairs regenerated: yes",
     "RegeneratedPair": "Dihedral 15 deg, published dynamics",
     "TrainingRun": "Law 'certified', basis 'quadratic', on the aircraft at dihedral 15 deg, published dynamics: settled",
-    "Solution": "Exact game solution for the aircraft at dihedral 15 deg, published dynamics, delta 200",
+    "Solution": "cost_lyapunov",
     "Verdict": "Critic on the aircraft at dihedral 15 deg, published dynamics, against the exact game solution",
     "Game": "Game on the aircraft at dihedral 15 deg, published dynamics, delta 200: z' = A z",
     "Critic": "origin: K",
-    "AnalysedGame": "cost_lyapunov",
     "PublishedModel": "dihedral: 0.261799",
     "Proof": "Proved: every dihedral from 15 to 15.25 deg, published dynamics",
     "GainPolicy": "identity: K an array of shape (5, 6)",
@@ -58,11 +57,11 @@ COMPARED = {
 def results() -> dict[str, Any]:
     aircraft = hfa.aircraft()
     condition = hfa.paper.level_flight(15 * hfa_model.DEGREE)
-    point = hfa.find_operating_point(aircraft, condition)
+    point = hfa.trim(aircraft, condition)
     model = hfa.linearize(aircraft, point)
     game = hfa.paper.published_game(model)
     family = hfa_proof.Family(aircraft)
-    gain = hfa.solve_game(game).K
+    gain = hfa.solve(game).K
     gains = GainSchedule(np.radians([15.0, 15.25]), np.stack([gain, gain]), hfa.aircraft())
     regeneration = verification.regenerate_all(aircraft)
     names = (
@@ -75,11 +74,10 @@ def results() -> dict[str, Any]:
         regeneration,
         regeneration.pairs[0],
         hfa.learn(game),
-        hfa.solve_game(game),
-        hfa.check_critic(game, hfa.from_gain(game, hfa.solve_game(game).K)),
+        hfa.solve(game),
+        hfa.verify(game, hfa.from_gain(game, hfa.solve(game).K)),
         game,
         hfa.from_gain(game, gain),
-        hfa.solve(game),
         hfa_model.published_models()[0],
         hfa_proof.prove_schedule(family, gains, 15.0, 15.25),
         hfa_flight.GainPolicy("mine", gain),
@@ -126,7 +124,7 @@ def test_linear_models_are_equal_by_their_values() -> None:
 def test_a_trimerror_can_be_pickled() -> None:
     """A pickled TrimError keeps its message and its nearest point."""
     with pytest.raises(trim.TrimError) as caught:
-        hfa.find_operating_point(results()["Model"], hfa.paper.level_flight(0.1, speed=30.0))
+        hfa.trim(results()["Model"], hfa.paper.level_flight(0.1, speed=30.0))
     again = pickle.loads(pickle.dumps(caught.value))
     assert (str(again), again.attempt) == (str(caught.value), caught.value.attempt)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from known_models import game_at
 
-from hfa import Game, solve_game
+from hfa import Game, solve
 from hfa.extend import Check
 from hfa.paper import published_game
 from hfa_model import VARIANTS, published_models
@@ -84,7 +84,7 @@ def game(request: pytest.FixtureRequest) -> Game:
 def first() -> tuple[Game, np.ndarray]:
     """Return the game of the printed model at 15 deg, and its solution P."""
     game = game_models()["published-15"]
-    return game, solve_game(game).P
+    return game, solve(game).P
 
 
 def game_in(state: float, of_input: float = 1.0) -> Game:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 import hfa
-from hfa import Game, LinearModel, Model, solve_game
+from hfa import Game, LinearModel, Model, solve
 from hfa.paper import level_model, published_game
 from hfa_model import load_parameters
 from hfa_model.atmosphere import density
@@ -45,4 +45,4 @@ def game_at(degrees: float, dynamics: str = "published") -> Game:
 
 @lru_cache(maxsize=64)
 def exact_gain(degrees: float, dynamics: str = "published") -> np.ndarray:
-    return solve_game(game_at(degrees, dynamics)).K
+    return solve(game_at(degrees, dynamics)).K

@@ -6,7 +6,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from hfa import Model, find_operating_point
+from hfa import Model, trim
 from trim import release
 from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint
@@ -26,4 +26,4 @@ def trimmed(
     condition = release(
         usual, hold=hold, limits={"throttle": (0.0, 1.1), "power": (0.0, 120.0)} if rates else {}
     )
-    return find_operating_point(model, replace(condition, rates={**usual.rates, **(rates or {})}))
+    return trim(model, replace(condition, rates={**usual.rates, **(rates or {})}))

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 
 from controller import basis
-from hfa import Game, Solution, solve_game
+from hfa import Game, Solution, solve
 
 
 def weights_of(P: np.ndarray) -> np.ndarray:
@@ -17,7 +17,7 @@ def weights_of(P: np.ndarray) -> np.ndarray:
 
 @cache
 def solved(game: Game) -> Solution:
-    return solve_game(game)
+    return solve(game)
 
 
 def value(game: Game) -> np.ndarray:

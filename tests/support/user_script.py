@@ -40,7 +40,7 @@ flexible: hfa.Model = hfa.aircraft()
 
 # Trims and linear models.
 condition = hfa.TrimCondition(model, {**model.trim, "speed": 10.0})
-point: hfa.OperatingPoint = hfa.find_operating_point(model, hold={"speed": 12})
+point: hfa.OperatingPoint = hfa.trim(model, hold={"speed": 12})
 thrust: float = point["thrust"] + point.inputs.thrust
 linear: hfa.LinearModel = hfa.linearize(model, point)
 eigenvalues: np.ndarray[Any, Any] = np.linalg.eigvals(linear.A)
@@ -56,7 +56,7 @@ game: hfa.Game = hfa.game(linear, [1.0, 2.0], [[3.0]], delta=30.0)
 game = hfa.game(linear, {"speed": 1.0}, {"thrust": 2.0})
 game = hfa.Game([[1.0]], np.eye(1), [[1.0]], [1.0], [1.0], delta=2.0)
 game = hfa.load_game("plant.npz", delta=20.0)
-solution: hfa.Solution = hfa.solve_game(game)
+solution: hfa.Solution = hfa.solve(game)
 print(hfa.lqr(linear, [1.0, 2.0], [3.0]).delta_min, hfa.prove_critic)
 run = hfa.learn(game, "normalized", 0)
 critic: hfa.Critic = hfa.from_weights(game, run.weights[-1], run.basis)
@@ -65,18 +65,18 @@ for critic in (
     hfa.from_value(game, solution.P),
     hfa.from_network(game, "critic.onnx"),
     hfa.read_critic("K.npz", game),
-    hfa.load_critic("K.npz", game),
+    hfa.read_critic("K.npz", game),
 ):
-    verdict: hfa.Verdict = hfa.check_critic(game, critic)
+    verdict: hfa.Verdict = hfa.verify(game, critic)
     if not verdict.ok:
         print(verdict.report().text())
-verdict = hfa.check_critic(game, [[1.0]])
+verdict = hfa.verify(game, [[1.0]])
 
 # Flights.
 turbulence: hfa.Turbulence = hfa.Turbulence("light", 1000.0)
 flight: hfa.Flight = hfa.fly(model, point, [[1.0, 2.0]], 10.0)
 figure = flight.plot()
-best: hfa.BestFlight = hfa.best_flight(model, point, {"speed": 1.0}, Q=[1.0, 1.0], R=[1.0])
+best: hfa.BestFlight = hfa.optimize(model, point, {"speed": 1.0}, Q=[1.0, 1.0], R=[1.0])
 quickest = hfa.quickest_flight(model, point, {"speed": 1.0})
 found = hfa.identify(model, "record.csv", free=["mass"])
 card = hfa.Deployment(
@@ -90,7 +90,7 @@ environment = hfa.environment(model, card, turbulence=turbulence)
 environments = hfa.vector_environment(model, card, count=8)
 paper_game: hfa.Game = hfa.paper.published_game(hfa.paper.level_model(flexible, 0.26))
 try:
-    hfa.find_operating_point(model, hold={"speed": 1e9})
+    hfa.trim(model, hold={"speed": 1e9})
 except hfa.NoSolutionError as error:
     print(error)
 except hfa.BadInputError as error:

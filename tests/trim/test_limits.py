@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hfa import find_operating_point, sweep
+from hfa import sweep, trim
 from hfa.paper import level_flight
 from hfa_aircraft.model import Model
 from trim import TrimError
@@ -34,10 +34,10 @@ def test_trim_and_sweep_agree_at_a_limit(
     assert swept.reasons == (reason,)
     if reason:
         with pytest.raises(TrimError) as refusal:
-            find_operating_point(published_aircraft, condition)
+            trim(published_aircraft, condition)
         assert str(refusal.value) == reason
     else:
-        assert find_operating_point(published_aircraft, condition).status == "trimmed"
+        assert trim(published_aircraft, condition).status == "trimmed"
 
 
 def test_within_allows_a_difference_by_rounding_only(published_aircraft: Model) -> None:

@@ -12,7 +12,7 @@ import pytest
 from matplotlib import pyplot
 
 import hfa
-from hfa import BadInputError, LinearModel, NoSolutionError, find_operating_point, linearize, sweep
+from hfa import BadInputError, LinearModel, NoSolutionError, linearize, sweep, trim
 from hfa_support.reporting.report import Reported
 
 MODEL = hfa.aircraft()
@@ -20,7 +20,7 @@ MODEL = hfa.aircraft()
 
 @cache
 def _linear() -> LinearModel:
-    return linearize(MODEL, find_operating_point(MODEL))
+    return linearize(MODEL, trim(MODEL))
 
 
 def test_names_are_keywords_of_trims_and_sweeps() -> None:
@@ -60,7 +60,7 @@ def test_a_sweep_has_a_linear_model_anywhere() -> None:
     points."""
     swept = sweep(MODEL, dihedral=[0.1, 0.2], speed=[66.0, 68.0])
     assert pytest.approx(swept[1].A, rel=1e-9, abs=1e-9) == swept.at(speed=68.0, dihedral=0.1).A
-    between = linearize(MODEL, find_operating_point(MODEL, dihedral=0.15, speed=67.0))
+    between = linearize(MODEL, trim(MODEL, dihedral=0.15, speed=67.0))
     assert pytest.approx(between.A, rel=1e-9, abs=1e-9) == swept.at(dihedral=0.15, speed=67.0).A
     with pytest.raises(BadInputError, match="one value for each of dihedral, speed"):
         swept.at(speed=67.0)
@@ -170,12 +170,12 @@ def test_lqr_is_the_game_without_disturbance() -> None:
     weights = {"speed": 1.0, "pitch": 50.0, "dihedral": 50.0}
     regulator = hfa.lqr(linear, weights, np.ones(5))
     game = hfa.game(linear, weights, np.ones(5))
-    assert np.array_equal(regulator.K, hfa.solve_game(game).K)
+    assert np.array_equal(regulator.K, hfa.solve(game).K)
     closed = regulator.closed_loop
     assert np.array_equal(closed.A, linear.A - linear.B @ regulator.K)
     assert closed.state_labels == list(linear.states)
     assert regulator.is_stable
-    assert hfa.solve_game(game).margins() == regulator.loop_margins
+    assert hfa.solve(game).loop_margins == regulator.loop_margins
     assert not replace(regulator, abscissa_error=np.inf).is_stable
     bounded = hfa.solve(hfa.paper.published_game(linear))
     assert bounded.delta_min == pytest.approx(bounded.delta / bounded.delta_margin)
@@ -236,7 +236,7 @@ def test_results_become_tables_of_pandas() -> None:
 
 def test_a_plot_of_point_shows_its_limits() -> None:
     """`point.plot` draws a row for the throttle, labeled with its name."""
-    axes = find_operating_point(MODEL).plot()
+    axes = trim(MODEL).plot()
     labels = [label.get_text() for label in axes.get_yticklabels()]
     assert any(label.startswith("throttle") for label in labels)
     pyplot.close("all")

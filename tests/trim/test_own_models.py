@@ -15,7 +15,7 @@ import pytest
 from cli import answer, assert_refused, hfa
 from own_models import F16, GTM, NAVION, navion, trimmed
 
-from hfa import BadInputError, Model, Signal, find_operating_point, linearize, sweep
+from hfa import BadInputError, Model, Signal, linearize, sweep, trim
 from trim import TrimError, release
 from trim.point.condition import usual_condition
 from trim.point.trim_report import other_trims, trim_report
@@ -134,10 +134,10 @@ def test_an_undetermined_trim_is_reported() -> None:
         trim={"torque": 0.5},
     )
     condition = usual_condition(free)
-    report = trim_report(free, condition, find_operating_point(free, condition)).text()
+    report = trim_report(free, condition, trim(free, condition)).text()
     assert "the Jacobian is singular along a, b; hold one of these" in report
     held = release(condition, hold={"a": 0.9}, free=("a_dot",))
-    report = trim_report(free, held, find_operating_point(free, held)).text()
+    report = trim_report(free, held, trim(free, held)).text()
     assert "singular" not in report
 
 
@@ -225,12 +225,12 @@ def test_a_second_trim_of_equal_throttle_is_named() -> None:
     """
     usual = usual_condition(F16)
     condition = release(usual, free=("speed",), hold={"throttle": 0.2})
-    front = find_operating_point(F16, condition)
+    front = trim(F16, condition)
     (back,) = other_trims(condition, front)
     assert front.states.speed > 500 > 300 > back.states.speed
     for point in (front, back):
         held = release(usual, hold={"speed": point.states.speed})
-        begun = find_operating_point(F16, held, point)
+        begun = trim(F16, held, point)
         assert begun.inputs.throttle == pytest.approx(0.2, rel=1e-9)
     words = ("trim", *OWN, "--free", "speed", "--hold", "throttle=0.2")
     message = re.search(
@@ -298,7 +298,7 @@ def test_further_initial_guesses_cross_a_flat_region() -> None:
         steady=("speed",),
         trim={"speed": 60.0},
     )
-    point = find_operating_point(flat, usual_condition(flat))
+    point = trim(flat, usual_condition(flat))
     assert point.inputs.throttle == pytest.approx(0.59, rel=1e-9)
     assert point.started > 0
     assert (
@@ -306,7 +306,7 @@ def test_further_initial_guesses_cross_a_flat_region() -> None:
         not in trim_report(flat, usual_condition(flat), point).text()
     )
     with pytest.raises(TrimError, match=r"\d other initial points failed too"):
-        find_operating_point(flat, release(usual_condition(flat), hold={"speed": 200.0}))
+        trim(flat, release(usual_condition(flat), hold={"speed": 200.0}))
 
 
 def simple(equations: object, **more: object) -> Model:

@@ -52,7 +52,7 @@ def test_an_unlimited_bank_stays_below_a_quarter_turn(speed: float, turn: float)
 
     The report states which variables have no limits.
     """
-    point = hfa.find_operating_point(TURNING, hold={"speed": speed, "turn": turn})
+    point = hfa.trim(TURNING, hold={"speed": speed, "turn": turn})
     assert point["bank"] == pytest.approx(np.arctan(speed * turn / _GRAVITY), rel=1e-9)
     assert point["lift"] > 0.0
     assert "No limits are declared for bank, thrust, lift" in repr(point)
@@ -77,7 +77,7 @@ def test_a_bank_above_90_degrees_is_noted_first() -> None:
         outputs={"lift": Signal()},
         trim={"lift": 0.9},
     )
-    point = hfa.find_operating_point(inverted)
+    point = hfa.trim(inverted)
     first = repr(point).splitlines()[0]
     assert first == "Trim, inverted: trimmed; far out, bank 154.158 deg"
     assert abs(point["bank"]) < np.pi
@@ -95,7 +95,7 @@ def test_a_trim_from_another_start_reports_the_failure() -> None:
         lambda x, u, p, w: ({"speed": (x.speed - 1.0) ** 2 * (x.speed - 8.0) - 5.0}, {}),
         trim={"thrust": 0.0},
     )
-    point = hfa.find_operating_point(bumpy)
+    point = hfa.trim(bumpy)
     lines = repr(point).splitlines()
     assert lines[0] == "Trim, bumpy: trimmed; not from the default initial point"
     assert any(

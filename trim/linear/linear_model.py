@@ -51,7 +51,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     >>> import hfa
     >>> model = hfa.aircraft()
-    >>> linear = hfa.linearize(model, hfa.find_operating_point(model))
+    >>> linear = hfa.linearize(model, hfa.trim(model))
     >>> type(linear) is hfa.LinearModel, linear.A.shape, linear.B.shape
     (True, (6, 6), (6, 5))
     >>> hfa.LinearModel([[0.0, 1.0], [-4.0, -0.4]], [[0.0], [1.0]], states=("x", "v")).A["v", "x"]

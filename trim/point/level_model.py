@@ -6,7 +6,7 @@ from hfa_aircraft.model import Model
 from hfa_support.arguments import checks_arguments
 from trim.linear.linear_model import LinearModel
 from trim.point.condition import usual_condition
-from trim.point.solve import find_operating_point
+from trim.point.solve import trim
 
 
 @checks_arguments
@@ -25,4 +25,4 @@ def level_model(model: Model, scheduled: float) -> LinearModel:
     ('speed', 'alpha', 'pitch', 'pitch_rate', 'dihedral', 'dihedral_rate')
     """
     condition = usual_condition(model).at(hold={model.schedule: scheduled})
-    return find_operating_point(model, condition).linearize()
+    return trim(model, condition).linearize()

@@ -39,7 +39,7 @@ def linearize(
     FloatingPointError if a derivative is not finite.
 
     >>> import hfa
-    >>> point = hfa.find_operating_point(hfa.aircraft(), hfa.paper.level_flight(0.2))
+    >>> point = hfa.trim(hfa.aircraft(), hfa.paper.level_flight(0.2))
     >>> hfa.linearize(hfa.aircraft(), point).A.shape
     (6, 6)
     """

@@ -64,12 +64,12 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     problem: the solved problem, or None for a point that was loaded or computed otherwise.
 
     >>> import hfa
-    >>> point = hfa.find_operating_point(hfa.aircraft())
+    >>> point = hfa.trim(hfa.aircraft())
     >>> type(point) is hfa.OperatingPoint, point.status.value
     (True, 'trimmed')
     """
 
-    how_to_make: ClassVar[str] = "find_operating_point(model)"
+    how_to_make: ClassVar[str] = "trim(model)"
     schema = SCHEMA
     json_keys = "dynamics status states state_units inputs input_units residuals"
 

@@ -33,7 +33,7 @@ class TrimError(NoSolutionError):
 
 
 @checks_arguments
-def find_operating_point(
+def trim(
     model: Model,
     condition: TrimCondition | None = None,
     start: OperatingPoint | None = None,
@@ -71,7 +71,7 @@ def find_operating_point(
     Source: Stevens, Lewis, Johnson, Aircraft Control and Simulation, Section 3.6.
 
     >>> import hfa
-    >>> point = hfa.find_operating_point(hfa.aircraft(), hold={"dihedral": 0.2})
+    >>> point = hfa.trim(hfa.aircraft(), hold={"dihedral": 0.2})
     >>> round(point["throttle"], 2)
     40.27
     """

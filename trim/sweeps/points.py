@@ -1,7 +1,7 @@
 """Trims and linear models of many points.
 
 Newton's method solves all points together. For the remaining points, Newton's method is repeated
-from solved neighbors. `find_operating_point` solves the points that still remain. A point without a
+from solved neighbors. `trim` solves the points that still remain. A point without a
 trim keeps its status and the reason.
 """
 
@@ -25,7 +25,7 @@ from trim.point.condition import (
 from trim.point.halving import newton_step
 from trim.point.newton import newton
 from trim.point.operating_point import BALANCE, OperatingPoint, Status
-from trim.point.solve import find_operating_point
+from trim.point.solve import trim
 from trim.point.system import TrimSystem
 from trim.sweeps.machine import CompiledSystem
 from trim.sweeps.shared import SharedSystem
@@ -59,8 +59,8 @@ class Points(NamedTuple):
     inputs: (N, m); for BEYOND_LIMITS, values with which the equations balance; nan for NO_TRIM
     A: (N, n, n), nan if not trimmed
     B: (N, n, m), nan if not trimmed
-    failures: number of a point without a trim -> reason from `find_operating_point`
-    one_by_one: (N,), True if the point needed `find_operating_point`
+    failures: number of a point without a trim -> reason from `trim`
+    one_by_one: (N,), True if the point needed `trim`
     """
 
     status: np.ndarray
@@ -389,7 +389,7 @@ def _settle_alone(
     row: np.ndarray,
     start: OperatingPoint | None,
 ) -> None:
-    """Trim one point by `find_operating_point`, and store its result in `points`.
+    """Trim one point by `trim`, and store its result in `points`.
 
     If there is no trim, the reason is stored in `failures`.
 
@@ -400,7 +400,7 @@ def _settle_alone(
     """
     try:
         model = model_at(system.model, variables, row)
-        point = find_operating_point(model, condition_at(system.condition, variables, row), start)
+        point = trim(model, condition_at(system.condition, variables, row), start)
         linear = model.at(point.states, point.inputs)
     except (BadInputError, NoSolutionError) as error:
         points.failures[i] = str(error)

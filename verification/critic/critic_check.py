@@ -16,7 +16,7 @@ from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
 from controller.riccati.certificate import INDEFINITENESS
 from controller.riccati.cost import SIGNLESS, FlightCost, flight_cost
-from controller.riccati.gare import Solution, solve_game
+from controller.riccati.gare import Solution, unconfirmed_solution
 from controller.riccati.margins import DiskMargin, disk_margin
 from controller.riccati.normal_form import NormalForm
 from hfa_support.arguments import ArrayLike, checks_arguments
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 @checks_arguments
-def check_critic(
+def verify(
     game: Game,
     critic: Critic | Solution | TrainingRun | ArrayLike | str | Path | None = None,
     *,
@@ -70,8 +70,8 @@ def check_critic(
 
     >>> import hfa
     >>> game = hfa.paper.published_game(hfa.paper.level_model(hfa.aircraft(), 0.2))
-    >>> K = hfa.solve_game(game).K
-    >>> hfa.check_critic(game, 1.01 * K).reason
+    >>> K = hfa.solve(game).K
+    >>> hfa.verify(game, 1.01 * K).reason
     'every entry of K is 1.01 times the exact one'
     """
     refuse_unless_positive("limit", limit)
@@ -80,7 +80,7 @@ def check_critic(
         from verification.critic.given import critic_given
 
         critic, run = critic_given(game, critic, {"K": K, "P": P, "W": W}, run)
-    exact = solve_game(game)
+    exact = unconfirmed_solution(game)
     box = scope.box or balanced_box(game)
     lost = _flight_cost(game, exact, critic.K)
     errors = list(critic_errors(game, critic, exact, limit, box))
@@ -245,7 +245,7 @@ def _flight_section(game: Game, critic: Critic, lost: FlightCost) -> Section:
 @lru_cache
 def _best_margin(game: Game) -> DiskMargin:
     """Return the disk margin of the game's exact gain."""
-    return disk_margin(game, solve_game(game).K)
+    return disk_margin(game, unconfirmed_solution(game).K)
 
 
 def _polynomial_section(critic: Critic) -> Section:

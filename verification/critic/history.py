@@ -15,7 +15,7 @@ from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress, with_progress
 from hfa_support.reporting.text import Table
-from verification.critic.critic_check import check_critic
+from verification.critic.critic_check import verify
 from verification.critic.critic_errors import critic_errors
 from verification.critic.error_table import COLUMNS, ErrorTable, time_checks
 from verification.critic.scope import LIMIT, Scope
@@ -52,7 +52,7 @@ def check_history(
         raise BadInputError(
             "a critic or its time is missing; create the history with critics_over_time"
         )
-    verdict = check_critic(game, critics[-1], limit=limit, scope=scope)
+    verdict = verify(game, critics[-1], limit=limit, scope=scope)
     box = scope.box if scope is not None else None
     rows = []
     for critic in with_progress(critics, progress):

@@ -17,7 +17,7 @@ from scipy import special
 from unsteady_energy import derived_unsteady
 
 import hfa_air.unsteady as source
-from hfa import find_operating_point, linearize
+from hfa import linearize, trim
 from hfa.paper import level_model
 from hfa_air.unsteady import EFFECTS, KUESSNER, LAG_STATES, UNSTEADY, WAGNER, Lag
 from hfa_model import STATES, VARIANTS, Input, Parameters, State
@@ -179,7 +179,7 @@ def half_chords() -> tuple[np.ndarray, float]:
     The columns are A over the lag states, A over alpha, and E over the updraft. V is the speed and
     b the half chord. The model is linearized at 10 deg.
     """
-    point = find_operating_point(UNSTEADY, usual_condition(UNSTEADY).at(10 * DEGREES))
+    point = trim(UNSTEADY, usual_condition(UNSTEADY).at(10 * DEGREES))
     model = linearize(
         UNSTEADY, point, full=True, outputs=("alpha_air_center",), disturbances=("updraft_center",)
     )
@@ -284,8 +284,8 @@ def test_unsteady_trims_equal_quasi_steady_trims(degrees: float) -> None:
     span, the center elevator changes by more than 0.3 deg.
     """
     condition = usual_condition(UNSTEADY).at(degrees * DEGREES)
-    whole = find_operating_point(UNSTEADY, condition)
-    slow = find_operating_point(
+    whole = trim(UNSTEADY, condition)
+    slow = trim(
         UNSTEADY.with_parameters(local_motion=0.0, apparent_mass=0.0, lift_lag=0.0, gust_lag=0.0),
         condition,
     )
@@ -297,7 +297,7 @@ def test_unsteady_trims_equal_quasi_steady_trims(degrees: float) -> None:
     )
     assert strips["lag_tip_1"] == pytest.approx(0.0, abs=1e-12)
     assert strips["gust_outer_1"] == pytest.approx(0.0)
-    infinite = find_operating_point(UNSTEADY.with_parameters(finite_span=0.0), condition)
+    infinite = trim(UNSTEADY.with_parameters(finite_span=0.0), condition)
     assert abs(infinite.inputs.elevator_center - whole.inputs.elevator_center) > 0.3 * DEGREES
 
 

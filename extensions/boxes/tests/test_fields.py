@@ -28,7 +28,7 @@ from hfa_proof.subject import Given, compare, entries_of
 from hfa_region.commands.given import _same_coefficients, given_on_boxes
 from hfa_support.errors import BadInputError, NoSolutionError
 from trim.point.linearize import linearize
-from trim.point.solve import find_operating_point
+from trim.point.solve import trim
 
 WRITTEN = {"version": "1", "date": "2026-01-01", "command": "a test"}
 Change = Callable[[Any], Any]
@@ -135,7 +135,7 @@ def region(cart: Model, degree: int) -> BoxStatement:
 
     degree: degree of V
     """
-    linear = linearize(cart, find_operating_point(cart))
+    linear = linearize(cart, trim(cart))
     gain = Gain(K, {"force": ((-0.1, (3, 0)),)})
     loop = loop_of(linear, ProvedPolicy.of_gain(gain, ("force",), "a gain", None))
     ends = dict.fromkeys(loop.states, (-1.0, 1.0))
@@ -197,7 +197,7 @@ def test_region_fields_are_compared_or_printed(degree: int, aircraft: str, cart:
 
 def test_the_digest_of_a_network_is_compared(cart: Model) -> None:
     """A network with other weights than the certificate's policy is refused."""
-    linear = linearize(cart, find_operating_point(cart))
+    linear = linearize(cart, trim(cart))
     gains = [Gain(gain, {}).function(("force",)) for gain in (K, 1.001 * K)]
     loops = [loop_of(linear, ProvedPolicy(gain, "a network")) for gain in gains]
     statement = BoxStatement(
@@ -227,7 +227,7 @@ def test_fields_of_bounds_are_compared_or_printed(cart: Model) -> None:
         verified = VerifiedCost(statement, witness, witness.boxes, WRITTEN)
         return checked_bound_report(verified, []).text()
 
-    problem = flight_problem(cart, find_operating_point(cart))
+    problem = flight_problem(cart, trim(cart))
     given = given_of(problem, "--aircraft", {"Q": np.eye(2), "R": np.eye(1)})
     plant = region(cart, 2).loop
     limits = {name: ends for name, ends in plant.limits.items() if name != "load"}

@@ -92,9 +92,9 @@ def test_the_dml_aircraft_equals_the_toml_aircraft() -> None:
     table = hfa.load_model(str(ROOT / "examples" / "uav.toml"))
     file = hfa.load_model(str(UAV))
     held = {"speed": 35.0, "altitude": 100.0}
-    of_table = hfa.linearize(table, hfa.find_operating_point(table, hold=held))
+    of_table = hfa.linearize(table, hfa.trim(table, hold=held))
     held = {name: value / _FOOT for name, value in held.items()}
-    of_file = hfa.linearize(file, hfa.find_operating_point(file, hold=held))
+    of_file = hfa.linearize(file, hfa.trim(file, hold=held))
     inputs = ["engineThrust", "elevatorDeflection", "aileronDeflection", "rudderDeflection"]
     order = [of_file.inputs.index(name) for name in inputs]
     assert of_file.point.states.alpha == pytest.approx(of_table.point.states.alpha, rel=1e-9)
@@ -122,7 +122,7 @@ def test_files_are_joined_by_their_names(tmp_path: Path) -> None:
         hfa.load_model(str(alone))
     joined = hfa.load_model(f"{alone}+{other}")
     whole = hfa.load_model(str(UAV))
-    points = [hfa.find_operating_point(model) for model in (joined, whole)]
+    points = [hfa.trim(model) for model in (joined, whole)]
     np.testing.assert_allclose(points[0].states, points[1].states, rtol=1e-12)
     with pytest.raises(BadInputError, match="is also an output of"):
         hfa.load_model(f"{other}+{UAV}")

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import hfa
-from hfa import find_operating_point, linearize
+from hfa import linearize, trim
 from hfa_derivatives.aircraft import from_derivatives
 from hfa_rigid.atmosphere import air_at
 from hfa_rigid.motion import rotation
@@ -208,7 +208,7 @@ PRINTED_F104 = {"phugoid": (0.033, 0.022, 0.02), "short period": (0.893, 4.884, 
 
 def linear_model(table, **held):
     model = from_derivatives(table).with_parameters(**held)
-    return linearize(model, find_operating_point(model))
+    return linearize(model, trim(model))
 
 
 def eigenvalue_near(linear, value):
@@ -393,7 +393,7 @@ def test_modes_agree_with_the_example_equations():
     These equations are independent and assume small angles.
     """
     other = hfa.load_model("examples/navion.py:NAVION")
-    theirs = linearize(other, find_operating_point(other))
+    theirs = linearize(other, trim(other))
     ours = linear_model({**NAVION, "CL_q": 3.8, "Cn_beta": 0.071})
     for printed in (PRINTED["short period"], PRINTED["roll"], PRINTED["dutch roll"]):
         found = eigenvalue_near(ours, printed)

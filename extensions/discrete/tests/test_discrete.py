@@ -12,7 +12,7 @@ from reference_steps import reference_step_value
 from tolerances import FEW_ROUNDINGS, SAME_SOLUTION
 
 from controller import minimum_delta
-from hfa import BadInputError, Game, NoSolutionError, solve_game
+from hfa import BadInputError, Game, NoSolutionError, solve
 from hfa.main import FAILED
 from hfa_discrete import solve_discounted
 from hfa_discrete.discrete_game import DiscreteGame
@@ -77,7 +77,7 @@ def test_p_with_fast_sampling_approaches_continuous_time():
     order.
     """
     game = _game(3)
-    exact = solve_game(game)
+    exact = solve(game)
     off = [np.abs(solve_discounted(game, 1.0, dt).P - exact.P).max() for dt in (2e-3, 1e-3)]
     assert off[1] < 0.01 * np.abs(exact.P).max()
     assert off[0] / off[1] == pytest.approx(2.0, rel=0.05)
@@ -320,7 +320,7 @@ def test_the_other_time_is_suggested():
         critic = stored("critic.npz", **{name: matrix})
         verdict = answer("verify", "--model", plant, "--weights", critic, code=FAILED)
         assert verdict["diagnosis"].endswith('x⁺ = A x + B u; did you mean time = "discrete"?')
-    critic = stored("critic.npz", K=solve_game(step).K)
+    critic = stored("critic.npz", K=solve(step).K)
     verdict = answer("verify", "--model", steps, "--weights", critic, code=FAILED)
     assert verdict["diagnosis"].endswith('x\' = A x + B u; did you mean time = "continuous"?')
     question = 'time = "discrete"'
@@ -421,7 +421,7 @@ def test_short_sample_times_keep_their_accuracy():
     uncertain.
     """
     game = _game(3)
-    exact = solve_game(game).P
+    exact = solve(game).P
     away = [solve_discounted(game, 1.0, dt).P - exact for dt in (1e-7, 2e-7)]
     assert 2.0 * away[0] == pytest.approx(away[1], rel=1e-5, abs=1e-12)
     smallest = minimum_delta_discrete(sampled(game, 1e-6))

@@ -115,8 +115,8 @@ def fly(
 
     >>> import hfa
     >>> model = hfa.aircraft()
-    >>> point = hfa.find_operating_point(model, hfa.paper.level_flight(0.2))
-    >>> solution = hfa.solve_game(hfa.paper.published_game(hfa.linearize(model, point)))
+    >>> point = hfa.trim(model, hfa.paper.level_flight(0.2))
+    >>> solution = hfa.solve(hfa.paper.published_game(hfa.linearize(model, point)))
     >>> hfa.fly(model, point, solution, 1.0, initial={"alpha": 0.01}).states.shape
     (1001, 7)
     """
@@ -230,7 +230,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     >>> import hfa
     >>> model = hfa.aircraft()
-    >>> flight = hfa.fly(model, hfa.find_operating_point(model, hold={"dihedral": 0.2}), None, 1.0)
+    >>> flight = hfa.fly(model, hfa.trim(model, hold={"dihedral": 0.2}), None, 1.0)
     >>> flight.ok, flight["alpha"].shape
     (True, (1001,))
     """

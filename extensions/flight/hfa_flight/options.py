@@ -173,13 +173,13 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
         NoSolutionError if learning does not converge.
         """
         from controller.critic.critic_file import critic_in
-        from controller.riccati.gare import solve_game
+        from controller.riccati.gare import unconfirmed_solution
         from hfa_flight.policies import GainPolicy, function_policy
 
         game = self.game_on(linear)
         path = self.weights
         if path is None and self.law == "exact":
-            return GainPolicy("exact", solve_game(game).K)
+            return GainPolicy("exact", unconfirmed_solution(game).K)
         if path is None:
             run = self.learned(game)
             if not run.settled:

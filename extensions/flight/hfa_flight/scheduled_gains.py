@@ -19,7 +19,7 @@ from hfa_support.linear_table import LinearTable
 from hfa_support.reporting.results import Result
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
-from trim.point.solve import find_operating_point
+from trim.point.solve import trim
 
 #: Number of trims along a command, with linear interpolation between them.
 _TRIMS = 41
@@ -157,11 +157,11 @@ def scheduled_gains(
     values = np.append(start + commands.values, start)
     schedule.refuse_beyond(float(values.min()), float(values.max()))
     breakpoints = np.unique(np.linspace(values.min(), values.max(), _TRIMS))
-    trims = [find_operating_point(model, condition(value)) for value in breakpoints.tolist()]
+    trims = [trim(model, condition(value)) for value in breakpoints.tolist()]
     path = TrimPath(
         base,
-        LinearTable(breakpoints, np.array([trim.states for trim in trims])),
-        LinearTable(breakpoints, np.array([trim.inputs for trim in trims])),
+        LinearTable(breakpoints, np.array([point.states for point in trims])),
+        LinearTable(breakpoints, np.array([point.inputs for point in trims])),
         commands,
     )
     identity = {

@@ -15,7 +15,7 @@ from known_models import game_at, model_at
 from project import ROOT
 
 import hfa
-from hfa import BadInputError, LinearModel, fly, solve_game
+from hfa import BadInputError, LinearModel, fly, solve
 from hfa_flight import ActuatorBank, ActuatorFault, GainPolicy, Scenario, Waveform, flight_envelope
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant
 from hfa_flight.flight_history import Deviations
@@ -107,9 +107,7 @@ WEIGHTS = ("the paper's weights", "R x 100")
 def gain(weights: str) -> np.ndarray:
     """Return the exact gain at 15 degrees, for one of the two sets of `WEIGHTS`."""
     game = game_at(15.0, "newton")
-    return solve_game(
-        game if weights == WEIGHTS[0] else replace(game, R=100.0 * game.R, delta=2000.0)
-    ).K
+    return solve(game if weights == WEIGHTS[0] else replace(game, R=100.0 * game.R, delta=2000.0)).K
 
 
 def abscissa(model: LinearModel, K: np.ndarray, lag: float) -> float:

@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from hfa import BadInputError, find_operating_point, linearize
+from hfa import BadInputError, linearize, trim
 from hfa_flight import from_control, to_control
 from trim.point.condition import usual_condition
 
@@ -37,7 +37,7 @@ def test_a_system_of_python_control_is_traced() -> None:
     model = from_control(
         nlsys, {"angle": "rad", "rate": "rad/s", "height": "m"}, trim={"angle": 0.5}
     )
-    point = find_operating_point(model, usual_condition(model))
+    point = trim(model, usual_condition(model))
     assert point.inputs.torque == pytest.approx(4.0 * math.sin(0.5), rel=1e-12)
     linear = linearize(model, point, outputs=("height",))
     peer = control.linearize(nlsys, [0.5, 0.0], [point.inputs.torque])

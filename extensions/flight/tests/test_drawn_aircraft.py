@@ -19,7 +19,7 @@ def test_the_figure_shows_differences_of_random_flights() -> None:
     The line ends where the flight leaves the envelope. States that do not move have no panel.
     """
     model = hfa.load_model(str(ROOT / "examples" / "uav.toml"))
-    point = hfa.find_operating_point(model)
+    point = hfa.trim(model)
     names = ("CL_alpha", "Cm_alpha")
     values = {name: model.parameters[name].start for name in names}
     spread = ParameterSpread(values, np.diag([0.3 * value for value in values.values()]) ** 2)

@@ -18,7 +18,7 @@ CART = hfa.Model(
     trim={"position": 0.0, "speed": 0.0},
     steady=("speed",),
 )
-POINT = hfa.find_operating_point(CART)
+POINT = hfa.trim(CART)
 
 
 def test_steps_of_an_input_give_the_step_response() -> None:
@@ -37,7 +37,7 @@ def test_every_kind_of_policy_gives_the_same_flight(kind: str) -> None:
     The tolerance is 0.005, because the functions are called once a tick.
     """
     game = hfa.game(hfa.linearize(CART, POINT), Q=np.eye(2), R=np.eye(1))
-    solution = hfa.solve_game(game)
+    solution = hfa.solve(game)
     K = solution.K
     policies = {
         "gain": K,

@@ -16,7 +16,7 @@ from network_files import torch_file
 from scipy.integrate import simpson
 
 from controller import basis
-from hfa import Game, solve_game
+from hfa import Game, solve
 from hfa_aircraft.model import Model
 from hfa_flight.envelope import control_limits
 from hfa_model import LINEAR_STATES
@@ -108,7 +108,7 @@ def test_gains_and_critics_in_files_equal_law_exact(game: Game) -> None:
 
     Another R changes the policy that follows from P. Wrong files and options are refused.
     """
-    exact = solve_game(game)
+    exact = solve(game)
     stored("K.json", K=exact.K)
     stored("P.npz", P=exact.P)
     stored("W.mat", W=basis("quadratic", 6).weights(exact.P))
@@ -263,7 +263,7 @@ def test_a_linear_network_flies_as_its_gain(game: Game) -> None:
     From a larger initial deviation, only the inputs of the network are saturated at the control
     limits.
     """
-    path = network_of(solve_game(game).K)
+    path = network_of(solve(game).K)
     network = ("--weights", path, "--set", "activation=relu")
     words = ("fly", "--dihedral", "15", "--duration", "0.5", "-o", "a.json")
     flown = {}
@@ -288,7 +288,7 @@ def test_network_is_exported_as_c_and_as_fmu(game: Game) -> None:
 
     The network can also be exported as an FMU.
     """
-    K = solve_game(game).K
+    K = solve(game).K
     network = ("--weights", network_of(K), "--set", "activation=relu", "--dihedral", "15")
     assert hfa("export", "-o", "c", *network).code == 0
     folder = Path("c").resolve()

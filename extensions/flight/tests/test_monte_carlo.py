@@ -12,7 +12,7 @@ from member_plans import EVERYTHING, PARAMETERS, with_scenario
 from random_points import rates
 
 import hfa
-from hfa import BadInputError, find_operating_point, fly
+from hfa import BadInputError, fly, trim
 from hfa.paper import level_flight
 from hfa_flight import (
     GainPolicy,
@@ -128,7 +128,7 @@ def assert_same_flight(plan: MonteCarlo, member: int, p: Parameters | None = Non
 def test_a_member_equals_its_single_flight(plan: MonteCarlo, dynamics: str) -> None:
     """Each member of a Monte Carlo simulation equals the single flight of its scenario."""
     aircraft = hfa.aircraft(dynamics, PARAMETERS)
-    point = find_operating_point(aircraft, level_flight(plan.point.states.dihedral))
+    point = trim(aircraft, level_flight(plan.point.states.dihedral))
     flown = replace(plan, model=aircraft, point=point)
     assert_same_flight(with_scenario(flown, duration=0.05), 3)
 

@@ -14,7 +14,7 @@ from random_points import STATE_SCALES
 from scipy.integrate import solve_ivp
 from simulated_cases import SMALL, SimulatedCase, signal, simulate_case
 
-from hfa import BadInputError, find_operating_point
+from hfa import BadInputError, trim
 from hfa.paper import level_flight
 from hfa_flight import (
     ActuatorBank,
@@ -163,7 +163,7 @@ def test_the_linear_predictions_error_is_of_second_order(
     A linear model at a dihedral angle that is wrong by half a degree has an error of first order.
     """
     for case, off in ((at_15, 0.0), (newton, 0.5)):
-        other = find_operating_point(case.aircraft, level_flight(float(np.radians(15.0 + off))))
+        other = trim(case.aircraft, level_flight(float(np.radians(15.0 + off))))
         linear = LinearPlant.at(case.aircraft, other)
         found = dict(
             zip(

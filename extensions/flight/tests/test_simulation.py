@@ -21,10 +21,10 @@ from hfa import (
     NoSolutionError,
     OperatingPoint,
     Signal as Declared,
-    find_operating_point,
     fly,
     linearize,
-    solve_game,
+    solve,
+    trim,
 )
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
@@ -171,7 +171,7 @@ def stepped(model: Model, scenario: Scenario, **steps: float) -> Flight:
     """
     commands = CommandSteps(tuple(steps), np.array([1.0]), np.array([list(steps.values())]))
     law = open_loop(commands, tuple(model.inputs), scenario.tick, scenario.ticks)
-    point = find_operating_point(model, usual_condition(model))
+    point = trim(model, usual_condition(model))
     return fly(model, point, law, scenario=scenario, envelope=flight_envelope(model, point))
 
 
@@ -205,7 +205,7 @@ def test_different_equations_make_plans_different() -> None:
             return {**rates, "roll_rate": factor * rates["roll_rate"]}, outputs
 
         model = replace(NAVION, equations=equations)
-        point = find_operating_point(model, usual_condition(model))
+        point = trim(model, usual_condition(model))
         law = open_loop(
             CommandSteps((), np.zeros(0), np.zeros((0, 0))), tuple(model.inputs), 0.01, 10
         )
@@ -337,13 +337,13 @@ def test_a_delayed_loop_ends_in_limit_cycle() -> None:
 
     Without delay, the loop settles.
     """
-    point = find_operating_point(NAVION, usual_condition(NAVION))
+    point = trim(NAVION, usual_condition(NAVION))
     model = linearize(NAVION, point)
     Q, R = (
         np.diag([NAVION.signals[n].nominal ** -2.0 for n in each])
         for each in (model.states, model.inputs)
     )
-    law = GainPolicy("exact", solve_game(Game(model.A, model.B, np.eye(8), Q, R, math.inf)).K)
+    law = GainPolicy("exact", solve(Game(model.A, model.B, np.eye(8), Q, R, math.inf)).K)
     values = record(tuple(NAVION.inputs))
     lowest, highest = (
         values(*(getattr(each, end) for each in NAVION.inputs.values())) for end in ("min", "max")
@@ -377,7 +377,7 @@ def test_limit_cycles_are_found_without_a_policy() -> None:
         ),
         trim={"x": 0.0, "v": 0.0},
     )
-    point = find_operating_point(oscillator)
+    point = trim(oscillator)
     scenario = Scenario(duration=60.0, step=0.01, initial=np.array([0.5, 0.0]))
     policy = OpenLoop("none", held=np.zeros((scenario.ticks, 1)))
     flight = fly(

@@ -221,7 +221,7 @@ def test_gust_rates_act_as_angular_rates() -> None:
     """
     model = load_model("examples/uav.toml")
     gusty = in_gusts(model)
-    point = hfa.find_operating_point(model)
+    point = hfa.trim(model)
     x, u = np.array(point.states), np.array(point.inputs)
     size = 1e-5
     still = _rates(model, x, u, [])
@@ -243,7 +243,7 @@ def test_disturbances_of_a_flight_equal_the_random_ones() -> None:
     The linear prediction includes the disturbances. The report names the components without effect.
     """
     model = load_model("examples/gtm.py:GTM")
-    point = hfa.find_operating_point(model)
+    point = hfa.trim(model)
     scenario = Scenario(
         duration=2.0, uncertainty=Uncertainty(turbulence=Turbulence("light", 100.0))
     )
@@ -297,7 +297,7 @@ def test_a_users_turbulence_intensity_is_applied(capsys) -> None:
     said = capsys.readouterr().out
     assert "of your own intensity (Dryden): u, v, w, p, q, r; intensity 2 m/s, scale 300 m" in said
     model = load_model("examples/uav.toml")
-    air = Turbulence((2.0, 300.0), span=2.9).air(hfa.find_operating_point(model), 0.02, 10, 0)
+    air = Turbulence((2.0, 300.0), span=2.9).air(hfa.trim(model), 0.02, 10, 0)
     found = AirFilter.of(air)
     spread = np.sqrt(np.diag(found.C @ found.covariance @ found.C.T))
     np.testing.assert_allclose(0.3048 * spread[:3], 2.0, rtol=1e-9)

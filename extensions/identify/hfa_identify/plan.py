@@ -19,7 +19,7 @@ from hfa_identify.records import Record
 from hfa_identify.response import Responses
 from hfa_identify.search import Search
 from hfa_support.reporting.results import Result
-from trim.point.solve import find_operating_point
+from trim.point.solve import trim
 
 #: Duration of a maneuver, s, and unit steps of doublet and 3-2-1-1, s.
 _SECONDS = 15.0
@@ -113,9 +113,9 @@ def _candidates(
     The amplitude is halved until no state leaves its limits. Maneuvers that exceed the limits or
     diverge at every amplitude are omitted.
     """
-    point = find_operating_point(model)
+    point = trim(model)
     start = np.array(point.states)
-    trim = np.array(point.inputs)
+    inputs_at_trim = np.array(point.inputs)
     measured = search.responses.measured
     others = tuple(name for name in model.states if name not in measured)
     wider = Responses(model, search.responses.free, (*measured, *others))
@@ -123,13 +123,13 @@ def _candidates(
     time = np.arange(0.0, _SECONDS, float(np.median(np.diff(record.time))))
     seen = {name: np.zeros(len(time)) for name in measured}
     for place, (name, signal) in enumerate(model.inputs.items()):
-        room = _PART * min(signal.max - trim[place], trim[place] - signal.min)
+        room = _PART * min(signal.max - inputs_at_trim[place], inputs_at_trim[place] - signal.min)
         if not math.isfinite(room):
             room = signal.nominal
         for kind, seconds, shape in _shapes(time):
             for halving in range(_HALVINGS):
                 amplitude = room / 2**halving
-                inputs = np.tile(trim, (len(time), 1))
+                inputs = np.tile(inputs_at_trim, (len(time), 1))
                 inputs[:, place] += amplitude * shape
                 flown = Record(kind, time, inputs, seen)
                 try:

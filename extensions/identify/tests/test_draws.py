@@ -71,7 +71,7 @@ def test_the_band_of_elevator_agrees_with_linear_prediction(folder, capsys):
     for name in NAMES:
         value = model.parameters[name].start
         ends = [
-            hfa.find_operating_point(model.with_parameters(**{name: factor * value}))["elevator"]
+            hfa.trim(model.with_parameters(**{name: factor * value}))["elevator"]
             for factor in (1.001, 0.999)
         ]
         slopes.append((ends[0] - ends[1]) / 0.002)
@@ -115,7 +115,7 @@ def test_unstable_random_aircraft_are_counted():
     The band of the short period covers the two stable aircraft only.
     """
     model = hfa.load_model(UAV)
-    point = hfa.find_operating_point(model)
+    point = hfa.trim(model)
     unstable = model.with_parameters(Cm_alpha=0.3)
     drawn = DrawnAircraft([model, model, unstable], ("Cm_alpha",), 0, usual_condition(model), point)
     spread = drawn.linear_models(hfa.linearize(model, point))
@@ -155,9 +155,9 @@ def test_an_aircraft_that_is_not_stabilized_is_counted(folder, capsys):
     stable.
     """
     model = hfa.load_model(written())
-    linear = hfa.linearize(model, hfa.find_operating_point(model))
+    linear = hfa.linearize(model, hfa.trim(model))
     game = hfa.game(linear, np.ones(8), np.ones(4), delta=np.inf)
-    np.savez("K.npz", K=-hfa.solve_game(game).K)
+    np.savez("K.npz", K=-hfa.solve(game).K)
     words = ["verify", "--aircraft", "found.toml", "--weights", "K.npz", "--draws", "10"]
     assert main(words) == 1
     printed = capsys.readouterr()
@@ -168,7 +168,7 @@ def test_an_aircraft_that_is_not_stabilized_is_counted(folder, capsys):
 def test_aircraft_without_a_trim_are_counted():
     """A drawn aircraft without lift is not counted as trimmed, and the result is not ok."""
     model = hfa.load_model(UAV)
-    point = hfa.find_operating_point(model)
+    point = hfa.trim(model)
     dead = model.with_parameters(CL_alpha=0.0, CL_0=0.0)
     drawn = DrawnAircraft([model, dead], ("CL_alpha",), 0, usual_condition(model), point)
     draws = drawn.trims()
@@ -178,9 +178,9 @@ def test_aircraft_without_a_trim_are_counted():
 def test_a_deployed_policy_is_assessed_on_drawn_aircraft(folder, capsys):
     """`hfa assess` reports the band of the sampled loop's spectral radius over the drawn aircraft."""
     model = hfa.load_model(written())
-    linear = hfa.linearize(model, hfa.find_operating_point(model))
+    linear = hfa.linearize(model, hfa.trim(model))
     weak = hfa.game(linear, np.ones(8), 1e2 * np.ones(4), delta=np.inf)
-    np.savez("K.npz", K=hfa.solve_game(weak).K)
+    np.savez("K.npz", K=hfa.solve(weak).K)
     words = ("assess", "K.npz", "--sample-time", "0.02", "--aircraft", "found.toml")
     _, draws = answer(capsys, *words, "--samples", "0", "--draws", "4")
     assert draws["stable"] == draws["trimmed"] == 4
@@ -245,13 +245,13 @@ def test_a_wrong_band_is_refused(entries, message, folder, capsys):
 def test_aircraft_without_a_game_solution_are_counted():
     """A drawn aircraft whose game has no solution with the given delta is counted as unsolved."""
     model = hfa.load_model(UAV)
-    point = hfa.find_operating_point(model)
+    point = hfa.trim(model)
     game = hfa.game(hfa.linearize(model, point), np.ones(8), np.ones(4), delta=np.inf)
     least = minimum_delta(game).value
     tight = game.with_delta(1.001 * least)
     slow = model.with_parameters(Cm_elevator=0.8 * model.parameters["Cm_elevator"].start)
     drawn = DrawnAircraft([model, slow], ("Cm_elevator",), 0, usual_condition(model), point)
-    draws = drawn.gain(tight, hfa.solve_game(tight).K)
+    draws = drawn.gain(tight, hfa.solve(tight).K)
     assert draws.unsolved == 1
     assert "the game has no solution on 1; cost at most" in draws.first_line
 
@@ -279,7 +279,7 @@ def test_drawn_aircraft_are_simulated_from_the_nominal_trim(folder, capsys):
     assert (found["within_limits"], found["drawn"]) == (3, list(NAMES))
     model = hfa.load_model("found.toml")
     spread = spread_of_file("found.toml", model)
-    point = hfa.find_operating_point(model)
+    point = hfa.trim(model)
     errors = []
     for drawn in spread.aircraft(model, 3, seed=0):
         flight = hfa.fly(drawn, point, None, seconds=2)
@@ -306,7 +306,7 @@ def test_unstable_loops_of_random_aircraft_fail(folder, capsys):
     reported.
     """
     model = hfa.load_model(written())
-    linear = hfa.linearize(model, hfa.find_operating_point(model))
+    linear = hfa.linearize(model, hfa.trim(model))
     K = -hfa.lqr(linear, np.ones(8), np.ones(4)).K
     np.savez("K.npz", K=K)
     np.savez("net.npz", **{"0.weight": -K})

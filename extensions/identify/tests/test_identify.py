@@ -50,7 +50,7 @@ def doublets(time):
 @cache
 def simulated_maneuver(model=LONGITUDINAL):
     """Return times, inputs and states of a 3-2-1-1 maneuver, simulated with SciPy."""
-    point = hfa.find_operating_point(model)
+    point = hfa.trim(model)
     time = np.arange(0.0, SECONDS, STEP)
     inputs = np.tile(np.array(point.inputs), (len(time), 1))
     inputs[:, list(model.inputs).index("elevator")] += doublets(time)
@@ -282,7 +282,7 @@ def record_with_steps(moves, seconds):
     moves: inputs, as `hfa.fly` accepts them
     seconds: duration, s
     """
-    flight = hfa.fly(LONGITUDINAL, hfa.find_operating_point(LONGITUDINAL), moves, seconds=seconds)
+    flight = hfa.fly(LONGITUDINAL, hfa.trim(LONGITUDINAL), moves, seconds=seconds)
     return noisy_columns(LONGITUDINAL, flight, 20, seed=0)
 
 
@@ -297,7 +297,7 @@ def test_the_search_converges_from_coefficients_70_percent_off():
         "aileron": [(0.5, 0.1), (1.5, -0.1), (2.2, 0.0)],
         "rudder": [(3.0, 0.12), (4.0, -0.12), (5.0, 0.0)],
     }
-    flight = hfa.fly(model, hfa.find_operating_point(model), moves, seconds=6)
+    flight = hfa.fly(model, hfa.trim(model), moves, seconds=6)
     sensors = {"beta": 0.003, "roll_rate": 0.01, "yaw_rate": 0.01, "roll": 0.003}
     columns = noisy_columns(model, flight, 20, 0, sensors)
     factors = np.random.default_rng(79).choice([0.3, 1.7], len(free)).tolist()
@@ -605,7 +605,7 @@ def test_drawn_aircraft_have_the_covariance():
     values = np.array([model.parameters["Cm_alpha"].start for model in drawn])
     place = list(result.parameters).index("Cm_alpha")
     assert values.std() == pytest.approx(math.sqrt(result.covariance[place, place]), rel=0.15)
-    assert hfa.find_operating_point(drawn[0]).states.alpha < 0.05
+    assert hfa.trim(drawn[0]).states.alpha < 0.05
 
 
 @pytest.mark.parametrize(

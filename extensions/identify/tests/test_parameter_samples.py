@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import hfa
-from hfa import BadInputError, LinearModel, find_operating_point, linearize
+from hfa import BadInputError, LinearModel, linearize, trim
 from hfa.paper import level_flight
 from hfa_model import LINEAR_STATES, STATES, Parameters, sample_parameters
 from hfa_model.parameters import ParameterSet
@@ -28,7 +28,7 @@ def at_angle(
 ) -> tuple[float, LinearModel, Bands]:
     angle = float(np.radians(request.param))
     condition = level_flight(angle)
-    model = linearize(published_aircraft, find_operating_point(published_aircraft, condition))
+    model = linearize(published_aircraft, trim(published_aircraft, condition))
     return angle, model, entry_bands(parameter_set, condition, model)
 
 

@@ -32,7 +32,7 @@ def planned():
 
 def simulated_record(model, manoeuvre):
     """Return the columns of a simulated doublet or 3-2-1-1 maneuver with noise, at 25 Hz."""
-    point = hfa.find_operating_point(model)
+    point = hfa.trim(model)
     lengths = {"doublet": (1, 1), "3-2-1-1": (3, 2, 1, 1)}[manoeuvre.kind]
     edges = 0.5 + manoeuvre.seconds * np.concatenate([[0], np.cumsum(lengths)])
     signs = [*(1.0 - 2.0 * (np.arange(len(lengths)) % 2)), 0.0]

@@ -122,7 +122,7 @@ def test_the_command_reads_a_log(folder, capsys):
     Without the table of columns the log is refused.
     """
     model = hfa.load_model(UAV)
-    point = hfa.find_operating_point(model)
+    point = hfa.trim(model)
     moves = [(0.5, 0.04), (1.5, -0.04), (2.2, 0.04), (2.6, -0.04), (3.0, 0.0)]
     flight = hfa.fly(model, point, {"elevator": moves}, seconds=8)
     states = dict(zip(model.states, flight.states[::20].T, strict=True))

@@ -5,7 +5,7 @@ import importlib.util
 import pytest
 from small_aircraft import written
 
-from hfa import find_operating_point, linearize
+from hfa import linearize, trim
 from hfa_aircraft.loading import load_model
 from studies.jsbsim.constructs.jet import SLOTS, jet
 from studies.jsbsim.flights import difference, drawn, trimmed
@@ -55,7 +55,7 @@ def path(tmp_path):
 def trim_of(path):
     model = load_model(path)
     condition = release(usual_condition(model), hold={"speed": 350.0})
-    return model, find_operating_point(model, condition)
+    return model, trim(model, condition)
 
 
 def test_a_spool_is_at_its_throttle_in_trim(path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_aircraft import CONTROL, LIFT, METRICS, REST, force, glider, written
 
-from hfa import BadInputError, find_operating_point
+from hfa import BadInputError, trim
 from hfa_aircraft.loading import load_model
 from hfa_jsbsim.notes import IDLE, MOTION, Note, grouped
 from studies.jsbsim.constructs.jet import slope
@@ -22,7 +22,7 @@ def model_of(folder, text):
 def test_a_glider_is_read_by_path(tmp_path):
     """A glider outside JSBSim's folder has the glide angle of its analytical polar."""
     model = model_of(tmp_path, glider())
-    point = find_operating_point(model, release(usual_condition(model), hold={"speed": 120.0}))
+    point = trim(model, release(usual_condition(model), hold={"speed": 120.0}))
     outputs = model.outputs_at(point.states, point.inputs)
     lift = 5.0 * point.states.alpha
     assert np.tan(outputs["gamma"]) == pytest.approx(-(0.03 + 0.05 * lift**2) / lift, rel=1e-10)
@@ -295,7 +295,7 @@ def test_a_surface_behind_an_integrator_is_an_input(tmp_path):
     elevator = model.inputs["elevator"]
     assert (elevator.unit, elevator.min, elevator.max) == ("rad", -0.2, 0.3)
     assert any("the integrator has no steady-state value" in note for note in model.extras.notes)
-    point = find_operating_point(model, release(usual_condition(model), hold={"speed": 120.0}))
+    point = trim(model, release(usual_condition(model), hold={"speed": 120.0}))
     assert point.inputs.elevator == pytest.approx(-point.states.alpha, rel=1e-10)
 
 

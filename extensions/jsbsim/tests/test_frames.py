@@ -88,7 +88,7 @@ def _pulled(model, step):
 
     step: duration of a frame, s
     """
-    point = hfa.find_operating_point(model, hold={"kcas": 250.0, "altitude": 10000.0})
+    point = hfa.trim(model, hold={"kcas": 250.0, "altitude": 10000.0})
     command = {"elevator": [(0.0, 0.1)]}
     flight = hfa.fly(model, point, command, 1.0, method="jsbsim", step=step, predict=False)
     return flight["pitch"]
@@ -121,7 +121,7 @@ def test_engines_that_do_not_settle_are_reported(monkeypatch):
     """A warning is issued if engines or filters do not settle in the allowed time, here 0.1 s."""
     monkeypatch.setattr(frame, "_LONGEST", 0.1)
     model = read_model("jsbsim:c172p")
-    point = hfa.find_operating_point(model, hold={"kcas": 90.0, "altitude": 3000.0})
+    point = hfa.trim(model, hold={"kcas": 90.0, "altitude": 3000.0})
     steps = model.equations.jsbsim_steps(1.0 / 120.0)
     with pytest.warns(UserWarning, match="not in steady state after 0.1 s"):
         steps.begin(point.states, model.p, point.inputs)
@@ -130,7 +130,7 @@ def test_engines_that_do_not_settle_are_reported(monkeypatch):
 def test_disturbances_are_refused():
     """A sinusoidal disturbance is refused, although it is 0 at the start."""
     model = read_model("jsbsim:737")
-    point = hfa.find_operating_point(model, hold={"kcas": 250.0, "altitude": 10000.0})
+    point = hfa.trim(model, hold={"kcas": 250.0, "altitude": 10000.0})
     amplitude = np.full(len(model.linear), 1e-3)
     nothing = np.zeros(len(model.linear))
     pushes = Waveform(nothing, nothing, (Harmonic(1.0, amplitude, nothing),))

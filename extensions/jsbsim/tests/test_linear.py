@@ -4,7 +4,7 @@ import importlib.util
 
 import pytest
 
-from hfa import find_operating_point, linearize
+from hfa import linearize, trim
 from hfa_jsbsim.reader import read_model
 from studies.jsbsim.reference import GRAVITY, RADIUS, measured
 from trim.point.condition import release, usual_condition
@@ -39,7 +39,7 @@ def differences(name, kcas):
     gravity = GRAVITY * (RADIUS / (RADIUS + altitude)) ** 2
     model = read_model(f"jsbsim:{name}").with_parameters(gravity=gravity)
     held = {"kcas": kcas, "altitude": altitude}
-    point = find_operating_point(model, release(usual_condition(model), hold=held))
+    point = trim(model, release(usual_condition(model), hold=held))
     linear = linearize(model, point)
     request = {
         "state": point.states._asdict(),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_aircraft import CONTROL, LIFT, REST, force, glider, written
 
-from hfa import BadInputError, find_operating_point, linearize
+from hfa import BadInputError, linearize, trim
 from hfa_aircraft.loading import load_model
 from hfa_jsbsim.reader import read_model
 from studies.jsbsim.constructs.jet import coefficient, jet, slope
@@ -43,7 +43,7 @@ def residual(name, held, parameters, free=()):
     gravity = GRAVITY * (RADIUS / (RADIUS + held["altitude"])) ** 2
     model = read_model(f"jsbsim:{name}").with_parameters(gravity=gravity, **parameters)
     condition = release(usual_condition(model), hold=held, free=free)
-    point = find_operating_point(model, condition)
+    point = trim(model, condition)
     commands = point.inputs._asdict() | parameters
     held_there = positions(model, point.inputs._asdict())
     point_of_jsbsim = {"state": point.states._asdict(), "commands": commands, "held": held_there}
@@ -180,14 +180,14 @@ def test_a_washout_becomes_a_state_with_filters_option(tmp_path):
     model = load_model(f"{path}?filters=states")
     assert list(model.states)[-1] == "yaw_damper"
     condition = release(usual_condition(model), hold={"speed": 120.0})
-    linear = linearize(model, find_operating_point(model, condition))
+    linear = linearize(model, trim(model, condition))
     names = list(model.linear)
     state = names.index("yaw_damper")
     rate = names.index("yaw_rate")
     assert linear.A[state, rate] == pytest.approx(0.5)
     assert linear.A[state, state] == pytest.approx(-0.5)
     assert linear.A[rate, state] > 0.0
-    point = find_operating_point(steady, release(usual_condition(steady), hold={"speed": 120.0}))
+    point = trim(steady, release(usual_condition(steady), hold={"speed": 120.0}))
     at_once = linearize(steady, point).A[rate, rate] - linear.A[rate, state]
     assert linear.A[rate, rate] == pytest.approx(at_once)
 

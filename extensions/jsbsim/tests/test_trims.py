@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from small_aircraft import glider, written
 
-from hfa import BadInputError, find_operating_point, linearize
+from hfa import BadInputError, linearize, trim
 from hfa_aircraft.loading import load_model
 from trim.point.condition import release, usual_condition
 from trim.point.reasons import explained
@@ -34,7 +34,7 @@ def test_aircraft_are_trimmed_at_a_calibrated_airspeed(name, kcas, altitude):
     The flight path is level with a throttle, and descends without one.
     """
     model = load_model(f"jsbsim:{name}")
-    point = find_operating_point(model, condition_of(model, kcas=kcas, altitude=altitude))
+    point = trim(model, condition_of(model, kcas=kcas, altitude=altitude))
     outputs = model.outputs_at(point.states, point.inputs)
     assert outputs["kcas"] == pytest.approx(kcas, abs=1e-9)
     if "throttle" in model.inputs:
@@ -50,7 +50,7 @@ def test_yaw_that_only_switches_is_no_obstacle():
     Linear models do not contain yaw.
     """
     model = load_model("jsbsim:f16")
-    linear = linearize(model, find_operating_point(model))
+    linear = linearize(model, trim(model))
     assert "yaw" not in linear.states
     assert np.isfinite(linear.A).all()
 
@@ -61,11 +61,11 @@ def test_trims_at_equal_kcas_mach_and_speed_agree():
     kcas.
     """
     model = load_model("jsbsim:737")
-    first = find_operating_point(model, condition_of(model, altitude=20000.0, kcas=250.0))
+    first = trim(model, condition_of(model, altitude=20000.0, kcas=250.0))
     speeds = [first.states.speed]
     mach = model.outputs_at(first.states, first.inputs)["mach"]
     for held in ({"mach": mach}, {"speed": speeds[0]}):
-        point = find_operating_point(model, condition_of(model, altitude=20000.0, **held))
+        point = trim(model, condition_of(model, altitude=20000.0, **held))
         speeds.append(point.states.speed)
     assert speeds == pytest.approx([speeds[0]] * 3, rel=1e-12)
     grid = np.array([[250.0, 20000.0], [260.0, 18000.0]])
@@ -80,7 +80,7 @@ def test_the_linear_model_contains_the_propeller_mode():
     airframe.
     """
     model = load_model("jsbsim:c172p")
-    point = find_operating_point(model, condition_of(model, kcas=90.0, altitude=5000.0))
+    point = trim(model, condition_of(model, kcas=90.0, altitude=5000.0))
     linear = linearize(model, point)
     modes = {mode.name: mode for mode in linear.modes}
     assert {"phugoid", "dutch roll", "short period", "roll", "spiral"} <= set(modes)
@@ -95,8 +95,8 @@ def test_a_governed_propeller_trims_at_lowest_blade_angle():
     At high speed the propeller turns at 2400 rpm.
     """
     model = load_model("jsbsim:c182")
-    fast = find_operating_point(model, condition_of(model, kcas=110.0, altitude=5000.0))
-    slow = find_operating_point(model, condition_of(model, kcas=60.0, altitude=1000.0))
+    fast = trim(model, condition_of(model, kcas=110.0, altitude=5000.0))
+    slow = trim(model, condition_of(model, kcas=60.0, altitude=1000.0))
     assert fast.states.rpm0 == pytest.approx(2400.0)
     assert slow.states.rpm0 < 2400.0
     assert slow.states.blade0 == pytest.approx(model.states["blade0"].min, abs=1e-9)
@@ -149,7 +149,7 @@ def explained_failure(model, **held):
     """
     condition = condition_of(model, **held)
     with pytest.raises(TrimError) as caught:
-        find_operating_point(model, condition)
+        trim(model, condition)
     return str(explained(caught.value, model, condition))
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from controller.hfa_game import ORDINARY_DEVIATIONS
-from hfa import Game, check_critic, from_network, solve_game
+from hfa import Game, from_network, solve, verify
 from hfa_networks.judge.network_bound import Proof, _halves, prove
 from hfa_networks.judge.relaxation import (
     _LINES as LINES,
@@ -174,11 +174,11 @@ def verdict_on(game: Game, policy: Callable[[ca.SX], ca.SX], seconds: float = 20
     z = ca.SX.sym("z", 6)
     function = ca.Function("policy", [z], [policy(z)])
     scope = Scope(box=ordinary_box(), flights=1, seconds=seconds)
-    return check_critic(game, from_network(game, function, network="policy"), scope=scope)
+    return verify(game, from_network(game, function, network="policy"), scope=scope)
 
 
 def linear(game: Game, z: ca.SX) -> ca.SX:
-    return -ca.DM(solve_game(game).K) @ z
+    return -ca.DM(solve(game).K) @ z
 
 
 def test_a_linear_policy_of_relu_pairs_is_proved(game: Game) -> None:
@@ -188,7 +188,7 @@ def test_a_linear_policy_of_relu_pairs_is_proved(game: Game) -> None:
     Without time for a proof, the headline reports the number of states searched.
     """
     W = np.random.default_rng(3).normal(size=(6, 6))
-    back = ca.DM(solve_game(game).K @ np.linalg.inv(W))
+    back = ca.DM(solve(game).K @ np.linalg.inv(W))
 
     def policy(z: ca.SX) -> ca.SX:
         t = ca.DM(W) @ z
@@ -236,7 +236,7 @@ def test_a_narrow_bump_is_found_by_proof(game: Game, seed: int) -> None:
     """
     rng = np.random.default_rng(seed)
     at = rng.uniform(-0.9, 0.9, 6)
-    exact = solve_game(game)
+    exact = solve(game)
     size = np.abs(exact.K[0]) @ BOX
 
     def policy(z: ca.SX) -> ca.SX:
@@ -308,7 +308,7 @@ def test_a_trained_network_is_proved_within_its_error(game: Game) -> None:
     The headline reports a cost without bound.
     """
     critic = from_network(game, TRAINED / "policy.npz", activation="tanh", scale=1.0 / BOX)
-    verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=1))
+    verdict = verify(game, critic, scope=Scope(box=ordinary_box(), flights=1))
     line = (
         "FAIL on the linear game: cost without bound, not exact (policy proved within 0.051 in the "
     )
@@ -327,7 +327,7 @@ def with_hat(game: Game, of_abs: bool) -> Verdict:
     of_abs: whether the hat is written with |t| instead of max(t, -t)
     """
     z = ca.SX.sym("z", 2)
-    P = solve_game(game).P
+    P = solve(game).P
 
     def slope(t: ca.SX) -> ca.SX:
         away = ca.fabs(t) if of_abs else ca.fmax(t, -t)
@@ -336,7 +336,7 @@ def with_hat(game: Game, of_abs: bool) -> Verdict:
     hat = 3.0 * float(np.abs(P).sum()) * slope(z[0] - 0.611) * slope(z[1] - 0.611)
     V = ca.Function("V", [z], [ca.bilin(ca.DM(P), z, z) + hat])
     scope = Scope(Box(np.ones(2), "planted"), flights=2, seconds=10.0)
-    return check_critic(game, from_network(game, V, network="V"), scope=scope)
+    return verify(game, from_network(game, V, network="V"), scope=scope)
 
 
 @pytest.mark.parametrize("of_abs", [True, False])

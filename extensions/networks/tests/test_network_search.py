@@ -11,7 +11,7 @@ from network_files import ONES, QUADRATIC, onnx_file, torch_file
 from planted_critics import gain, value
 
 from controller.hfa_game import ORDINARY_DEVIATIONS
-from hfa import Game, check_critic, from_network, solve_game
+from hfa import Game, from_network, solve, verify
 from hfa_networks.judge.network_search import Comparison, search
 from verification.critic.scope import Scope
 from verification.hfa_box import ordinary_box
@@ -36,11 +36,11 @@ def test_a_network_right_only_at_the_origin_fails(game: Game) -> None:
         "first": 5.0 ** (1 / 3) / 7.0 * np.eye(6)[:, :1] @ np.eye(5)[:1],
     }
     critic = from_network(game, onnx_file("bent.onnx", [*nodes, ("Add", "u c", "y")], constants, 5))
-    check = check_critic(game, critic, scope=Scope(box=ordinary_box()))
+    check = verify(game, critic, scope=Scope(box=ordinary_box()))
     assert check.K_rel_error < 1e-12
     assert [each.name for each in check.checks if not each.ok] == ["searched_policy_error"]
     (found,) = check.to_dict()["network"]["searched"]
-    largest = np.sqrt(game.R.diagonal()) * (np.abs(solve_game(game).K) @ BOX)
+    largest = np.sqrt(game.R.diagonal()) * (np.abs(solve(game).K) @ BOX)
     assert found["error"] == pytest.approx(5.0 * np.sqrt(game.R[0, 0]) / largest[0], rel=1e-6)
     assert check.to_dict()["graded"]["cost_lost_worst_percent"] <= 1e-6
     assert not check.holds(1e-6)
@@ -64,7 +64,7 @@ def test_a_value_with_nan_in_the_box_fails(game: Game) -> None:
     constants |= {"half": np.array(2.5), "zero": np.array(1e-30)}
     path = onnx_file("nan.onnx", [*nodes, ("Mul", "r zero", "n"), ("Add", "V n", "y")], constants)
     critic = from_network(game, path)
-    beside = Comparison(critic, solve_game(game), np.sqrt(np.diag(game.R)), BOX)
+    beside = Comparison(critic, solve(game), np.sqrt(np.diag(game.R)), BOX)
     found = {each.name: each.error for each in search(beside)[1]}
     assert found["value"] == math.inf
 
@@ -77,7 +77,7 @@ def test_no_simulated_cost_exceeds_the_linear_worst(
     The largest of 40 simulated values exceeds 10 % of the mean of the linear loop.
     """
     critic = from_network(game, torch_file("policy.pt", {"weight": -1.2 * gain(game)}))
-    check = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=40))
+    check = verify(game, critic, scope=Scope(box=ordinary_box(), flights=40))
     data = check.to_dict()
     flown = data["network"]["cost_lost_flown_percent"]
     linear_loop = data["graded"]
@@ -92,7 +92,7 @@ def test_actor_with_constant_is_stable_off_trim(game: Game) -> None:
     """
     offset = 0.01 * np.abs(gain(game)) @ BOX
     critic = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": offset}))
-    verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=10))
+    verdict = verify(game, critic, scope=Scope(box=ordinary_box(), flights=10))
     assert failed_names(verdict.checks) == {"origin_error", "searched_policy_error", "rest_point"}
     data = verdict.to_dict()["network"]
     rest = np.linalg.solve(game.B @ gain(game) - game.A, game.B @ offset)
@@ -110,7 +110,7 @@ def test_a_very_small_bias_is_near(game: Game) -> None:
     """A bias of 1e-6 of the largest input is graded NEAR, and the optimal cost is printed first."""
     offset = 1e-6 * np.abs(gain(game)) @ BOX
     critic = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": offset}))
-    verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=4, seconds=0.0))
+    verdict = verify(game, critic, scope=Scope(box=ordinary_box(), flights=4, seconds=0.0))
     assert "rest_point" in failed_names(verdict.checks)
     assert verdict.grade == "near"
     assert verdict.headline().startswith("NEAR on the linear game: optimal cost, not exact (")

@@ -31,11 +31,11 @@ from controller.hfa_game import ORDINARY_DEVIATIONS
 from hfa import (
     BadInputError,
     Game,
-    check_critic,
     from_network,
     from_weights,
     read_critic,
-    solve_game,
+    solve,
+    verify,
 )
 from hfa.main import BAD_INPUT, DONE, FAILED
 from verification.critic.scope import Scope
@@ -65,7 +65,7 @@ def test_a_network_that_equals_the_value_passes(game: Game) -> None:
         )
         for kind in ("float64", "float32")
     )
-    check = check_critic(game, from_network(game, wide), scope=on_the_box(4))
+    check = verify(game, from_network(game, wide), scope=on_the_box(4))
     assert check.ok
     found = check.to_dict()["network"]
     assert (found["output"], found["precision"]) == ("V", "float64")
@@ -87,7 +87,7 @@ def test_exact_gradient_and_policy_networks_pass(game: Game) -> None:
                 game, write(name, {"actor.0.weight": weight, "actor.0.bias": np.zeros(len(weight))})
             )
             assert set(critic.network) == {output}
-            assert check_critic(game, critic, scope=on_the_box(1)).ok
+            assert verify(game, critic, scope=on_the_box(1)).ok
 
 
 def test_an_almost_linear_tanh_network_passes(game: Game) -> None:
@@ -97,10 +97,8 @@ def test_an_almost_linear_tanh_network_passes(game: Game) -> None:
     """
     tensors = {"0.weight": 1e-4 * np.eye(6), "2.weight": -1e4 * gain(game)}
     path = torch_file("actor.pth", tensors)
-    assert check_critic(game, from_network(game, path, activation="tanh"), scope=on_the_box(1)).ok
-    assert not check_critic(
-        game, from_network(game, path, activation="relu"), scope=on_the_box(1)
-    ).ok
+    assert verify(game, from_network(game, path, activation="tanh"), scope=on_the_box(1)).ok
+    assert not verify(game, from_network(game, path, activation="relu"), scope=on_the_box(1)).ok
     for activation, said in (
         (None, 'give activation="tanh"'),
         ("cosh", "unknown activation 'cosh'"),
@@ -113,7 +111,7 @@ def test_a_policy_without_constant_names_no_constant(game: Game) -> None:
     """No constant is named as a cause for a policy with u(0) = 0 and a small error in the box."""
     tensors = {"0.weight": 4e-4 * np.eye(6), "2.weight": -gain(game) / 4e-4}
     critic = from_network(game, torch_file("actor.pth", tensors), activation="tanh")
-    verdict = check_critic(game, critic, scope=replace(on_the_box(1), seconds=0.0))
+    verdict = verify(game, critic, scope=replace(on_the_box(1), seconds=0.0))
     assert verdict.reason == "it is right at the origin and wrong away from it"
 
 
@@ -168,7 +166,7 @@ def test_the_scale_of_inputs_is_applied(game: Game) -> None:
     """A policy with scaled inputs passes with its scale. A scale of wrong length is refused."""
     scale = np.array([1 / 7.0, *[10.0] * 5])
     path = torch_file("scaled.pt", {"weight": -gain(game) / scale})
-    assert check_critic(game, from_network(game, path, scale=scale), scope=on_the_box(1)).ok
+    assert verify(game, from_network(game, path, scale=scale), scope=on_the_box(1)).ok
     assert (
         "does not consist of 6 finite numbers"
         in hfa("verify", *AT_15, "--weights", path, "--set", "scale=1,2").err
@@ -216,9 +214,7 @@ def test_v_and_a_policy_are_checked_together(game: Game) -> None:
     for sign, ok in ((-1.0, True), (1.0, False)):
         constants = {"P": value(game), "axes": np.array([1]), "K": sign * gain(game).T}
         path = onnx_file("both.onnx", [*nodes, ("Concat", "V u", "y", {"axis": 1})], constants, 6)
-        check = check_critic(
-            game, from_network(game, path, network="V+policy="), scope=on_the_box(1)
-        )
+        check = verify(game, from_network(game, path, network="V+policy="), scope=on_the_box(1))
         assert check.ok == ok
         assert check.reason == ("" if ok else "the gain has the wrong sign: the policy is u = -K z")
     # six outputs of six states are a gradient unless it is said
@@ -234,7 +230,7 @@ def test_a_basis_is_accepted_as_text_or_function(game: Game) -> None:
     Wrong weights fail. A wrong number of weights is refused.
     """
     plant = small("plant.json", states=["speed", "alpha"])
-    P = solve_game(load_game("plant.json")).P
+    P = solve(load_game("plant.json")).P
     words = (
         "verify",
         "--model",
@@ -245,14 +241,12 @@ def test_a_basis_is_accepted_as_text_or_function(game: Game) -> None:
     )
     assert answer(*words, "speed**2, speed*x2, x2**2, sin(alpha)**4", code=FAILED)["ok"] is False
     weights = np.append(-3.0, weights_of(value(game)))
-    check = check_critic(
-        game, from_weights(game, weights, features_of(FEATURES, 6)), scope=on_the_box(1)
-    )
+    check = verify(game, from_weights(game, weights, features_of(FEATURES, 6)), scope=on_the_box(1))
     assert check.ok
     assert check.to_dict()["network"]["value_at_origin"] == -3.0
     z = ca.SX.sym("z", 6)
     squares = ca.Function("squares", [z], [z**2])
-    assert not check_critic(
+    assert not verify(
         game, from_weights(game, np.diag(value(game)), squares), scope=on_the_box(1)
     ).ok
     with pytest.raises(
@@ -328,7 +322,7 @@ def test_a_state_dict_needs_its_activation() -> None:
     Without the activation, the command is refused, and the error ends with the complete command.
     """
     plant = Game([[0.0, 1.0], [-1.0, -0.4]], [[0.0], [1.0]], np.eye(2), [1, 1], [1], np.inf)
-    K = solve_game(plant).K
+    K = solve(plant).K
     np.savez("plant.npz", A=plant.A, B=plant.B, Q=plant.Q, R=plant.R)
     torch_file("policy.pt", {"0.weight": 1e-4 * np.eye(2), "2.weight": -1e4 * K})
     line = "hfa verify --model plant.npz --weights policy.pt --set activation=tanh"
@@ -341,7 +335,7 @@ def test_a_state_dict_needs_its_activation() -> None:
 def test_a_value_read_as_the_policy_is_recognized() -> None:
     """A value that was read as the policy is among the possible mistakes of the critic."""
     plant = Game([[0.0, 1.0], [-1.0, -0.4]], [[0.0], [1.0]], np.eye(2), [1, 1], [1], np.inf)
-    P = solve_game(plant).P
+    P = solve(plant).P
     root = np.linalg.cholesky(P)
     first = np.vstack([1e-3 * root.T, -1e-3 * root.T])
     tensors = {"0.weight": first, "0.bias": np.full(4, 1.0), "2.weight": np.full((1, 4), 1.0)}

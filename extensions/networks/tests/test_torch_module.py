@@ -99,7 +99,7 @@ def test_a_sequential_is_simulated_as_a_policy() -> None:
     A network with a wrong number of outputs is refused.
     """
     model = hfa.aircraft()
-    point = hfa.find_operating_point(model)
+    point = hfa.trim(model)
     K = hfa.lqr(point, np.eye(6), np.eye(5)).K
     network = _sequential(_linear(np.eye(6), None), _module("Tanh"), _linear(-K, None))
     initial = {"alpha": 0.02}

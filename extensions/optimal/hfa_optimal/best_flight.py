@@ -87,7 +87,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     >>> def moved(x, u, p, w):
     ...     return {"speed": u.force}, {}
     >>> slider = hfa.Model("slider", {"speed": hfa.Signal("m/s")}, {"force": force}, moved)
-    >>> best = hfa.best_flight(slider, hfa.find_operating_point(slider), {"speed": 3.0})
+    >>> best = hfa.optimize(slider, hfa.trim(slider), {"speed": 3.0})
     >>> round(best.cost, 2), best.saturated  # (3³ - 1)/3 + 2 while the force is 1, then 1
     (11.67, ['force'])
     """
@@ -343,7 +343,7 @@ def limits_table(problem: FlightProblem) -> Table:
 
 
 @checks_arguments
-def best_flight(
+def optimize(
     model: Model,
     point: OperatingPoint,
     initial: Mapping[str, float] | OperatingPoint | None = None,
@@ -386,8 +386,8 @@ def best_flight(
     ...     lambda x, u, p, w: ({"position": x.velocity, "velocity": u.force}, {}),
     ...     trim={"position": 0.0},
     ... )
-    >>> point = hfa.find_operating_point(cart)
-    >>> round(hfa.best_flight(cart, point, {"position": 0.1}).cost, 4)  # sqrt(3) position²
+    >>> point = hfa.trim(cart)
+    >>> round(hfa.optimize(cart, point, {"position": 0.1}).cost, 4)  # sqrt(3) position²
     0.0173
     """
     if seconds is not None:

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from controller.game.linear_game import game
-from controller.riccati.gare import solve_game
+from controller.riccati.gare import unconfirmed_solution
 from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_flight.envelope import control_limits, flight_envelope
@@ -363,7 +363,7 @@ def flight_problem(
             refuse_unknown("there is no input", name, linear.inputs)
         linear = linear.select(inputs=tuple(inputs))
     lqr = game(linear, Q, R)
-    solution = solve_game(lqr)
+    solution = unconfirmed_solution(lqr)
     envelope = flight_envelope(model, point, limits)
     return FlightProblem(linear, lqr.Q, lqr.R, solution.P, solution.K, envelope)
 

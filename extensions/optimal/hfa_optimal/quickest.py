@@ -272,7 +272,7 @@ def quickest_flight(
     ...     lambda x, u, p, w: ({"position": x.velocity, "velocity": u.force}, {}),
     ...     trim={"position": 0.0},
     ... )
-    >>> point = hfa.find_operating_point(cart)
+    >>> point = hfa.trim(cart)
     >>> round(hfa.quickest_flight(cart, point, {"position": 4.0}).seconds, 1)  # 2 sqrt(4)
     4.0
     """

@@ -32,24 +32,24 @@ def cart(force: float = 1.0) -> hfa.Model:
 
 def best_of_cart(start: dict[str, float], **more: object) -> object:
     model = cart()
-    point = hfa.find_operating_point(model)
+    point = hfa.trim(model)
     weights = np.eye(2)
-    return hfa.best_flight(model, point, start, weights, np.eye(1), **more)
+    return hfa.optimize(model, point, start, weights, np.eye(1), **more)
 
 
 @pytest.fixture(scope="module")
 def gtm() -> hfa.BestFlight:
     model = hfa.load_model(GTM)
-    return hfa.best_flight(model, hfa.find_operating_point(model), {"alpha": 0.15, "pitch": 0.3})
+    return hfa.optimize(model, hfa.trim(model), {"alpha": 0.15, "pitch": 0.3})
 
 
 def test_small_deviations_cost_the_riccati_solution() -> None:
     """For a small initial deviation x, the best flight costs x'Px within 0.2 %."""
     model = hfa.load_model(GTM)
-    point = hfa.find_operating_point(model)
-    P = hfa.solve_game(hfa.game(hfa.linearize(model, point))).P
+    point = hfa.trim(model)
+    P = hfa.solve(hfa.game(hfa.linearize(model, point))).P
     start = np.array([0.01, 2e-4, 1e-3, 1e-3])
-    best = hfa.best_flight(model, point, dict(zip(model.linear, start, strict=True)))
+    best = hfa.optimize(model, point, dict(zip(model.linear, start, strict=True)))
     assert best.cost == pytest.approx(start @ P @ start, rel=2e-3)
     assert best.linear_cost == pytest.approx(start @ P @ start, rel=1e-9)
 
@@ -157,18 +157,18 @@ def test_a_cart_too_fast_to_stop_is_refused() -> None:
 def test_infeasible_flights_raise_nosolutionerror() -> None:
     """If no flight within the limits is found, NoSolutionError is raised."""
     model = hfa.load_model(GTM)
-    point = hfa.find_operating_point(model)
+    point = hfa.trim(model)
     start = {"speed": -20.0, "pitch": 0.9, "alpha": 0.3}
     with pytest.raises(hfa.NoSolutionError, match="finds no flight within the limits"):
-        hfa.best_flight(model, point, start)
+        hfa.optimize(model, point, start)
 
 
 def test_initial_and_start_have_the_same_effect() -> None:
     """`initial=` and its earlier name `start=` have the same effect. Both and neither are refused."""
     model = cart()
-    point = hfa.find_operating_point(model)
+    point = hfa.trim(model)
     costs = [
-        hfa.best_flight(model, point, **{name: {"position": 0.1}}).cost
+        hfa.optimize(model, point, **{name: {"position": 0.1}}).cost
         for name in ("initial", "start")
     ]
     assert costs[0] == costs[1]
@@ -176,7 +176,7 @@ def test_initial_and_start_have_the_same_effect() -> None:
         with pytest.raises(
             hfa.BadInputError, match="the initial condition is missing or given twice"
         ):
-            hfa.best_flight(model, point, **wrong)
+            hfa.optimize(model, point, **wrong)
 
 
 def test_an_input_not_selected_is_constant() -> None:
@@ -192,9 +192,9 @@ def test_an_input_not_selected_is_constant() -> None:
             {},
         ),
     )
-    point = hfa.find_operating_point(model)
-    one = hfa.best_flight(model, point, {"position": 1.0}, inputs=["front"])
-    both = hfa.best_flight(model, point, {"position": 1.0})
+    point = hfa.trim(model)
+    one = hfa.optimize(model, point, {"position": 1.0}, inputs=["front"])
+    both = hfa.optimize(model, point, {"position": 1.0})
     assert np.ptp(one.inputs[:, 1]) == 0.0
     assert np.ptp(both.inputs[:, 1]) > 0.1
     assert both.cost < 0.9 * one.cost

@@ -58,9 +58,9 @@ def test_a_deployment_and_a_critic_are_compared(
     them.
     """
     model = hfa.load_model(GTM)
-    game = hfa.game(hfa.linearize(model, hfa.find_operating_point(model)))
+    game = hfa.game(hfa.linearize(model, hfa.trim(model)))
     K = tmp_path / "K.npz"
-    np.savez(K, K=1.5 * hfa.solve_game(game).K)
+    np.savez(K, K=1.5 * hfa.solve(game).K)
     card = EXAMPLES / "gtm_policy" / "on_time.toml"
     page = tmp_path / "flight.html"
     words = ["optimize", "--aircraft", GTM, "--start", "alpha=4", "--weights", str(K)]
@@ -88,7 +88,7 @@ def test_optimize_counts_initial_conditions_in_a_table(capsys: pytest.CaptureFix
 def test_an_interrupted_table_contains_the_finished_flights() -> None:
     """Ctrl-C ends the table after the present flight, and the table contains the finished flights."""
     model = hfa.load_model(GTM)
-    search = BestFlights(flight_problem(model, hfa.find_operating_point(model)))
+    search = BestFlights(flight_problem(model, hfa.trim(model)))
     starts = drawn_starts(search.problem, 3, 0)
     before = signal.getsignal(signal.SIGINT)
 
@@ -133,9 +133,9 @@ def test_verify_simulates_the_critic(tmp_path: Path, capsys: pytest.CaptureFixtu
     The flights with twice the optimal gain cost more than those of the linear optimum.
     """
     model = hfa.load_model(GTM)
-    game = hfa.game(hfa.linearize(model, hfa.find_operating_point(model)))
+    game = hfa.game(hfa.linearize(model, hfa.trim(model)))
     K = tmp_path / "K.npz"
-    np.savez(K, K=2.0 * hfa.solve_game(game).K)
+    np.savez(K, K=2.0 * hfa.solve(game).K)
     words = ["verify", "--aircraft", GTM, "--weights", str(K), "--flights", "1", "--json"]
     assert main(words) == 1
     data = json.loads(capsys.readouterr().out)

@@ -122,9 +122,9 @@ def test_command_and_function_report_equal_bounds(
     first = capsys.readouterr().out.splitlines()[0]
     assert "between 1.00 and 1.0" in first
     model = hfa.load_model(PENDULUM)
-    point = hfa.find_operating_point(model)
+    point = hfa.trim(model)
     start = {"angle": float(np.radians(10.0))}
-    best = hfa.best_flight(model, point, start, bound=certificate)
+    best = hfa.optimize(model, point, start, bound=certificate)
     assert best.lower_bound is not None
     assert 0.9 * best.cost < best.lower_bound < best.cost
     assert f"and {best.over_bound:.2f} of" in first
@@ -163,7 +163,7 @@ def test_an_initial_condition_above_the_level_is_bounded(statement: CostStatemen
 def test_a_bound_within_narrower_limits_is_refused(statement: CostStatement) -> None:
     """A bound that was proved within narrower limits is refused."""
     model = hfa.load_model(PENDULUM)
-    problem = flight_problem(model, hfa.find_operating_point(model))
+    problem = flight_problem(model, hfa.trim(model))
     content = statement.content()
     given = given_of(problem, "this command", {})
     compare(content, COST_FIELDS, given)

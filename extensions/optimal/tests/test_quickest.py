@@ -32,8 +32,8 @@ def cart() -> hfa.Model:
 @pytest.fixture(scope="module")
 def cart_flight() -> QuickestFlight:
     model = cart()
-    begin = hfa.find_operating_point(model, hold={"position": 8.0})
-    return hfa.quickest_flight(model, hfa.find_operating_point(model), begin)
+    begin = hfa.trim(model, hold={"position": 8.0})
+    return hfa.quickest_flight(model, hfa.trim(model), begin)
 
 
 def test_the_quickest_double_integrator_equals_closed_form(cart_flight: QuickestFlight) -> None:
@@ -50,7 +50,7 @@ def test_the_quickest_double_integrator_equals_closed_form(cart_flight: Quickest
 def test_the_quickest_time_with_speed_limit_is_exact() -> None:
     """With a speed limit v, the quickest time over the distance d is d / v + v / u, within 0.5 %."""
     model = cart()
-    point = hfa.find_operating_point(model)
+    point = hfa.trim(model)
     best = hfa.quickest_flight(model, point, {"position": 8.0}, limits={"velocity": (-2.0, 2.0)})
     assert best.seconds == pytest.approx(8.0 / 2.0 + 2.0 / 2.0, rel=5e-3)
     assert np.abs(best.states[:, 1]).max() <= 2.0
@@ -99,8 +99,7 @@ def test_the_hfa_changes_its_dihedral_to_15_degrees(begin: float, seconds: float
     """
     model = hfa.aircraft()
     end, start = (
-        hfa.find_operating_point(model, hold={"dihedral": np.radians(degrees)})
-        for degrees in (15.0, begin)
+        hfa.trim(model, hold={"dihedral": np.radians(degrees)}) for degrees in (15.0, begin)
     )
     game = hfa.paper.published_game(hfa.linearize(model, end))
     best = hfa.quickest_flight(model, end, start, game.Q, game.R)

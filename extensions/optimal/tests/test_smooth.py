@@ -83,7 +83,7 @@ def test_exact_equations_confirm_the_cost_with_tables():
     """
     pytest.importorskip("jsbsim")
     model = hfa.load_model("jsbsim:737")
-    problem = flight_problem(model, hfa.find_operating_point(model))
+    problem = flight_problem(model, hfa.trim(model))
     assert problem.carried == ("altitude",)
     rng = np.random.default_rng(1)
     points = 0.5 * rng.uniform(-1.0, 1.0, (200, problem.smooth_rates.numel_in(0)))

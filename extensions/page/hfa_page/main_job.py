@@ -13,7 +13,7 @@ import numpy as np
 
 from controller.hfa_files import published_game
 from controller.learning.certified import learn
-from controller.riccati.solution_report import AnalysedGame, solve
+from controller.riccati.gare import Solution, solve
 from hfa_aircraft.model import Model
 from hfa_model import choice
 from hfa_model.parameters import ParameterSet
@@ -29,9 +29,9 @@ from trim.linear.linear_model import LinearModel
 from trim.point.condition import TrimCondition
 from trim.point.linearize import linearize
 from trim.point.operating_point import OperatingPoint
-from trim.point.solve import find_operating_point
+from trim.point.solve import trim
 from trim.sweeps.sweep import Sweep, sweep
-from verification.critic.critic_check import Scope, check_critic
+from verification.critic.critic_check import Scope, verify
 from verification.critic.verdict import Verdict
 from verification.hfa_box import ordinary_box
 from verification.regeneration import Regeneration, regenerate_all
@@ -63,7 +63,7 @@ class Angle:
     dihedral: float
     condition: TrimCondition
     model: LinearModel | None = None
-    solution: AnalysedGame | None = None
+    solution: Solution | None = None
     check: Verdict | None = None
     reason: str = ""
 
@@ -96,7 +96,7 @@ def trimmed_angle(
     """
     condition = flight.at(dihedral, {"dihedral": dihedral})
     try:
-        point = find_operating_point(aircraft, condition, start)
+        point = trim(aircraft, condition, start)
     except NoSolutionError as error:
         return Angle(dihedral, condition, reason=str(error))
     return Angle(dihedral, condition, linearize(aircraft, point, outputs=outputs))
@@ -116,7 +116,7 @@ def with_game(angle: Angle) -> Angle:
         angle = replace(angle, solution=solve(game))
         run = learn(game)
         scope = Scope(box=ordinary_box())
-        return replace(angle, check=check_critic(game, run.critic(game), run=run, scope=scope))
+        return replace(angle, check=verify(game, run.critic(game), run=run, scope=scope))
     except NoSolutionError as error:
         return replace(angle, reason=str(error))
 

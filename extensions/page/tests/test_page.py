@@ -31,7 +31,7 @@ from hfa_page.main_job import MainJob, main_job, with_game
 from hfa_page.plots import front_view, in_script, locus_plot
 from hfa_support.reporting.report import Report
 from trim import modes_of
-from verification.critic.critic_check import check_critic
+from verification.critic.critic_check import verify
 
 
 @pytest.fixture(scope="module")
@@ -152,7 +152,7 @@ def test_every_check_has_an_explanation(job: MainJob) -> None:
     game = hfa.paper.published_game(hfa.paper.level_model(hfa.aircraft(), np.radians(15.0)))
     run = hfa.learn(game)
     critic = hfa.from_weights(game, run.weights[-1], run.basis)
-    reports = (job.regeneration, solve(game), check_critic(game, critic, run=run))
+    reports = (job.regeneration, solve(game), verify(game, critic, run=run))
     names = {name for result in reports for name in checks_in(result.report().data)}
     assert len(names) > 20
     assert names - {name for name, _ in check_meanings().rows} == set()

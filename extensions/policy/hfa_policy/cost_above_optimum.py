@@ -11,7 +11,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.cost import flight_cost
-from controller.riccati.gare import solve_game
+from controller.riccati.gare import unconfirmed_solution
 from hfa_discrete.solution import sampled, solve_discrete
 from hfa_policy.deployed import Deployed
 from hfa_policy.equilibrium import Equilibrium
@@ -63,7 +63,7 @@ def cost_above_optimum(
         mean = math.nan
         gain = equilibrium.gain
         if equilibrium.frames is None and gain is not None:
-            continuous = flight_cost(game, solve_game(game), gain)
+            continuous = flight_cost(game, unconfirmed_solution(game), gain)
             worst = continuous.worst
             mean = continuous.mean
         problem = sampled(game, chain.dt)

@@ -9,7 +9,7 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, is_finite, shown
 from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint
-from trim.point.solve import find_operating_point
+from trim.point.solve import trim
 
 
 def trims_of(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint, ...]:
@@ -26,7 +26,7 @@ def trims_of(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint
     Raises TrimError if no trim is found.
     """
     if points is None:
-        return (find_operating_point(model, usual_condition(model)),)
+        return (trim(model, usual_condition(model)),)
     found: list[OperatingPoint] = []
     for point in _listed(points):
         if isinstance(point, OperatingPoint):
@@ -41,7 +41,7 @@ def trims_of(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint
         flown = model
         if model.schedule in model.parameters:
             flown = model.with_parameters(**{model.schedule: float(point)})
-        found.append(find_operating_point(flown, usual_condition(flown).at(float(point))))
+        found.append(trim(flown, usual_condition(flown).at(float(point))))
     if not found:
         raise BadInputError(
             "points is empty; give at least one point, or None for the default trim of the model"

@@ -360,7 +360,7 @@ def test_slopes_at_a_kink_equal_those_of_linearize():
     np.testing.assert_array_equal(point.equilibrium.A, linear.A)
     np.testing.assert_array_equal(point.equilibrium.B, linear.B)
     gtm = model_of(GTM)
-    smooth = hfa.linearize(gtm, hfa.find_operating_point(gtm, hold={"speed": 45.0}))
+    smooth = hfa.linearize(gtm, hfa.trim(gtm, hold={"speed": 45.0}))
     np.testing.assert_allclose(linear.A, smooth.A, rtol=1e-6, atol=1e-6)
     assert point.equilibrium.K[0, 3] == pytest.approx(-0.25, rel=1e-6)
     kinks = [finding for finding in point.findings if finding.startswith("kink")]
@@ -534,7 +534,7 @@ def test_several_deployments_are_compared_in_one_table(capsys, tmp_path):
     weights = {name: 1.0 / signal.nominal**2 for name, signal in model.signals.items()}
     Q = {name: weights[name] for name in model.linear}
     R = {name: weights[name] for name in model.inputs}
-    np.savez(tmp_path / "K.npz", K=hfa.solve_game(hfa.game(linear, Q, R)).K)
+    np.savez(tmp_path / "K.npz", K=hfa.solve(hfa.game(linear, Q, R)).K)
     observed = "".join(f"{name} = {{}}\n" for name in model.linear)
     text = f'[policy]\nfile = "K.npz"\n[observation]\n{observed}'
     text += "[action]\nelevator = {}\nthrottle = {}\n[timing]\ndt = 0.02\n"

@@ -151,7 +151,7 @@ def test_states_lag_behind_a_moving_equilibrium():
     %.
     """
     model = load_model(f"{ROOT}/examples/uav.toml")
-    point = hfa.find_operating_point(model, hold={"gamma": np.radians(1.0)})
+    point = hfa.trim(model, hold={"gamma": np.radians(1.0)})
     o = ca.SX.sym("o", 2)
     deployment = Deployment(
         policy={"file": ca.Function("gain", [o], [ca.vertcat(0.5 * o[0], -0.05 * o[1])])},
@@ -189,7 +189,7 @@ def test_a_flight_that_departs_again_has_not_converged():
         {"u": signal},
         lambda x, u, p, w: ({"x": -x.x + u.u + 0.02 * x.y**2, "y": 0.02 * x.y}, {}),
     )
-    point = hfa.find_operating_point(model, hold={"y": 0.0, "u": 0.0}, free=("x",))
+    point = hfa.trim(model, hold={"y": 0.0, "u": 0.0}, free=("x",))
     o = ca.SX.sym("o")
     card = Deployment(
         policy={"file": ca.Function("gain", [o], [-o])},

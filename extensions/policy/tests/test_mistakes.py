@@ -381,8 +381,8 @@ def optimum_on_f16(times=1.0):
     Q = {name: scale**-2 for name, scale in SCALES.items()}
     R = {"thrust": 1e-6, "elevator": 0.04}
     model = model_of(F16)
-    linear = hfa.linearize(model, hfa.find_operating_point(model, hold={"speed": 502.0}))
-    K = hfa.solve_game(hfa.game(linear, Q, R)).K
+    linear = hfa.linearize(model, hfa.trim(model, hold={"speed": 502.0}))
+    K = hfa.solve(hfa.game(linear, Q, R)).K
     o = ca.SX.sym("o", 4)
     sizes = np.array([SCALES[name] for name in model.linear])
     return Deployment(

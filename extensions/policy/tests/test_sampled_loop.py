@@ -30,7 +30,7 @@ def linear_case(scale=1.0):
     (point,) = trims_of(model, [45.0])
     linear = hfa.linearize(model, point)
     game = hfa.game(linear, Q, R)
-    K = scale * hfa.solve_game(game).K
+    K = scale * hfa.solve(game).K
     o = ca.SX.sym("o", 4)
     gain = ca.Function("gain", [o], [-ca.DM(K) @ o])
     deployment = gtm_deployment({"file": gain}, cost={"Q": Q, "R": R}, timing={"dt": DT})
@@ -145,7 +145,7 @@ def test_costs_equal_scipy(scale):
     deployed, equilibrium, K = linear_case(scale)
     lost = cost_above_optimum(deployed, equilibrium, chain_of(equilibrium, DT, 0.0))
     game = lqr_at(deployed, equilibrium)
-    optimum = hfa.solve_game(game).P
+    optimum = hfa.solve(game).P
     closed = game.A - game.B @ K
     value = solve_lyapunov(closed.T, -(game.Q + K.T @ game.R @ K))
     shares = np.linalg.eigvals(np.linalg.solve(optimum, value)).real - 1.0

@@ -13,7 +13,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import largest
-from controller.riccati.gare import solve_game
+from controller.riccati.gare import unconfirmed_solution
 from hfa_discrete.discrete_game import DiscreteGame
 from hfa_discrete.solution import solve_discrete
 
@@ -131,7 +131,7 @@ def certified_value(plant: Plant) -> np.ndarray:
     game = plant.game()
     if isinstance(game, DiscreteGame):
         return solve_discrete(game).P
-    return solve_game(game).P
+    return unconfirmed_solution(game).P
 
 
 def rough_values(plants: Plant) -> np.ndarray:

@@ -23,7 +23,7 @@ from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
-from verification.critic.critic_check import check_critic
+from verification.critic.critic_check import verify
 
 #: Number of entries in a report. A file contains all entries.
 _ENTRIES = 12
@@ -143,7 +143,7 @@ def _cost_above_optimum(file: PrintedFile) -> float:
     if isinstance(game, DiscreteGame):
         return check_discrete(game, from_parts(game.step, {"K": K})).cost_lost
     feed = np.linalg.solve(file.plant.R, file.plant.N.T)
-    return check_critic(game, from_parts(game, {"K": K - feed})).cost_lost
+    return verify(game, from_parts(game, {"K": K - feed})).cost_lost
 
 
 def _printed_gain(file: PrintedFile) -> np.ndarray:

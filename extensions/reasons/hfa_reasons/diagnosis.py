@@ -20,7 +20,7 @@ from controller.critic.critic import FUNCTIONS, Critic
 from controller.game.basis import basis
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
-from controller.riccati.gare import solve_game
+from controller.riccati.gare import unconfirmed_solution
 from controller.riccati.normal_form import NormalForm
 from hfa_discrete.discrete_game import DiscreteGame
 from hfa_discrete.solution import quick_discrete
@@ -227,7 +227,7 @@ def diagnose_discrete(
 
     def problems(view: View) -> Iterator[Hypothesis]:
         with contextlib.suppress(NoSolutionError):
-            solution = solve_game(game)
+            solution = unconfirmed_solution(game)
             answer = Answer(solution.P, solution.K)
             yield is_answer(view, answer, f"this is the {view.noun} {continuous}")
         for says, problem in others.items():

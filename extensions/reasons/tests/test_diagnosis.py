@@ -29,7 +29,7 @@ from project import ROOT
 from controller import basis
 from controller.critic.critic import Critic
 from examples.train_a_network import fit
-from hfa import Game, check_critic, from_gain, from_value, from_weights
+from hfa import Game, from_gain, from_value, from_weights, verify
 from hfa.main import FAILED
 from hfa_reasons.diagnosis import diagnose, diagnose_discrete
 from hfa_reasons.other_games import discounted
@@ -465,7 +465,7 @@ def test_networks_trained_again_have_equal_errors(game: Game, name: str) -> None
     errors = []
     for path in ("again.npz", TRAINED / f"{name}.npz"):
         critic = networks.from_network(game, path, activation="tanh", scale=1.0 / BOX)
-        verdict = check_critic(game, critic, scope=Scope(ordinary_box(), flights=1))
+        verdict = verify(game, critic, scope=Scope(ordinary_box(), flights=1))
         errors.append(verdict.value_of(f"searched_{searched}_error"))
     assert errors[0] == pytest.approx(errors[1], rel=0.5)
     np.savez("wide.npz", **fit(game, name, hidden=(64, 64), points=200, steps=20))

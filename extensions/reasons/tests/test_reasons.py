@@ -9,7 +9,7 @@ from game_files import AT_15, stored
 from game_samples import failed_names, game_in
 from planted_critics import gain, other_root, value, weights_of
 
-from hfa import Game, check_critic, from_gain, from_value, from_weights
+from hfa import Game, from_gain, from_value, from_weights, verify
 from hfa.main import DONE, FAILED
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -20,14 +20,14 @@ def test_the_reason_is_a_line_of_the_report(game: Game) -> None:
 
     For another root of the Riccati equation, the reason names this root.
     """
-    near = check_critic(game, from_gain(game, 1.002 * gain(game)))
+    near = verify(game, from_gain(game, 1.002 * gain(game)))
     assert (
         near.reason
         == near.to_dict()["diagnosis"]
         == "every entry of K is 1.002 times the exact one"
     )
     assert f"Reason: {near.reason}" in near.report().text().splitlines()
-    root = check_critic(game, from_value(game, other_root(game)))
+    root = verify(game, from_value(game, other_root(game)))
     assert "another root of the Riccati equation" in root.reason
 
 
@@ -41,7 +41,7 @@ def test_a_value_inaccurate_for_its_gain_is_named() -> None:
     Q = np.array([[1.0, -0.999], [-0.999, 1.0]])
     game = Game(A, [[1.0], [1.0]], np.zeros((2, 1)), Q, [[1.0]], np.inf)
     P = np.vectorize(lambda entry: float(f"{entry:.8g}"))(value(game))
-    verdict = check_critic(game, from_value(game, P))
+    verdict = verify(game, from_value(game, P))
     failed = failed_names(verdict.checks)
     assert failed == {"K_rel_error", "K_balanced_error", "K_entry_error", "policy_rel_error"}
     assert verdict.reason.startswith(
@@ -53,14 +53,14 @@ def test_a_value_inaccurate_for_its_gain_is_named() -> None:
 def test_mistakes_are_named_in_any_units(state: float) -> None:
     """Mistakes are named also for states in very small and very large units."""
     game = game_in(state)
-    assert "LQR" in check_critic(game, from_value(game, value(game.with_delta(np.inf)))).reason
-    assert "wrong sign" in check_critic(game, from_gain(game, -gain(game))).reason
+    assert "LQR" in verify(game, from_value(game, value(game.with_delta(np.inf)))).reason
+    assert "wrong sign" in verify(game, from_gain(game, -gain(game))).reason
     assert (
-        check_critic(game, from_gain(game, gain(game) * [1.0, -1.0])).reason
+        verify(game, from_gain(game, gain(game) * [1.0, -1.0])).reason
         == "state 2 has the wrong sign"
     )
     swapped = from_weights(game, weights_of(value(game))[[1, 0, 2]])
-    assert "weights 1 and 2 are interchanged" in check_critic(game, swapped).reason
+    assert "weights 1 and 2 are interchanged" in verify(game, swapped).reason
 
 
 # A file that holds more than one of W, P and K: each is judged, none hides another.

@@ -202,7 +202,7 @@ def test_outcomes_of_trajectories_are_distinguished() -> None:
 
     def found(model: Model, seconds: float) -> list[int]:
         values = {"x": 0.0, "v": 0.0}
-        linear = hfa.linearize(model, hfa.find_operating_point(model, hold=values))
+        linear = hfa.linearize(model, hfa.trim(model, hold=values))
         loop = saturated_loop(linear, np.array([[1.0, 2.0]]))
         return outcomes(Plant(loop), starts, _is_near, seconds).tolist()
 
@@ -228,9 +228,9 @@ def test_a_fully_stated_trim_is_accepted(model: Model) -> None:
     otherwise.
     """
     stated = {"angle": 0.0, "rate": 0.0, "torque": 0.0}
-    point = hfa.find_operating_point(model, hold=stated)
+    point = hfa.trim(model, hold=stated)
     assert point.values == stated
     holds = [word for name in stated for word in ("--hold", f"{name}=0")]
     assert main(["trim", "--aircraft", PENDULUM, *holds, "-q"]) == 0
     with pytest.raises(BadInputError, match="not an equilibrium"):
-        hfa.find_operating_point(model, hold=stated | {"angle": 0.1})
+        hfa.trim(model, hold=stated | {"angle": 0.1})

@@ -40,7 +40,7 @@ from hfa_region.search.plant import Plant, saturated_loop
 from hfa_region.search.region import Bounds, Region
 from hfa_support.errors import NoSolutionError
 from trim.point.linearize import linearize
-from trim.point.solve import find_operating_point
+from trim.point.solve import trim
 
 OF_CHECK = ("prove", "--aircraft", PENDULUM, "--check")
 SIZE = 0.1
@@ -60,7 +60,7 @@ def undisturbed() -> Region:
     proof.
     """
     model = load_model(VAN_DER_POL)
-    linear = linearize(model, find_operating_point(model))
+    linear = linearize(model, trim(model))
     loop = saturated_loop(linear, np.zeros((0, 2)))
     known = PolynomialFunction.quadratic(solve_continuous_lyapunov(linear.A.T, -np.eye(2)))
     level = ProvedLevel(RegionStatement(loop, known.terms, 1.0, {}), {}, 1)

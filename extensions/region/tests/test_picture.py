@@ -17,7 +17,7 @@ from hfa_region.search.level import ProvedLevel
 from hfa_region.search.plant import Outcome, Plant, saturated_loop
 from hfa_region.search.region import Bounds, Region
 from trim.point.linearize import linearize
-from trim.point.solve import find_operating_point
+from trim.point.solve import trim
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def region() -> Region:
     The region has a state with V' >= 0 outside and an initial condition that does not converge.
     """
     model = load_model(PENDULUM)
-    loop = saturated_loop(linearize(model, find_operating_point(model)), np.array([[2.0, 1.0]]))
+    loop = saturated_loop(linearize(model, trim(model)), np.array([[2.0, 1.0]]))
     V = PolynomialFunction.quadratic(np.diag([1.0, 1.0 / 36.0]))
     statement = RegionStatement(loop, V.terms, 0.25, {"angle": (-0.5, 0.5), "rate": (-3.0, 3.0)})
     bounds = Bounds((0.3, np.array([0.5, 0.0])), {Outcome.LOST: (0.5, np.array([0.6, 1.0]))}, ())

@@ -14,8 +14,8 @@ def test_python_and_the_command_report_equal_regions(model: Model) -> None:
 
     A gain of another shape and an unstable loop are refused.
     """
-    point = hfa.find_operating_point(model)
-    solution = hfa.solve_game(hfa.game(point.linearize()))
+    point = hfa.trim(model)
+    solution = hfa.solve(hfa.game(point.linearize()))
     region = hfa.prove_region(model, point, solution, seconds=0.1)
     assert region.rho > 0.0
     assert [low < 0.0 < high for low, high in region.extents.values()] == [True, True]

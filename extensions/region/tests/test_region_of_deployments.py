@@ -35,7 +35,7 @@ def test_the_continuous_policy_equals_the_unsampled_file(tmp_path: Path) -> None
     """
     file = Path(options_of_deployment(tmp_path)[-1])
     model = load_model(PENDULUM[1])
-    linear = hfa.linearize(model, hfa.find_operating_point(model))
+    linear = hfa.linearize(model, hfa.trim(model))
     policy = deployment_policy(file, linear)
     trim = np.zeros(policy.function.numel_in(1))
     torque = float(policy.function(np.array([0.1, -0.3]), trim))

@@ -23,7 +23,7 @@ SETTING = Setting(5, 2)
 def loop() -> SaturatedLoop:
     """Return the closed loop of the F-16 with constant derivatives and its LQR in nominal units."""
     model = load_model(F16)
-    linear = hfa.linearize(model, hfa.find_operating_point(model))
+    linear = hfa.linearize(model, hfa.trim(model))
     Q = np.diag([model.signals[name].nominal ** -2.0 for name in linear.states])
     R = np.diag([model.signals[name].nominal ** -2.0 for name in linear.inputs])
     P = solve_continuous_are(linear.A, linear.B, Q, R)

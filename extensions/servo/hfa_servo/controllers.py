@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.riccati.gare import solve_game
+from controller.riccati.gare import unconfirmed_solution
 from controller.riccati.smallest_delta import minimum_delta
 from hfa_aircraft.model import Model
 from hfa_servo.design import Actuator, Design, Following, Shaping
@@ -205,7 +205,7 @@ def _state_feedback(built: DesignModel) -> Feedback:
     Raises NoSolutionError if the game has no certified solution.
     """
     game = built.game()
-    exact = solve_game(game)
+    exact = unconfirmed_solution(game)
     n = len(built.A)
     m = len(built.inputs)
     return Feedback(

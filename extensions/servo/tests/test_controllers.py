@@ -16,7 +16,7 @@ from servo_cases import A_Z, measured_servo, simvfa_design
 from tolerances import SAME_FORMULA
 
 import hfa
-from hfa import BadInputError, NoSolutionError, solve_game
+from hfa import BadInputError, NoSolutionError, solve
 from hfa.paper import default_parameters
 from hfa_aircraft.model import Model
 from hfa_servo import (
@@ -72,7 +72,7 @@ def test_state_feedback_gives_the_exact_gains_poles(published_aircraft: Model, n
     design = simvfa_design(name)
     game = design_model(published_aircraft, model_at(11.0), design).game()
     loop, _ = closed_loop_at_11(published_aircraft, design)
-    same_poles(loop, np.linalg.eigvals(game.A - game.B @ solve_game(game).K))
+    same_poles(loop, np.linalg.eigvals(game.A - game.B @ solve(game).K))
 
 
 @pytest.mark.slow

@@ -25,7 +25,7 @@ from tolerances import SAME_FORMULA
 
 import hfa
 import hfa_model
-from hfa import BadInputError, Game, find_operating_point, linearize, solve_game
+from hfa import BadInputError, Game, linearize, solve, trim
 from hfa.paper import level_flight, published_game
 from hfa_aircraft.model import Model
 from hfa_model import LINEAR_STATES
@@ -127,7 +127,7 @@ def test_settings_of_simvfa_give_its_gain(
 ) -> None:
     """The exact gain for the settings of the program SimVFA equals SimVFA's gain within 2e-5."""
     theirs = np.array(PEER[name][degrees])
-    ours = solve_game(design_at(published_aircraft, simvfa_design(name), float(degrees)).game()).K
+    ours = solve(design_at(published_aircraft, simvfa_design(name), float(degrees)).game()).K
     assert np.linalg.norm(ours - theirs) <= 2e-5 * np.linalg.norm(theirs)
 
 
@@ -139,14 +139,12 @@ def test_density_of_simvfa_gives_six_equal_digits(degrees: str) -> None:
     """
     own, in_its_air = released_simulation()
     for altitude, digits in ((in_its_air, True), (40_000.0, False)):
-        point = find_operating_point(
-            own, level_flight(math.radians(float(degrees)), altitude=altitude)
-        )
+        point = trim(own, level_flight(math.radians(float(degrees)), altitude=altitude))
         model = linearize(own, point)
         for name, tables in PEER.items():
             theirs = np.array(tables[degrees])
             half_units = 0.5 * 10.0 ** (np.floor(np.log10(np.abs(theirs))) - 5.0)
-            ours = solve_game(design_model(own, model, simvfa_design(name)).game()).K
+            ours = solve(design_model(own, model, simvfa_design(name)).game()).K
             assert (np.abs(ours - theirs) <= half_units).all() == digits
 
 
@@ -166,7 +164,7 @@ def test_integrated_outputs_of_a_servo_reach_zero(
     state.
     """
     built = design_at(published_aircraft, simvfa_design("simvfa-2"), 11.0)
-    K = solve_game(built.game()).K
+    K = solve(built.game()).K
     closed = built.A - built.B @ K
     assert np.linalg.eigvals(closed).real.max() < 0.0
     rest = -np.linalg.solve(closed, built.B @ np.array([0.01, -0.02]))

@@ -24,7 +24,7 @@ from tolerances import SAME_FORMULA, TWO_BRACKETS
 from controller import minimum_delta
 from controller.riccati.frequency_response import peak_gain
 from controller.riccati.smallest_delta import DeltaMin
-from hfa import BadInputError, Game, NoSolutionError, solve_game
+from hfa import BadInputError, Game, NoSolutionError, solve
 from hfa_aircraft.model import Model
 from hfa_servo import GeneralizedPlant, generalized_plant, solve_plant
 from hfa_servo.design_model import design_model
@@ -132,7 +132,7 @@ def test_state_feedback_equals_the_game(game: Game) -> None:
     # Two searches, within 2.5e-7 and 1e-6. Q is computed as the square of a root.
     assert plant.minimum_delta().value == pytest.approx(minimum_delta(game).value, rel=3e-6)
     found = solve_plant(plant, game.delta)
-    exact = solve_game(game)
+    exact = solve(game)
     # The plant's Q is the square of a root, whose rounding is multiplied by the condition of the
     # game, 1e4.
     assert relative_error(found.K, exact.K) < 1e-10
@@ -397,9 +397,9 @@ def test_mixed_sensitivity_agrees_with_slycot(
 def test_modes_without_a_solution_are_named(changes: dict[str, Any], words: str) -> None:
     """If a mode admits no solution for any delta, the refusal names its eigenvalue and the reason."""
     plant = GeneralizedPlant(**DOUBLE | changes)
-    for solve in (GeneralizedPlant.minimum_delta, lambda each: solve_plant(each, 1e3)):
+    for refused in (GeneralizedPlant.minimum_delta, lambda each: solve_plant(each, 1e3)):
         with pytest.raises(NoSolutionError, match=words):
-            solve(plant)
+            refused(plant)
 
 
 def test_rounding_does_not_make_an_integrator_controllable() -> None:
@@ -626,7 +626,7 @@ def test_accurate_measurements_approach_state_feedback(game: Game) -> None:
     assert excess[0] > excess[1] > -2e-6
     assert excess[1] < 1e-3
     found: Any = solve_plant(plants[1], game.delta)
-    assert relative_error(found.X, solve_game(game).P) < 1e-12
+    assert relative_error(found.X, solve(game).P) < 1e-12
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(2, marks=pytest.mark.slow)])

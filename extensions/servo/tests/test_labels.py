@@ -18,12 +18,12 @@ from hfa import BadInputError, Game, OperatingPoint, Solution
 @cache
 def _point() -> OperatingPoint:
     model = hfa.aircraft()
-    return hfa.find_operating_point(model, hfa.paper.level_flight(0.2))
+    return hfa.trim(model, hfa.paper.level_flight(0.2))
 
 
 @cache
 def _solution() -> Solution:
-    return hfa.solve_game(hfa.paper.published_game(_point().linearize()))
+    return hfa.solve(hfa.paper.published_game(_point().linearize()))
 
 
 def _gain() -> pandas.DataFrame:

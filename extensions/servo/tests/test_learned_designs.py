@@ -19,7 +19,7 @@ from servo_cases import SIMVFA, simvfa_design
 import hfa
 from controller import basis
 from controller.learning.recording import natural_spread
-from hfa import Game, Solution, learn, solve_game
+from hfa import Game, Solution, learn, solve
 from hfa_servo import GeneralizedPlant, load_design
 from hfa_servo.design import Actuator, Design
 from hfa_servo.design_model import design_model
@@ -58,7 +58,7 @@ def exact(name: str) -> tuple[Game, Solution]:
     game = built.game() if built.sensors else built.game().with_delta(DELTA)
     if name == "its filter":
         game = GeneralizedPlant.measured(game, built.C, built.V).sides[1].game(game.delta)
-    return game, solve_game(game)
+    return game, solve(game)
 
 
 @pytest.mark.parametrize("starts", [2, pytest.param(1000, marks=pytest.mark.slow)])

@@ -9,7 +9,7 @@ from game_samples import random_game
 from controller import minimum_delta
 from controller.riccati.existence import ROUNDING
 from controller.riccati.normal_form import NormalForm
-from hfa import Game, solve_game
+from hfa import Game, solve
 from hfa_servo.value_error import value_error
 
 
@@ -23,7 +23,7 @@ def test_the_error_of_a_value_bounds_changes() -> None:
     for number in range(3):
         game = random_game(rng, scaled=number % 2 == 0)
         game = game.with_delta(1.5 * minimum_delta(game).value)
-        P = solve_game(game).P
+        P = solve(game).P
         vector = rng.standard_normal(len(P)) / np.sqrt(np.diag(P))
         bound = value_error(NormalForm.of(game), P, vector) * part / (2 * len(P) * ROUNDING)
         changes = []
@@ -31,7 +31,7 @@ def test_the_error_of_a_value_bounds_changes() -> None:
             of_A, of_B = (
                 1.0 + part * rng.choice([-1.0, 1.0], matrix.shape) for matrix in (game.A, game.B)
             )
-            solution = solve_game(replace(game, A=game.A * of_A, B=game.B * of_B)).P
+            solution = solve(replace(game, A=game.A * of_A, B=game.B * of_B)).P
             changes.append(abs(vector @ (solution - P) @ vector))
         assert max(changes) <= bound, number
         assert max(changes) >= 1e-2 * bound, number

@@ -13,7 +13,7 @@ from hfa_support.errors import BadInputError
 @pytest.fixture(scope="module")
 def linear() -> LinearModel:
     model = hfa.aircraft()
-    return hfa.linearize(model, hfa.find_operating_point(model, hold={"dihedral": 0.2}))
+    return hfa.linearize(model, hfa.trim(model, hold={"dihedral": 0.2}))
 
 
 def test_weights_by_name_are_placed_on_diagonals(linear: LinearModel) -> None:
@@ -44,7 +44,7 @@ def test_the_default_cost_of_nominal_deviations_is_1(linear: LinearModel) -> Non
 def test_a_game_has_the_disturbances_of_the_model() -> None:
     """The game has the matrix E of its linear model."""
     model = hfa.aircraft()
-    linear = hfa.linearize(model, hfa.find_operating_point(model), outputs=("speed",))
+    linear = hfa.linearize(model, hfa.trim(model), outputs=("speed",))
     assert np.array_equal(hfa.game(linear).E, linear.E)
 
 

@@ -16,7 +16,7 @@ from tolerances import SAME_FORMULA
 from controller import basis
 from controller.game.basis import BASES, Basis
 from controller.game.zero_sum import is_semidefinite
-from hfa import BadInputError, Game, solve_game
+from hfa import BadInputError, Game, solve
 from hfa.paper import published_game
 from hfa_model import LINEAR_STATES, published_models
 
@@ -63,7 +63,7 @@ def test_an_r_of_very_different_entries_is_accepted(R: Any) -> None:
 
 def test_a_game_without_disturbance_gives_the_lqr(tmp_path: Path) -> None:
     """Without E and delta, the solution is the LQR and can be saved. A game without R is refused."""
-    solution = solve_game(Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0]))
+    solution = solve(Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0]))
     np.testing.assert_allclose(solution.P, [[1.0 + np.sqrt(2.0)]], rtol=1e-12)
     solution.save(tmp_path / "solution.json")
     assert '"P"' in (tmp_path / "solution.json").read_text("utf-8")

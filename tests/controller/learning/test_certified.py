@@ -30,7 +30,7 @@ from controller.game.basis import BASES
 from controller.learning import certified
 from controller.learning.bellman_equations import LQ, StackEquations, newton_step
 from controller.learning.certified import CertifiedSettings, Point, after, certified_law, decay_rate
-from hfa import BadInputError, Game, NoSolutionError, check_critic, from_weights, learn, solve_game
+from hfa import BadInputError, Game, NoSolutionError, from_weights, learn, solve, verify
 from hfa_model import VARIANTS
 from studies.update_law.integral_rl import probing_flight
 
@@ -131,7 +131,7 @@ def test_without_disturbance_the_law_finds_the_lqr(name: str) -> None:
 def test_the_law_converges_at_every_dihedral_angle(dynamics: str, degrees: int) -> None:
     """The law finds the exact solution at each dihedral angle for both variants of the dynamics."""
     game = game_at(degrees, dynamics)
-    assert_exact(learn(game), solve_game(game))
+    assert_exact(learn(game), solve(game))
 
 
 # The law.
@@ -214,7 +214,7 @@ def test_a_stable_plant_needs_no_initial_discount() -> None:
 def test_learning_depends_on_the_recorded_data_only() -> None:
     """A game with another A and the same recorded data gives bit-identical learned weights.
 
-    `check_critic` accepts the result only for the game with the true A.
+    `verify` accepts the result only for the game with the true A.
     """
     game, _ = published(PUBLISHED[0])
     stack = random_pool(game, 200, seed=1)
@@ -225,7 +225,7 @@ def test_learning_depends_on_the_recorded_data_only() -> None:
     assert wrong.settled
     for judged, learned in ((game, right), (moved_game, wrong)):
         critic = from_weights(judged, learned.weights[-1])
-        assert check_critic(judged, critic, run=learned).ok is (judged is game)
+        assert verify(judged, critic, run=learned).ok is (judged is game)
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
@@ -247,7 +247,7 @@ def test_no_riccati_solver_is_called(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("noise", [1e-4, pytest.param(1e-2, marks=pytest.mark.slow)])
 def test_a_gain_from_noisy_derivatives_is_refused(noise: float) -> None:
-    """`check_critic` refuses P of a critic learned from noisy derivatives, whose gain stabilizes.
+    """`verify` refuses P of a critic learned from noisy derivatives, whose gain stabilizes.
 
     The error of P is below five times the noise, and `drift_misfit` is the noise to 20 %.
     """
@@ -258,7 +258,7 @@ def test_a_gain_from_noisy_derivatives_is_refused(noise: float) -> None:
             axis=0
         )
         result = learn(game, tick=0.2, pool=Stack(pool.states, pool.drifts + noise * disturbed))
-        verdict = check_critic(game, from_weights(game, result.weights[-1]), run=result)
+        verdict = verify(game, from_weights(game, result.weights[-1]), run=result)
         assert "P_rel_error" in failed_names(verdict.checks)
         assert relative_error(result.P, exact.P) < 5.0 * noise
         assert abscissa(game.A - game.B @ result.K) < 0.0

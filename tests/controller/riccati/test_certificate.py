@@ -24,7 +24,7 @@ from controller.riccati.certificate import (
     solution_checks,
 )
 from controller.riccati.normal_form import NormalForm
-from hfa import Game, NoSolutionError, solve_game
+from hfa import Game, NoSolutionError, solve
 from hfa.extend import Check
 from hfa.main import FAILED
 
@@ -101,8 +101,8 @@ def test_indefinite_solutions_that_scipy_returns_are_refused() -> None:
 
 def test_lqr_solution_is_not_the_game_solution(game: Game) -> None:
     """P of the LQR fails the checks of the residual and of the second derivation."""
-    P = solve_game(game.with_delta(math.inf)).P
-    assert failed_names(_certify(game, P, solve_game(game).P).checks) == {
+    P = solve(game.with_delta(math.inf)).P
+    assert failed_names(_certify(game, P, solve(game).P).checks) == {
         "residual",
         "second_derivation",
     }
@@ -110,7 +110,7 @@ def test_lqr_solution_is_not_the_game_solution(game: Game) -> None:
 
 def test_solution_of_another_game_is_refused(game: Game) -> None:
     """P fails the check of the residual if 1e-6 is added to every entry of A."""
-    P = solve_game(game).P
+    P = solve(game).P
     other = Game(game.A + 1e-6, game.B, game.E, game.Q, game.R, game.delta)
     assert "residual" in failed_names(_certify(other, P, P).checks)
 
@@ -126,13 +126,13 @@ def test_solution_of_another_game_is_refused(game: Game) -> None:
 )
 def test_changed_solution_is_refused(game: Game, change: object, failed: str) -> None:
     """Each change planted in P fails the check that it violates."""
-    P = solve_game(game).P
+    P = solve(game).P
     assert failed in failed_names(_certify(game, change(P), P).checks)  # type: ignore[operator]
 
 
 def test_disagreement_of_the_derivations_is_refused(game: Game) -> None:
     """Two derivations of P that differ by 1e-7 fail, as does one that is not finite."""
-    P = solve_game(game).P
+    P = solve(game).P
     assert failed_names(_certify(game, P, P * (1.0 + 1e-7)).checks) == {"second_derivation"}
     assert not _certify(game, P, np.full_like(P, np.nan)).ok
     nowhere = _certify(game, np.full_like(P, np.nan), P)
@@ -150,8 +150,8 @@ def test_a_hamiltonian_on_the_axis_is_detected() -> None:
     for game in (critical, hidden):
         assert "hamiltonian_axis_distance" in failed_names(hamiltonian_checks(NormalForm.of(game)))
         with pytest.raises(NoSolutionError, match="delta_min"):
-            solve_game(game)
-        assert solve_game(game.with_delta(1.01)).certificate.ok
+            solve(game)
+        assert solve(game.with_delta(1.01)).certificate.ok
 
 
 STABLE: dict[str, Any] = {
@@ -204,7 +204,7 @@ def test_a_costless_unstable_plant_has_stabilizing_value() -> None:
     P = 0 also satisfies the Riccati equation.
     """
     game = Game(np.eye(1), np.eye(1), np.zeros((1, 0)), np.zeros((1, 1)), np.eye(1), np.inf)
-    assert solve_game(game).P[0, 0] == pytest.approx(2.0, rel=SAME_SOLUTION)
+    assert solve(game).P[0, 0] == pytest.approx(2.0, rel=SAME_SOLUTION)
 
 
 @pytest.mark.parametrize(("entry", "stable"), [(-1e-300, True), (0.0, False), (1e-300, False)])

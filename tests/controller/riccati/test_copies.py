@@ -22,7 +22,7 @@ from tolerances import TWO_BRACKETS
 from controller import minimum_delta
 from controller.riccati.existence import existence
 from controller.riccati.normal_form import NormalForm
-from hfa import Game, NoSolutionError, solve_game
+from hfa import Game, NoSolutionError, solve
 
 #: Relative distances from delta_min: far, and so near that a wrong digit changes the verdict.
 NEAR = (1e-1, 1e-4, -1e-4, -1e-1)
@@ -41,7 +41,7 @@ def verdict(game: Game) -> bool | None:
 
 def is_solved(game: Game) -> bool:
     try:
-        return solve_game(game).certificate.ok
+        return solve(game).certificate.ok
     except NoSolutionError:
         return False
 
@@ -112,12 +112,12 @@ def test_a_copy_differs_and_has_converted_solution() -> None:
     The kinds of the copies are those of `KINDS`.
     """
     game = game_models()["published-15"]
-    P = solve_game(game).P
+    P = solve(game).P
     for copy in copies(game, 0, 8, {"P": P}):
         assert not np.array_equal(copy.problem.A, game.A), copy.kind
         assert is_solved(copy.problem)
         # P is computed in two ways: rounding times the condition number of the game, about 1e4.
-        error = np.abs(solve_game(copy.problem).P - copy.critic["P"])
+        error = np.abs(solve(copy.problem).P - copy.critic["P"])
         assert error.max() <= 1e-10 * np.abs(copy.critic["P"]).max(), copy.kind
     assert {copy.kind for copy in copies(game, 0, 4)} == set(KINDS)
 

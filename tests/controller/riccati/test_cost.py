@@ -13,13 +13,13 @@ from tolerances import FEW_ROUNDINGS
 from controller import bounded_real_gain
 from controller.riccati.cost import flight_cost, loss_matrix
 from controller.riccati.meaning import cost_check, cost_matrix, meaning_checks
-from hfa import Game, NoSolutionError, check_critic, from_value, solve_game
+from hfa import Game, NoSolutionError, from_value, solve, verify
 
 
 def test_cost_is_exact_to_1e12(game: Game) -> None:
     """The value z'Pz equals the cost computed from the Lyapunov equation to 1e-12."""
     for initial in (INITIAL, np.array([-3.0, 0.1, -0.2, 0.3, 0.05, -0.4])):
-        assert cost_check(game, solve_game(game).P, initial).value < 1e-12
+        assert cost_check(game, solve(game).P, initial).value < 1e-12
 
 
 def test_a_value_off_by_a_millionth_fails(
@@ -63,20 +63,20 @@ def test_rounding_in_a_stiff_plant_is_no_error(seed: int) -> None:
     A = modes @ np.diag(poles) @ np.linalg.inv(modes)
     B = rng.standard_normal((n, 1))
     game = Game(A, B, rng.standard_normal((n, 1)), np.eye(n), np.eye(1), math.inf)
-    verdict = check_critic(game, from_value(game, solve_game(game).P))
+    verdict = verify(game, from_value(game, solve(game).P))
     assert verdict.ok, failed_names(verdict.checks)
 
 
 def test_exact_solution_passes_checks_of_cost_and_gain(game: Game) -> None:
     """The exact solution passes the checks of its cost and of its L2 gain."""
-    checks = meaning_checks(game, solve_game(game).P, INITIAL)
+    checks = meaning_checks(game, solve(game).P, INITIAL)
     assert not failed_names(checks), [check.reason for check in checks if not check.ok]
     names = [check.name for check in checks]
     assert names == ["cost_lyapunov", "l2_gain", "l2_gain_methods_agree"]
 
 
 GAME = game_models()["published-15"]
-EXACT = solve_game(GAME)
+EXACT = solve(GAME)
 NOISE = np.random.default_rng(0).standard_normal(EXACT.K.shape)
 
 
@@ -88,7 +88,7 @@ def test_loss_gives_the_value_of_fixed_gain(size: float, delta: float) -> None:
     P* is the optimal value, and D the computed loss of K.
     """
     game = GAME.with_delta(delta)
-    exact = solve_game(game)
+    exact = solve(game)
     K = exact.K * (1.0 + size * NOISE)
     D = loss_matrix(game, exact, K)
     assert D is not None
@@ -146,7 +146,7 @@ def test_a_gain_beyond_delta_has_infinite_cost() -> None:
     """The excess cost is infinite if the L2 gain is above delta, if K destabilizes, and if K is
     nan."""
     tight = GAME.with_delta(151.0)
-    loose = flight_cost(tight, solve_game(tight), 0.3 * solve_game(tight).K)
+    loose = flight_cost(tight, solve(tight), 0.3 * solve(tight).K)
     assert loose.worst == loose.mean == math.inf
     for K in (-EXACT.K, np.full_like(EXACT.K, np.nan)):
         lost = flight_cost(GAME, EXACT, K)
@@ -157,7 +157,7 @@ def test_a_gain_beyond_delta_has_infinite_cost() -> None:
 def test_zero_gain_is_optimal_without_state_cost() -> None:
     """In a game without state cost, zero gain is 0 % above the optimum."""
     game = Game(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), np.eye(2), 5.0)
-    assert flight_cost(game, solve_game(game), np.zeros((2, 2))).worst == 0.0
+    assert flight_cost(game, solve(game), np.zeros((2, 2))).worst == 0.0
 
 
 def test_an_indefinite_value_within_the_allowed_error_passes() -> None:
@@ -166,8 +166,8 @@ def test_an_indefinite_value_within_the_allowed_error_passes() -> None:
     The exact eigenvalue is 0, because the state has no cost.
     """
     game = Game(-np.eye(2), np.eye(2), np.eye(2), np.diag([1.0, 0.0]), np.eye(2), 5.0)
-    P = solve_game(game).P - np.diag([0.0, 1e-8])
-    sign = {limit: check_critic(game, from_value(game, P), limit=limit) for limit in (1e-6, 1e-2)}
+    P = solve(game).P - np.diag([0.0, 1e-8])
+    sign = {limit: verify(game, from_value(game, P), limit=limit) for limit in (1e-6, 1e-2)}
     passed = {limit: {row.name: row.ok for row in check.checks} for limit, check in sign.items()}
     assert passed[1e-6]["P_smallest_eigenvalue"] is False
     assert passed[1e-2]["P_smallest_eigenvalue"] is True

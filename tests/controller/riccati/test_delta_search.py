@@ -17,7 +17,7 @@ from controller.riccati.delta_search import Answer, smallest_delta
 from controller.riccati.existence import existence, shown_gain
 from controller.riccati.normal_form import RANK, NormalForm
 from controller.riccati.reach import least_reach, loses_rank, not_decaying
-from hfa import Game, NoSolutionError, solve_game
+from hfa import Game, NoSolutionError, solve
 
 EXACT = 0.6823938
 
@@ -136,7 +136,7 @@ def test_a_stiff_controllable_plant_is_not_called_uncontrollable(
     No message calls a mode unreachable or states the eigenvalue 0.
     """
     game = chain(rates, coupling)
-    refusals = refusal_of(lambda: solve_game(game)) + refusal_of(lambda: minimum_delta(game))
+    refusals = refusal_of(lambda: solve(game)) + refusal_of(lambda: minimum_delta(game))
     assert "is not stabilizable" not in refusals
     assert not re.search(r"eigenvalue 0\b(?!\.)", refusals)
     assert "for any delta" not in refusals
@@ -152,7 +152,7 @@ def test_a_slow_decaying_mode_is_not_called_undamped() -> None:
         np.eye(1),
         math.inf,
     )
-    assert "undamped" not in refusal_of(lambda: solve_game(game))
+    assert "undamped" not in refusal_of(lambda: solve(game))
 
 
 @pytest.mark.parametrize(("reach", "unreached"), [(1e-4, False), (0.0, True)])
@@ -202,7 +202,7 @@ def test_an_uncontrollable_unstable_mode_is_refused(seed: int) -> None:
         bits = 1.0 + np.finfo(float).eps * rng.integers(-1, 2, A.shape)
         game = Game(A * bits, T @ B, np.eye(n), np.eye(n), np.eye(1), math.inf)
         with pytest.raises(NoSolutionError, match="no input reaches the mode with eigenvalue 1"):
-            solve_game(game)
+            solve(game)
 
 
 @pytest.mark.parametrize("apart", [1.0, 1e-2, 1e-4, 1e-5])
@@ -216,7 +216,7 @@ def test_certificates_state_the_distance_to_uncontrollability(apart: float) -> N
     game = Game(modes, np.ones((2, 1)), np.eye(2), np.eye(2), np.eye(1), math.inf)
     form = NormalForm.of(game)[None]
     least = least_reach(form.A, form.B)[0]
-    checks = {check.name: check.value for check in solve_game(game).certificate.checks}
+    checks = {check.name: check.value for check in solve(game).certificate.checks}
     assert 0.1 * apart < least < apart
     assert RANK < checks["reach"] <= least
     assert checks["reach"] == least or checks["reach"] > CLEAR_REACH
@@ -235,10 +235,10 @@ def test_both_derivations_agree_near_the_smallest_delta() -> None:
         assert checks[-1].name == "second_derivation"
 
 
-def refusal_of(solve: Callable[[], object]) -> str:
+def refusal_of(call: Callable[[], object]) -> str:
     """Return the message of a NoSolutionError with a line end, or "" if none is raised."""
     try:
-        solve()
+        call()
     except NoSolutionError as refusal:
         return f"{refusal}\n"
     return ""
@@ -258,4 +258,4 @@ def test_an_uncontrollable_mode_is_named_in_any_units() -> None:
         with pytest.raises(
             NoSolutionError, match=r"no input reaches the mode with eigenvalue 0\.5;"
         ):
-            solve_game(game)
+            solve(game)

@@ -17,12 +17,12 @@ from controller.riccati.frequency_response import closed_loop
 from controller.riccati.gain_sweep import SweptGain, swept_gain
 from controller.riccati.meaning import gain_checks
 from controller.riccati.normal_form import NormalForm
-from hfa import Game, solve_game
+from hfa import Game, solve
 
 
 def test_the_l2_gain_is_below_delta_by_both(game: Game) -> None:
     """The L2 gain with the game's policy is below delta by both methods, and the methods agree."""
-    K = solve_game(game).K
+    K = solve(game).K
     gain = bounded_real_gain(game, K)
     swept = swept_gain(*closed_loop(game, K))
     assert gain < game.delta
@@ -33,7 +33,7 @@ def test_the_l2_gain_is_below_delta_by_both(game: Game) -> None:
 
 def test_gain_agrees_with_python_control(game: Game) -> None:
     """The L2 gain equals python-control's H-infinity norm to 1e-7."""
-    K = solve_game(game).K
+    K = solve(game).K
     output = np.vstack([np.sqrt(game.Q), np.sqrt(game.R) @ K])  # Q and R are diagonal
     inputs = np.hstack([game.E, np.zeros((6, 5))])  # python-control 0.10 takes square systems only
     system = control.ss(game.A - game.B @ K, inputs, output, 0.0)
@@ -113,7 +113,7 @@ def test_smallest_delta_bounds_the_gain() -> None:
         game = random_game(rng, scaled=False)
         if not existence(NormalForm.of(game)).exists:
             continue
-        gain = bounded_real_gain(game, solve_game(game).K)
+        gain = bounded_real_gain(game, solve(game).K)
         assert minimum_delta(game).refused < gain < game.delta
         tried += 1
 
@@ -132,7 +132,7 @@ def test_both_methods_find_a_stiff_loops_gain() -> None:
 def test_both_methods_are_right_in_stiff_loops(factor: float) -> None:
     """In a stiff loop, both methods agree with the L2 gain computed with 50 digits at the peak."""
     game = game_models()["published-15"]
-    K = factor * solve_game(game).K
+    K = factor * solve(game).K
     bound = bounded_real_gain(game, K)
     swept = swept_gain(*closed_loop(game, K))
     with mpmath.workdps(50):

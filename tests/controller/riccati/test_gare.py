@@ -20,7 +20,7 @@ from controller.riccati.careful_derivations import by_refined_doubling
 from controller.riccati.existence import existence
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin
-from hfa import BadInputError, Game, NoSolutionError, solve, solve_game
+from hfa import BadInputError, Game, NoSolutionError, solve
 
 MODELS = sorted(game_models())
 OURS = regenerated_models()
@@ -39,7 +39,7 @@ def test_P_and_K_are_exact_to_1e12(name: str) -> None:
     """
     game = (game_models() | OURS)[name]
     reference = reference_solution(game)
-    solution = solve_game(game)
+    solution = solve(game)
     assert reference.exists
     # P is refined in twice the precision: rounding, 1e-16, times n² and the spread of its entries.
     assert relative_error(solution.P, reference.P) < 1e-12
@@ -65,8 +65,8 @@ def test_reference_agrees_with_eigenvectors_by_mpmath(game: Game) -> None:
 
 def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
     """K, L, the closed-loop poles and the cost follow from P. JSON stores every digit of P."""
-    solution = solve_game(game)
-    P = solve_game(game).P
+    solution = solve(game)
+    P = solve(game).P
     np.testing.assert_allclose(solution.K, np.linalg.inv(game.R) @ game.B.T @ P, rtol=SAME_FORMULA)
     np.testing.assert_allclose(
         solution.disturbance_gain, game.E.T @ P / game.delta**2, rtol=SAME_FORMULA
@@ -83,7 +83,7 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
     assert np.array_equal(np.array(content["P"]), P)
     assert (content["delta"], content["certificate"]["ok"]) == (game.delta, True)
     assert len({check["name"] for check in content["certificate"]["checks"]}) == 9
-    assert solve_game(game.with_delta(math.inf)).to_dict()["delta"] is None
+    assert solve(game.with_delta(math.inf)).to_dict()["delta"] is None
 
 
 def test_infinite_delta_gives_the_lqr(game: Game) -> None:
@@ -94,20 +94,18 @@ def test_infinite_delta_gives_the_lqr(game: Game) -> None:
     K, P, _ = control.lqr(
         game.A, game.B, game.Q, game.R, method="scipy"
     )  # slycot, if installed, has an error of 4e-11
-    lqr = solve_game(game.with_delta(math.inf))
+    lqr = solve(game.with_delta(math.inf))
     # SciPy's result is not refined: rounding times the condition number, 1e4.
     assert relative_error(lqr.P, P) < 1e-11
     assert relative_error(lqr.K, K) < 1e-11
     assert not lqr.disturbance_gain.any()
-    distances = [
-        relative_error(solve_game(game.with_delta(delta)).P, lqr.P) for delta in (1e4, 1e5)
-    ]
+    distances = [relative_error(solve(game.with_delta(delta)).P, lqr.P) for delta in (1e4, 1e5)]
     assert math.log10(distances[0] / distances[1]) == pytest.approx(2.0, abs=0.01)
 
 
 def test_p_decreases_with_growing_delta(game: Game) -> None:
     """P decreases, as a symmetric matrix, when delta grows."""
-    values = [solve_game(game.with_delta(delta)).P for delta in (130.0, 200.0, 500.0, math.inf)]
+    values = [solve(game.with_delta(delta)).P for delta in (130.0, 200.0, 500.0, math.inf)]
     for cheaper, dearer in itertools.pairwise(values):
         assert np.linalg.eigvalsh(cheaper - dearer)[0] > -1e-9
 
@@ -118,7 +116,7 @@ def test_scalar_solutions_equal_the_closed_form() -> None:
         delta = 1.0 / math.sqrt(1.0 - s)
         exact = 1.5 if s == 0.0 else (a + math.sqrt(a * a + 3.0 * s)) / s
         game = Game([[a]], [[2.0]], [[1.0]], [[3.0]], [[4.0]], delta)
-        assert solve_game(game).P[0, 0] == pytest.approx(exact, rel=1e-13)
+        assert solve(game).P[0, 0] == pytest.approx(exact, rel=1e-13)
 
 
 # Degenerate games
@@ -128,20 +126,20 @@ def test_scalar_solutions_equal_the_closed_form() -> None:
 def test_a_defective_plant_without_cost_has_zero_value() -> None:
     """A stable plant with a defective eigenvalue and without cost has P = 0 and delta_min 0."""
     game = Game([[-0.5, 1.0], [0.0, -0.5]], [[1.0], [1.0]], I2, 0.0 * I2, [[1.0]], 0.01)
-    assert not solve_game(game).P.any()
+    assert not solve(game).P.any()
     assert minimum_delta(game) == DeltaMin(0.0, 0.0)
 
 
 def test_an_unstable_costless_mode_is_stabilized() -> None:
     """An unstable mode z' = a z + u without cost has P = 2 a and not 0."""
-    P = solve_game(Game([[0.5]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], math.inf)).P
+    P = solve(Game([[0.5]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], math.inf)).P
     assert P[0, 0] == pytest.approx(1.0, rel=FEW_ROUNDINGS)  # least energy: p = 2 a
 
 
 def test_every_delta_gives_lqr_without_disturbance(game: Game) -> None:
     """With E = 0, the solution for delta = 1e-3 is the LQR, and delta / delta_min is infinite."""
     quiet = Game(game.A, game.B, 0.0 * game.E, game.Q, game.R, 1e-3)
-    assert relative_error(solve_game(quiet).P, solve_game(game.with_delta(math.inf)).P) < 1e-12
+    assert relative_error(solve(quiet).P, solve(game.with_delta(math.inf)).P) < 1e-12
     assert minimum_delta(quiet).margin(quiet.delta) == math.inf
 
 
@@ -180,7 +178,7 @@ def test_a_missing_lqr_solution_names_the_mode(
     """If no LQR solution exists, a one-line message names the responsible mode."""
     game = Game(A, B, I2, Q, [[1.0]], 10.0)  # type: ignore[arg-type]
     pattern = message.replace("+", r"\+")
-    for solver in (solve_game, minimum_delta):
+    for solver in (solve, minimum_delta):
         with pytest.raises(NoSolutionError, match=pattern) as refusal:
             solver(game)
         assert "\n" not in str(refusal.value)
@@ -223,7 +221,7 @@ def test_extreme_numbers_give_a_solution_or_error(change: dict[str, float]) -> N
     }
     parts |= {name: parts[name] * factor for name, factor in change.items()}
     try:
-        assert solve_game(Game(**parts)).certificate.ok
+        assert solve(Game(**parts)).certificate.ok
     except NoSolutionError as refusal:
         assert "\n" not in str(refusal)  # noqa: PT017
 
@@ -270,13 +268,13 @@ def test_delta_below_the_minimum_names_the_remedy(game: Game) -> None:
     make."""
     smallest = minimum_delta(game).value
     with pytest.raises(NoSolutionError) as refusal:
-        solve_game(game.with_delta(80.0))
+        solve(game.with_delta(80.0))
     message = str(refusal.value)
     assert "for every input, the gain from the disturbance is at least 11" in message
     assert f"delta = 80 is below delta_min = {smallest:.7g}; choose a larger delta" in message
     assert "\n" not in message
     with pytest.raises(NoSolutionError, match=r"P is indefinite .* is below delta_min"):
-        solve_game(game.with_delta(smallest * (1.0 - 1e-5)))
+        solve(game.with_delta(smallest * (1.0 - 1e-5)))
 
 
 def test_delta_slightly_above_the_minimum_is_solved(game: Game) -> None:
@@ -286,7 +284,7 @@ def test_delta_slightly_above_the_minimum_is_solved(game: Game) -> None:
     delta_min.
     """
     smallest = minimum_delta(game).value
-    assert solve_game(game.with_delta(smallest * 1.001)).certificate.ok
+    assert solve(game.with_delta(smallest * 1.001)).certificate.ok
     near = game.with_delta(smallest * (1.0 + 1e-6))
     P, refusal = _solved_or_refused(near)
     if refusal:
@@ -299,7 +297,7 @@ def test_delta_slightly_above_the_minimum_is_solved(game: Game) -> None:
 def _solved_or_refused(game: Game) -> tuple[np.ndarray, str]:
     """Return (P, ""), or an empty matrix and the message of the NoSolutionError."""
     try:
-        return solve_game(game).P, ""
+        return solve(game).P, ""
     except NoSolutionError as refusal:
         return np.empty((0, 0)), str(refusal)
 
@@ -322,4 +320,4 @@ def test_an_undamped_costless_mode_is_named(size: float) -> None:
             math.inf,
         )
         with pytest.raises(NoSolutionError, match="is not detectable: the undamped mode"):
-            solve_game(game)
+            solve(game)

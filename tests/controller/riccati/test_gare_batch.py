@@ -12,7 +12,7 @@ from controller.riccati.balancing import spectrum
 from controller.riccati.certificate import certified_stack
 from controller.riccati.derivations import by_doubling, by_eigenvectors
 from controller.riccati.normal_form import NormalForm
-from hfa import BadInputError, Game, NoSolutionError, solve_game
+from hfa import BadInputError, Game, NoSolutionError, solve
 from hfa.paper import published_game
 from hfa_model import LINEAR_STATES, STATES, VARIANTS
 from trim import trim_points
@@ -27,12 +27,12 @@ def _models(dynamics: str, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("dynamics", VARIANTS)
 def test_every_model_has_its_own_solution(dynamics):
-    """Each game of a batch has the solution of `solve_game`."""
+    """Each game of a batch has the solution of `solve`."""
     A, B = _models(dynamics, 21)
     batch = solve_games(A, B, published_game(A[10], B[10]))
     assert batch.certified.all()
     for i in range(len(A)):
-        alone = solve_game(published_game(A[i], B[i]))
+        alone = solve(published_game(A[i], B[i]))
         # P is refined in twice the precision in both ways; K = R⁻¹B'P loses one more digit.
         assert np.linalg.norm(batch.P[i] - alone.P) <= 1e-12 * np.linalg.norm(alone.P)
         assert np.linalg.norm(batch.K[i] - alone.K) <= 1e-11 * np.linalg.norm(alone.K)
@@ -102,7 +102,7 @@ def test_nothing_is_certified_below_the_smallest_delta():
 
 @pytest.mark.parametrize("count", [4, pytest.param(30, marks=pytest.mark.slow)])
 def test_random_games_are_accepted_exactly_when_solvable(count: int) -> None:
-    """A batch certifies a random game if and only if `solve_game` solves it."""
+    """A batch certifies a random game if and only if `solve` solves it."""
     rng = np.random.default_rng(7)
     accepted = refused = 0
     for delta in (0.7, 1.5, 3.0, 8.0):
@@ -112,7 +112,7 @@ def test_random_games_are_accepted_exactly_when_solvable(count: int) -> None:
         batch = solve_games(A, B, like)
         for i in range(len(A)):
             try:
-                alone = solve_game(Game(A[i], B[i], np.eye(6), np.eye(6), np.eye(2), delta))
+                alone = solve(Game(A[i], B[i], np.eye(6), np.eye(6), np.eye(2), delta))
             except NoSolutionError:
                 assert not batch.certified[i]
                 refused += 1
@@ -125,7 +125,7 @@ def test_random_games_are_accepted_exactly_when_solvable(count: int) -> None:
 
 
 def test_a_batch_refuses_the_same_games():
-    """Near the smallest delta, a batch refuses the same games as `solve_game`, for the same
+    """Near the smallest delta, a batch refuses the same games as `solve`, for the same
     reasons.
     """
     rng = np.random.default_rng(8)
@@ -136,7 +136,7 @@ def test_a_batch_refuses_the_same_games():
         near = game.with_delta(minimum_delta(game).value * (1.0 + 10.0 ** rng.uniform(-6.0, -3.0)))
         batch = solve_games(A[i : i + 1], B[i : i + 1], near)
         try:
-            alone = solve_game(near).P
+            alone = solve(near).P
             assert np.linalg.norm(batch.P[0] - alone) <= 1e-10 * np.linalg.norm(alone)
         except NoSolutionError as refusal:
             assert not batch.certified[0]

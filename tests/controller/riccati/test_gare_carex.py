@@ -21,7 +21,7 @@ from reference_riccati import reference_solution
 from controller import minimum_delta
 from controller.riccati.existence import existence
 from controller.riccati.normal_form import NormalForm
-from hfa import BadInputError, Game, NoSolutionError, solve_game
+from hfa import BadInputError, Game, NoSolutionError, solve
 
 #: Largest error, relative to the largest entry of X. The scaled examples test X with a condition
 #: number of about 1e16.
@@ -94,7 +94,7 @@ def known_solutions() -> Iterator[tuple[str, Game, np.ndarray]]:
 )
 def test_known_carex_solutions_are_certified(game: Game, X: np.ndarray) -> None:
     """P agrees with the closed form. An error of 1e-6 planted in P is detected."""
-    P = solve_game(game).P
+    P = solve(game).P
     assert np.abs(P - X).max() <= EXACT * np.abs(X).max()
     with pytest.raises(AssertionError):
         assert np.abs(1.000001 * P - X).max() <= EXACT * np.abs(X).max()
@@ -107,7 +107,7 @@ def test_the_corner_of_an_integrator_chain_is_exact(n: int) -> None:
     The condition number grows as 10^n.
     """
     game = equation(np.eye(n, k=1), np.eye(n)[:, [-1]], 4.0 * np.diag(np.eye(n)[0]), [[9.0]])
-    assert solve_game(game).P[0, -1] == pytest.approx(6.0, rel=1e-13)
+    assert solve(game).P[0, -1] == pytest.approx(6.0, rel=1e-13)
 
 
 def test_a_loop_at_the_axis_is_refused() -> None:
@@ -121,7 +121,7 @@ def test_a_loop_at_the_axis_is_refused() -> None:
     with pytest.raises(
         NoSolutionError, match="puts an eigenvalue on the imaginary axis at 1 rad/s"
     ):
-        solve_game(game)
+        solve(game)
     assert (
         existence(NormalForm.of(game)).exists is None
     )  # undecided, so that the search for delta_min does not rely on it
@@ -176,7 +176,7 @@ def test_unknown_carex_solutions_agree_with_60_digits(game: Game) -> None:
 
     An error of 1e-9 planted in P is detected.
     """
-    P = solve_game(game).P
+    P = solve(game).P
     reference = reference_solution(game).P
     units = 1.0 / np.sqrt(np.diag(reference))
     for found, right in ((P, True), (P * (1.0 + 1e-9), False)):
@@ -198,7 +198,7 @@ def test_large_games_satisfy_their_riccati_equations(number: int) -> None:
     An error of 1e-9 planted in P is detected.
     """
     game = filed(number)
-    P = solve_game(game).P
+    P = solve(game).P
     assert remainder(game, P) <= 1e-12
     assert remainder(game, P * (1.0 + 1e-9)) > 1e-12
     assert np.linalg.eigvals(game.A - game.S @ P).real.max() < 0.0
@@ -237,7 +237,7 @@ def test_the_equation_of_421_states_is_solved() -> None:
     )[0]
     sizes = np.linalg.svd(H, compute_uv=False)
     assert sizes[-1] <= 1e-16 * sizes[0]
-    P = solve_game(game).P
+    P = solve(game).P
     A, S, Q, X = (np.asarray(each, dtype=np.longdouble) for each in (game.A, game.S, game.Q, P))
     terms = A.T @ X, X @ A, Q, -X @ (S @ X)
     sizes = abs(A.T) @ abs(X), abs(X) @ abs(A), abs(Q), abs(X) @ (abs(S) @ abs(X))

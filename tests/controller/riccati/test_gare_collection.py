@@ -22,7 +22,7 @@ from scipy.linalg import LinAlgError, block_diag, solve_continuous_are
 from controller import minimum_delta
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import lqr_obstacle
-from hfa import Game, NoSolutionError, solve_game
+from hfa import Game, NoSolutionError, solve
 
 #: A game may be refused if it has no solution for a delta smaller by this fraction.
 MARGIN = 1e-3
@@ -230,7 +230,7 @@ def _verdict(sample: Sample, worst: float = WORST_ERROR) -> str:
     label = f"{sample.structure} {sample.number}"
     reference = reference_solution(game)
     try:
-        P = solve_game(game).P
+        P = solve(game).P
     except NoSolutionError:
         if _exists(game, math.inf):
             assert "is not certified" in lqr_obstacle(NormalForm.of(game), "why"), (

@@ -17,8 +17,8 @@ from reference_riccati import reference_solution
 from tolerances import SAME_SOLUTION, TWO_BRACKETS
 
 from controller import minimum_delta
-from controller.riccati.solution_report import solve
-from hfa import Game, NoSolutionError, solve_game
+from controller.riccati.gare import unconfirmed_solution
+from hfa import Game, NoSolutionError, solve
 
 #: Largest error of P in units in which its diagonal is 1.
 EXACT = 1e-12
@@ -30,13 +30,13 @@ def error(game: Game, P: np.ndarray | None = None) -> float:
 
     The game must have a solution.
 
-    P: the matrix to compare; by default the result of `solve_game`
+    P: the matrix to compare; by default that of `unconfirmed_solution`
     """
     reference = reference_solution(game)
     assert reference.exists
     size = np.sqrt(np.diag(reference.P))
     units = np.divide(1.0, size, out=np.ones_like(size), where=size > 0.0)
-    candidate = solve_game(game).P if P is None else P
+    candidate = unconfirmed_solution(game).P if P is None else P
     return float(np.abs((candidate - reference.P) * np.outer(units, units)).max())
 
 
@@ -63,7 +63,7 @@ def test_rotated_chains_of_integrators_are_solved(n: int) -> None:
     for seed in range(2):
         game = elsewhere(chain(n), seed)
         assert error(game) <= EXACT
-    P = solve_game(game).P
+    P = solve(game).P
     with pytest.raises(AssertionError):
         assert error(game, P * (1.0 + 1e-11)) <= EXACT
 
@@ -87,7 +87,7 @@ def test_q_of_every_rank_is_solved(rank: int) -> None:
     A = rng.standard_normal((4, 4)) - 4.0 * np.eye(4)
     game = Game(A, rng.standard_normal((4, 2)), np.eye(4), C.T @ C, np.eye(2), 50.0)
     assert error(game) <= EXACT
-    assert np.linalg.matrix_rank(solve_game(game).P) == 4
+    assert np.linalg.matrix_rank(solve(game).P) == 4
 
 
 @pytest.mark.parametrize("delta", [pytest.param(math.inf, marks=pytest.mark.slow), 20.0])
@@ -115,7 +115,7 @@ def test_an_undamped_mode_needs_weight_in_Q(
             with pytest.raises(
                 NoSolutionError, match=f"not detectable: the undamped mode with eigenvalue {named} "
             ):
-                solve_game(elsewhere(unseen, seed))
+                solve(elsewhere(unseen, seed))
 
 
 def test_units_over_16_decades_keep_the_result() -> None:
@@ -125,13 +125,13 @@ def test_units_over_16_decades_keep_the_result() -> None:
     B = rng.standard_normal((5, 3))
     E = rng.standard_normal((5, 2))
     game = Game(A, B, E, np.eye(5), np.eye(3), 30.0)
-    plain = solve_game(game)
+    plain = solve(game)
     assert error(game) <= EXACT
     inputs = np.array([1e8, 1.0, 1e-8])
     turned = replace(game, B=game.B * inputs, R=game.R * np.outer(inputs, inputs))
     # P is refined in twice the precision; K loses a digit in R^-½.
-    np.testing.assert_allclose(solve_game(turned).P, plain.P, rtol=SAME_SOLUTION)
-    np.testing.assert_allclose(solve_game(turned).K, plain.K / inputs[:, None], rtol=1e-11)
+    np.testing.assert_allclose(solve(turned).P, plain.P, rtol=SAME_SOLUTION)
+    np.testing.assert_allclose(solve(turned).K, plain.K / inputs[:, None], rtol=1e-11)
     # Two searches, each accurate to 1e-6.
     assert minimum_delta(turned).value == pytest.approx(minimum_delta(game).value, rel=TWO_BRACKETS)
     states = np.array([1e8, 1e-8, 1.0, 1e4, 1e-4])
@@ -141,7 +141,7 @@ def test_units_over_16_decades_keep_the_result() -> None:
         dearer = replace(game, Q=size * game.Q, R=size * game.R).with_delta(
             math.sqrt(size) * game.delta
         )
-        np.testing.assert_allclose(solve_game(dearer).P, size * plain.P, rtol=SAME_SOLUTION)
+        np.testing.assert_allclose(solve(dearer).P, size * plain.P, rtol=SAME_SOLUTION)
 
 
 @pytest.mark.parametrize("reach", [3e-6, 1e-8, 1e-11])
@@ -180,7 +180,7 @@ def test_a_poles_bound_is_its_largest_rounding_change() -> None:
     """
     B = np.array([[0.0], [1.0]])
     game = Game([[-3.0, 2.0], [0.7, 1.0]], B, np.zeros((2, 1)), np.eye(2), [[1.0]], math.inf)
-    solution = solve_game(game)
+    solution = solve(game)
     assert not solution.closed_loop_eigenvalues.imag.any()
     step = 1e-8
     largest = 0.0
@@ -211,7 +211,7 @@ def test_a_mode_controllable_by_rounding_is_named(reach: float) -> None:
         math.inf,
     )
     with pytest.raises(NoSolutionError, match=r"no input reaches the mode with eigenvalue 0.5;"):
-        solve_game(game)
+        solve(game)
 
 
 # The smallest delta of x' = a x + b u + e d is e / sqrt(b²/r + min(a, 0)²/q).
@@ -231,7 +231,7 @@ def test_a_slow_mode_with_small_weight_is_solved(seed: int) -> None:
     """
     game = slow_mode(1e-5, 1e-14, seed)
     assert error(game) <= EXACT
-    assert solve_game(game).closed_loop_eigenvalues[-1].real == pytest.approx(-1e-5, rel=1e-2)
+    assert solve(game).closed_loop_eigenvalues[-1].real == pytest.approx(-1e-5, rel=1e-2)
 
 
 def test_a_slower_mode_is_refused_with_the_distance() -> None:
@@ -242,7 +242,7 @@ def test_a_slower_mode_is_refused_with_the_distance() -> None:
     with pytest.raises(
         NoSolutionError, match=r"a relative change \d.\d?e-17 .* Q shows the mode"
     ) as refusal:
-        solve_game(slow_mode(1e-7, 1e-15, 1))
+        solve(slow_mode(1e-7, 1e-15, 1))
     assert "scaling" not in str(refusal.value)
 
 
@@ -268,7 +268,7 @@ def test_games_below_smallest_delta_are_never_solved(a: float, apart: float) -> 
     exists = reference_solution(game).exists
     assert exists == (apart > 0.0)
     try:
-        P = solve_game(game).P
+        P = solve(game).P
     except NoSolutionError as refusal:
         message = str(refusal)
         assert not (exists and apart == 1e-3), message

@@ -16,13 +16,13 @@ from tolerances import SAME_FORMULA, TWO_BRACKETS, TWO_GAINS
 from controller import bounded_real_gain, disk_margin, minimum_delta
 from controller.riccati.loop_margins import loop_margins, margin_of
 from controller.riccati.margins import ABOVE, best_scaling, scaled_norm
-from hfa import Game, NoSolutionError, solve_game
+from hfa import Game, NoSolutionError, solve
 
 
 def test_margins_of_lqr_equal_the_textbook_values(game: Game) -> None:
     """Each loop of an LQR with diagonal R tolerates gain factors from 1/2 to inf and a phase shift
     of 60 deg."""
-    K = solve_game(game.with_delta(math.inf)).K
+    K = solve(game.with_delta(math.inf)).K
     for margin in loop_margins(game, K):
         assert margin.gain_low <= 0.5
         assert margin.gain_high == math.inf
@@ -31,7 +31,7 @@ def test_margins_of_lqr_equal_the_textbook_values(game: Game) -> None:
 
 def test_loop_margins_are_the_limits_of_stability(game: Game) -> None:
     """The loop is stable 0.1 % inside each gain and phase margin, and unstable 0.1 % outside it."""
-    K = solve_game(game).K
+    K = solve(game).K
     for i, margin in enumerate(loop_margins(game, K)):
         for factor, stable in (
             (margin.gain_low * 1.001, True),
@@ -63,7 +63,7 @@ def test_single_loop_disk_margin_agrees_with_python_control() -> None:
 
 def test_factors_within_the_disk_margin_keep_stability(game: Game) -> None:
     """The loop is stable for random complex factors on the inputs within the disk of the margin."""
-    K = solve_game(game).K
+    K = solve(game).K
     alpha = disk_margin(game, K).disk
     rng = np.random.default_rng(7)
     for _ in range(300):
@@ -76,8 +76,8 @@ def test_disk_margin_is_tight(game: Game) -> None:
 
     The search varies the phases of the five factors on the inputs at the critical frequency.
     """
-    K = solve_game(game).K
-    margin = disk_margin(game, solve_game(game).K)
+    K = solve(game).K
+    margin = disk_margin(game, solve(game).K)
     closed = 1j * margin.frequency * np.eye(6) - game.A + game.B @ K
     M = 0.5 * np.eye(5) - K @ np.linalg.solve(closed, game.B)
 
@@ -114,7 +114,7 @@ def test_the_structured_bound_equals_known_values(size: int, scale: float, draws
 
 def test_weak_gain_has_smaller_margins(game: Game) -> None:
     """A weak gain has a smaller disk margin, and margins of an unstable loop are refused."""
-    K = solve_game(game).K
+    K = solve(game).K
     assert disk_margin(game, 0.05 * K).disk < disk_margin(game, K).disk
     for margins in (loop_margins, disk_margin):
         with pytest.raises(NoSolutionError, match="no margins; give a stabilizing gain"):
@@ -130,7 +130,7 @@ def _light_modes() -> tuple[Game, np.ndarray]:
     for first, omega in ((0, 2.0), (2, 2.03)):
         A[first : first + 2, first : first + 2] = [[0.0, 1.0], [-(omega**2), -6e-5 * omega]]
     game = Game(A, [[0.0], [1.0], [0.0], [0.7]], np.eye(4), np.eye(4), [[100.0]], 1e6)
-    return game, solve_game(game).K * [[1.0, 1.0, 0.5, 1.0]]
+    return game, solve(game).K * [[1.0, 1.0, 0.5, 1.0]]
 
 
 def test_margins_of_light_and_close_modes_are_attained() -> None:
@@ -172,7 +172,7 @@ def test_the_disk_margin_follows_from_the_largest_bound() -> None:
     """
     A = [[-0.6, 2.5], [-1.2, 1.1]]
     game = Game(A, [[-1.3, -0.8], [1.7, -0.5]], np.eye(2), np.eye(2), np.eye(2), 1e6)
-    K = solve_game(game).K
+    K = solve(game).K
     disk = disk_margin(game, K)
     bounds = []
     for omega in [*np.geomspace(0.03, 30.0, 400), disk.frequency]:
@@ -195,8 +195,8 @@ def test_units_do_not_change_the_margins(game: Game) -> None:
     """In meters instead of feet, margins, poles, L2 gain and delta_min are unchanged. K changes."""
     units = np.array([1 / 0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
     si = in_units(game, units)
-    here = solve_game(game)
-    there = solve_game(si)
+    here = solve(game)
+    there = solve(si)
     exact = [(there.K, here.K * units), (loop_margins(si, there.K), loop_margins(game, here.K))]
     disks = (disk_margin(si, there.K), disk_margin(game, here.K))
     np.testing.assert_allclose(disks[0], disks[1], rtol=1e-6)  # accuracy of the search for the peak
@@ -236,7 +236,7 @@ def test_gain_and_phase_margins_equal_python_control(name: str, factor: float) -
     """Gain and phase margins of each loop, with the other loops closed, agree with
     python-control."""
     game = game_models()[name]
-    K = factor * solve_game(game).K
+    K = factor * solve(game).K
     if np.linalg.eigvals(game.A - game.B @ K).real.max() >= 0.0:
         pytest.skip("the scaled gain does not stabilize")
     for i, margin in enumerate(loop_margins(game, K)):

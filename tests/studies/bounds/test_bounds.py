@@ -31,7 +31,7 @@ def costs_over_bound(coefficient: float) -> CostRatios:
     coefficient: k
     """
     model = hfa.Model("cart", {"position": hfa.Signal("m")}, {"speed": hfa.Signal("m/s")}, cart)
-    problem = flight_problem(model, hfa.find_operating_point(model))
+    problem = flight_problem(model, hfa.trim(model))
     still = {"position": 0.0, "speed": 0.0}
     piece = Piece(np.eye(1) / 64.0, Polynomial(1, ((4096.0 * coefficient, (2,)),)), 4096.0)
     bound = CostStatement(plant_of(problem), still, np.eye(1), np.eye(1), (piece,))
@@ -61,8 +61,8 @@ def test_the_flexible_aircraft_equals_the_paper() -> None:
     aircraft.
     """
     dihedral = {"dihedral": float(np.radians(10.0))}
-    paper = hfa.find_operating_point(hfa.aircraft("published"), hold=dihedral)
-    own = hfa.find_operating_point(FLEXIBLE)
+    paper = hfa.trim(hfa.aircraft("published"), hold=dihedral)
+    own = hfa.trim(FLEXIBLE)
     assert np.array_equal(linearize(FLEXIBLE, own).A, linearize(paper.model, paper).A)
     assert np.array_equal(linearize(FLEXIBLE, own).B, linearize(paper.model, paper).B)
     assert plant_of(flight_problem(FLEXIBLE, own)).limits["speed"] == (34.0, 136.0)

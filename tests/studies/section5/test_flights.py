@@ -13,7 +13,7 @@ from linear_flight import simulate
 from project import ROOT
 from simulated_cases import SMALL, SimulatedCase
 
-from hfa import fly, learn, solve_game
+from hfa import fly, learn, solve
 from hfa_flight import GainPolicy, Scenario, Waveform
 from hfa_flight.signals import Harmonic
 from studies.section5.configuration import PaperFlight, section5_configuration
@@ -213,7 +213,7 @@ def test_integral_learning_ends_with_the_lqr_gain() -> None:
     np.testing.assert_allclose(
         constants(799), constants_of(setting, CERTIFIED, 5.0)(0), rtol=1e-9, atol=1e-12
     )
-    lq = solve_game(setting.case(5.0).game.with_delta(np.inf)).K
+    lq = solve(setting.case(5.0).game.with_delta(np.inf)).K
     assert np.linalg.norm(constants(1999)[:30].reshape(6, 5).T - lq) < 1e-6 * np.linalg.norm(lq)
 
 

@@ -16,7 +16,7 @@ from scipy.integrate import quad
 from simulated_cases import measurements_of
 
 from controller import random_pool
-from hfa import BadInputError, Game, solve_game
+from hfa import BadInputError, Game, solve
 from hfa.paper import published_game
 from hfa_flight.signals import zero
 from hfa_model import published_models
@@ -159,7 +159,7 @@ def test_feedforward_satisfies_its_differential_equation(game: Game) -> None:
     """The feedforward s(t) satisfies its differential equation, with derivatives by central
     differences.
     """
-    P = solve_game(game).P
+    P = solve(game).P
     P_s = exosystem_feedforward(game, P, PAPER)
     loop = game.A - game.S @ P
     step = 1e-3
@@ -177,7 +177,7 @@ def test_a_constant_reference_gives_constant_feedforward(game: Game) -> None:
     """A constant reference has a constant feedforward. A free motion of the plant as reference
     has none.
     """
-    P = solve_game(game).P
+    P = solve(game).P
     level = np.array([7.0, 0.1, 0.0, 0.0, 0.5, 0.0])
     P_s = exosystem_feedforward(game, P, exosystem(level, np.zeros(6)))
     exact = -np.linalg.solve((game.A - game.S @ P).T, P @ game.A @ level)
@@ -189,7 +189,7 @@ def test_a_constant_reference_gives_constant_feedforward(game: Game) -> None:
 
 def test_references_without_a_bounded_response_are_refused(game: Game) -> None:
     """A reference that grows faster than the closed loop decays is refused, as is a wrong P."""
-    P = solve_game(game).P
+    P = solve(game).P
     exploding = Exosystem(np.array([[0.3]]), np.ones((6, 1)), np.ones(1))
     with pytest.raises(
         BadInputError, match=r"the reference grows at 0.3 rad/s, the closed loop decays at 0.2"
@@ -203,7 +203,7 @@ class _Tracking:
     """The game of tracking the paper's reference, with simulations of several policies."""
 
     def __init__(self, game: Game) -> None:
-        self.game, self.P = game, solve_game(game).P
+        self.game, self.P = game, solve(game).P
         self.P_s, self.G = exosystem_feedforward(game, self.P, PAPER), PAPER.forcing(game.A)
 
     def w(self, t: float) -> np.ndarray:

@@ -15,7 +15,7 @@ import pytest
 from cli import hfa
 from extension import Extension
 
-from hfa import Model, Signal, find_operating_point, linearize, sweep
+from hfa import Model, Signal, linearize, sweep, trim
 from hfa.paper import level_flight
 from trim.point.condition import usual_condition
 
@@ -51,7 +51,7 @@ def cart(force: Callable[[Any], Any]) -> Model:
 
 
 def at(model: Model, x: float) -> Any:
-    return linearize(model, find_operating_point(model, usual_condition(model).at(hold={"x": x})))
+    return linearize(model, trim(model, usual_condition(model).at(hold={"x": x})))
 
 
 @pytest.mark.parametrize("name", FORCES)
@@ -128,7 +128,7 @@ def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Model) -> No
     tropopause = 11_000.0 / (1 - 11_000.0 / 6_356_766.0) / 0.3048  # ft
     kinks = []
     for altitude in (tropopause, 40_000.0):
-        point = find_operating_point(published_aircraft, level_flight(0.1, altitude=altitude))
+        point = trim(published_aircraft, level_flight(0.1, altitude=altitude))
         kinks.append(linearize(published_aircraft, point, full=True).kinks)
     assert "A(speed, altitude)" in " ".join(kinks[0])
     assert kinks[1] == ()

@@ -13,7 +13,7 @@ from known_models import model_at, released_simulation
 
 import hfa
 import hfa_model
-from hfa import BadInputError, LinearModel, OperatingPoint, find_operating_point, linearize
+from hfa import BadInputError, LinearModel, OperatingPoint, linearize, trim
 from hfa.paper import level_flight
 from hfa_aircraft.model import Model
 from hfa_model import LINEAR_STATES, STATES, Parameters, published_models
@@ -104,9 +104,7 @@ CONDITION = level_flight(np.radians(10.0))
 
 def bands_of(parameters: ParameterSet, dynamics: str = "published") -> Bands:
     aircraft = hfa.aircraft(dynamics, parameters.values)
-    return entry_bands(
-        parameters, CONDITION, linearize(aircraft, find_operating_point(aircraft, CONDITION))
-    )
+    return entry_bands(parameters, CONDITION, linearize(aircraft, trim(aircraft, CONDITION)))
 
 
 @pytest.mark.parametrize(("dynamics", "widest"), [("published", 9.02e-5), ("newton", 2.055e-3)])
@@ -120,7 +118,7 @@ def test_a_band_is_two_standard_errors(
 
     def entries(values: Parameters) -> np.ndarray:
         aircraft = hfa.aircraft(dynamics, values)
-        model = linearize(aircraft, find_operating_point(aircraft, CONDITION))
+        model = linearize(aircraft, trim(aircraft, CONDITION))
         return np.hstack([model.A, model.B])
 
     columns = []
@@ -182,7 +180,7 @@ PEER: dict[str, dict[str, float]] = {
 
 
 def point_of(aircraft: Model, degrees: float = 11.0, **given: float) -> OperatingPoint:
-    return find_operating_point(aircraft, level_flight(math.radians(degrees), **given))
+    return trim(aircraft, level_flight(math.radians(degrees), **given))
 
 
 def test_select_returns_rows_and_columns_by_name(

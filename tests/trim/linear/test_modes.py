@@ -9,7 +9,7 @@ import pytest
 from own_models import F16, NAVION, trimmed
 
 import hfa
-from hfa import Model, OperatingPoint, TrimCondition, find_operating_point, linearize
+from hfa import Model, OperatingPoint, TrimCondition, linearize, trim
 from hfa.paper import level_model
 from hfa_model import LINEAR_STATES
 from trim import modes_of
@@ -154,7 +154,7 @@ def n_per_alpha(model: Model, point: OperatingPoint, pitching: str, step: float 
             del held[name]
         del held["pitch_rate"], held[pitching]
         condition = TrimCondition(model, held, {"alpha": 0.0, "pitch_rate": 0.0})
-        turning = find_operating_point(model, condition, point)
+        turning = trim(model, condition, point)
         loads.append(
             model.outputs_at(turning.states, turning.inputs, ["load_factor"])["load_factor"]
         )

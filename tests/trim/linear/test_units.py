@@ -6,7 +6,7 @@ import pytest
 from own_models import F16, NAVION, trimmed
 
 import hfa
-from hfa import Model, Signal, find_operating_point, linearize
+from hfa import Model, Signal, linearize, trim
 from hfa.paper import level_model
 from trim.linear.linear_report import units_in_words
 from trim.point.condition import usual_condition
@@ -45,7 +45,7 @@ def test_columns_in_other_units_are_named() -> None:
 def test_a_report_states_the_unit_of_time(level: str, flow: str, words: str) -> None:
     """The report of a model in minutes or hours states its unit of time."""
     model = tank(level, flow)
-    linear = linearize(model, find_operating_point(model, usual_condition(model)))
+    linear = linearize(model, trim(model, usual_condition(model)))
     assert units_in_words(linear) == words
     time = words.split(",")[0] if flow == "kg/h" else words.split(", ")[-1]
     assert f"eigenvalue 1/{time}" in linear.report().text()

@@ -11,7 +11,7 @@ import pytest
 from cli import refusal
 
 import hfa
-from hfa import OperatingPoint, find_operating_point
+from hfa import OperatingPoint, trim
 from hfa.paper import level_flight
 from hfa_aircraft.model import Model
 from studies.validation.outside import released_trims
@@ -80,10 +80,10 @@ def test_trims_at_released_conditions_have_released_angles(
     simulation.
     """
     condition = load_condition(name)
-    trims = [trim for trim in released_trims() if trim.speed == speed]
+    trims = [each for each in released_trims() if each.speed == speed]
     assert len(trims) >= 5
     for released in trims:
-        point = find_operating_point(published_aircraft, condition.at(released.dihedral))
+        point = trim(published_aircraft, condition.at(released.dihedral))
         assert point.states.speed == speed
         assert point.states.alpha == pytest.approx(released.alpha, abs=1e-7)
 

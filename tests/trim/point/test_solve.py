@@ -10,7 +10,7 @@ from random_points import INPUT_SCALES, RATE_SCALES
 
 import hfa
 import hfa_model
-from hfa import BadInputError, NoSolutionError, OperatingPoint, TrimCondition, find_operating_point
+from hfa import BadInputError, NoSolutionError, OperatingPoint, TrimCondition, trim
 from hfa.paper import level_flight
 from hfa_aircraft.model import Model
 from hfa_model import STATES, Input, State
@@ -48,7 +48,7 @@ def effort(point: OperatingPoint) -> float:
 def test_the_papers_trims_are_found(aircraft: Model, degrees: float, climb: float) -> None:
     """The paper's trims are found in level flight and in a climb, from two initial points."""
     condition = level_flight(float(np.radians(degrees)), gamma=float(np.radians(climb)))
-    point = find_operating_point(aircraft, condition)
+    point = trim(aircraft, condition)
     assert_meets(aircraft, condition, point)
     assert (point.states.speed, point.states.altitude, point.inputs.aileron_center) == (
         68.0,
@@ -59,16 +59,14 @@ def test_the_papers_trims_are_found(aircraft: Model, degrees: float, climb: floa
     assert np.degrees(point.states.dihedral) == pytest.approx(degrees, rel=1e-15)
     rates = aircraft.at(point.states, point.inputs).f
     assert rates[2] == pytest.approx(68.0 * np.sin(np.radians(climb)), rel=1e-12, abs=1e-12)
-    warm = find_operating_point(
-        aircraft, condition, find_operating_point(aircraft, level_flight(0.25))
-    )
+    warm = trim(aircraft, condition, trim(aircraft, level_flight(0.25)))
     np.testing.assert_allclose(warm.states, point.states, rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(warm.inputs, point.inputs, rtol=1e-10, atol=1e-12)
 
 
 def test_an_untrimmed_point_misses_the_specification(aircraft: Model) -> None:
     """`assert_meets` fails for a point with one control off by 0.001 deg."""
-    point = find_operating_point(aircraft, BASE)
+    point = trim(aircraft, BASE)
     off = point.inputs._replace(elevator_outer=point.inputs.elevator_outer + np.radians(1e-3))
     with pytest.raises(AssertionError):
         assert_meets(
@@ -81,9 +79,9 @@ def test_an_untrimmed_point_misses_the_specification(aircraft: Model) -> None:
 @pytest.mark.parametrize("free", ["alpha", "dihedral", "speed", "altitude"])
 def test_a_freed_state_finds_the_same_flight(aircraft: Model, free: str) -> None:
     """The same trim is found if a state is free and an input is held at its trimmed value."""
-    reference = find_operating_point(aircraft, BASE)
+    reference = trim(aircraft, BASE)
     condition = release(BASE, free=(free,), hold={"aileron_outer": reference.inputs.aileron_outer})
-    point = find_operating_point(aircraft, condition)
+    point = trim(aircraft, condition)
     assert_meets(aircraft, condition, point)
     np.testing.assert_allclose(point.states, reference.states, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(point.inputs, reference.inputs, rtol=1e-9, atol=1e-9)
@@ -101,13 +99,13 @@ def test_least_effort_is_a_minimum(aircraft: Model, extra: tuple[str, ...]) -> N
     If an unknown is held slightly aside, the effort increases by second order.
     """
     condition = release(BASE, free=extra)
-    point = find_operating_point(aircraft, condition)
+    point = trim(aircraft, condition)
     assert_meets(aircraft, condition, point)
     for name in extra:
         aside = [
             release(condition, hold={name: point.values[name] + step}) for step in (-1e-3, 1e-3)
         ]
-        dearer = [effort(find_operating_point(aircraft, nearby)) for nearby in aside]
+        dearer = [effort(trim(aircraft, nearby)) for nearby in aside]
         assert min(dearer) > effort(point), name
         # At a minimum, both sides have the same effort to second order.
         assert abs(dearer[1] - dearer[0]) < 0.05 * (dearer[0] + dearer[1] - 2 * effort(point)), name
@@ -125,14 +123,12 @@ def test_least_effort_stays_within_limits(
     aircraft: Model, limited: str, limits: tuple[float, float]
 ) -> None:
     """If the minimum of effort without limits is outside a limit, the trim is at this limit."""
-    unlimited = find_operating_point(aircraft, release(BASE, free=("aileron_center",))).values[
-        limited
-    ]
+    unlimited = trim(aircraft, release(BASE, free=("aileron_center",))).values[limited]
     assert not limits[0] <= unlimited <= limits[1]
     condition = release(
         level_flight(float(np.radians(15.0)), limits={limited: limits}), free=("aileron_center",)
     )
-    point = find_operating_point(aircraft, condition)
+    point = trim(aircraft, condition)
     assert_meets(aircraft, condition, point)
     assert point.values[limited] == pytest.approx(np.clip(unlimited, *limits), abs=1e-9)
 
@@ -144,23 +140,21 @@ def test_nearly_equal_limits_impose_a_value(aircraft: Model) -> None:
     """Limits of an unknown that differ by one rounding have the effect of an imposed value."""
     alpha = 0.05
     ends = (alpha, np.nextafter(alpha, 1.0))
-    point = find_operating_point(
-        aircraft, release(BASE, free=("speed", "alpha"), limits={"alpha": ends})
-    )
-    imposed = find_operating_point(aircraft, release(BASE, free=("speed",), hold={"alpha": alpha}))
+    point = trim(aircraft, release(BASE, free=("speed", "alpha"), limits={"alpha": ends}))
+    imposed = trim(aircraft, release(BASE, free=("speed",), hold={"alpha": alpha}))
     assert point.states.alpha == pytest.approx(alpha)
     assert point.inputs.throttle == pytest.approx(imposed.inputs.throttle, rel=1e-6)
 
 
 def test_at_sets_the_scheduling_variable(aircraft: Model) -> None:
     """The argument `at` imposes the scheduling variable, and is unknown for a model without one."""
-    assert find_operating_point(aircraft, at=0.2) == find_operating_point(aircraft, dihedral=0.2)
+    assert trim(aircraft, at=0.2) == trim(aircraft, dihedral=0.2)
     with pytest.raises(BadInputError, match="unknown trim variable 'at'"):
-        find_operating_point(replace(aircraft, schedule=""), at=0.2)
+        trim(replace(aircraft, schedule=""), at=0.2)
     with pytest.raises(BadInputError, match="at and dihedral are the same variable"):
-        find_operating_point(aircraft, at=0.2, dihedral=0.1)
+        trim(aircraft, at=0.2, dihedral=0.1)
     with pytest.raises(BadInputError, match="at and dihedral are the same variable"):
-        find_operating_point(aircraft, hold={"dihedral": 0.1}, at=0.2)
+        trim(aircraft, hold={"dihedral": 0.1}, at=0.2)
 
 
 @pytest.mark.parametrize("extra", [(), ("aileron_center",)])
@@ -170,7 +164,7 @@ def test_a_binding_limit_is_named(aircraft: Model, extra: tuple[str, ...]) -> No
     """
     limited = level_flight(float(np.radians(15.0)), limits={"throttle": (0.0, 30.0)})
     with pytest.raises(TrimError) as caught:
-        find_operating_point(aircraft, release(limited, free=extra))
+        trim(aircraft, release(limited, free=extra))
     message = str(caught.value)
     attempt = caught.value.attempt
     assert "\n" not in message
@@ -189,7 +183,7 @@ def test_too_few_unknowns_name_the_equations(aircraft: Model) -> None:
     """If there are fewer unknowns than equations, the message names the failing equations."""
     held = {"aileron_outer": 0.0, "elevator_outer": 0.0}
     with pytest.raises(NoSolutionError) as caught:
-        find_operating_point(aircraft, release(BASE, hold=held))
+        trim(aircraft, release(BASE, hold=held))
     error = caught.value
     assert isinstance(error, TrimError)
     assert "4 equations for 2 unknowns" in str(error)
@@ -202,7 +196,7 @@ def test_too_few_unknowns_name_the_equations(aircraft: Model) -> None:
 def test_an_equation_without_unknowns_is_named(aircraft: Model) -> None:
     """The message names an equation that no unknown affects, and its residual."""
     with pytest.raises(TrimError, match=r"do not balance: pitch by 0\.1 rad/s"):
-        find_operating_point(aircraft, release(BASE, hold={"pitch_rate": 0.1}))
+        trim(aircraft, release(BASE, hold={"pitch_rate": 0.1}))
 
 
 def test_the_cheaper_of_two_minima_is_found(
@@ -215,7 +209,7 @@ def test_the_cheaper_of_two_minima_is_found(
     """
     condition = release(level_flight(float(np.radians(10.0))), free=("speed", "dihedral", "gamma"))
     for start in (None, point):
-        cheaper = find_operating_point(published_aircraft, condition, start)
+        cheaper = trim(published_aircraft, condition, start)
         assert effort(cheaper) == pytest.approx(0.0150, abs=1e-4)
         assert np.degrees(cheaper.states.dihedral) == pytest.approx(60.0, abs=0.01)
 
@@ -255,7 +249,7 @@ def test_the_cheaper_of_two_minima_is_found(
 def test_bad_conditions_are_refused(aircraft: Model, changes: dict[str, float], words: str) -> None:
     """A condition with wrong values, names or limits is refused in one line."""
     with pytest.raises(BadInputError) as caught:
-        find_operating_point(aircraft, level_flight(**({"dihedral": 0.1} | changes)))  # type: ignore[arg-type]
+        trim(aircraft, level_flight(**({"dihedral": 0.1} | changes)))  # type: ignore[arg-type]
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -267,7 +261,7 @@ def test_contradictions_are_refused() -> None:
     with pytest.raises(BadInputError, match="unknown rate 'gamma'"):
         TrimCondition(hfa.aircraft(), BASE.imposed, {"gamma": 0.0})
     with pytest.raises(BadInputError, match="condition is 10; give a TrimCondition"):
-        find_operating_point(hfa.aircraft(), 10)  # type: ignore[arg-type]
+        trim(hfa.aircraft(), 10)  # type: ignore[arg-type]
 
 
 # Extreme cases: a Jacobian without full rank, wings at 0 and nearly 90 deg, no air.
@@ -279,9 +273,9 @@ def test_a_control_without_effect_is_named(aircraft: Model) -> None:
     with pytest.raises(
         TrimError, match=r"no trim: .*; no effect of aileron_outer; free another variable\)"
     ):
-        find_operating_point(hfa.aircraft(hfa_model.variant_of(aircraft), without), BASE)
+        trim(hfa.aircraft(hfa_model.variant_of(aircraft), without), BASE)
     with pytest.raises(TrimError) as refusal:
-        find_operating_point(aircraft, release(BASE, hold={"aileron_outer": 0.3}))
+        trim(aircraft, release(BASE, hold={"aileron_outer": 0.3}))
     assert "no effect" not in str(refusal.value)
 
 
@@ -297,10 +291,8 @@ def test_controls_with_proportional_effects_are_named(aircraft: Model) -> None:
     with pytest.raises(
         TrimError, match=rf"^no trim: .*; {same}\); 8 other initial points failed too$"
     ):
-        find_operating_point(alike, BASE)
-    find_operating_point(
-        alike, release(BASE, free=("aileron_center",), hold={"elevator_outer": 0.0})
-    )
+        trim(alike, BASE)
+    trim(alike, release(BASE, free=("aileron_center",), hold={"elevator_outer": 0.0}))
 
 
 @pytest.mark.parametrize("degrees", [0.0, 89.9999, -89.9999])
@@ -308,7 +300,7 @@ def test_level_and_nearly_upright_wings_are_trimmed(aircraft: Model, degrees: fl
     """The aircraft can be trimmed and linearized with flat and with nearly vertical outer wings."""
     limits = {"dihedral": (-np.pi / 2, np.pi / 2)}
     condition = release(level_flight(float(np.radians(degrees)), limits=limits), free=("alpha",))
-    point = find_operating_point(aircraft, condition)
+    point = trim(aircraft, condition)
     assert max(map(abs, point.residuals.values())) <= 1e-12
     assert np.isfinite(aircraft.at(point.states, point.inputs).A).all()
 
@@ -364,14 +356,14 @@ def test_trim_points_agrees_with_a_single_trim(
     chunk = trim_points(strong_aircraft, ("gamma", "alpha"), values)
     condition = level_flight(0.0, gamma=float(values[0, 0]), alpha=float(values[0, 1]))
     if gamma + alpha <= 60:
-        assert find_operating_point(strong_aircraft, condition).status == "trimmed"
+        assert trim(strong_aircraft, condition).status == "trimmed"
         assert chunk.status[0] == TRIMMED
     else:
         with pytest.raises(
             TrimError,
             match=r"pitch would have to be .* deg, but must lie between -60 deg and 60 deg$",
         ):
-            find_operating_point(strong_aircraft, condition)
+            trim(strong_aircraft, condition)
         assert chunk.status[0] == BEYOND_LIMITS
 
 
@@ -380,38 +372,33 @@ def test_the_pitch_limit_is_checked_with_free_angles(strong_aircraft: Model) -> 
     checked.
     """
     steep = level_flight(0.0, gamma=float(np.radians(62.0)), limits={"pitch": (-2.0, 2.0)})
-    lifted = find_operating_point(strong_aircraft, steep)
+    lifted = trim(strong_aircraft, steep)
     held = {name: getattr(lifted.inputs, name) for name in ("throttle", "aileron_outer")}
     both = release(level_flight(0.0), free=("alpha", "gamma"), hold=held)
     with pytest.raises(
         TrimError,
         match=r"pitch would have to be 64\.8 deg, but must lie between -60 deg and 60 deg",
     ):
-        find_operating_point(strong_aircraft, both, lifted)
+        trim(strong_aircraft, both, lifted)
 
 
 def test_a_missing_condition_uses_the_models_trim() -> None:
     """Without a condition, the trim that the model declares is computed."""
     model = hfa.aircraft()
-    assert (
-        hfa.find_operating_point(model).values
-        == hfa.find_operating_point(model, usual_condition(model)).values
-    )
+    assert hfa.trim(model).values == hfa.trim(model, usual_condition(model)).values
 
 
 def test_holding_by_name_agrees_with_the_command() -> None:
-    """`find_operating_point` holds and frees variables by name, as the command does.
+    """`trim` holds and frees variables by name, as the command does.
 
     An unknown name is refused, also as an index of the point.
     """
     model = hfa.aircraft()
-    point = hfa.find_operating_point(
-        model, hold={"speed": 70.0, "aileron_center": 0.01}, free="dihedral_dot"
-    )
+    point = hfa.trim(model, hold={"speed": 70.0, "aileron_center": 0.01}, free="dihedral_dot")
     assert (point["speed"], point["aileron_center"]) == (70.0, 0.01)
     assert "dihedral" not in point.residuals
     with pytest.raises(BadInputError, match="unknown trim variable 'sped'"):
-        hfa.find_operating_point(model, hold={"sped": 70.0})
+        hfa.trim(model, hold={"sped": 70.0})
     with pytest.raises(BadInputError, match="unknown variable 'sped'; did you mean speed"):
         point["sped"]
 
@@ -419,7 +406,7 @@ def test_holding_by_name_agrees_with_the_command() -> None:
 def test_an_operating_point_lists_its_names() -> None:
     """Iteration yields each name of a point once, and dict(point) contains the value of each name."""
     model = hfa.aircraft()
-    point = find_operating_point(model)
+    point = trim(model)
     names = list(point)
     assert names[:2] == ["speed", "alpha"]
     assert len(set(names)) == len(names)
@@ -441,4 +428,4 @@ def test_a_free_variable_without_effect_is_named():
     with pytest.raises(
         BadInputError, match="the equations do not depend on push; free another variable"
     ):
-        find_operating_point(model)
+        trim(model)

@@ -16,7 +16,7 @@ from cli import hfa
 from random_points import RATE_SCALES
 
 import hfa_model
-from hfa import OperatingPoint, TrimCondition, find_operating_point
+from hfa import OperatingPoint, TrimCondition, trim
 from hfa.extend import Report
 from hfa.paper import level_flight
 from hfa_aircraft.model import Model
@@ -30,7 +30,7 @@ BASE = level_flight(float(np.radians(10.0)))
 
 
 def reported(aircraft: Model, condition: TrimCondition) -> tuple[OperatingPoint, Report]:
-    point = find_operating_point(aircraft, condition)
+    point = trim(aircraft, condition)
     return point, trim_report(aircraft, condition, point)
 
 
@@ -177,7 +177,7 @@ def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCond
 
     In level flight, climb and glide: L + T sin α = W cos γ, T cos α - D = W sin γ, and n = cos γ.
     """
-    point = find_operating_point(aircraft, condition)
+    point = trim(aircraft, condition)
     gamma = point.values["gamma"]
     figures = SimpleNamespace(**performance(point))
     p = hfa_model.parameters_of(aircraft)
@@ -245,5 +245,5 @@ def test_an_input_with_equal_limits_is_reported() -> None:
         lambda x, u, p, w: ({"speed": u.thrust + u.drag - x.speed}, {}),
         trim={"speed": 1.0, "drag": 0.0},
     )
-    text = find_operating_point(model).report().text()
+    text = trim(model).report().text()
     assert re.search(r"^drag, lowest +0 +0\.00000 +lbf +0\.0 % +held there$", text, re.M)

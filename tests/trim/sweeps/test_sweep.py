@@ -14,7 +14,7 @@ from extension import Extension
 from known_models import model_at
 
 import hfa_model
-from hfa import BadInputError, TrimCondition, find_operating_point, linearize, sweep
+from hfa import BadInputError, TrimCondition, linearize, sweep, trim
 from hfa.paper import level_flight
 from hfa_aircraft.model import Model, Signal
 from hfa_model import DEGREE, INPUTS, STATES, VARIANTS, Parameters, choice
@@ -80,11 +80,11 @@ def test_each_point_equals_its_single_trim(aircraft: Model, name: str) -> None:
             )
         if result.reasons[i]:
             with pytest.raises(TrimError) as caught:
-                find_operating_point(model, single)
+                trim(model, single)
             assert result.reasons[i] == str(caught.value)
             assert " required" in result.reasons[i]
             continue
-        point = find_operating_point(model, single)
+        point = trim(model, single)
         np.testing.assert_allclose(result.states[i], point.states, rtol=1e-9, atol=1e-11)
         np.testing.assert_allclose(result.inputs[i], point.inputs, rtol=1e-9, atol=1e-11)
         np.testing.assert_allclose(result.A[i], linearize(model, point).A, rtol=1e-9, atol=1e-9)
@@ -254,7 +254,7 @@ def test_a_list_of_points_is_swept_in_order(published_aircraft: Model, tmp_path:
         parameters=hfa_model.parameters_of(published_aircraft)._replace(panel_mass=9.3)
     )
     held = {"speed": 68.0, "dihedral": float(np.radians(10.0)), "climb_rate": 1.0}
-    alone = linearize(lighter, find_operating_point(lighter, release(base, hold=held)))
+    alone = linearize(lighter, trim(lighter, release(base, hold=held)))
     np.testing.assert_allclose(swept.A[1], alone.A, rtol=1e-9, atol=1e-12)
     stored = hfa(*words, "-o", str(tmp_path / "points.zarr"), "--json")
     assert json.loads(stored.out)["counts"]["trimmed"] == 2
@@ -299,7 +299,7 @@ def test_many_points_equal_their_single_trims(dynamics, compile_code, variables,
     assert trimmed.size >= 15
     for i in trimmed:
         single = condition_at(condition, variables, values[i])
-        model = linearize(aircraft, find_operating_point(aircraft, single), full=True)
+        model = linearize(aircraft, trim(aircraft, single), full=True)
         np.testing.assert_allclose(points.states[i], model.point.states, rtol=1e-9, atol=1e-10)
         np.testing.assert_allclose(points.inputs[i], model.point.inputs, rtol=1e-9, atol=1e-10)
         np.testing.assert_allclose(points.A[i], model.A, rtol=1e-9, atol=1e-8)
@@ -371,7 +371,7 @@ def test_points_with_spare_unknowns_equal_single_trims(published_aircraft: Model
     assert points.one_by_one.sum() == 2
     for i, angle in enumerate(angles):
         single = release(level_flight(float(angle)), free=("aileron_center",))
-        point = find_operating_point(model, single)
+        point = trim(model, single)
         linear = linearize(model, point, full=True)
         assert points.states[i].tolist() == list(point.states)
         assert points.inputs[i].tolist() == list(point.inputs)
@@ -384,7 +384,7 @@ def test_a_varied_parameter_equals_single_trims(published_aircraft: Model) -> No
     parameters = hfa_model.parameters_of(published_aircraft)
     masses = parameters.panel_mass * np.array([[1.0], [1.1]])
     heavier = parameters._replace(panel_mass=float(masses[1, 0]))
-    single = find_operating_point(choice.aircraft(parameters=heavier), level_flight(0.0))
+    single = trim(choice.aircraft(parameters=heavier), level_flight(0.0))
     inputs = trim_points(published_aircraft, ("panel_mass",), masses).inputs
     assert inputs[1].tolist() == list(single.inputs)
     assert inputs[0].tolist() != inputs[1].tolist()
@@ -400,7 +400,7 @@ def test_an_extreme_parameter_is_refused(
     In a sweep only the points with such a parameter have no trim.
     """
     with pytest.raises(BadInputError, match=f"{WORDS}; use other values"):
-        find_operating_point(
+        trim(
             choice.aircraft(parameters=parameters._replace(**{name: value})),
             release(level_flight(0.0), free=free),
         )

@@ -7,8 +7,8 @@ import pytest
 
 from controller.critic.critic import from_value
 from controller.riccati import normal_form
-from hfa import Game, solve_game
-from verification.critic.critic_check import check_critic
+from hfa import Game, solve
+from verification.critic.critic_check import verify
 
 
 def test_one_check_balances_the_game_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -16,7 +16,7 @@ def test_one_check_balances_the_game_once(monkeypatch: pytest.MonkeyPatch) -> No
     rng = np.random.default_rng(12)
     A, B, E = (rng.standard_normal((4, size)) for size in (4, 2, 1))
     game = Game(A, B, E, np.eye(4), np.eye(2), 30.0)
-    critic = from_value(game, solve_game(game).P)
+    critic = from_value(game, solve(game).P)
     units_of = normal_form.units_of
     balanced = []
 
@@ -27,5 +27,5 @@ def test_one_check_balances_the_game_once(monkeypatch: pytest.MonkeyPatch) -> No
     # Only counting the calls shows how often the game is balanced.
     monkeypatch.setattr(normal_form, "units_of", counted)
     normal_form.NormalForm.of.cache_clear()
-    assert check_critic(game, critic).ok
+    assert verify(game, critic).ok
     assert len(balanced) == 1

@@ -26,14 +26,14 @@ from hfa import (
     NoSolutionError,
     Signal,
     TrimCondition,
-    check_critic,
-    find_operating_point,
     from_gain,
     from_value,
     from_weights,
     learn,
     linearize,
     read_critic,
+    trim,
+    verify,
 )
 from hfa.main import BAD_INPUT
 from hfa_model import INPUTS, LINEAR_STATES
@@ -51,7 +51,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def failed(game: Game, candidate: Critic, **how: Any) -> set[str]:
-    return failed_names(check_critic(game, candidate, **how).checks)
+    return failed_names(verify(game, candidate, **how).checks)
 
 
 def over_the_box(game: Game, candidate: Critic) -> dict[str, float]:
@@ -64,7 +64,7 @@ def over_the_box(game: Game, candidate: Critic) -> dict[str, float]:
 def test_the_exact_weights_pass_in_every_basis(game: Game, name: str) -> None:
     """The weights of the exact V pass in each basis, with the disk margin of the exact solution."""
     functions = basis(name, 6)
-    check = check_critic(game, from_weights(game, functions.weights(value(game)), functions))
+    check = verify(game, from_weights(game, functions.weights(value(game)), functions))
     assert check.ok, failed_names(check.checks)
     assert max(check.P_rel_error, check.K_rel_error) <= 1e-12
     assert check.reason == ""
@@ -79,7 +79,7 @@ def test_a_state_without_cost_may_have_zero_value() -> None:
     Q = np.diag([1.0, 0.0])
     game = Game(A=A, B=B, E=np.eye(2), Q=Q, R=np.eye(1), delta=100.0)
     assert value(game)[1, 1] == pytest.approx(0.0, abs=1e-14)
-    assert check_critic(game, from_value(game, value(game))).ok
+    assert verify(game, from_value(game, value(game))).ok
 
 
 def test_a_barely_controllable_plant_is_checked() -> None:
@@ -90,17 +90,17 @@ def test_a_barely_controllable_plant_is_checked() -> None:
     A = np.array([[-0.04, 0.72], [0.72, -0.46]])
     B = np.array([[-0.5999976], [0.8000018]])
     game = Game(A, B, np.zeros((2, 1)), np.eye(2), np.eye(1), math.inf)
-    verdict = check_critic(game, from_value(game, value(game)))
+    verdict = verify(game, from_value(game, value(game)))
     assert verdict
     assert verdict.ok
-    failed = check_critic(game, from_value(game, value(game) * (1.0 + 1e-5)))
+    failed = verify(game, from_value(game, value(game) * (1.0 + 1e-5)))
     assert not failed
     assert not failed.ok
 
 
 def test_a_gain_alone_passes(game: Game) -> None:
     """The exact gain passes without a value, and no error of a value is reported."""
-    check = check_critic(game, from_gain(game, gain(game)))
+    check = verify(game, from_gain(game, gain(game)))
     assert check.ok
     assert check.to_dict()["P_rel_error"] is None
     assert not any(row.name.startswith(("P_", "riccati")) for row in check.checks)
@@ -124,7 +124,7 @@ def test_another_root_with_a_tiny_residual_is_refused(game: Game) -> None:
     """
     P = other_root(game)
     assert np.abs(game.residual(P)).max() <= 1e-7 * np.abs(game.Q).max()
-    check = check_critic(game, from_value(game, P))
+    check = verify(game, from_value(game, P))
     assert {"P_rel_error", "game_loop_abscissa"} <= failed_names(check.checks)
     assert "riccati_residual" not in failed_names(check.checks)
 
@@ -159,7 +159,7 @@ def test_a_critic_of_poor_data_is_refused(game: Game) -> None:
     weights, residual = rank_deficient_weights(game)
     assert residual < 1e-10
     run = result_of(game, weights, 15, predefined_time=10.0)
-    check = check_critic(game, from_weights(game, weights), run=run)
+    check = verify(game, from_weights(game, weights), run=run)
     assert {"P_rel_error", "riccati_residual", "data_rank"} <= failed_names(check.checks)
     assert "rank 15 of 21" in check.reason
 
@@ -181,7 +181,7 @@ def test_the_settling_time_of_a_run_is_recomputed(
         weights=np.outer(factors, weights),
         settling_residual=np.zeros(2),
     )
-    check = check_critic(game, from_weights(game, weights), run=run)
+    check = verify(game, from_weights(game, weights), run=run)
     assert check.table is not None
     assert check.table.settling_time == settled
     assert failed_names(check.checks) == ({"settling_time"} if settled > 0.5 else set())
@@ -238,31 +238,31 @@ def test_wrong_shapes_and_numbers_are_named(
             ):
                 make(game, wrong)
     with pytest.raises(NoSolutionError, match="delta_min"):
-        check_critic(game.with_delta(50.0), from_gain(game, np.zeros((5, 6))))
+        verify(game.with_delta(50.0), from_gain(game, np.zeros((5, 6))))
     with pytest.raises(BadInputError, match=r"K is 6 x 5.*such as the transpose of K"):
-        check_critic(game, np.zeros((6, 5)))
+        verify(game, np.zeros((6, 5)))
 
 
 def test_an_array_is_the_gain_of_a_critic(game: Game) -> None:
-    """`check_critic` accepts a gain K as an array or as nested lists."""
-    assert check_critic(game, gain(game)).ok
-    assert check_critic(game, (1.01 * gain(game)).tolist()).grade == "near"
+    """`verify` accepts a gain K as an array or as nested lists."""
+    assert verify(game, gain(game)).ok
+    assert verify(game, (1.01 * gain(game)).tolist()).grade == "near"
 
 
 def test_solutions_runs_and_named_matrices_are_critics(game: Game) -> None:
-    """`check_critic` accepts a solution, a training run, K, P and W as critics."""
+    """`verify` accepts a solution, a training run, K, P and W as critics."""
     exact = solved(game)
-    assert check_critic(game, exact).ok
-    assert check_critic(game, K=exact.K).ok
-    assert check_critic(game, P=exact.P).ok
-    assert not check_critic(game, K=1.1 * exact.K, P=exact.P).ok
+    assert verify(game, exact).ok
+    assert verify(game, K=exact.K).ok
+    assert verify(game, P=exact.P).ok
+    assert not verify(game, K=1.1 * exact.K, P=exact.P).ok
     run = learn(game, seed=0)
-    of_run = check_critic(game, run)
+    of_run = verify(game, run)
     assert of_run.table is not None
-    assert of_run.checks == check_critic(game, run.critic(game), run=run).checks
-    assert check_critic(game, W=run.W).P_rel_error == of_run.P_rel_error
+    assert of_run.checks == verify(game, run.critic(game), run=run).checks
+    assert verify(game, W=run.W).P_rel_error == of_run.P_rel_error
     with pytest.raises(BadInputError, match="no critic is given; give W, P or K, or a file"):
-        check_critic(game)
+        verify(game)
 
 
 def test_a_file_is_read_for_its_game(game: Game) -> None:
@@ -272,15 +272,15 @@ def test_a_file_is_read_for_its_game(game: Game) -> None:
     np.savez("K.npz", K=gain(game))
     np.savez("P.npz", P=value(game))
     for file in ("K.npz", "P.npz"):
-        assert check_critic(game, file).ok
-        assert check_critic(game, read_critic(file, game)).ok
+        assert verify(game, file).ok
+        assert verify(game, read_critic(file, game)).ok
     assert np.array_equal(read_critic("K.npz").K, gain(game))
     np.savez("in_SI.npz", K=gain(game), state_units=["m/s", *game.names.state_units[1:]])
     for file in ("P.npz", "in_SI.npz"):
         with pytest.raises(BadInputError, match=f"{file} cannot be read without"):
             read_critic(file)
     with pytest.raises(BadInputError, match="no such file"):
-        check_critic(game, "none.npz")
+        verify(game, "none.npz")
 
 
 def test_wrong_limits_and_constants_are_named(game: Game) -> None:
@@ -292,7 +292,7 @@ def test_wrong_limits_and_constants_are_named(game: Game) -> None:
         with pytest.raises(BadInputError, match=r"constant is .*; give a number"):
             from_weights(game, weights, constant=constant)  # type: ignore[arg-type]
     with pytest.raises(BadInputError, match="limit is True; give a number"):
-        check_critic(game, from_gain(game, gain(game)), limit=True)
+        verify(game, from_gain(game, gain(game)), limit=True)
 
 
 @pytest.mark.parametrize(("speed", "half_width"), [(120.0, 20.0), (150.0, None), (200.0, None)])
@@ -309,7 +309,7 @@ def test_the_box_extends_to_the_nearer_limit(speed: float, half_width: float | N
     inputs = {"throttle": Signal("", min=0.0, max=500.0)}
     model = Model("toy", states, inputs, equations, trim={"speed": 120.0})
     condition = TrimCondition(model, {"speed": speed}, limits={"speed": (0.0, 300.0)})
-    box = box_within_limits(linearize(model, find_operating_point(model, condition)))
+    box = box_within_limits(linearize(model, trim(model, condition)))
     if half_width is None:
         assert box is None
     else:
@@ -323,7 +323,7 @@ def test_the_report_shows_the_farthest_entries(game: Game) -> None:
     K = gain(game).copy()
     P[1, 4] = P[4, 1] = P[1, 4] * 1.01
     K[3, 2] *= 1.01
-    report = check_critic(game, replace(from_value(game, P), K=K, feedback=None)).report()
+    report = verify(game, replace(from_value(game, P), K=K, feedback=None)).report()
     for words in (
         "\nP(alpha, dihedral) ",
         "\nK(elevator_center, pitch) ",
@@ -352,7 +352,7 @@ def test_a_wrong_row_or_column_is_detected(
     count: number of factors and entries to be tested
     """
     game = game_in(state, of_input)
-    assert check_critic(game, from_gain(game, gain(game))).ok
+    assert verify(game, from_gain(game, gain(game))).ok
     for factor in factors:
         parts = ([1.0, factor], [factor, 1.0], [[1.0], [factor]], [[factor], [1.0]])
         for change in parts[:count]:
@@ -498,7 +498,7 @@ def test_a_plant_like_the_aircraft_has_its_box() -> None:
     """
     Q = np.diag([1.0, 1e6, 1.0, 1.0, 1.0, 1.0])
     game = Game(-np.diag(np.arange(1.0, 7.0)), np.ones((6, 5)), np.eye(6), Q, np.eye(5), 5.0)
-    data = check_critic(game, from_gain(game, gain(game))).to_dict()
+    data = verify(game, from_gain(game, gain(game))).to_dict()
     assert data["box"]["half_widths"] == NormalForm.of(game).units.tolist()
     assert "a convention" in data["box"]["about"]
 

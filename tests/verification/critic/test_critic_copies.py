@@ -11,7 +11,7 @@ from copies import copies
 from game_samples import game_models
 
 from controller.critic.critic import from_gain, from_value
-from hfa import check_critic, solve_game
+from hfa import solve, verify
 
 
 @pytest.mark.parametrize(
@@ -29,12 +29,12 @@ def test_every_copy_has_the_same_verdict(error: float, passes: bool, count: int)
     The error of P is in a random direction.
     """
     game = game_models()["published-15"]
-    exact = solve_game(game)
+    exact = solve(game)
     direction = np.random.default_rng(0).standard_normal(exact.P.shape)
     P = exact.P + error * np.abs(exact.P).max() * (direction + direction.T)
     critic = {"P": P, "K": exact.K * (1.0 + error)}
     for copy in copies(game, 5, count, critic):
         of_value = from_value(copy.problem, copy.critic["P"])
         of_gain = from_gain(copy.problem, copy.critic["K"])
-        verdicts = [check_critic(copy.problem, candidate).ok for candidate in (of_value, of_gain)]
+        verdicts = [verify(copy.problem, candidate).ok for candidate in (of_value, of_gain)]
         assert verdicts == [passes, passes], copy.kind

@@ -16,12 +16,12 @@ from controller.critic.critic import Critic
 from controller.hfa_game import ORDINARY_DEVIATIONS
 from hfa import (
     Game,
-    check_critic,
-    find_operating_point,
     from_gain,
     from_value,
     linearize,
-    solve_game,
+    solve,
+    trim,
+    verify,
 )
 from hfa.paper import level_flight
 from hfa_model import choice
@@ -60,7 +60,7 @@ CRITICS: dict[str, Any] = {
 def test_the_first_line_has_at_most_100_columns(game: Game, name: str) -> None:
     """The first line states grade and stability of each planted critic in at most 100 columns."""
     scope = Scope(ordinary_box(), flights=3)
-    verdict = check_critic(game, CRITICS[name](game), scope=scope)
+    verdict = verify(game, CRITICS[name](game), scope=scope)
     unstable = name in ("other root", "huge", "overflowing", "unstable")
     for limit_cost in (None, 1e-3):
         line, *further = verdict.report(limit_cost=limit_cost).title.splitlines()
@@ -75,14 +75,14 @@ def test_the_first_line_has_at_most_100_columns(game: Game, name: str) -> None:
 
 def test_the_l2_gain_is_not_an_error(game: Game) -> None:
     """For an exact critic, the L2 gain does not count as its largest error."""
-    verdict = check_critic(game, from_gain(game, gain(game)), limit=game.delta)
+    verdict = verify(game, from_gain(game, gain(game)), limit=game.delta)
     assert verdict.value_of("l2_gain") > 100.0
     assert verdict.largest_error < 1e-12
 
 
 def test_rounding_differences_are_reported_as_rounding(game: Game) -> None:
     """For an exact critic, the report states that all entries differ by rounding only."""
-    exact = check_critic(game, from_value(game, value(game)))
+    exact = verify(game, from_value(game, value(game)))
     assert "12 of 51 entries; all differ by rounding only" in exact.report().text()
 
 
@@ -102,7 +102,7 @@ def test_no_network_error_exceeds_the_reported_one(game: Game) -> None:
         game, network_files.torch_file("v.pt", layers), activation="softplus"
     )
     assert critic.value is not None
-    exact = solve_game(game)
+    exact = solve(game)
     _, found = searches.search(searches.Comparison(critic, exact, np.sqrt(np.diag(game.R)), BOX))
     errors = {item.name: item.error for item in found}
     size = BOX @ np.abs(exact.P) @ BOX
@@ -116,7 +116,7 @@ def test_networks_saturate_at_the_control_limits() -> None:
     limits.
     """
     model = choice.aircraft()
-    point = find_operating_point(model, level_flight(np.radians(15.0)))
+    point = trim(model, level_flight(np.radians(15.0)))
     plant = nonlinear_plant(linearize(model, point))
     z = np.zeros(6)
     u = np.full(5, 1000.0)
@@ -134,14 +134,14 @@ def test_a_verdict_has_three_grades(game: Game) -> None:
         "fail": from_gain(game, -gain(game)),
     }
     for grade, critic in grades.items():
-        verdict = check_critic(game, critic)
+        verdict = verify(game, critic)
         assert verdict.grade == verdict.to_dict()["grade"] == grade
         assert verdict.ok == (grade == "exact")
-    near = check_critic(game, grades["near"])
+    near = verify(game, grades["near"])
     assert near.cost_lost < 1.0
     assert near.headline().startswith("NEAR on the linear game: ")
     assert near.report(limit_cost=1.0).title.startswith("PASS on the linear game by cost limit 1 %")
-    far = check_critic(game, from_gain(game, 1.5 * gain(game)))
+    far = verify(game, from_gain(game, 1.5 * gain(game)))
     assert (far.grade, far.stabilizing) == ("fail", True)
     assert far.cost_lost > 1.0
 

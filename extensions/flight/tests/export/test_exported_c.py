@@ -20,7 +20,7 @@ from project import ROOT
 from random_points import INPUT_SCALES, STATE_SCALES, rising, state_rates, symbols
 
 import hfa_model
-from hfa import BadInputError, OperatingPoint, find_operating_point, linearize
+from hfa import BadInputError, OperatingPoint, linearize, trim
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
 from hfa_flight import ActuatorBank, CommandSteps, GainPolicy, Scenario
@@ -139,7 +139,7 @@ def test_exported_rates_of_other_aircraft_equal_the_model(name: str, tmp_path: P
     The example loop of the Navion runs.
     """
     model = load_model(str(EXAMPLES / name))
-    point = find_operating_point(model, usual_condition(model))
+    point = trim(model, usual_condition(model))
     linear = linearize(model, point)
     gain = np.zeros((len(model.inputs), len(model.linear)))
     written(tmp_path, c_model_texts(linear, GainPolicy("none", gain), "here"), SOURCE)

@@ -15,7 +15,7 @@ import pytest
 from cli import assert_refused, hfa
 
 from controller.game.array_file import read_arrays
-from hfa import solve_game
+from hfa import solve
 from hfa.paper import published_game
 
 OCTAVE = shutil.which("octave-cli")
@@ -77,7 +77,7 @@ def test_octave_and_hfa_give_equal_results(folder: Path) -> None:
         theirs = seen["E"][:, k]
         assert max(abs(theirs - value).min() for value in ours) < 1e-8
         game = published_game(np.array(A), np.array(B), delta=np.inf)
-        np.testing.assert_allclose(seen["K"][:, :, k], solve_game(game).K, rtol=1e-8, atol=1e-8)
+        np.testing.assert_allclose(seen["K"][:, :, k], solve(game).K, rtol=1e-8, atol=1e-8)
     assert [name.strip() for name in seen["names"]] == [*data["states"], *data["inputs"]]
 
 

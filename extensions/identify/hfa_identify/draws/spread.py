@@ -9,7 +9,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.cost import cost_above_optimum
-from controller.riccati.gare import solve_game
+from controller.riccati.gare import unconfirmed_solution
 from hfa_aircraft.model import Model
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress, with_progress
@@ -18,7 +18,7 @@ from trim.linear.linear_model import LinearModel
 from trim.point.condition import TrimCondition
 from trim.point.linearize import linearize
 from trim.point.operating_point import OperatingPoint
-from trim.point.solve import TrimError, find_operating_point
+from trim.point.solve import TrimError, trim
 
 #: Percentiles at the ends of a 95 % band.
 _BAND = (2.5, 97.5)
@@ -137,7 +137,7 @@ class DrawnAircraft:
         found = []
         for model in with_progress(self.models, progress):
             try:
-                found.append(find_operating_point(model, self.condition, self.point))
+                found.append(trim(model, self.condition, self.point))
             except TrimError:
                 continue
         return found
@@ -191,7 +191,7 @@ class DrawnAircraft:
         for linear in linear_models:
             drawn = replace(game, A=linear.A, B=linear.B)
             try:
-                solution = solve_game(drawn)
+                solution = unconfirmed_solution(drawn)
             except NoSolutionError:
                 unsolved += 1
                 continue

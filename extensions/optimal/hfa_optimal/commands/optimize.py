@@ -139,13 +139,15 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         invalid.
         """
         from controller.critic.critic_file import Reading, critic_in
-        from controller.riccati.gare import solve_game
+        from controller.riccati.gare import unconfirmed_solution
         from hfa_optimal.pilots import critic_pilot, deployment_pilot, gain_pilot
 
         flights = search.flights
         pilots = []
         if np.isfinite(game.delta):
-            pilots.append(gain_pilot(flights, "exact game policy, saturated", solve_game(game).K))
+            pilots.append(
+                gain_pilot(flights, "exact game policy, saturated", unconfirmed_solution(game).K)
+            )
         if self.weights is not None:
             with prefix_errors(self.weights):
                 critic = critic_in(self.weights, game, Reading())

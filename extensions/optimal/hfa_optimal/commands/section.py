@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from controller.riccati.gare import solve_game
+from controller.riccati.gare import unconfirmed_solution
 from hfa.options.games import NamedGame
 from hfa.output import ProgressLine
 from hfa_optimal.initial_conditions import drawn_starts, starts_table
@@ -52,7 +52,7 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
     search = BestFlights(problem, count)
     pilots = [critic_pilot(search.flights, "this critic, saturated", verdicts[0].critic)]
     if np.isfinite(game.delta):
-        exact = solve_game(game).K
+        exact = unconfirmed_solution(game).K
         pilots.append(gain_pilot(search.flights, "exact game policy, saturated", exact))
     starts = drawn_starts(problem, count, _SEED)
     table = starts_table(search, starts, pilots, ProgressLine("flights"))

@@ -38,7 +38,7 @@ from hfa_flight.turbulence import Turbulence
 from hfa_support.entry_points import PARTS, offered, part
 from hfa_support.errors import BadInputError, choice_of
 from trim.point.operating_point import OperatingPoint
-from trim.point.solve import find_operating_point
+from trim.point.solve import trim
 
 if TYPE_CHECKING:
     from hfa_policy.assessment import AssessedPoint
@@ -204,7 +204,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
             else:
                 flown = aircraft
                 condition = self.common_condition.at(value)
-            points.append(find_operating_point(flown, condition, self.start_point))
+            points.append(trim(flown, condition, self.start_point))
         return points
 
     def deployments(self, model: Model) -> list[Deployment]:

@@ -23,7 +23,7 @@ from hfa_policy.deployment import Deployment
 from hfa_policy.held_step import held_step, parts_of_a_sample
 from trim.limits import Limits
 from trim.point.condition import usual_condition
-from trim.point.solve import find_operating_point
+from trim.point.solve import trim
 
 FOLDER = Path(__file__).resolve().parent.parent / "policies"
 ROOT = FOLDER.parent.parent.parent.parent
@@ -72,9 +72,7 @@ class Flight(gymnasium.Env):
     def __init__(self, card, model, trims, spread):
         self.card = card
         self.deployed = card.on(model)
-        self.points = [
-            find_operating_point(model, usual_condition(model).at(float(value))) for value in trims
-        ]
+        self.points = [trim(model, usual_condition(model).at(float(value))) for value in trims]
         self.step_of_aircraft = held_step(model, card.dt, parts_of_a_sample(self.points, card.dt))
         self.spread = [spread.get(name, 0.0) for name in model.states]
         self.limits = Limits.of(model, tuple(model.states))

@@ -33,7 +33,7 @@ from hfa_support.errors import BadInputError
 from hfa_support.linear_table import LinearTable
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.operating_point import OperatingPoint
-from trim.point.solve import find_operating_point
+from trim.point.solve import trim
 
 Proved = TypeVar("Proved")
 #: Limits beyond this value are treated as infinite.
@@ -134,7 +134,7 @@ class Family:
         if model.schedule in model.parameters:
             value = in_model_unit(model, scheduling_value)
             model = model.with_parameters(**{model.schedule: value})
-        return find_operating_point(model, self.condition(scheduling_value))
+        return trim(model, self.condition(scheduling_value))
 
     def flight(self, low: float, high: float) -> Flight:
         """Return the trims from `low` to `high` in the form of a statement, without stated trims.
@@ -225,8 +225,8 @@ class TrimSearch:
         TrimError if no trim exists at the center.
         """
         if box not in self._linear_models:
-            trim = self.trim_box(box)
-            self._linear_models[box] = linear_model_on(self.flight, trim, self.measured)
+            trim_of_box = self.trim_box(box)
+            self._linear_models[box] = linear_model_on(self.flight, trim_of_box, self.measured)
         return self._linear_models[box]
 
     def _refuse_unbalanced(self, low: float) -> None:
@@ -235,8 +235,8 @@ class TrimSearch:
         low: scheduling value of the trim
         """
         start = self.family.point(low).values
-        trim = TrimBox(low, low, {}, {})
-        values: dict[str, Any] = known_values(self.flight, trim, decimals=False)
+        trim_of_box = TrimBox(low, low, {}, {})
+        values: dict[str, Any] = known_values(self.flight, trim_of_box, decimals=False)
         values |= {name: arb(float(start[name])) for name in self._equations.unknowns}
         residual = self._equations.residual(values)
         names = (*self.flight.model.steady, *self._equations.imposed_outputs)
@@ -255,15 +255,15 @@ class TrimSearch:
         count = len(self.flight.spread)
         zeros = [arb(0) for _ in range(2 + count)]
         polynomials = {name: [value, *zeros] for name, value in zip(unknowns, middle, strict=True)}
-        trim = TrimBox(box.low, box.high, polynomials, {})
+        trim_of_box = TrimBox(box.low, box.high, polynomials, {})
         for order in (1, 2):
-            steps = (C * self._residual(trim).parts[order]).entries()
+            steps = (C * self._residual(trim_of_box).parts[order]).entries()
             for name, step in zip(unknowns, steps, strict=True):
                 polynomials[name][order] = arb(float(-step.mid()))
             if order == 1:
-                self._add_errors(trim, C)
-        trim.radii.update(self._radii(C, self._residual(trim), _ROOM))
-        return trim
+                self._add_errors(trim_of_box, C)
+        trim_of_box.radii.update(self._radii(C, self._residual(trim_of_box), _ROOM))
+        return trim_of_box
 
     def point_trim(self, scheduling_value: float) -> PointTrim:
         """Return the center and the radii of the trim at a scheduling value.
@@ -277,9 +277,9 @@ class TrimSearch:
         center = {
             name: [value, arb(0), arb(0)] for name, value in zip(unknowns, values, strict=True)
         }
-        trim = TrimBox(scheduling_value, scheduling_value, center, {})
-        of_doubles = self._radii(C, self._residual(trim, decimals=False), 2 * _ROOM)
-        of_decimals = self._radii(C, self._residual(trim, decimals=True), 2 * _ROOM)
+        trim_of_box = TrimBox(scheduling_value, scheduling_value, center, {})
+        of_doubles = self._radii(C, self._residual(trim_of_box, decimals=False), 2 * _ROOM)
+        of_decimals = self._radii(C, self._residual(trim_of_box, decimals=True), 2 * _ROOM)
         return PointTrim(center, of_doubles, of_decimals)
 
     def _radii(self, C: Any, residual: TaylorModel, room: float) -> dict[str, arb]:
@@ -319,18 +319,18 @@ class TrimSearch:
         for _ in range(_STEPS if precise else 1):
             pairs = zip(unknowns, values, strict=True)
             center = {name: [value, arb(0), arb(0)] for name, value in pairs}
-            trim = TrimBox(scheduling_value, scheduling_value, center, {})
-            steps = (C * self._residual(trim, decimals=False).parts[0]).entries()
+            trim_of_box = TrimBox(scheduling_value, scheduling_value, center, {})
+            steps = (C * self._residual(trim_of_box, decimals=False).parts[0]).entries()
             values = [(value - step).mid() for value, step in zip(values, steps, strict=True)]
         return values if precise else [arb(float(value)) for value in values]
 
-    def _residual(self, trim: TrimBox, *, decimals: bool = True) -> TaylorModel:
+    def _residual(self, trim_of_box: TrimBox, *, decimals: bool = True) -> TaylorModel:
         """Return the residual F of the trim equations at the polynomials of a box, a column.
 
         decimals: whether to cover all decimal numbers that round to the stored doubles
         """
-        values: dict[str, Any] = known_values(self.flight, trim, decimals=decimals)
-        for name, (c0, c1, c2, *errors) in trim.polynomials.items():
+        values: dict[str, Any] = known_values(self.flight, trim_of_box, decimals=decimals)
+        for name, (c0, c1, c2, *errors) in trim_of_box.polynomials.items():
             values[name] = TaylorModel(c0, c1, c2, arb(0), *errors)
         residual = self._equations.residual(values)
         return stacked([[residual[row]] for row in self._rows])
@@ -340,19 +340,19 @@ class TrimSearch:
 
         values: values of the unknowns
         """
-        trim = TrimBox(scheduling_value, scheduling_value, {}, {})
-        imposed = known_values(self.flight, trim, decimals=False)
+        trim_of_box = TrimBox(scheduling_value, scheduling_value, {}, {})
+        imposed = known_values(self.flight, trim_of_box, decimals=False)
         at: dict[str, Any] = {name: model.parts[0] for name, model in imposed.items()}
         at |= dict(zip(self._equations.unknowns, values, strict=True))
         slopes = self._equations.linear(at).slopes
         return stacked([slopes[row] for row in self._rows]).parts[0]
 
-    def _add_errors(self, trim: TrimBox, C: Any) -> None:
+    def _add_errors(self, trim_of_box: TrimBox, C: Any) -> None:
         """Add the first-order effects of the parameter errors to the polynomials of a box.
 
         C: approximate inverse of F_w
         """
-        for index, slope in enumerate(self._residual(trim).parts[4:]):
+        for index, slope in enumerate(self._residual(trim_of_box).parts[4:]):
             steps = (C * slope).entries()
             for name, step in zip(self._equations.unknowns, steps, strict=True):
-                trim.polynomials[name][3 + index] = arb(float(-step.mid()))
+                trim_of_box.polynomials[name][3 + index] = arb(float(-step.mid()))

@@ -14,7 +14,7 @@ from flint import acb, acb_mat, arb, arb_mat
 from controller.critic.critic import Critic
 from controller.game.zero_sum import Game
 from controller.riccati.careful_derivations import by_schur
-from controller.riccati.gare import solve_game
+from controller.riccati.gare import unconfirmed_solution
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta
 from hfa_proof.arithmetic.balls import doubles, lowest_sign, matrix, norm
@@ -355,7 +355,7 @@ def prove_solution(
     True
     """
     _report(progress, "solving in doubles")
-    P = solve_game(game).P
+    P = unconfirmed_solution(game).P
     _report(progress, "enclosing the linear model")
     exact = ExactGame.of(game, family, scheduling_value)
     _report(progress, "enclosing the solution")

@@ -16,7 +16,7 @@ from known_models import exact_gain, model_at
 from proof_cases import content, delayed_abscissa, family, forge, through_actuators
 
 from controller.hfa_game import usual_game
-from hfa import BadInputError, Model, Signal, linearize, solve_game
+from hfa import BadInputError, Model, Signal, linearize, solve
 from hfa_aircraft.loading import load_model
 from hfa_model import INPUTS, LINEAR_STATES, choice
 from hfa_proof import Family, check_certificate, prove_schedule
@@ -220,7 +220,7 @@ def test_gains_of_the_navion_are_proved(tmp_path: Any) -> None:
     gains = []
     for speed in (160.0, 176.0):
         model = linearize(flights.model, flights.point(speed))
-        gains.append(solve_game(usual_game(flights.model, model.A, model.B)).K)
+        gains.append(solve(usual_game(flights.model, model.A, model.B)).K)
     K = np.array(gains)
     loop = loop_of_gains(flights.model, [160.0, 176.0], K)
     proof = prove_schedule(flights, loop, 160.0, 168.0, moving=True)

@@ -16,7 +16,7 @@ from reference_riccati import reference_solution
 from controller import basis, minimum_delta
 from controller.critic.critic import from_gain, from_parts
 from controller.riccati.smallest_delta import DeltaMin
-from hfa import BadInputError, Game, NoSolutionError, prove_critic, prove_solution, solve_game
+from hfa import BadInputError, Game, NoSolutionError, prove_critic, prove_solution, solve
 from hfa_networks.files.network import from_network
 from hfa_proof import check_certificate
 from hfa_proof.arithmetic.balls import matrix, norm
@@ -147,7 +147,7 @@ def test_the_distance_of_scaled_critic_is_proved(size: float) -> None:
     """The proved distance of a scaled critic from the exact solution equals the relative change."""
     game = game_at(15.0)
     functions = basis("quadratic", 6)
-    exact = solve_game(game)
+    exact = solve(game)
     right = {"W": functions.weights(exact.P), "P": exact.P, "K": exact.K}
     critic = from_parts(game, {name: array * (1 + size) for name, array in right.items()})
     proof = prove_critic(game, critic, family(), 15.0)

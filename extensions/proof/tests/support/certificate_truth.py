@@ -20,9 +20,9 @@ from hfa import (
     NoSolutionError,
     OperatingPoint,
     TrimCondition,
-    find_operating_point,
     linearize,
-    solve_game,
+    solve,
+    trim,
 )
 from hfa_aircraft.model import Model
 
@@ -58,9 +58,9 @@ class FlightInDoubles:
         in_model_unit = np.radians(value) if self.model.schedule_unit == "deg" else value
         if scheduled in self.model.parameters:
             model = self.model.with_parameters(**{scheduled: in_model_unit})
-            return find_operating_point(model, TrimCondition(model, self.flight["imposed"]))
+            return trim(model, TrimCondition(model, self.flight["imposed"]))
         imposed = self.flight["imposed"] | {scheduled: in_model_unit}
-        return find_operating_point(self.model, TrimCondition(self.model, imposed))
+        return trim(self.model, TrimCondition(self.model, imposed))
 
     def values(self) -> list[float]:
         return np.linspace(*self.flight["range"], 5).tolist()
@@ -78,9 +78,9 @@ class FlightInDoubles:
     def false_claims(self) -> Iterator[str]:
         if not self.flight["trims"]:
             yield "no trim is stated"
-        for trim in self.flight["trims"]:
-            found = self.named(trim["breakpoint"])
-            for name, value in trim["unknowns"].items():
+        for stated in self.flight["trims"]:
+            found = self.named(stated["breakpoint"])
+            for name, value in stated["unknowns"].items():
                 if abs(found[name] - value) > 2e-6 * self.model.signals[name].nominal:
                     yield f"the trim's {name} is {found[name]}"
         for value in self.values():
@@ -196,7 +196,7 @@ def _false_of_game(statement: Content, kind: str) -> Iterator[str]:
         A, B = flight.linear(statement["flight"]["range"][0])
     weights = {name: np.array(statement["weights"][name]) for name in "QRE"}
     game = Game(A=A, B=B, delta=float(statement["weights"]["delta"]), **weights)
-    exact = solve_game(game)
+    exact = solve(game)
     critic = {name: np.array(values) for name, values in statement["critic"].items()}
     targets = {"K": exact.K, "P": exact.P}
     if "W" in critic:
@@ -224,7 +224,7 @@ def _false_of_game(statement: Content, kind: str) -> Iterator[str]:
 
 def _has_value(game: Game) -> bool:
     try:
-        solve_game(game)
+        solve(game)
     except NoSolutionError:
         return False
     return True
@@ -243,7 +243,7 @@ def _false_of_models(statement: Content, kind: str) -> Iterator[str]:
     for value in flight.values():
         A, B = flight.linear(value)
         found = flight.named(value)
-        K = solve_game(Game(A=A, B=B, delta=float(statement["weights"]["delta"]), **weights)).K
+        K = solve(Game(A=A, B=B, delta=float(statement["weights"]["delta"]), **weights)).K
         for name, exact in (("A", A), ("B", B), ("K", K)):
             table = between(places, statement[name], value)
             error = np.linalg.norm(exact - table) / np.linalg.norm(exact)

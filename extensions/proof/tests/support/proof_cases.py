@@ -18,7 +18,7 @@ from known_models import exact_gain, game_at, model_at
 import hfa
 from controller import basis
 from controller.critic.critic import from_parts
-from hfa import Game, prove_critic, prove_solution, solve_game
+from hfa import Game, prove_critic, prove_solution, solve
 from hfa.paper import default_parameters, published_game
 from hfa_aircraft.extras import Extras
 from hfa_aircraft.loading import load_model
@@ -62,7 +62,7 @@ def through_actuators(*angles: float, delay: float = 0.02, slowest: float = 1.8)
         A = np.block([[model.A, model.B], [np.zeros((5, 6)), -1.8 * eye]])
         B = np.vstack([np.zeros((6, 5)), 1.8 * eye])
         Q = np.pad(game.Q, (0, 5))
-        gains.append(solve_game(Game(A, B, np.eye(11), Q, 300 * game.R, np.inf)).K)
+        gains.append(solve(Game(A, B, np.eye(11), Q, 300 * game.R, np.inf)).K)
     intervals = Intervals((slowest, 10.0), (0.5, 1.0), delay)
     return loop_of_gains(hfa.aircraft(), angles, np.array(gains), intervals)
 
@@ -261,7 +261,7 @@ def _of_gtm() -> Proof:
 
 def _critic(game: Game, *flights: Any) -> Proof:
     """Return a proof about a critic whose W and K have relative errors of 1e-6 and 1e-3."""
-    exact = solve_game(game)
+    exact = solve(game)
     functions = basis("quadratic", len(game.A))
     parts = {"W": functions.weights(exact.P) * (1 + 1e-6), "K": exact.K * (1 + 1e-3)}
     return prove_critic(game, from_parts(game, parts), *flights)

@@ -80,7 +80,7 @@ def prove_on_boxes(request: RegionRequest) -> int:
     Raises BadInputError if an option applies only to sums of squares. Raises NoSolutionError if the
     game has no solution or no region is proved.
     """
-    from controller.riccati.gare import solve_game
+    from controller.riccati.gare import unconfirmed_solution
 
     request.refuse(_OF_SQUARES, "cannot be combined with a network or --policy; remove this option")
     if request.prover == "squares":
@@ -88,7 +88,7 @@ def prove_on_boxes(request: RegionRequest) -> int:
             "--prover squares supports only gains and polynomials; use --prover boxes"
         )
     linear, policy, game = _policy_of(request)
-    known = [("P of the game", solve_game(game).P), *policy.known]
+    known = [("P of the game", unconfirmed_solution(game).P), *policy.known]
     tried = ProvedPolicy(policy.function, policy.words, known, policy.not_covered)
     degree = request.degree if "degree" in request.typed else _DEGREE
     return prove(request, linear, tried, SearchSettings(request.seconds, degree, request.resume))

@@ -134,10 +134,10 @@ def loop_of(
             critic = critic_in(request.weights, named.game, Reading(request.basis))
             policy = policy_terms(critic, named.linear.inputs)
         return named.linear, critic.K, critic.P, policy
-    from controller.riccati.gare import solve_game
+    from controller.riccati.gare import unconfirmed_solution
 
     try:
-        solution = solve_game(named.game)
+        solution = unconfirmed_solution(named.game)
     except NoSolutionError as error:
         raise NoSolutionError(
             f"the game of the linear model has no solution ({error}), so there is no policy; give "

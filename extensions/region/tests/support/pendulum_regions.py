@@ -58,8 +58,8 @@ def quickly_proved(path: Path, aircraft: str, *words: str) -> str:
 
 def pendulum_loop(model: Model) -> SaturatedLoop:
     """Return the closed loop of the pendulum with the LQR that `hfa prove region` uses."""
-    linear = hfa.linearize(model, hfa.find_operating_point(model))
-    return saturated_loop(linear, hfa.solve_game(hfa.game(linear)).K)
+    linear = hfa.linearize(model, hfa.trim(model))
+    return saturated_loop(linear, hfa.solve(hfa.game(linear)).K)
 
 
 def certified(path: Path, loop: SaturatedLoop, rho: float) -> Path:

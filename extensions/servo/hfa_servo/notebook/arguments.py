@@ -339,7 +339,7 @@ class _Reading:
         if link is OperatingPoint and isinstance(value, LinearModel):
             return value.point
         if link is OperatingPoint and isinstance(value, Mapping) and isinstance(model, Model):
-            return public().find_operating_point(model, hold=value)
+            return public().trim(model, hold=value)
         if link is Game:
             return self._game(value, is_file)
         if link is LinearModel:
@@ -413,7 +413,7 @@ class _Reading:
 
     def _trim(self, model: Model) -> OperatingPoint:
         """Return the trim of a model at the values that the keywords specify."""
-        point: OperatingPoint = public().find_operating_point(
+        point: OperatingPoint = public().trim(
             model, **self._held(model, "hold", "free", "condition", "at")
         )
         return point
@@ -435,7 +435,7 @@ class _Reading:
         return {name: self.words.pop(name) for name in names}
 
     def _changed(self, game: Game) -> Game:
-        """Return a game with the fields that the keywords change, as in solve_game(game,
+        """Return a game with the fields that the keywords change, as in solve(game,
         delta=40).
         """
         weights = self._weights()
@@ -483,7 +483,7 @@ class _Reading:
         held = self._held(model)
         if held:
             rows = np.broadcast_arrays(*map(np.atleast_1d, held.values()))
-            trim = public().find_operating_point
+            trim = public().trim
             self.words["points"] = [
                 trim(model, **dict(zip(held, row, strict=True))) for row in zip(*rows, strict=True)
             ]

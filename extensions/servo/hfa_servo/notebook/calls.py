@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.gare import Solution
+from controller.riccati.gare import Solution, solve
 from controller.riccati.smallest_delta import minimum_delta
-from controller.riccati.solution_report import AnalysedGame, solve
 from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_servo.notebook.added import ADDED
 from hfa_servo.notebook.arguments import accepts
@@ -95,7 +94,7 @@ zeta: damping
 #: Attribute of results of SciPy, pandas or python-control -> equivalent attribute of this project.
 ATTRIBUTES = dict(line.split(": ") for line in _SAME_ATTRIBUTES.strip().splitlines())
 #: Attributes that `hfa.solve` adds to a solution.
-ANALYSED = {*AnalysedGame.__annotations__, *vars(AnalysedGame)}
+ANALYSED = {*Solution.__annotations__, *vars(Solution)}
 #: Attributes of a solution that a game does not have.
 _SOLVED = {*ANALYSED, *Solution.__annotations__, "poles", "margins", "closed_loop", "is_stable"}
 

@@ -23,8 +23,8 @@ from trim.linear.mode import Mode
 from trim.point.operating_point import OperatingPoint
 
 _SAME_FUNCTIONS = """
-find_trim: find_operating_point
-findop: find_operating_point
+find_trim: trim
+findop: trim
 fly_policy: fly
 linmod: linearize
 load_aircraft: load_model
