@@ -13,7 +13,8 @@ from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.checks import Check, Checked, at_most, checks_block, verdict_text
 from hfa_support.reporting.figure import new_figure
-from hfa_support.reporting.report import Picture, Report, Reported
+from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result, Roots
 from hfa_support.reporting.text import Table, eigenvalue_text
 from trim.hfa.printed import (

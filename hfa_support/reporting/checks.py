@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
-from hfa_support.reporting.report import Part
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Cell, Table
 
@@ -94,7 +93,7 @@ at_least = partial(checked, relation=">=")
 below = partial(checked, relation="<")
 
 
-def checks_block(checks: Iterable[Check]) -> Part:
+def checks_block(checks: Iterable[Check]) -> tuple[Table | str, ...]:
     """Return a table of the checks, followed by a line with the reason for each failed check."""
     listed = tuple(checks)
     rows = [

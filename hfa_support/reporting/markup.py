@@ -2,31 +2,30 @@
 
 from __future__ import annotations
 
-import base64
 import html
 import re
 from collections.abc import Sequence
 from typing import Any
 
-from hfa_support.reporting.report import Picture, Report
+from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.text import Cell, Table, printable
 
 
-def report_as_markdown(report: Report, level: int) -> str:
-    """Return a report as Markdown, without its pictures.
+def report_as_markdown(
+    title: str, shown: Sequence[str], notes: Sequence[str], source: str, level: int
+) -> str:
+    """Return a report as Markdown.
 
-    level: level of the heading, increased by one for each nested report
+    title: heading, and further lines that are shown below the heading
+    shown: parts of the report as Markdown
+    notes: notes on the result
+    source: the provenance
+    level: level of the heading
     """
-    shown = []
-    for part in report.parts:
-        if isinstance(part, Report):
-            shown.append(report_as_markdown(part, level + 1))
-        elif not isinstance(part, Picture):
-            shown.append(as_markdown(part))
-    first, *others = printable(report.title).split("\n")
+    first, *others = printable(title).split("\n")
     heading = [f"{'#' * level} {first}"] if first else []
-    notes = (printable(f"Note: {note}") for note in report.notes)
-    return "\n\n".join(filter(None, [*heading, *others, *shown, *notes, report.source]))
+    last = (printable(f"Note: {note}") for note in notes)
+    return "\n\n".join(filter(None, [*heading, *others, *shown, *last, source]))
 
 
 def as_markdown(part: str | Table | tuple[str | Table, ...]) -> str:
@@ -44,36 +43,31 @@ def markdown_table(table: Table) -> str:
     return "\n".join([header, "|" + "---|" * len(table.header), *body])
 
 
-def report_as_html(report: Report, level: int) -> str:
+def report_as_html(
+    title: str, shown: Sequence[str], notes: Sequence[str], source: str, level: int
+) -> str:
     """Return a report as an HTML fragment without styles.
 
-    level: level of the heading, increased by one for each nested report
+    title: heading, and further lines that are shown below the heading
+    shown: parts of the report as HTML
+    notes: notes on the result
+    source: the provenance
+    level: level of the heading
     """
-    first, *others = report.title.split("\n")
+    first, *others = title.split("\n")
     heading = [f"<h{level}>{escaped(first)}</h{level}>"] if first else []
-    shown = []
-    for part in report.parts:
-        if isinstance(part, Report):
-            shown.append(report_as_html(part, level + 1))
-        elif isinstance(part, Picture):
-            shown.append(part.html())
-        else:
-            shown.append(as_html(part))
-    notes = [f"Note: {note}" for note in report.notes]
-    notes += filter(None, report.source.split("\n"))
-    return "\n".join([*heading, *map(paragraph, others), *shown, *map(paragraph, notes)])
+    last = [f"Note: {note}" for note in notes]
+    last += filter(None, source.split("\n"))
+    return "\n".join([*heading, *map(paragraph, others), *shown, *map(paragraph, last)])
 
 
-def picture_as_html(picture: Picture) -> str:
-    """Return a picture as an HTML figure with an embedded PNG and its text as caption."""
-    data = base64.b64encode(picture.png).decode("ascii")
-    text = escaped(picture.text)
-    image = f'<img alt="{text}" src="data:image/png;base64,{data}">'
-    return f"<figure>{image}<figcaption>{text}</figcaption></figure>"
+def as_html(part: str | Table | tuple[str | Table, ...] | Picture) -> str:
+    """Return a paragraph, a table, a tuple of these, or a picture as HTML.
 
-
-def as_html(part: str | Table | tuple[str | Table, ...]) -> str:
-    """Return a paragraph, a table, or a tuple of these as HTML, with special characters escaped."""
+    Special characters are escaped.
+    """
+    if isinstance(part, Picture):
+        return part.html()
     if isinstance(part, Table):
         return html_table(part)
     if isinstance(part, str):

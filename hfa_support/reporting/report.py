@@ -2,50 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from hfa_support.errors import BadInputError
+from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.text import Table, columns, printable, wrapped
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 NO_RECORDS = Table((), ())
 #: Suffixes of the files that `Report.save` writes.
 SUFFIXES = (".json", ".npz", ".mat", ".csv")
-
-
-@dataclass(frozen=True, eq=False)
-class Picture:
-    """Figure in a report, drawn when the report is shown.
-
-    name: name of the picture
-    text: description of the picture, for readers who cannot see it
-    draw: function that draws the figure
-    """
-
-    name: str
-    text: str
-    draw: Callable[[], Figure]
-
-    @cached_property
-    def png(self) -> bytes:
-        """Content of a PNG file of the figure. The figure is drawn at the first access."""
-        from hfa_support.reporting.figure import png_bytes
-
-        return png_bytes(self.draw())
-
-    def html(self) -> str:
-        """Return the figure as HTML, with its text as caption."""
-        from hfa_support.reporting.markup import picture_as_html
-
-        return picture_as_html(self)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -96,22 +65,31 @@ class Report:
     def markdown(self, level: int = 1) -> str:
         """Return the report as Markdown without pictures.
 
-        level: level of the heading
+        level: level of the heading, increased by one for each nested report
         """
-        from hfa_support.reporting.markup import report_as_markdown
+        from hfa_support.reporting.markup import as_markdown, report_as_markdown
 
-        return report_as_markdown(self, level)
+        shown = [
+            part.markdown(level + 1) if isinstance(part, Report) else as_markdown(part)
+            for part in self.parts
+            if not isinstance(part, Picture)
+        ]
+        return report_as_markdown(self.title, shown, self.notes, self.source, level)
 
     def html(self, level: int = 1) -> str:
         """Return the report as an HTML fragment with embedded pictures.
 
         The fragment has no styles and loads no other file.
 
-        level: level of the heading
+        level: level of the heading, increased by one for each nested report
         """
-        from hfa_support.reporting.markup import report_as_html
+        from hfa_support.reporting.markup import as_html, report_as_html
 
-        return report_as_html(self, level)
+        shown = [
+            part.html(level + 1) if isinstance(part, Report) else as_html(part)
+            for part in self.parts
+        ]
+        return report_as_html(self.title, shown, self.notes, self.source, level)
 
     def json(self) -> str:
         """Return the data of the report as JSON text. Numbers that are not finite become null."""

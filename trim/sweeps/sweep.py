@@ -18,7 +18,8 @@ from hfa_support.reporting.by_name import ByName
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.named_array import with_names
-from hfa_support.reporting.report import Picture, Report, Reported
+from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, RootTable, Stack
 from hfa_support.reporting.rows_made import RowsMade
 from hfa_support.reporting.text import Table, eigenvalue_text, shown_unit, shown_value

@@ -52,7 +52,8 @@ from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check, verdict_text
 from hfa_support.reporting.named_array import with_names
-from hfa_support.reporting.report import Part, Picture, Report, Reported
+from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.results import Result, Vector
 from hfa_support.reporting.text import Table, short_number, shown_unit
 from trim.limits import Limits

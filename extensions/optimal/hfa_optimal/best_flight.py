@@ -19,7 +19,8 @@ from hfa_policy.best_costs import Bracket, bracket_sentence, deviations_in_words
 from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.errors import refuse_unless_positive
 from hfa_support.reporting.named_array import with_names
-from hfa_support.reporting.report import Picture, Report, Reported
+from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
 from hfa_support.reporting.text import Table, shown_unit
 from trim.point.operating_point import OperatingPoint

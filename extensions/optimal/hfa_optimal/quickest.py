@@ -20,7 +20,8 @@ from hfa_policy.best_costs import deviations_in_words
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.named_array import with_names
-from hfa_support.reporting.report import Picture, Report, Reported
+from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
 from hfa_support.reporting.text import Table, short_number, shown_unit
 from trim.point.operating_point import OperatingPoint

@@ -24,7 +24,8 @@ from hfa_page.results import MainJobData
 from hfa_support.errors import BadInputError
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.checks import verdict_text
-from hfa_support.reporting.report import Part, Picture, Report
+from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Cell, Table
 from trim.hfa.printed import (
     comparison_table,

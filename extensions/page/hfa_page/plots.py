@@ -29,7 +29,7 @@ from hfa_page.front_view import (
 )
 from hfa_page.main_job import Angle
 from hfa_support.jsonable import jsonable
-from hfa_support.reporting.report import Picture
+from hfa_support.reporting.parts import Picture
 from trim.point.operating_point import OperatingPoint
 from trim.sweeps.sweep import Sweep
 

@@ -17,7 +17,7 @@ from hfa.extend import Check, Report
 from hfa_support.reporting.checks import at_least, at_most, below
 from hfa_support.reporting.data_files import save_data
 from hfa_support.reporting.figure import new_figure, save
-from hfa_support.reporting.report import Picture
+from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.rows_made import RowsMade
 from hfa_support.reporting.text import Cell, Table
 
