@@ -15,8 +15,9 @@ import numpy as np
 from controller.critic.critic import Critic, from_parts
 from controller.game.array_file import read_arrays
 from controller.game.basis import Basis, basis
-from controller.game.file_entries import UNKNOWN, file_scales, found_in
+from controller.game.file_entries import file_scales, found_in
 from controller.game.names import PlantNames
+from controller.game.one_matrix_files import UNKNOWN
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix
 from hfa_support.arguments import checks_arguments
 from hfa_support.entry_points import CRITICS, offered, part

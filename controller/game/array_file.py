@@ -21,7 +21,7 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
     - With A.csv or A.npy, the other matrices of the plant (B, ...) in the same folder are also
       read.
     - The matrix of a .npy file that is not named after a matrix of a plant or critic is stored
-      under `file_entries.UNKNOWN`.
+      under `one_matrix_files.UNKNOWN`.
     - In a .csv file, the first row and the first column may contain names, with units as in "speed
       [ft/s]".
 

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 
 from controller.game.csv_file import matrices_and_names
-from controller.game.file_entries import UNKNOWN
 from hfa_support.errors import BadInputError, file_faults
 from hfa_support.files import regular_file
 
 #: Names of the matrices of a plant, in files next to A.csv, and of a critic.
 PLANT = ("A", "B", "E", "Q", "R", "delta", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
 CRITIC = ("W", "P", "K", "weights")
+#: Name of the matrix in a .npy file that is not named after one of these.
+UNKNOWN = "the array"
 
 
 def matrices(path: Path) -> dict[str, Any]:

@@ -11,19 +11,23 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.game.array_file import read_arrays
-from controller.game.file_entries import found_in, words
+from controller.game.file_entries import (
+    NAME_KEYS,
+    entries_of,
+    is_discrete,
+    one_number,
+    plant_matrices,
+    plant_names,
+    words,
+)
 from controller.game.names import PlantNames
-from controller.game.zero_sum import LARGEST, Game, checked_matrix
+from controller.game.zero_sum import Game
 from hfa_support.entry_points import PARTS, part
-from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shortened, shown
+from hfa_support.errors import BadInputError, prefix_errors, shortened
 
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta")
 #: Further entries of a plant in discrete time (time = "discrete").
 DISCRETE_KEYS = ("time", "discount", "N")
-#: Entries with names and units.
-NAME_KEYS = ("states", "inputs", "state_units", "input_units")
-#: Names of these entries in a `StateSpace` of python-control -> names in this project.
-_OF_CONTROL = {"state_labels": "states", "input_labels": "inputs"}
 
 
 @dataclass(frozen=True)
@@ -94,14 +98,10 @@ def stored_game(
         if "disturbances" in stored and "E" in parts:  # a file written by `hfa linearize`
             del parts["E"]
             notes.append("E describes the wind and is not used")
-        for key in ("A", "B"):
-            if key not in parts:
-                beside = "give A and B in one file, or in A.csv and B.csv"
-                raise BadInputError(f"there is no {key}; {beside}{found_in(stored)}")
-            parts[key] = checked_matrix(key, parts[key], LARGEST)
+        parts["A"], parts["B"] = A, B = plant_matrices(stored)
         parts |= {key: value for key, value in changes.items() if value is not None}
         notes += _unused(stored)
-        names = _names(stored, len(parts["A"]), parts["B"].shape[1], notes)
+        names = plant_names(stored, len(A), B.shape[1], notes)
         names = names._replace(origin=str(path))
         if is_discrete(stored):
             defaults = no_defaults
@@ -115,59 +115,6 @@ def stored_game(
             has_time="time" in stored,
             stated=tuple(key for key in MODEL_KEYS if key in stored),
         )
-
-
-def has_all(found: dict[str, Any], *names: str) -> bool:
-    """Return whether a file contains all named entries at its top level or in one structure.
-
-    found: name -> value of the entries of the file
-    names: names of the required entries
-    """
-    structures = [found, *(value for value in found.values() if isinstance(value, dict))]
-    return any(set(names) <= set(structure) for structure in structures)
-
-
-def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any], list[str]]:
-    """Return the entries of a plant file, and a list of notes for the user.
-
-    The entries named as in python-control are returned under the names of this project.
-
-    found: entries of the file, from `read_arrays`
-    needed: required entries. If none of them is at the top level, all entries are read from the
-        only structure that contains all required ones.
-
-    Raises BadInputError if the entry `dt` of python-control is neither 0 nor None.
-    """
-    notes: list[str] = []
-    if not needed & set(found):
-        plants = [
-            name
-            for name, value in found.items()
-            if isinstance(value, dict) and needed <= set(value)
-        ]
-        if len(plants) == 1:
-            found = found[plants[0]]
-            notes.append(f"{' and '.join(sorted(needed))} are read from the structure {plants[0]}")
-    stored = {_OF_CONTROL.get(key, key): value for key, value in found.items()}
-    # python-control stores 0 or None for continuous time.
-    dt = np.asarray(stored.pop("dt", None), dtype=object)
-    if np.any((dt != 0) & (dt != None)):  # noqa: E711  entry by entry
-        text = shortened(str(dt.item() if dt.size == 1 else dt.tolist()))
-        raise BadInputError(
-            f'dt = {text} denotes discrete time; set dt = 0, or replace dt with time = "discrete"'
-        )
-    return stored, notes
-
-
-def is_discrete(stored: Mapping[str, Any]) -> bool:
-    """Return whether the file of a plant contains time = "discrete".
-
-    Raises BadInputError if `time` is neither "discrete" nor "continuous".
-    """
-    time = words(stored, "time")
-    if time and time not in (("discrete",), ("continuous",)):
-        raise BadInputError(f'time is {shortened(time[0])}; give "continuous" or "discrete"')
-    return time == ("discrete",)
 
 
 def _discrete(stored: Mapping[str, Any], game: Game) -> Any:
@@ -192,24 +139,6 @@ def _discrete(stored: Mapping[str, Any], game: Game) -> Any:
     return part(PARTS, "game.steps", 'time = "discrete"')(game, discount, stored.get("N"))
 
 
-def one_number(name: str, value: Any) -> float:
-    """Return the single number in an entry of a plant file.
-
-    name: name of the entry, for messages
-    value: a number, a 1 x 1 matrix (MATLAB), or the text "inf" (JSON)
-
-    Raises BadInputError for any other value.
-    """
-    if isinstance(value, str):
-        if value.strip().lower() in ("inf", "infinity"):
-            return math.inf
-        raise BadInputError(f"{name} is {shown(value)}; give a number without quotes")
-    numbers = numbers_in(name, value)
-    if numbers.size != 1:
-        raise BadInputError(f"{name} has {numbers.size} elements; give a single number")
-    return float(numbers.item())
-
-
 def _unused(stored: Mapping[str, Any]) -> list[str]:
     """Return a list with one note that names the unused entries of a plant file.
 
@@ -229,32 +158,6 @@ def _unused(stored: Mapping[str, Any]) -> list[str]:
         return []
     names = shortened(", ".join(unused), 200)
     return [f"unused: {names}; a model file contains {', '.join(MODEL_KEYS)}"]
-
-
-def _names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> PlantNames:
-    """Return the names and units of states and inputs in a plant file.
-
-    An entry with a wrong number of strings, or with repeated names, is ignored. A note on the
-    ignored entry is appended to `notes`.
-
-    stored: entries of the file
-    n: number of states
-    m: number of inputs
-    notes: list of notes for the user
-    """
-    names: dict[str, tuple[str, ...]] = {}
-    for key, size in zip(NAME_KEYS, (n, m, n, m), strict=True):
-        texts = words(stored, key)
-        is_unit = key.endswith("units")
-        if len(texts) == size and (is_unit or len(set(texts)) == size):
-            names[key] = texts
-        elif key in stored and is_unit:
-            notes.append(f"{key} must list a unit for each {key[:-6]}; no units are used")
-        elif key in stored:
-            letter = "u" if key == "inputs" else "x"
-            notes.append(f"{key} must list a different name for each; {letter}1, ... are used")
-    states, inputs, state_units, input_units = (names.get(key, ()) for key in NAME_KEYS)
-    return PlantNames(states, inputs, state_units, input_units)
 
 
 def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> Game:

@@ -45,7 +45,7 @@ def solve(request: SolveRequest) -> int:
     arrays = None
     if request.plant is not None:
         from controller.game.array_file import read_arrays
-        from controller.game.user_files import has_all
+        from controller.game.file_entries import has_all
 
         arrays = read_arrays(request.plant)
         if has_all(arrays, "B2"):

@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
-import numpy as np
-
 from controller.game.array_file import read_arrays
-from controller.game.names import PlantNames
-from controller.game.user_files import Defaults, entries_of, is_discrete, stored_game
+from controller.game.file_entries import entries_of, is_discrete, plant_matrices, plant_names
 from hfa_aircraft.model import Model
 from hfa_derivatives.matrices import plant_model
 from hfa_support.errors import BadInputError, prefix_errors
@@ -24,21 +18,13 @@ def linear_plant(path: str) -> Model:
     """
     found = read_arrays(path)
     with prefix_errors(path):
-        entries, _ = entries_of(found, {"A", "B"})
-        if is_discrete(entries):
+        stored, notes = entries_of(found, {"A", "B"})
+        if is_discrete(stored):
             raise BadInputError(
                 "the plant is in discrete time, which is not supported; give A "
                 "and B of x' = A x + B u"
             )
-    game = stored_game(path, found=found, defaults=_unit_weights).game
-    return plant_model(path, game.names.completed(*game.B.shape), game.A, game.B)
-
-
-def _unit_weights(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
-    """Return identity matrices for the weights Q and R.
-
-    An assessment does not use these weights.
-    """
-    n, m = parts["B"].shape
-    words = "the identity"
-    return Defaults({"Q": np.eye(n), "R": np.eye(m)}, {"Q": words, "R": words})
+        A, B = plant_matrices(stored)
+        n, m = B.shape
+        names = plant_names(stored, n, m, notes)
+    return plant_model(path, names.completed(n, m), A, B)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from controller.game.array_file import read_arrays
-from controller.game.user_files import entries_of, one_number
+from controller.game.file_entries import entries_of, one_number
 from controller.game.zero_sum import LARGEST, Game, check_definite, checked_matrix
 from controller.riccati.balancing import spectrum
 from controller.riccati.certificate import certified_solution
