@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from hfa_aircraft.model import Model
     from hfa_support.reporting.report import Report
 
 
@@ -41,8 +40,8 @@ class Extras:
         description of the trim in place of its outputs; None for the outputs
 
     source: file and name from which the model was loaded, and a hash
-    native: model that `hfa_aircraft.units.in_si` converted to this one, or None
-    made_by: function that makes the model in another process, from `native`, or from `source` and
+    native: `Model` that `hfa_aircraft.units.in_si` converted to this one, or None
+    made_by: function that makes the `Model` in another process, from `native`, or from `source` and
         the parameters. Without such a function (None), the model is pickled.
     """
 
@@ -60,5 +59,5 @@ class Extras:
     explain: Callable[[Mapping[str, float], Callable[..., Any]], str] | None = None
     describe_trim: Callable[[Any, Report], Report] | None = None
     source: tuple[str, str] = ("", "")
-    native: Model | None = None
-    made_by: Callable[..., Model] | None = None
+    native: Any = None
+    made_by: Callable[..., Any] | None = None

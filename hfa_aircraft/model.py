@@ -183,7 +183,9 @@ class Model(Reported):
         """Return a report with tables of the signals: units, limits and trim values."""
         from hfa_aircraft.signals_table import signals_report
 
-        return signals_report(self)
+        kinds = ("states", "inputs", "outputs", "parameters", "disturbances")
+        signals = {kind: getattr(self, kind) for kind in kinds}
+        return signals_report(self.title, signals, self.trim, self.extras.notes)
 
     def __reduce__(self) -> Any:
         """Return the data from which pickle restores the model.

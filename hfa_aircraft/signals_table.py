@@ -3,29 +3,36 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
+from hfa_aircraft.signals import Signal
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, shown_unit, shown_value
 
-if TYPE_CHECKING:
-    from hfa_aircraft.model import Model
 
-_KINDS = ("states", "inputs", "outputs", "parameters", "disturbances")
-
-
-def signals_report(model: Model) -> Report:
+def signals_report(
+    title: str,
+    signals: Mapping[str, Mapping[str, Signal]],
+    trim: Mapping[str, float],
+    notes: Sequence[str],
+) -> Report:
     """Return a report with a table for each kind of signal: names, units, limits and values.
 
-    The value of a parameter is that in use. The value of another signal is the one that a trim
+    The value of a parameter is its `start`. The value of another signal is the one that a trim
     imposes by default, if any. Angles are in degrees.
+
+    title: title of the report
+    signals: kind, such as "states" -> name -> signal
+    trim: signal -> value that a trim imposes by default
+    notes: notes of the report
     """
     parts = []
     records: list[tuple[Any, ...]] = []
-    for kind in _KINDS:
+    for kind, declared in signals.items():
         rows = []
-        for name, signal in getattr(model, kind).items():
-            imposed = signal.start if kind == "parameters" else model.trim.get(name, math.nan)
+        for name, signal in declared.items():
+            imposed = signal.start if kind == "parameters" else trim.get(name, math.nan)
             numbers = (signal.min, signal.max, imposed)
             shown = [
                 shown_value(number, signal.unit) if math.isfinite(number) else ""
@@ -38,4 +45,4 @@ def signals_report(model: Model) -> Report:
             parts.append(Table((kind, "unit", "lowest", "highest", value), rows))
     columns = ("kind", "name", "unit", "min", "max", "value")
     data = {row[1]: dict(zip(columns, row, strict=True)) for row in records}
-    return Report(model.title, parts, model.extras.notes, data, Table(columns, records))
+    return Report(title, parts, notes, data, Table(columns, records))

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from hfa_support.entry_points import PARTS, part
 
 if TYPE_CHECKING:
     import xarray
-
-    from hfa_aircraft.model import Model
 
 
 class StatesAndInputs:
@@ -18,8 +16,8 @@ class StatesAndInputs:
     if TYPE_CHECKING:
 
         @property
-        def model(self) -> Model:
-            """Model of the aircraft."""
+        def model(self) -> Any:
+            """`Model` of the aircraft."""
 
     @property
     def state_names(self) -> tuple[str, ...]:

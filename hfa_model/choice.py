@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from hfa_aircraft.model import Model
 from hfa_model.declaration import rigid_panels
 from hfa_model.parameters import Parameters, default_parameters
@@ -9,6 +11,9 @@ from hfa_model.variants import VARIANTS, Variant, further_dynamics, variant_name
 from hfa_support.arguments import checks_arguments
 from hfa_support.entry_points import loaded
 from hfa_support.errors import BadInputError, is_finite, shown
+
+if TYPE_CHECKING:
+    from hfa_support.reporting.report import Report
 
 #: Parameters that must not be negative. Inertias are not included: a fit to one printed angle does
 #: not determine one of them, and it may be negative.
@@ -41,11 +46,18 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
 
         return load_model(dynamics)
     if not isinstance(dynamics, str):
-        return rigid_panels(dynamics, values)
+        return rigid_panels(dynamics, values, _with_loads)
     if dynamics not in VARIANTS and dynamics in further_dynamics():
         made: Model = loaded(further_dynamics()[dynamics])(values)
         return made
-    return rigid_panels(variant_named(dynamics), values)
+    return rigid_panels(variant_named(dynamics), values, _with_loads)
+
+
+def _with_loads(point: Any, report: Report) -> Report:
+    """Return the report of an operating point with tables of loads and performance added."""
+    from hfa_model.trim_loads import with_loads
+
+    return with_loads(point, report)
 
 
 def _checked_parameters(parameters: Parameters) -> Parameters:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -114,17 +114,6 @@ _TYPICAL = {
 _PAPER = published_data()["trim"]
 
 
-def _with_loads(point: Any, report: Report) -> Report:
-    """Return the report of a trim, with tables of the loads and the performance added.
-
-    point: the operating point
-    report: its report
-    """
-    from hfa_model.trim_loads import with_loads
-
-    return with_loads(point, report)
-
-
 _DECLARED = Model(
     name="published",
     states=STATE_SIGNALS,  # type: ignore[arg-type]  # a named tuple of them
@@ -166,16 +155,21 @@ _DECLARED = Model(
         range={"dihedral": (math.radians(15.0), "the paper's range")},
         envelope=flight_limits,
         check=check_in_range,
-        describe_trim=_with_loads,
     ),
 )
 
 
 @lru_cache(maxsize=64)
-def rigid_panels(variant: Variant, parameters: Parameters) -> Model:
+def rigid_panels(
+    variant: Variant,
+    parameters: Parameters,
+    describe_trim: Callable[[Any, Report], Report] | None = None,
+) -> Model:
     """Return the flexible aircraft as a model with the equations of a variant, in quasi-steady air.
 
     The parameters are not checked.
+
+    describe_trim: as in `Extras`
     """
     # The values are not checked: a fit of the printed matrices also tries impossible ones.
     values = {
@@ -187,7 +181,9 @@ def rigid_panels(variant: Variant, parameters: Parameters) -> Model:
         name=variant.name,
         equations=Equations(variant),
         parameters=values,
-        extras=replace(_DECLARED.extras, called=f"{variant.name} dynamics"),
+        extras=replace(
+            _DECLARED.extras, called=f"{variant.name} dynamics", describe_trim=describe_trim
+        ),
     )
 
 

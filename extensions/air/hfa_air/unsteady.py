@@ -585,7 +585,6 @@ UNSTEADY = replace(
         _RIGID.extras,
         called="unsteady dynamics",
         parts={"short_period": ("alpha", *_LAGS, "downwash")},
-        describe_trim=None,  # the description of loads does not apply here
     ),
 )
 
