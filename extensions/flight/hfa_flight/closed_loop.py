@@ -7,7 +7,7 @@ order of the parts of y (`StateParts`) and of the held inputs (`HeldParts`).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -356,6 +356,28 @@ class ClosedLoop:
             command=command,
             measured=self._measured(state.plant, measurements.states),
         )
+
+    def growing_modes(self) -> np.ndarray:
+        """Return the eigenvalues with positive real parts of the loop linearized at the trim, 1/s.
+
+        The result is empty for Python functions and with a delay in the scenario.
+        """
+        if self.policy.sampler() is not None or self.scenario.delayed_ticks:
+            sampled = self.policy.sampled_modes()
+            modes = np.zeros(0) if sampled is None else sampled
+        else:
+            model = getattr(self.plant, "model", self.plant.point.model)
+            linear = LinearPlant.at(model, self.plant.point, self.wind_names)
+            loop = replace(self, plant=linear)
+            t, y, held = loop.symbols()
+            slopes = ca.Function("slopes", [t, y, held], [ca.jacobian(loop.at(t, y, held).rate, y)])
+            inputs = np.zeros(held.numel())
+            loop.hold(0, inputs)
+            trim = np.concatenate(
+                [np.zeros(loop.state_sizes.plant + loop.state_sizes.actuators), loop.policy.start]
+            )
+            modes = np.linalg.eigvals(slopes(0.0, trim, inputs).full())
+        return modes[modes.real > 0.0]
 
     def _reference(self, t: ca.SX) -> Any:
         """Return the reference x_d(t) of the states of the linear model, (k,)."""

@@ -26,6 +26,13 @@ _EVEN = 0.5
 _NO_DECAY = 5e-3
 #: Number of alternating estimates of line and frequency.
 _ROUNDS = 4
+#: Longest flight that is chosen for a growing mode, s. A mode that grows more slowly than by a
+#: factor of e in this time is ignored.
+_LONGEST = 300.0
+#: Growth, in powers of e, after which an oscillation has its final amplitude.
+_FULLY_GROWN = 5.0
+#: Flights for growing modes are a multiple of this time, s.
+_WHOLE = 10.0
 
 
 class LimitCycle(NamedTuple):
@@ -71,6 +78,35 @@ class Decay(NamedTuple):
             f"{self.name} oscillates at {self.frequency:.3g} rad/s and decays: half in "
             f"{self.time_to_half:.3g} s"
         )
+
+
+def slowest_recognized(seconds: float) -> float:
+    """Return the frequency of the slowest oscillation that a flight recognizes, rad/s.
+
+    `CROSSINGS` half-periods must fit into a quarter of the flight.
+
+    seconds: duration of the flight, s
+    """
+    return 4.0 * CROSSINGS * np.pi / seconds
+
+
+def duration_for(growing: np.ndarray) -> float:
+    """Return the duration in which oscillations of growing modes are recognized, s, or 0 for none.
+
+    In the first half of the flight, a mode reaches its final amplitude. The duration is at most
+    `_LONGEST`.
+
+    growing: eigenvalues of the linear loop with positive real parts, 1/s
+    """
+    growing = growing[growing.real > 1.0 / _LONGEST]
+    if not growing.size:
+        return 0.0
+    grown = 2.0 * _FULLY_GROWN / growing.real
+    # A large oscillation may be slower than the linear one.
+    recognized = 2.0 * slowest_recognized(1.0) / np.maximum(np.abs(growing.imag), 1.0 / _LONGEST)
+    oscillates = growing.imag != 0.0
+    longest = np.where(oscillates, np.maximum(grown, recognized), grown).max()
+    return float(min(_LONGEST, _WHOLE * np.ceil(longest / _WHOLE)))
 
 
 def limit_cycle(model: Model, flight: Deviations, driven_until: float) -> LimitCycle | None:

@@ -35,7 +35,13 @@ from hfa_flight.flight_cost import cost_of_flight
 from hfa_flight.flight_history import Deviations
 from hfa_flight.flown_policy import policy_and_scenario
 from hfa_flight.gust_equations import in_gusts
-from hfa_flight.limit_cycle import Decay, LimitCycle, oscillation
+from hfa_flight.limit_cycle import (
+    Decay,
+    LimitCycle,
+    duration_for,
+    oscillation,
+    slowest_recognized,
+)
 from hfa_flight.own_steps import (
     JSBSIM,
     RUNGE_KUTTA,
@@ -44,7 +50,7 @@ from hfa_flight.own_steps import (
     timed_by,
 )
 from hfa_flight.policies import GainPolicy
-from hfa_flight.scenario import Scenario, Uncertainty, with_errors
+from hfa_flight.scenario import MOST_STEPS, Scenario, Uncertainty, with_errors
 from hfa_flight.simulation import CompiledLoop
 from hfa_support.arguments import checks_arguments
 from hfa_support.entry_points import PARTS, part
@@ -56,6 +62,7 @@ from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.results import Result, Vector
 from hfa_support.reporting.text import Table, short_number, shown_unit
+from hfa_support.user_warning import warn
 from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint
 
@@ -101,7 +108,8 @@ def fly(
       one of these, a `Policy`, steps of inputs or a function. Steps are deviations from trim,
       {name: [(time, value), ...]}. A function of (t, X) returns U and is called once a tick. With
       None, the inputs remain at trim.
-    seconds: duration, s. Default: that of the scenario, or 20 s without a scenario
+    seconds: duration, s. Default: that of the scenario, or 20 s without a scenario, or more if the
+      linear loop has growing modes
     initial: deviations from trim at the start, by the names of states, or (n,)
     scenario: disturbances, noise and faults. Its random quantities must be drawn already
     envelope: limits of the states, or only those that differ from `flight_envelope(model, point)`
@@ -129,6 +137,9 @@ def fly(
     flown, happens = policy_and_scenario(policy, point, happens)
     plant = NonlinearPlant(with_errors(model, happens), point)
     loop = ClosedLoop(plant, flown, happens)
+    if seconds is None and scenario is None:
+        happens = lengthened(loop)
+        loop = replace(loop, scenario=happens)
     within = envelope if isinstance(envelope, Limits) else flight_envelope(model, point, envelope)
     compiled = in_own_steps(loop) if method == JSBSIM else CompiledLoop(loop)
     result = replace(fly_within(compiled, within, progress=progress), method=method)
@@ -165,6 +176,27 @@ def _scenario_of_flight(
     if initial is not None:
         scenario = replace(scenario, initial=numbers_in("initial", initial))
     return scenario.on(model)
+
+
+def lengthened(loop: ClosedLoop) -> Scenario:
+    """Return the scenario of a loop, longer if limit cycles of growing modes require it.
+
+    A longer duration is printed as a warning. A scenario with turbulence or drawn noise is returned
+    unchanged, because these have its length.
+    """
+    scenario = loop.scenario
+    if scenario.gust is not None or scenario.samples is not None:
+        return scenario
+    growing = loop.growing_modes()
+    needed = min(duration_for(growing), MOST_STEPS * scenario.step)
+    if needed <= scenario.duration:
+        return scenario
+    fastest = growing[np.argmax(growing.real)]
+    warn(
+        f"the linear loop is unstable (growth {fastest.real:.3g} 1/s at {abs(fastest.imag):.3g} "
+        f"rad/s): the flight takes {needed:g} s in place of {scenario.duration:g} s"
+    )
+    return replace(scenario, duration=round(needed / scenario.tick) * scenario.tick)
 
 
 def fly_within(
@@ -511,6 +543,16 @@ class Flight(StatesAndInputs, Result, Reported):
         parts.append(self._states(moving))
         parts += self._air_notes(moving)
         parts.append(self._inputs())
+        if self.exceeded and isinstance(self.loop.policy, GainPolicy):
+            parts.append(
+                "the gain is not saturated at the control limits; networks, deployment files and "
+                "--actuators are"
+            )
+        if self.departure is None and self.cycle is None:
+            parts.append(
+                f"Oscillations slower than {slowest_recognized(self.flown):.2g} rad/s are not "
+                f"recognized in {self.flown:g} s."
+            )
         if self.cost is not None:
             parts.append(
                 f"Cost of this flight of {self.flown:g} s with Q and R: {self.cost:.6g}, "

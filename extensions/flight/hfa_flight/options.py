@@ -26,11 +26,13 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
 from hfa_flight.actuators import ActuatorBank, ActuatorFault
 from hfa_flight.air import UPDRAFT, gust_speed
+from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.envelope import control_limits, flight_envelope
 from hfa_flight.gust_equations import in_gusts
 from hfa_flight.gusts import Gust, OneMinusCosine
+from hfa_flight.nonlinear_flight import lengthened
 from hfa_flight.own_steps import JSBSIM, METHODS, RUNGE_KUTTA
-from hfa_flight.scenario import Scenario, Uncertainty
+from hfa_flight.scenario import Scenario, Uncertainty, with_errors
 from hfa_flight.signals import CommandedStates, CommandSteps, Waveform
 from hfa_flight.turbulence import LEVELS, SPECTRA, Turbulence
 from hfa_support.entry_points import PARTS, part
@@ -371,7 +373,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
     """
 
     duration: float | None = option(
-        "duration of the flight, s; default 20", "S", number, default=20.0
+        "duration of the flight, s; default 20, longer for growing modes", "S", number, default=20.0
     )
     initial: Mapping[str, float] = option(
         "initial deviation of a state from the trim, degrees for angles; repeatable",
@@ -591,6 +593,12 @@ class PlannedFlight(NamedTuple):
     policy: Policy
     scenario: Scenario
     envelope: Limits
+
+    def lengthened(self) -> PlannedFlight:
+        """Return the flight, longer if limit cycles of growing modes require it."""
+        plant = NonlinearPlant(with_errors(self.model, self.scenario), self.point)
+        loop = ClosedLoop(plant, self.policy, self.scenario)
+        return self._replace(scenario=lengthened(loop))
 
 
 def _steps_of(given: Mapping[str, list[tuple[float, float]]]) -> CommandSteps:

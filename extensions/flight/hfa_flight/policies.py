@@ -103,6 +103,10 @@ class Policy(Reported):
         """
         return None
 
+    def sampled_modes(self) -> np.ndarray | None:
+        """Return the eigenvalues of the loop of a sampled policy, 1/s, or None if unknown."""
+        return None
+
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy for the result of a flight."""
         return {"law": self.name}

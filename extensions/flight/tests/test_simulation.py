@@ -37,7 +37,7 @@ from hfa_flight import (
     Scenario,
     flight_envelope,
 )
-from hfa_flight.closed_loop import ClosedLoop, LinearPlant, Plant
+from hfa_flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant, Plant
 from hfa_flight.flight_history import Deviations
 from hfa_flight.limit_cycle import Decay, LimitCycle, limit_cycle, oscillation
 from hfa_flight.monte_carlo import fly_members
@@ -386,3 +386,66 @@ def test_limit_cycles_are_found_without_a_policy() -> None:
     assert flight.cycle is not None
     assert not flight.within_limits
     assert flight.cycle.frequency == pytest.approx(2.0 * math.pi / 6.3807, rel=1e-3)
+
+
+SLOW_SPRING = 0.64
+#: Gains without and with an unstable rate loop of `slow_oscillator`.
+STEADY, GROWING = [[0.0, 0.0]], [[0.0, -0.8]]
+
+
+def slow_oscillator() -> Model:
+    """Return an oscillator of 0.8 rad/s with a damper that grows with the deflection."""
+    return Model(
+        name="slow oscillator",
+        states={"x": Declared("m", min=-10.0, max=10.0), "v": Declared("m/s", min=-10.0, max=10.0)},
+        inputs={"force": Declared("N", min=-9.0, max=9.0)},
+        equations=lambda x, u, p, w: (
+            {"x": x.v, "v": -0.4 * (1.0 + x.x**2) * x.v - SLOW_SPRING * x.x + u.force},
+            {},
+        ),
+        trim={"x": 0.0, "v": 0.0},
+    )
+
+
+@pytest.mark.filterwarnings("ignore:the linear loop is unstable")
+def test_slow_limit_cycles_are_recognized_by_default() -> None:
+    """Without a given duration, an unstable linear loop flies until its limit cycle is recognized.
+
+    A stable loop flies for 20 s. A flight that is too short names the slowest oscillation that it
+    recognizes.
+    """
+    oscillator = slow_oscillator()
+    point = trim(oscillator)
+    long = fly(oscillator, point, np.array(GROWING), initial={"x": 0.1})
+    assert long.flown > 20.0
+    assert long.cycle is not None
+    assert long.cycle.frequency == pytest.approx(math.sqrt(SLOW_SPRING), rel=0.1)
+    short = fly(oscillator, point, np.array(GROWING), 20.0, initial={"x": 0.1})
+    assert short.flown == 20.0
+    assert f"slower than {16 * math.pi / 20:.2g} rad/s" in short.report().text()
+    assert fly(oscillator, point, np.array(STEADY), initial={"x": 0.1}).flown == 20.0
+
+
+def test_growing_modes_include_actuators() -> None:
+    """The growing modes are those of the loop with its actuators, from its eigenvalues by hand."""
+    oscillator = slow_oscillator()
+    point = trim(oscillator)
+    values = record(("force",))
+    lag = ActuatorBank(values(0.1), values(-9.0), values(9.0), values(math.inf))
+    scenario = Scenario(actuators=lag).on(oscillator)
+    plant = NonlinearPlant(oscillator, point)
+    loop = ClosedLoop(plant, GainPolicy("gain", np.array([[6.0, 0.0]])), scenario)
+    by_hand = np.linalg.eigvals([[0, 1, 0], [-SLOW_SPRING, -0.4, 1], [-60.0, 0, -10.0]])
+    growing = by_hand[by_hand.real > 0.0]
+    assert growing.size == 2
+    np.testing.assert_allclose(np.sort(loop.growing_modes()), np.sort(growing), rtol=1e-9)
+
+
+def test_an_unsaturated_gain_is_named() -> None:
+    """A gain that exceeds the control limits is named as not saturated."""
+    oscillator = slow_oscillator()
+    point = trim(oscillator)
+    for gain, exceeds in ((50.0, True), (0.1, False)):
+        flight = fly(oscillator, point, np.array([[gain, 1.0]]), 5.0, initial={"x": 1.0})
+        assert bool(flight.exceeded) == exceeds
+        assert ("not saturated" in flight.report().text()) == exceeds

@@ -17,8 +17,10 @@ from hfa_flight.policies import Measurements, Policy
 from hfa_flight.scenario import Scenario
 from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
+from hfa_policy.equilibrium import EquilibriumSearch
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.mistakes_in_files import notes_on_files
+from hfa_policy.sampled_loop import chain_of
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import BoundFunction
 from hfa_support.user_warning import warn
@@ -103,6 +105,16 @@ class DeployedPolicy(Policy):
             return np.asarray(arrived(tick) - inputs)
 
         return sample
+
+    def sampled_modes(self) -> np.ndarray | None:
+        """Return the eigenvalues of the loop at the equilibrium near the trim, 1/s, or None."""
+        timing = self.deployed.deployment
+        search = EquilibriumSearch(self.deployed, self.point)
+        equilibrium = search.from_point(np.array(self.point.states), np.array(self.point.inputs))
+        if equilibrium is None:
+            return None
+        values = np.linalg.eigvals(chain_of(equilibrium, timing.dt, timing.delay).closed)
+        return np.log(values[values != 0.0].astype(complex)) / timing.dt
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the policy's name, deployment file and network, for the JSON output."""

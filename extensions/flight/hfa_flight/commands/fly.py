@@ -103,6 +103,8 @@ def fly(request: FlyRequest) -> int:
         )
     refuse_method(request.model, request.method, request.frame)
     planned = request.flight()
+    if "duration" not in request.typed:
+        planned = planned.lengthened()
     if request.at is None and request.model.extras.names_schedule:
         warn(f"no --{request.model.schedule} is given: the flight is {planned.point.at_scheduled}")
     # With scheduled gains, the linear model at the first trim does not apply to other trims.
