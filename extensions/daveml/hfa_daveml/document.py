@@ -161,6 +161,10 @@ def read_document(path: str) -> Document:
         root = ElementTree.fromstring(content)
     except (ElementTree.ParseError, RecursionError) as error:
         raise BadInputError(f"{path} is not XML ({error}); correct the file") from error
+    except (LookupError, ValueError) as error:  # an encoding that Python or expat does not support
+        raise BadInputError(
+            f"{path}: the encoding of the file is not supported ({error}); use UTF-8"
+        ) from error
     for element in root.iter():
         element.tag = str(element.tag).rpartition("}")[2]
     if root.tag != "DAVEfunc":

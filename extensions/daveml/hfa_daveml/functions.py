@@ -41,7 +41,7 @@ class Expressions:
         """Return the value of the variable with this varID, in the file's units.
 
         Raises BadInputError if the variable, or a variable on which it depends, is not defined, has
-        no value, depends on itself or has an invalid formula.
+        no value, depends on itself or has an invalid or too deeply nested formula.
         """
         if key in self._values:
             return self._values[key]
@@ -61,6 +61,10 @@ class Expressions:
         self._asked.append(key)
         try:
             self._values[key] = _limited(variable, self._value(variable))
+        except RecursionError as error:
+            raise self._document.error(
+                f"variable {key}", "the formula is nested too deeply; use further variables"
+            ) from error
         finally:
             self._asked.pop()
         return self._values[key]

@@ -61,7 +61,8 @@ def expression(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
     value_of: varID -> value of the variable
 
     Raises BadInputError if an element is not supported, an operator has a wrong number of
-    arguments, or a number or a piecewise element is invalid.
+    arguments, the value of an operator of numbers is not a finite number, or a number or a
+    piecewise element is invalid.
     """
     if element.tag == "ci":
         return value_of((element.text or "").strip())
@@ -74,10 +75,27 @@ def expression(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
     if element.tag == "apply" and len(element):
         if element[0].tag in ("apply", "piecewise", "ci", "cn") and len(element) == 1:
             return expression(element[0], value_of)
-        return _applied(element[0], [expression(each, value_of) for each in element[1:]])
+        return _finite(element[0], [expression(each, value_of) for each in element[1:]])
     raise BadInputError(
         f"<{shortened(element.tag)}> is not supported in a formula; rewrite the formula"
     )
+
+
+def _finite(operator: ElementTree.Element, arguments: list[Any]) -> Any:
+    """Return the result of an operator, which is finite for finite numbers (`_applied`)."""
+    try:
+        result = _applied(operator, arguments)
+        is_finite = not isinstance(result, complex)
+        if is_finite and all(isinstance(each, int | float) for each in arguments):
+            is_finite = math.isfinite(result)
+    except ArithmeticError:  # division by zero, or an overflow
+        is_finite = False
+    if not is_finite:
+        numbers = ", ".join(f"{each:g}" for each in arguments)
+        raise BadInputError(
+            f"<{shortened(operator.tag)}> of {numbers} is not a finite number; correct the formula"
+        )
+    return result
 
 
 def _applied(operator: ElementTree.Element, arguments: list[Any]) -> Any:

@@ -10,7 +10,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from cli import hfa as run
+from cli import assert_refused, hfa as run
 from project import ROOT
 from scipy.interpolate import LinearNDInterpolator
 
@@ -286,3 +286,49 @@ def test_a_damaged_file_is_refused(old: str, new: str, message: str, tmp_path: P
     path = changed(tmp_path, old, new)
     with pytest.raises(BadInputError, match=message):
         checked_and_loaded(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("<apply><divide/><cn>1</cn><cn>0</cn></apply>", "<divide> of 1, 0"),
+        ("<apply><power/><cn>0</cn><cn>-1</cn></apply>", "<power> of 0, -1"),
+        ("<apply><power/><cn>-8</cn><cn>0.5</cn></apply>", "<power> of -8, 0.5"),
+        ("<apply><power/><cn>10</cn><cn>400</cn></apply>", "<power> of 10, 400"),
+        ("<apply><ln/><cn>0</cn></apply>", "<ln> of 0"),
+        ("<apply><exp/><cn>1000</cn></apply>", "<exp> of 1000"),
+    ],
+)
+def test_a_formula_without_a_finite_value_is_refused(
+    text: str, message: str, tmp_path: Path
+) -> None:
+    """An operator of numbers whose value is infinite, complex or undefined is refused."""
+    with pytest.raises(BadInputError, match=rf"variable y: {message} is not a finite number"):
+        formula(text, 0.5, tmp_path)
+
+
+def test_nested_formulas(tmp_path: Path) -> None:
+    """A formula of 100 nested elements is evaluated, and one of 30,000 is refused."""
+
+    def nested(count: int) -> str:
+        return "<apply><minus/>" * count + "<ci>x</ci>" + "</apply>" * count
+
+    assert formula(nested(100), 0.5, tmp_path) == 0.5
+    with pytest.raises(BadInputError, match="variable y: the formula is nested too deeply"):
+        formula(nested(30_000), 0.5, tmp_path)
+
+
+@pytest.mark.parametrize("encoding", ["unknown-9", "utf-32", "shift_jis"])
+def test_an_unsupported_encoding_is_refused(encoding: str, tmp_path: Path) -> None:
+    """A file in an unknown or multi-byte encoding is refused; Latin-1 is read."""
+    path = tmp_path / "encoded.dml"
+    head = '<?xml version="1.0" encoding="{}"?>\n'
+    path.write_bytes((head.format(encoding) + "<DAVEfunc/>").encode())
+    result = run("daveml", str(path))
+    assert_refused(result, 2, "encod")
+    path.write_bytes(
+        (head.format("iso-8859-1") + '<DAVEfunc><fileHeader name="\xe4"/></DAVEfunc>').encode(
+            "latin-1"
+        )
+    )
+    assert read_document(str(path)).title == "\xe4"

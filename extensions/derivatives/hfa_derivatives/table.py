@@ -22,6 +22,7 @@ from hfa_derivatives.names import (
     Derivative,
     derivative_of,
 )
+from hfa_rigid.atmosphere import ALTITUDES, FT_TO_M
 from hfa_support.errors import BadInputError, advice, file_faults, shortened, shown
 from hfa_support.files import read_toml, regular_file
 from hfa_support.units import SYSTEMS, conversion, si_unit
@@ -185,6 +186,7 @@ def _checked(entries: dict[str, Entry], source: tuple[str, str], stem: str) -> T
             raise _unknown(name, entry, limits)
     _refuse_missing(values, derivatives, source[0] or "the table")
     _refuse_sizes(values, entries)
+    _refuse_altitude(values.get("altitude", 0.0), entries, system)
     name = texts["name"] or stem
     axes = texts["axes"] or "body"
     return Table(name, system, source, values, derivatives, meanings, limits, thrust, axes)
@@ -330,4 +332,19 @@ def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> 
     if values["Ixx"] * values["Izz"] <= values.get("Ixz", 0.0) ** 2:
         raise entries["Ixz"].error(
             "Ixx Izz must exceed Ixz^2 for a rigid body; correct Ixx, Izz or Ixz"
+        )
+
+
+def _refuse_altitude(altitude: float, entries: Mapping[str, Entry], system: str) -> None:
+    """Raise BadInputError if aircraft cannot have the reference altitude.
+
+    altitude: reference altitude, in ft or m
+    system: system of units, english or si
+    """
+    foot = 1.0 if system == "english" else FT_TO_M
+    low, high = (foot * end for end in ALTITUDES)
+    if not low <= altitude <= high:
+        unit = _unit("altitude", system)
+        raise entries["altitude"].error(
+            f"altitude is {altitude:g} {unit}; give {low:g} to {high:g} {unit}"
         )

@@ -512,6 +512,9 @@ def test_a_csv_file_equals_a_dictionary(folder):
         ({"weight": 2750.0}, "mass and weight are given"),
         ({"per": "turn"}, "use rad or deg"),
         ({"span": 30.0}, "'span' is given twice"),
+        ({"condition": {"speed": 176.0, "altitude": 160000.0}}, "altitude is 160000 ft; give"),
+        ({"condition": {"speed": 176.0, "altitude": "60000 m"}}, "altitude is 196850 ft; give"),
+        ({"condition": {"speed": 176.0, "altitude": -3e7}}, "altitude is -3e+07 ft; give"),
     ],
 )
 def test_faulty_entries_are_refused(change, message):
@@ -519,6 +522,13 @@ def test_faulty_entries_are_refused(change, message):
     with pytest.raises(hfa.BadInputError, match="the table") as caught:
         from_derivatives({**NAVION, **change})
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("altitude", [-900.0, 149000.0])
+def test_altitudes_of_the_standard_atmosphere_are_accepted(altitude):
+    """A reference altitude near the lowest or highest altitude is accepted."""
+    condition = {"speed": 176.0, "altitude": altitude}
+    assert from_derivatives({**NAVION, "condition": condition}).trim["altitude"] == altitude
 
 
 def test_faulty_rows_are_refused(folder):

@@ -14,7 +14,7 @@ import casadi as ca
 from hfa_aircraft.extras import Extras
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
-from hfa_rigid.atmosphere import FT_TO_M, air_at
+from hfa_rigid.atmosphere import ALTITUDES, FT_TO_M, air_at
 from hfa_rigid.motion import (
     STATES,
     acceleration,
@@ -124,6 +124,7 @@ def rigid_aircraft(
     length = LENGTH[system]
     foot = 1.0 if system == "english" else FT_TO_M
     low, start, high = alpha
+    lowest, highest = (foot * each for each in ALTITUDES)
     angle = Signal("rad", 0.1, -3.1, 3.1)
     rate = Signal("rad/s", 0.1, rate=1.0)
     states = {
@@ -136,7 +137,7 @@ def rigid_aircraft(
         "roll": angle,
         "pitch": Signal("rad", 0.1, -1.5, 1.5, start),
         "yaw": Signal("rad", 0.1),
-        "altitude": Signal(length, 10000.0 * foot, -1000.0 * foot, 150000.0 * foot),
+        "altitude": Signal(length, 10000.0 * foot, lowest, highest),
     }
     trim = {"speed": speed, "altitude": altitude, "yaw": 0.0, "gamma": 0.0, "turn_rate": 0.0}
     if holds_beta:

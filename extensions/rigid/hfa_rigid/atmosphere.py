@@ -23,6 +23,8 @@ _GAS_CONSTANT = (8.31432 * _KG_TO_SLUG / (FT_TO_M * FT_TO_M * 1.8)) / (
     28.9645 * _KG_TO_SLUG / 1000.0
 )
 SEA_LEVEL_PRESSURE = 2116.228
+#: Lowest and highest altitude of aircraft, ft.
+ALTITUDES = (-1000.0, 150000.0)
 #: Lower ends of the layers: geopotential altitude, ft, and temperature, degrees Rankine.
 _LAYERS = (
     (0.0, 518.67),
@@ -62,6 +64,8 @@ def air_at(altitude: Any, system: str = "english") -> Air:
             english.density * si_factor("slug/ft^3"),
             english.sound * FT_TO_M,
         )
+    if isinstance(altitude, int | float):
+        altitude = ca.DM(altitude)  # a layer below may have no real pressure
     height = altitude * _EARTH_RADIUS / (_EARTH_RADIUS + altitude)
     base_pressure = SEA_LEVEL_PRESSURE
     temperature: Any = 0.0
