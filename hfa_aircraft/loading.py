@@ -7,13 +7,14 @@ import importlib
 import os
 import sys
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from hfa_aircraft.local_sources import fingerprint, hash_of_sources
+from hfa_aircraft.local_sources import OWN_PACKAGES, fingerprint, hash_of_sources, local_file
 from hfa_aircraft.model import Model
 from hfa_aircraft.parameter_file import ParameterFile
 from hfa_support.arguments import checks_arguments
@@ -303,13 +304,47 @@ def _digest(model: Model, text: str) -> str:
 
 
 def _executed(file: str) -> types.ModuleType:
-    """Return the module that results from executing a Python file."""
+    """Return the module that results from executing a Python file.
+
+    The file can import modules in its folder, as in `python FILE.py`.
+    """
     content = regular_file(file).read_bytes()
     module = types.ModuleType(f"aircraft_{Path(file).stem}")
     module.__file__ = file  # the module finds its data files with it
     sys.modules[module.__name__] = module  # dataclasses look up their module there
-    exec(compile(content, file, "exec"), module.__dict__)
+    with _imports_from(Path(file).resolve().parent):
+        exec(compile(content, file, "exec"), module.__dict__)
     return module
+
+
+#: Names of the modules that executed files imported from their folders.
+_BESIDE: set[str] = set()
+
+
+@contextmanager
+def _imports_from(folder: Path) -> Iterator[None]:
+    """Let import statements in the `with` block find the modules in a folder, before others.
+
+    Modules that an earlier block imported from its folder are imported again: a module of the same
+    name in another folder, or a changed file, is another module. The packages of this project keep
+    their names.
+    """
+    for name in OWN_PACKAGES:
+        importlib.import_module(name)
+    for name in _BESIDE:
+        sys.modules.pop(name, None)
+    _BESIDE.clear()
+    importlib.invalidate_caches()
+    before = set(sys.modules)
+    writes_no_bytecode = sys.dont_write_bytecode
+    sys.dont_write_bytecode = True  # no files in the user's folder
+    sys.path.insert(0, str(folder))
+    try:
+        yield
+    finally:
+        sys.path.remove(str(folder))
+        sys.dont_write_bytecode = writes_no_bytecode
+        _BESIDE.update(name for name in set(sys.modules) - before if local_file(name, folder))
 
 
 def _imported(name: str) -> types.ModuleType:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from hfa_aircraft.model import Model
 
 #: Packages of this project. An installed version does not belong to a user's model.
-_OWN_PACKAGES = {
+OWN_PACKAGES = {
     "hfa",
     "hfa_support",
     "hfa_aircraft",
@@ -89,16 +89,26 @@ def _local_sources(
     """
     sources[file] = file.read_bytes()
     for name in _imported_names(sources[file], package):
-        module = sys.modules.get(name)
-        origin = getattr(module, "__file__", None)
-        if name.split(".")[0] in _OWN_PACKAGES or not origin or not origin.endswith(".py"):
-            continue
-        path = Path(origin).resolve()
-        is_installed = "site-packages" in path.parts or path.is_relative_to(_EXTENSIONS)
-        is_local = path.is_relative_to(folder) and not is_installed
-        if is_local and path not in sources:
-            _local_sources(path, getattr(module, "__package__", "") or "", folder, sources)
+        path = local_file(name, folder)
+        if path is not None and path not in sources:
+            inner = getattr(sys.modules[name], "__package__", "") or ""
+            _local_sources(path, inner, folder, sources)
     return sources
+
+
+def local_file(name: str, folder: Path) -> Path | None:
+    """Return the Python file of a loaded module below a folder, or None for other modules.
+
+    Modules of this project and of installed packages are not local.
+
+    name: name of the module
+    """
+    origin = getattr(sys.modules.get(name), "__file__", None)
+    if name.split(".")[0] in OWN_PACKAGES or not origin or not origin.endswith(".py"):
+        return None
+    path = Path(origin).resolve()
+    is_installed = "site-packages" in path.parts or path.is_relative_to(_EXTENSIONS)
+    return path if path.is_relative_to(folder) and not is_installed else None
 
 
 def _imported_names(text: bytes, package: str) -> set[str]:

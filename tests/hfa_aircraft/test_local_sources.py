@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import pickle
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from cli import SCRIPT
 
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.local_sources import fingerprint
@@ -38,6 +41,44 @@ def test_a_changed_neighboring_module_changes_the_hash(
     for name in ("helper_of_plant", "inner_of_plant"):
         sys.modules.pop(name)
     assert hashes[0] == hashes[1] != hashes[2]
+
+
+def test_a_file_imports_the_modules_beside_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file imports modules and packages in its folder, of which each folder has its own.
+
+    The folder is not the working folder. A changed module is imported again. Neither the search
+    path of Python nor the folder is changed.
+    """
+    monkeypatch.chdir(tmp_path)
+    before = list(sys.path)
+    for name, gain in (("one", 2.0), ("two", 3.0), ("one", 4.0)):
+        folder = tmp_path / name
+        (folder / "tables_of_plant").mkdir(parents=True, exist_ok=True)
+        (folder / "tables_of_plant" / "inner.py").write_text(f"value = {gain}\n")
+        (folder / "beside_plant.py").write_text("from tables_of_plant.inner import value as gain\n")
+        (folder / "plant.py").write_text(MODEL.format(helper="beside_plant"))
+        model = load_model(f"{name}/plant.py:PLANT")
+        assert float(model.at([1.0], [0.0]).f[0]) == -gain
+        again = pickle.loads(pickle.dumps(model))
+        assert float(again.at([1.0], [0.0]).f[0]) == -gain
+    assert sys.path == before
+    assert not list(tmp_path.rglob("*.pyc"))
+    for name in [name for name in sys.modules if "_plant" in name]:
+        sys.modules.pop(name)
+
+
+def test_a_module_beside_the_file_does_not_replace_a_package(tmp_path: Path) -> None:
+    """`hfa trim` runs although the folder of the aircraft contains files named like its packages."""
+    for name in ("trim", "controller", "hfa_model"):
+        (tmp_path / f"{name}.py").write_text("raise RuntimeError('imported')\n")
+    (tmp_path / "beside_plant.py").write_text("gain = 2.0\n")
+    (tmp_path / "plant.py").write_text(MODEL.format(helper="beside_plant"))
+    words = [str(SCRIPT), "trim", "--aircraft", f"{tmp_path}/plant.py:PLANT", "--json"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert '"x"' in done.stdout
 
 
 def test_installed_modules_do_not_affect_the_hash(tmp_path: Path) -> None:
