@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 from hfa_aircraft.model import Model
 from hfa_support.errors import NoSolutionError
 from trim.point.condition import TrimCondition, release
-from trim.point.reasons import explained
-from trim.point.solve import TrimError, trim
+from trim.point.solve import TrimError, explained, trim
 
 if TYPE_CHECKING:
     from hfa.options.trims import TrimOptions

@@ -13,8 +13,7 @@ from hfa_support.errors import BadInputError
 from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, measured
 from trim.point.condition import TrimCondition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
-from trim.point.reasons import explained
-from trim.point.solve import TrimError, trim
+from trim.point.solve import TrimError, explained, trim
 
 #: Conditions: calibrated airspeed, kt, and altitude, ft.
 SPEEDS = ((60.0, 1000.0), (90.0, 3000.0), (130.0, 5000.0), (200.0, 10000.0), (300.0, 20000.0))

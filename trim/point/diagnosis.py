@@ -8,8 +8,8 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from trim.point.condition import TrimCondition
-from trim.point.operating_point import BALANCE, Status
 from trim.point.problem import TrimProblem
+from trim.point.status import BALANCE
 
 #: If all entries of a column of the scaled Jacobian are at most this, the variable has no effect.
 _NOTHING = 1e-12
@@ -71,14 +71,15 @@ def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
     z: scaled unknowns, (k,)
     """
     scaled = problem.at(z).residual
-    point = problem.point(z, Status.FAILED)
+    model = problem.model
     least = max(BALANCE, _MINOR * float(np.abs(scaled).max()))
     words = []
     for i in np.argsort(-np.abs(scaled), kind="stable").tolist():
         if abs(scaled[i]) > least:
             name = problem.names[i]
             amount = scaled[i] * problem.system.row_scales[i]
-            words.append(f"{name} by {amount:.3g} {point.equation_unit(name)}")
+            unit = model.rate_unit(name) if name in model.states else model.unit(name)
+            words.append(f"{name} by {amount:.3g} {unit}")
     return words
 
 

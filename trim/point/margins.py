@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from hfa_aircraft.model import Model
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import degrees, shown_value
 from trim.limits import NEAR
 from trim.point.condition import TrimCondition
-from trim.point.operating_point import OperatingPoint
-from trim.point.problem import TrimProblem
 
 
 @dataclass(frozen=True)
@@ -89,26 +89,29 @@ class Margin(Result):
         return self.name, value, unit, role, lowest, highest, margin, self.nearer
 
 
-def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Margin]:
+def all_margins(
+    model: Model, condition: TrimCondition, x: Any, u: Any, idle: Sequence[str]
+) -> dict[str, Margin]:
     """Return the margins of a trim, name -> `Margin`, for all states, relevant outputs and inputs.
 
     An output is relevant if the trim imposes the output, the model limits it, or the output
     replaces a state.
 
     condition: condition of the trim
-    point: the trim
+    x: state at the trim, by name
+    u: input at the trim, by name
+    idle: names of free variables that are in no equation
     """
-    model = point.model
-    roles = _roles(condition, point)
+    roles = _roles(model, condition, idle)
     outputs = []
     for name, signal in model.outputs.items():
         limited = math.isfinite(signal.min) or math.isfinite(signal.max)
         if limited or name in model.variables or name in condition.imposed:
             outputs.append(name)
-    values = model.outputs_at(point.states, point.inputs, outputs) | point.values
+    values = model.outputs_at(x, u, outputs) | x._asdict() | u._asdict()
     limits = {name: condition.limits_of(name) for name in (*model.states, *outputs, *model.inputs)}
     for state, output in model.replaced.items():
-        lowest, highest = _limits_through(model, point, state, output, limits[state])
+        lowest, highest = _limits_through(model, x, u, state, output, limits[state])
         limits[output] = max(limits[output][0], lowest), min(limits[output][1], highest)
     margins = {}
     for name, (lowest, highest) in limits.items():
@@ -120,34 +123,36 @@ def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Ma
     return margins
 
 
-def _roles(condition: TrimCondition, point: OperatingPoint) -> dict[str, str]:
+def _roles(model: Model, condition: TrimCondition, idle: Sequence[str]) -> dict[str, str]:
     """Return the role of each variable in the trim: "held", "free", or "left" at its initial value.
 
     condition: condition of the trim
-    point: the trim
+    idle: names of free variables that are in no equation
     """
     roles = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
-    roles |= dict.fromkeys(TrimProblem.of(condition, point).idle, "left")
-    if set(condition.free) <= set(point.model.inputs):
+    roles |= dict.fromkeys(idle, "left")
+    if set(condition.free) <= set(model.inputs):
         # All states are held, including those that outputs replace.
-        roles |= dict.fromkeys(point.model.replaced, "held")
+        roles |= dict.fromkeys(model.replaced, "held")
     return roles
 
 
 def _limits_through(
-    model: Model, point: OperatingPoint, state: str, output: str, limits: tuple[float, float]
+    model: Model, x: Any, u: Any, state: str, output: str, limits: tuple[float, float]
 ) -> tuple[float, float]:
     """Return the limits of an output y that follow from the limits of the state x that it replaces.
 
-    The output is y = y0 + slope (x - x0), with the values x0, y0 at the trim.
+    The output is y = y0 + slope (value - value0), with value0 of the state and y0 at the trim.
 
-    state, output: names of x and y
-    limits: lowest and highest value of x
+    x: state at the trim, by name
+    u: input at the trim, by name
+    state, output: names of the state and of the output
+    limits: lowest and highest value of the state
     """
-    x = getattr(point.states, state)
+    value = getattr(x, state)
     step = model.states[state].nominal
-    moved = point.states._replace(**{state: x + step})
-    y = model.outputs_at(point.states, point.inputs, [output])[output]
-    slope = (model.outputs_at(moved, point.inputs, [output])[output] - y) / step
-    lowest, highest = sorted(y + slope * (limit - x) for limit in limits)
+    moved = x._replace(**{state: value + step})
+    y = model.outputs_at(x, u, [output])[output]
+    slope = (model.outputs_at(moved, u, [output])[output] - y) / step
+    lowest, highest = sorted(y + slope * (limit - value) for limit in limits)
     return lowest, highest

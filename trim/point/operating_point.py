@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -19,32 +18,17 @@ from hfa_support.jsonable import json_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Record, Result
 from hfa_support.reporting.text import in_degrees
+from trim.point.status import Status
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from trim.linear.linear_model import LinearModel
+    from trim.point.condition import TrimCondition
     from trim.point.margins import Margin
     from trim.point.problem import TrimProblem
 
 SCHEMA = "hfa.operating-point/1"
-#: An equation balances if its scaled residual is at most this.
-BALANCE = 1e-10
-
-
-class Status(StrEnum):
-    """Status of an operating point.
-
-    TRIMMED: the equations balance within the limits
-    BEYOND_LIMITS: the equations balance only beyond a limit
-    NO_TRIM: the equations do not balance
-    FAILED: the search failed; the point is the best one within the limits
-    """
-
-    TRIMMED = "trimmed"
-    BEYOND_LIMITS = "beyond limits"
-    NO_TRIM = "no trim"
-    FAILED = "failed"
 
 
 @dataclass(frozen=True, repr=False)
@@ -80,6 +64,30 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     model: Model = field(compare=False)
     started: int = field(default=0, compare=False)
     problem: TrimProblem | None = field(default=None, compare=False)
+
+    @classmethod
+    def of(
+        cls, problem: TrimProblem, z: np.ndarray, status: Status, started: int = 0
+    ) -> OperatingPoint:
+        """Return the operating point of a trim problem for scaled unknowns z, (k,).
+
+        status: status of the result
+        started: number of the initial point of the search, 0 for the default one
+        """
+        evaluation = problem.at(z)
+        residuals = problem.residuals(z)
+        return cls(evaluation.x, evaluation.u, residuals, status, problem.model, started, problem)
+
+    def problem_of(self, condition: TrimCondition) -> TrimProblem:
+        """Return the trim problem of a condition, with this point as initial values.
+
+        The problem that the point has solved is returned if it has this condition.
+        """
+        if self.problem is not None and self.problem.asked is condition:
+            return self.problem
+        from trim.point.problem import TrimProblem
+
+        return TrimProblem(self.model, condition, self.values)
 
     @property
     def ok(self) -> bool:
@@ -195,10 +203,16 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     def margins(self) -> dict[str, Margin]:
         """Margins of each state, input and relevant output, name -> `Margin` (`all_margins`)."""
         from trim.point.condition import usual_condition
-        from trim.point.margins import all_margins
 
         condition = usual_condition(self.model) if self.problem is None else self.problem.asked
-        return all_margins(condition, self)
+        return self.margins_under(condition)
+
+    def margins_under(self, condition: TrimCondition) -> dict[str, Margin]:
+        """Return the margins for the limits of a condition, name -> `Margin` (`all_margins`)."""
+        from trim.point.margins import all_margins
+
+        idle = self.problem_of(condition).idle
+        return all_margins(self.model, condition, self.states, self.inputs, idle)
 
     @property
     def far_out(self) -> list[str]:

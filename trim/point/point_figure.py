@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.figure import pyplot_figure
-from trim.point.margins import all_margins
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
@@ -28,7 +27,7 @@ def draw_point(point: OperatingPoint) -> Axes:
             "this operating point is not the result of a trim and has no limits; trim the model"
         )
     limited = []
-    for margin in all_margins(point.problem.asked, point).values():
+    for margin in point.margins.values():
         if math.isfinite(margin.highest - margin.lowest) and margin.highest > margin.lowest:
             limited.append(margin)
     if not limited:

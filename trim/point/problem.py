@@ -12,7 +12,7 @@ from hfa_support.errors import BadInputError
 from hfa_support.linear_table import LinearTable
 from trim.point.condition import TrimCondition
 from trim.point.newton import newton
-from trim.point.operating_point import BALANCE, OperatingPoint, Status
+from trim.point.status import BALANCE
 from trim.point.system import Evaluation, TrimSystem
 
 #: Number of other initial points, and their largest distance from the default one, in scaled units,
@@ -38,7 +38,7 @@ class TrimProblem:
     """
 
     def __init__(
-        self, model: Model, condition: TrimCondition, start: OperatingPoint | None = None
+        self, model: Model, condition: TrimCondition, start: Mapping[str, float] | None = None
     ) -> None:
         if condition.model.variables != model.variables:
             raise BadInputError(
@@ -51,7 +51,7 @@ class TrimProblem:
         self.model = model
         self.asked = asked
         self.condition = condition
-        self.system = TrimSystem(model, condition, begin=None if start is None else start.values)
+        self.system = TrimSystem(model, condition, begin=start)
         self.free = self.system.equations.unknowns
         self.idle = self.system.equations.idle
         self.names = self.system.equations.names
@@ -204,32 +204,12 @@ class TrimProblem:
             z, _ = newton(self.system, begin, c, bounded=True)
         return z
 
-    def point(self, z: np.ndarray, status: Status, started: int = 0) -> OperatingPoint:
-        """Return the operating point for scaled unknowns z, (k,).
+    def residuals(self, z: np.ndarray) -> dict[str, float]:
+        """Return the residual of each equation in its unit, state or output -> number.
 
-        status: status of the result
-        started: number of the initial point of the search, 0 for the default one
+        z: scaled unknowns, (k,)
         """
-        evaluation = self.at(z)
-        amounts = (evaluation.residual * self.system.row_scales).tolist()
+        amounts = (self.at(z).residual * self.system.row_scales).tolist()
         residuals = dict(zip(self.names, amounts, strict=True))
         structure = self.system.structure
-        return OperatingPoint(
-            evaluation.x,
-            evaluation.u,
-            {name: residuals[name] for name, _ in (*structure.rates, *structure.outputs)},
-            status,
-            self.model,
-            started,
-            self,
-        )
-
-    @classmethod
-    def of(cls, condition: TrimCondition, point: OperatingPoint) -> TrimProblem:
-        """Return the trim problem of a condition, with an operating point as initial values.
-
-        The problem stored in the point is returned if it has this condition.
-        """
-        if point.problem is not None and point.problem.asked is condition:
-            return point.problem
-        return cls(point.model, condition, point)
+        return {name: residuals[name] for name, _ in (*structure.rates, *structure.outputs)}

@@ -7,23 +7,17 @@ from collections.abc import Mapping
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from trim.point.condition import TrimCondition, release
-from trim.point.operating_point import Status
 from trim.point.problem import TrimProblem
-from trim.point.solve import TrimError
 
 
-def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimError:
-    """Return the error of a failed trim with the model's explanation at the beginning of its
-    message.
+def explanation(model: Model, condition: TrimCondition) -> str:
+    """Return the model's explanation of why a condition has no trim, or "" if it has none.
 
     The model's function `explain` may trim a changed condition, by Newton's method from the default
-    initial point. The error is unchanged if the model has no explanation.
-
-    error: error of the trim search
-    condition: condition of the failed trim
+    initial point.
     """
     if model.extras.explain is None:
-        return error
+        return ""
 
     def solve(hold: Mapping[str, float], free: tuple[str, ...]) -> Mapping[str, float] | None:
         held = {name: value for name, value in hold.items() if name in model.holdable}
@@ -33,18 +27,16 @@ def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimE
             z = problem.newton(problem.clip(problem.system.start))
             if not problem.solved(z):
                 return None
-            point = problem.point(z, Status.TRIMMED)
+            evaluation = problem.at(z)
         except (BadInputError, ArithmeticError):
             return None
-        rates = model.rates_at(point.states, point.inputs)
+        x, u = evaluation.x, evaluation.u
+        rates = model.rates_at(x, u)
         return {
-            **point.values,
-            **model.outputs_at(point.states, point.inputs),
+            **x._asdict(),
+            **u._asdict(),
+            **model.outputs_at(x, u),
             **{f"{name}_dot": rate for name, rate in rates.items()},
         }
 
-    reason = model.extras.explain(condition.imposed, solve)
-    if not reason:
-        return error
-    details = str(error).removeprefix("no trim: ")
-    return TrimError(f"no trim: {reason} ({details})", error.attempt)
+    return model.extras.explain(condition.imposed, solve)

@@ -13,8 +13,9 @@ from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, degrees
 from hfa_support.schema import NUMBER, checked
 from hfa_support.units import conversion, si_unit
-from trim.point.operating_point import SCHEMA, OperatingPoint, Status
+from trim.point.operating_point import SCHEMA, OperatingPoint
 from trim.point.point_records import point_records
+from trim.point.status import Status
 
 #: Entries of a saved point; files of later versions may contain more.
 _FILE: dict[Any, Any] = {

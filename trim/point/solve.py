@@ -11,8 +11,9 @@ from hfa_aircraft.model import Model
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError
 from trim.point.condition import TrimCondition, refuse_unfit, release, usual_condition
-from trim.point.operating_point import OperatingPoint, Status
+from trim.point.operating_point import OperatingPoint
 from trim.point.problem import TrimProblem
+from trim.point.status import Status
 
 
 class TrimError(NoSolutionError):
@@ -30,6 +31,24 @@ class TrimError(NoSolutionError):
 
     def __reduce__(self) -> tuple[type[TrimError], tuple[str, OperatingPoint]]:
         return TrimError, (str(self), self.attempt)
+
+
+def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimError:
+    """Return the error of a failed trim with the model's explanation at the beginning of its
+    message.
+
+    The error is unchanged if the model has no explanation.
+
+    error: error of the trim search
+    condition: condition of the failed trim
+    """
+    from trim.point.reasons import explanation
+
+    reason = explanation(model, condition)
+    if not reason:
+        return error
+    details = str(error).removeprefix("no trim: ")
+    return TrimError(f"no trim: {reason} ({details})", error.attempt)
 
 
 @checks_arguments
@@ -85,7 +104,7 @@ def trim(
     if held or free:
         free = (free,) if isinstance(free, str) else free
         condition = release(condition, hold=held, free=free)
-    problem = TrimProblem(model, condition, start)
+    problem = TrimProblem(model, condition, None if start is None else start.values)
     try:
         with np.errstate(over="raise"):
             return _solution(problem, problem.clip(problem.system.start))
@@ -106,14 +125,14 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
     Raises TrimError if no trim is found.
     """
     if not problem.free:  # nothing is free, and the point is an equilibrium
-        return problem.point(guess, Status.TRIMMED)
+        return OperatingPoint.of(problem, guess, Status.TRIMMED)
     nearest = guess
     number = 0
     far_out: OperatingPoint | None = None
     for number, z in _searched(problem, guess):
         if problem.solved(z):
             z, is_far = problem.unwound(z)
-            point = problem.point(z, Status.TRIMMED, number)
+            point = OperatingPoint.of(problem, z, Status.TRIMMED, number)
             if not is_far:
                 return point
             far_out = far_out or point
@@ -132,7 +151,8 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
     message = failure(problem, nearest)
     if number:
         message += f"; {number} other initial points failed too"
-    raise TrimError(message, problem.point(problem.clip(nearest), Status.FAILED))
+    attempt = OperatingPoint.of(problem, problem.clip(nearest), Status.FAILED)
+    raise TrimError(message, attempt)
 
 
 def _searched(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:

@@ -14,10 +14,11 @@ from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown_unit, shown_value
 from trim.point.condition import TrimCondition
-from trim.point.margins import Margin, all_margins
-from trim.point.operating_point import BALANCE, OperatingPoint, Status
+from trim.point.margins import Margin
+from trim.point.operating_point import OperatingPoint
 from trim.point.point_records import point_records
 from trim.point.problem import STARTS, TrimProblem
+from trim.point.status import BALANCE, Status
 from trim.point.system import declared_start
 
 #: Number of nearest limits that are listed, in addition to those that bind.
@@ -100,7 +101,7 @@ def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -
     condition: condition of the trim
     point: the trim or the nearest point
     """
-    margins = all_margins(condition, point)
+    margins = point.margins_under(condition)
     # Variables whose limits matter: free ones, and held inputs.
     limited = [
         margin
@@ -239,7 +240,7 @@ def other_trims(condition: TrimCondition, point: OperatingPoint) -> list[Operati
     condition: condition of the trim
     point: the trim
     """
-    problem = TrimProblem.of(condition, point)
+    problem = point.problem_of(condition)
     trim = problem.unknowns(point.values)
     equations, unknowns = problem.count
     starts = [*problem.starts(trim)]
@@ -251,7 +252,7 @@ def other_trims(condition: TrimCondition, point: OperatingPoint) -> list[Operati
         distances = [float(np.abs(solution - z).max()) for z in trims]
         if problem.solved(solution) and min(distances) > 1e-6:
             trims.append(solution)
-    return [problem.point(z, Status.TRIMMED) for z in trims[1:]]
+    return [OperatingPoint.of(problem, z, Status.TRIMMED) for z in trims[1:]]
 
 
 def _search(condition: TrimCondition, point: OperatingPoint) -> tuple[dict[str, Any], list[str]]:
@@ -260,7 +261,7 @@ def _search(condition: TrimCondition, point: OperatingPoint) -> tuple[dict[str, 
     condition: condition of the trim
     point: the trim or the nearest point
     """
-    problem = TrimProblem.of(condition, point)
+    problem = point.problem_of(condition)
     equations, unknowns = problem.count
     sentences = []
     others: list[OperatingPoint] = []

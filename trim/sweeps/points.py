@@ -24,8 +24,9 @@ from trim.point.condition import (
 )
 from trim.point.halving import newton_step
 from trim.point.newton import newton
-from trim.point.operating_point import BALANCE, OperatingPoint, Status
+from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
+from trim.point.status import BALANCE, Status
 from trim.point.system import TrimSystem
 from trim.sweeps.machine import CompiledSystem
 from trim.sweeps.shared import SharedSystem

@@ -27,7 +27,8 @@ from trim.linear.kinks import with_means_at_kinks
 from trim.linear.modes import fastest_first, modes_of
 from trim.point.condition import TrimCondition
 from trim.point.diagnosis import beyond_limits
-from trim.point.operating_point import OperatingPoint, Status
+from trim.point.operating_point import OperatingPoint
+from trim.point.status import Status
 from trim.sweeps.mode_tracking import track_modes
 from trim.sweeps.points import (
     BEYOND_LIMITS,

@@ -9,8 +9,8 @@ import numpy as np
 from hfa_aircraft.signals import record
 from hfa_support.errors import NoSolutionError, refuse_unknown
 from trim.linear.linear_model import LinearModel
-from trim.point.operating_point import OperatingPoint, Status
-from trim.point.problem import TrimProblem
+from trim.point.operating_point import OperatingPoint
+from trim.point.status import Status
 from trim.sweeps.points import condition_at, model_at
 
 if TYPE_CHECKING:
@@ -39,8 +39,8 @@ def linear_model_at(swept: Sweep, index: int) -> LinearModel:
     states = record(tuple(model.states))(*swept.states[index].tolist())
     inputs = record(tuple(model.inputs))(*swept.inputs[index].tolist())
     found = OperatingPoint(states, inputs, {}, Status.TRIMMED, model)
-    problem = TrimProblem.of(condition, found)
-    point = problem.point(problem.unknowns(found.values), Status.TRIMMED)
+    problem = found.problem_of(condition)
+    point = OperatingPoint.of(problem, problem.unknowns(found.values), Status.TRIMMED)
     return point.linearize()
 
 

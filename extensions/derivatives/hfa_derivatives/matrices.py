@@ -15,7 +15,8 @@ from hfa_aircraft.signals import Signal, record
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.text import numbered
 from trim.linear.linear_model import LinearModel
-from trim.point.operating_point import OperatingPoint, Status
+from trim.point.operating_point import OperatingPoint
+from trim.point.status import Status
 
 #: Note on every model made from matrices.
 LINEAR = "linear plant without limits; its trim is the origin"

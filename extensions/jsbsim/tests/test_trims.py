@@ -10,8 +10,7 @@ from small_aircraft import glider, written
 from hfa import BadInputError, linearize, trim
 from hfa_aircraft.loading import load_model
 from trim.point.condition import release, usual_condition
-from trim.point.reasons import explained
-from trim.point.solve import TrimError
+from trim.point.solve import TrimError, explained
 from trim.sweeps.points import TRIMMED, trim_points
 
 needs_jsbsim = pytest.mark.skipif(

@@ -24,7 +24,6 @@ from hfa_aircraft.signals import Signal
 from hfa_model import choice
 from hfa_model.trim_loads import performance
 from trim import release, trim_report
-from trim.point.margins import all_margins
 
 BASE = level_flight(float(np.radians(10.0)))
 
@@ -41,7 +40,7 @@ def test_every_variable_has_limits_and_a_margin(
     condition = release(BASE, free=("alpha",), hold={"aileron_outer": 0.0})
     point, report = reported(published_aircraft, condition)
     shown = report.text()
-    for name, margin in all_margins(condition, point).items():
+    for name, margin in point.margins_under(condition).items():
         factor = math.degrees(1.0) if choice.aircraft().unit(name).startswith("rad") else 1.0
         limits = (
             ""
@@ -70,7 +69,7 @@ def test_a_binding_limit_is_listed_first(published_aircraft: Model) -> None:
     condition = release(limited, free=("aileron_center",))
     point, report = reported(published_aircraft, condition)
     data = report.data
-    margins = all_margins(condition, point)
+    margins = point.margins_under(condition)
     assert (data["nearest_limits"][0], data["binding"]) == ("elevator_outer", ["elevator_outer"])
     first = margins["elevator_outer"]
     assert (first.nearer, first.nearer_limit, first.at_limit) == ("lowest", limit, True)
@@ -152,7 +151,7 @@ def test_pitch_limits_bound_a_free_gamma(published_aircraft: Model) -> None:
     """The pitch angle in a trim follows from alpha and gamma. Its limits bound a free gamma."""
     condition = release(BASE, free=("gamma",), hold={"throttle": 0.0})
     point, report = reported(published_aircraft, condition)
-    margins = all_margins(condition, point)
+    margins = point.margins_under(condition)
     assert re.search(r"^throttle, lowest +0 +0\.00000 +1 +0\.0 % +held there$", report.text(), re.M)
     assert report.data["binding"] == []
     assert (margins["pitch"].role, margins["gamma"].role) == ("follows", "free")

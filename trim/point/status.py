@@ -1,0 +1,23 @@
+"""Status of operating points, and the tolerance of their equations."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+#: An equation balances if its scaled residual is at most this.
+BALANCE = 1e-10
+
+
+class Status(StrEnum):
+    """Status of an operating point.
+
+    TRIMMED: the equations balance within the limits
+    BEYOND_LIMITS: the equations balance only beyond a limit
+    NO_TRIM: the equations do not balance
+    FAILED: the search failed; the point is the best one within the limits
+    """
+
+    TRIMMED = "trimmed"
+    BEYOND_LIMITS = "beyond limits"
+    NO_TRIM = "no trim"
+    FAILED = "failed"
