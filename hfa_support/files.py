@@ -301,13 +301,13 @@ def read_json(path: str | Path) -> Any:
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
-    """Return the content of a TOML file.
+    """Return the content of a TOML file in UTF-8, which may begin with a byte order mark.
 
     Raises OSError if the file cannot be read, and BadInputError if it is not valid TOML.
     """
     text = regular_file(path).read_bytes()
     try:
-        return tomllib.loads(text.decode("utf-8"))
+        return tomllib.loads(text.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise BadInputError(
             f"{path} is not a TOML file ({_reason(error)}); correct the file"
