@@ -63,7 +63,8 @@ def best_flight_and_policies(
     game = hfa.paper.published_game(linear)
     problem = flight_problem(linear.point.model, linear.point, game.Q, game.R, limits=limits)
     search = BestFlights(problem)
-    found = search.found(problem.deviations(START))
+    start = problem.deviations(START)
+    found = search.found(start)
     gains = {
         "learned critic, saturated": hfa.learn(game, seed=0).K,
         "exact game policy, saturated": hfa.solve(game).K,
@@ -72,7 +73,7 @@ def best_flight_and_policies(
     for name, K in gains.items():
         pilot = gain_pilot(search.flights, name, K)
         seconds = (1.0 + AFTER) * found.seconds
-        flown.append(pilot.fly(search.flights, found.proposal.start, seconds))
+        flown.append(pilot.fly(search.flights, start, seconds))
     return BestFlight(problem, found, tuple(flown))
 
 

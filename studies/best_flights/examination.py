@@ -145,6 +145,9 @@ def examined(name: str, source: str, count: int) -> dict[str, Any]:
             continue
         seconds = time.process_time() - began
         linear = found.linear
+        if found.proposal is None:
+            flights.append({"reason": found.reason, "seconds": seconds})
+            continue
         flights.append(
             {
                 "cost": found.flown.cost,

@@ -79,7 +79,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     exist.
 
     problem: aircraft, trim, weights and limits.
-    found: the flight, and the optimizer's proposal that the flight follows.
+    found: the flight, and the optimizer's proposal that the flight follows, if it was confirmed.
     others: flights of policies from the same initial condition.
     bracket: bounds of the least cost, or None without a certificate.
 
@@ -96,7 +96,8 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     schema = "hfa.best-flight/1"
     made_by = "hfa optimize"
     json_keys = (
-        "operating_point=point start cost proposed_cost spread linear_cost seconds saturated "
+        "operating_point=point start cost source reason proposed_cost spread linear_cost seconds "
+        "saturated "
         "states=state_names state_units inputs=input_names input_units Q R envelope policies "
         "lower_bound over_bound"
     )
@@ -114,8 +115,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     @property
     def start(self) -> Mapping[str, float]:
         """Initial deviations from the trim by name of the state, without deviations of 0."""
-        values = self.found.proposal.start.tolist()
-        pairs = zip(self.problem.states, values, strict=True)
+        pairs = zip(self.problem.states, self._z0.tolist(), strict=True)
         return {name: value for name, value in pairs if value}
 
     @property
@@ -127,16 +127,37 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return self.found.flown.cost
 
     @property
-    def proposed_cost(self) -> float:
-        """Cost reported by the optimizer for its proposal."""
-        return self.found.proposal.cost
+    def source(self) -> str:
+        """Name of the flight whose cost is reported: the best flight found, or a policy."""
+        return self.found.flown.name
 
     @property
-    def spread(self) -> float:
-        """Largest relative difference of the flight's cost between meshes or between initial
-        guesses.
+    def reason(self) -> str | None:
+        """Reason why the simulation confirms no proposal of the optimizer, or None if it does.
+
+        With a reason, the flight is only the cheapest of the simulated flights.
         """
-        return self.found.spread
+        return self.found.reason or None
+
+    @property
+    def proposed_cost(self) -> float | None:
+        """Cost reported by the optimizer for its proposal, or None if no proposal was confirmed."""
+        return None if self.found.proposal is None else self.found.proposal.cost
+
+    @property
+    def spread(self) -> float | None:
+        """Largest relative difference of the flight's cost between meshes or between initial
+        guesses, or None if no proposal was confirmed.
+        """
+        return None if self.found.proposal is None else self.found.spread
+
+    @property
+    def _z0(self) -> np.ndarray:
+        """Initial deviations of the linear states from the trim, (k,)."""
+        if self.found.proposal is not None:
+            return self.found.proposal.start
+        places = self.problem.places
+        return (self.found.flown.states[0] - np.array(self.point.states))[places]
 
     @property
     def linear_cost(self) -> float:
@@ -144,8 +165,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
         The least cost of the aircraft may differ.
         """
-        start = self.found.proposal.start
-        return float(start @ self.problem.P @ start)
+        return float(self._z0 @ self.problem.P @ self._z0)
 
     @property
     def seconds(self) -> float:
@@ -204,8 +224,9 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     def report(self) -> Report:
         """Return the report: costs and outcomes of all flights, bounds and limits."""
-        rows = [("best flight found", f"{self.cost:.6g}", "1", "converges")]
-        lines = [_saturated("best flight found", self.saturated)]
+        name = "best flight found" if self.reason is None else "cheapest simulated flight"
+        rows = [(name, f"{self.cost:.6g}", "1", "converges")]
+        lines = [_saturated(name, self.saturated)]
         for flown, policy in zip(self.compared, self.policies, strict=True):
             cost = "-" if policy.cost is None else f"{policy.cost:.6g}"
             ratio = "-" if policy.over_best is None else f"{policy.over_best:.4g}"
@@ -230,11 +251,15 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         place = self.point.at_scheduled
         whose = f"{self.model.title} {place}".strip()
         first = f"Best flight, {whose}: found, cost {self.cost:.6g}"
+        if self.reason is not None:
+            first = f"Best flight, {whose}: upper bound of the cost {self.cost:.6g}"
         if self.bracket is not None and self.over_bound is not None:
             first += f", {bracket_sentence([(self.bracket, self.cost)])}"
-        elif self.found.spread_of_guesses > MESHES_AGREE:
+        elif self.reason is None and self.found.spread_of_guesses > MESHES_AGREE:
             first += f", guesses differ by {100 * self.found.spread_of_guesses:.2g} %"
         lines = [first]
+        if self.reason is not None:
+            lines += [f"source: {self.source}, simulated; no proposal is confirmed:", self.reason]
         for flown, policy in zip(self.compared, self.policies, strict=True):
             says = [] if policy.over_best is None else [f"{policy.over_best:.4g} x the best found"]
             says += [flown.ending] if flown.lost else []
@@ -261,6 +286,8 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     def _checked(self) -> str:
         found = self.found
+        if self.reason is not None:
+            return f"Simulated cost: {self.cost:.6g}. No proposal of the optimizer is confirmed."
         meshes = " and ".join(map(str, list(found.meshes)[-2:]))
         lines = [
             f"Simulated cost: {self.cost:.6g}. Cost proposed by the optimizer: "
@@ -360,7 +387,8 @@ def optimize(
     """Return the cheapest flight that was found from an initial condition to a trim.
 
     The cost is ∫ z'Qz + v'Rv dt, where z and v are the deviations from the trim. Collocation
-    proposes the flight. The proposal is accepted if a simulation confirms it.
+    proposes the flight. The proposal is accepted if a simulation confirms it. Otherwise the result
+    is the cheapest simulated flight, with the reason in `.reason`.
 
     model: the aircraft
     point: trim at which the flight ends
@@ -376,8 +404,8 @@ def optimize(
         `.lower_bound` of the result.
 
     Raises BadInputError for unknown names, an initial condition outside the limits, a horizon that
-    is too short, and a certificate about other flights. Raises NoSolutionError if no flight was
-    found, if the simulation refutes the proposals, or if the certificate does not prove its bound.
+    is too short, and a certificate about other flights. Raises NoSolutionError if no simulated
+    flight within the limits converges, or if the certificate does not prove its bound.
 
     >>> import hfa
     >>> cart = hfa.Model(

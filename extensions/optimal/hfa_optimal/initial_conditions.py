@@ -39,9 +39,10 @@ class StartFlights(Result):
 
     start: state -> initial deviation from the trim.
     cost: cost of the best flight, or None if no flight was found.
-    reason: reason why no flight was found, or None if one was found.
-    spread: largest relative difference of the costs between meshes or guesses, or None if no flight
-        was found.
+    reason: reason why no proposal of the optimizer was confirmed, or None if one was. A cost with a
+        reason is that of the cheapest simulated flight.
+    spread: largest relative difference of the costs between meshes or guesses, or None with a
+        reason.
     linear_cost: cost z'Pz of the linear model without limits.
     policies: flights of the policies, the saturated linear optimum first.
     bracket: bounds of the least cost, or None without a certificate.
@@ -114,6 +115,11 @@ class StartsTable(OfProblem, Result, Reported):
         return sum(each.cost is not None for each in self.flights)
 
     @property
+    def upper_bounds(self) -> int:
+        """Number of best flights that are only the cheapest simulated flight."""
+        return sum(each.cost is not None and each.reason is not None for each in self.flights)
+
+    @property
     def refused(self) -> int:
         """Number of initial conditions from which no flight was found and confirmed."""
         return self.starts - self.found
@@ -147,6 +153,8 @@ class StartsTable(OfProblem, Result, Reported):
         brackets = self._bounded
         if not brackets:
             title += " initial conditions"
+        if self.upper_bounds:
+            title += f" ({self.upper_bounds} only as the cheapest simulated flight)"
         if self.starts < self.asked:
             title += f" (interrupted; {self.asked} requested)"
         if brackets:
@@ -168,7 +176,7 @@ class StartsTable(OfProblem, Result, Reported):
             rows.append(("best found over the proved bound", "", "", median, high, worst))
         parts = [Table(header, rows)]
         if refused:
-            parts.append(Table(("refused", "initial conditions"), refused))
+            parts.append(Table(("no proposal confirmed", "initial conditions"), refused))
         parts.append(limits_table(self.problem))
         if brackets:
             parts.append(bracket_table(self.problem.model, self._bounded))
@@ -295,7 +303,9 @@ def flights_from(search: BestFlights, start: np.ndarray, pilots: Sequence[Pilot]
     seconds = (1.0 + AFTER) * search.horizon(start)
     try:
         found = search.found(start)
-        cost, spread = found.flown.cost, found.spread
+        cost = found.flown.cost
+        reason = found.reason or None
+        spread = None if found.proposal is None else found.spread
         seconds = (1.0 + AFTER) * found.seconds
         linear = found.linear
     except NoSolutionError as error:

@@ -30,8 +30,8 @@ _DIVISIONS = 4
 #: the last mesh that agreed.
 _TIGHTER = 3.0
 _TIGHTEST = 9.0
-#: Largest relative difference of the costs on two meshes, and of the costs of a flight and its
-#: proposal.
+#: Largest relative difference of the costs on two meshes, and largest relative excess of the cost
+#: of a flight over that of its proposal.
 MESHES_AGREE = 0.005
 FLIGHT_AGREES = 0.01
 #: An input alternates if it changes this often between half of one limit and half of the other. A
@@ -64,6 +64,8 @@ _NONE_WITHIN = (
     "IPOPT finds no flight within the limits from any initial guess, possibly because of "
     "tables or kinks; such a flight may exist"
 )
+#: Name of a flight that follows a proposal that it does not confirm.
+_REFUSED = "flight that follows a refused proposal"
 #: Duration of the linear policy after the horizon, relative to the horizon.
 AFTER = 0.25
 
@@ -76,19 +78,22 @@ class Found(NamedTuple):
     """Best flight that was found and simulated.
 
     flown: simulated flight
-    proposal: proposal that the flight follows
+    proposal: proposal that the flight confirms, or None for an upper bound of the least cost alone
     seconds: horizon of the proposal, s
-    meshes: number of intervals -> proposed cost
-    guesses: name of an initial guess -> cost on the finest mesh used for this guess
+    meshes: number of intervals -> proposed cost, empty without a proposal
+    guesses: name of an initial guess -> cost on the finest mesh used for this guess, empty without
+        a proposal
     linear: flight of the linear optimum from the same initial condition
+    reason: reason why no proposal was confirmed, or "" with a proposal
     """
 
     flown: SimulatedFlight
-    proposal: Proposal
+    proposal: Proposal | None
     seconds: float
     meshes: dict[int, float]
     guesses: dict[str, float]
     linear: SimulatedFlight
+    reason: str = ""
 
     @property
     def spread(self) -> float:
@@ -142,14 +147,54 @@ class BestFlights:
     def found(self, start: np.ndarray, seconds: float | None = None) -> Found:
         """Return the best flight found from an initial condition.
 
+        If the simulation confirms no proposal, the result is the cheapest simulated flight within
+        the limits: an upper bound of the least cost.
+
         start: initial deviations z, (k,)
         seconds: horizon, s; by default long enough for a negligible cost after it
 
-        Raises NoSolutionError, with the reason, if no flight was found or the simulation refutes
-        the proposals. Raises BadInputError if the initial condition is outside the limits or a
-        given horizon is too short.
+        Raises NoSolutionError, with the reason, if no simulated flight stays within the limits and
+        converges. Raises BadInputError if the initial condition is outside the limits or a given
+        horizon is too short.
         """
         self.problem.refuse_outside(start)
+        simulated: list[SimulatedFlight] = []
+        try:
+            return self._confirmed_best(start, seconds, simulated)
+        except NoSolutionError as error:
+            reason = str(error).removeprefix("no flight found: ")
+            horizon = self.horizon(start) if seconds is None else seconds
+            linear = self._converging_linear(start, horizon)
+            within = [flown for flown in (linear, *simulated) if not flown.lost]
+            if not within:
+                raise
+            cheapest = min(within, key=lambda flown: flown.cost)
+            return Found(cheapest, None, horizon, {}, {}, linear, reason)
+
+    def _converging_linear(self, start: np.ndarray, horizon: float) -> SimulatedFlight:
+        """Return the flight of the linear optimum, simulated longer until it converges.
+
+        start: initial deviations z, (k,)
+        horizon: duration of the first simulation, s
+        """
+        for _ in range(_EXTENSIONS):
+            linear = self.flights.linear(start, (1.0 + AFTER) * horizon)
+            if not linear.lost:
+                break
+            horizon *= _LONGER
+        return linear
+
+    def _confirmed_best(
+        self, start: np.ndarray, seconds: float | None, simulated: list[SimulatedFlight]
+    ) -> Found:
+        """Return the best flight whose proposal the simulation confirms.
+
+        start: initial deviations z, (k,)
+        seconds: horizon, s, or None
+        simulated: list to which the flights that follow proposals are added
+
+        Raises the errors of `found`, and NoSolutionError if no proposal is confirmed.
+        """
         horizon = self.horizon(start) if seconds is None else seconds
         for _ in range(_EXTENSIONS):
             horizon = self.flights.tick * math.ceil(horizon / self.flights.tick)
@@ -158,7 +203,7 @@ class BestFlights:
             best = proposals[_cheapest_first(proposals)[0]]
             unfinished = self._unfinished(best)
             if not unfinished:
-                return self._refined(horizon, linear, proposals)
+                return self._refined(horizon, linear, proposals, simulated)
             if seconds is not None:
                 raise BadInputError(
                     f"the horizon of {seconds:g} s is too short: {unfinished}; omit seconds, or "
@@ -206,13 +251,18 @@ class BestFlights:
         return 1.2 * count * step
 
     def _refined(
-        self, seconds: float, linear: SimulatedFlight, proposals: Mapping[str, Proposal]
+        self,
+        seconds: float,
+        linear: SimulatedFlight,
+        proposals: Mapping[str, Proposal],
+        simulated: list[SimulatedFlight],
     ) -> Found:
         """Return the cheapest flight that the simulation confirms, from proposals on finer meshes.
 
         seconds: horizon, s
         linear: flight of the linear optimum
         proposals: name of a guess -> proposal on the coarsest mesh
+        simulated: list to which the flights that follow proposals are added
 
         Raises NoSolutionError, with the reason, if no proposal is confirmed.
         """
@@ -226,7 +276,7 @@ class BestFlights:
         for name in _cheapest_first(finer):
             meshes = {INTERVALS: proposals[name].cost, 2 * INTERVALS: finer[name].cost}
             try:
-                flown, best, meshes = self._confirmed(seconds, meshes, finer[name])
+                flown, best, meshes = self._confirmed(seconds, meshes, finer[name], simulated)
             except NoSolutionError as error:
                 reason = str(error)
                 continue
@@ -234,7 +284,11 @@ class BestFlights:
         raise NoSolutionError(f"no flight found: {reason}")
 
     def _confirmed(
-        self, seconds: float, meshes: dict[int, float], best: Proposal
+        self,
+        seconds: float,
+        meshes: dict[int, float],
+        best: Proposal,
+        simulated: list[SimulatedFlight],
     ) -> tuple[SimulatedFlight, Proposal, dict[int, float]]:
         """Return the simulated flight, the proposal that it follows, and the costs on all meshes.
 
@@ -244,6 +298,7 @@ class BestFlights:
         seconds: horizon, s
         meshes: number of intervals -> cost, for the meshes used before
         best: proposal on the last of these meshes
+        simulated: list to which the flights that follow proposals are added
 
         Raises NoSolutionError, with the reason, if no proposal is confirmed.
         """
@@ -255,6 +310,7 @@ class BestFlights:
             reason = f"two meshes differ by {100 * change:.2g} %{alternating}"
             if change <= MESHES_AGREE:
                 flown, followed = self._simulated(best, seconds, _TIGHTER)
+                simulated.append(flown._replace(name=_REFUSED))
                 reason = refutation(flown, followed)
                 if not reason:
                     return flown, followed, meshes
@@ -271,6 +327,7 @@ class BestFlights:
             meshes = {**meshes, intervals: best.cost}
         if agreed is not None:
             flown, followed = self._simulated(agreed[0], seconds, _TIGHTEST)
+            simulated.append(flown._replace(name=_REFUSED))
             if not refutation(flown, followed):
                 return flown, followed, agreed[1]
         raise NoSolutionError(reason)
@@ -511,15 +568,15 @@ def _equal(one: Proposal, other: Proposal) -> bool:
 def refutation(flown: SimulatedFlight, proposal: Proposal) -> str:
     """Return the reason why a simulated flight refutes a proposal, or "" if the flight confirms it.
 
-    A confirming flight stays in the envelope and converges to the trim. Its cost agrees with the
-    proposed cost within `FLIGHT_AGREES`.
+    A confirming flight stays in the envelope and converges to the trim. Its cost exceeds the
+    proposed cost by at most `FLIGHT_AGREES`. It may be cheaper, because its cost is what counts.
     """
     if flown.departure is not None:
         return f"the flight that follows the proposal {flown.departure.text()}"
     if not flown.converges:
         return "the flight that follows the proposal does not end at the trim"
     off = flown.cost / proposal.cost - 1.0
-    if abs(off) > FLIGHT_AGREES:
+    if off > FLIGHT_AGREES:
         return (
             f"the flight that follows the proposal costs {flown.cost:.6g}, {100 * off:+.2g} % off "
             f"the proposed {proposal.cost:.6g}"

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -123,6 +125,7 @@ def test_the_simulation_confirms_or_refutes_a_proposal(gtm: hfa.BestFlight) -> N
     flown = flights.follow(proposal, 1.25 * gtm.seconds)
     assert refutation(flown, proposal) == ""
     assert "off the proposed" in refutation(flown, proposal._replace(cost=0.95 * proposal.cost))
+    assert refutation(flown, proposal._replace(cost=1.05 * proposal.cost)) == ""
     wrong = proposal._replace(v=proposal.v + np.array([0.2, 0.0]))
     assert refutation(flights.follow(wrong, 1.25 * gtm.seconds), wrong)
     assert search._unfinished(proposal) == ""
@@ -230,3 +233,58 @@ def test_the_report_distinguishes_the_linear_cost(gtm: hfa.BestFlight) -> None:
     data = gtm.to_dict()
     assert data["policies"][0]["over_best"] == pytest.approx(gtm.found.linear.cost / gtm.cost)
     assert len(gtm.figure().axes) == 6
+
+
+def engine(spool_up: float) -> hfa.Model:
+    """Return a vehicle whose engine spools down much faster than up: a kink at every trim.
+
+    spool_up: rate at which the engine follows a larger lever, 1/s
+    """
+
+    def moved(x: Any, u: Any, p: Any, w: Any) -> Any:
+        rate = ca.if_else(u.lever > x.engine, spool_up, 40.0)
+        return {
+            "speed": 2.0 * x.engine - 0.02 * x.speed**2,
+            "engine": rate * (u.lever - x.engine),
+        }, {}
+
+    return hfa.Model(
+        "engine",
+        {"speed": hfa.Signal("m/s", min=1.0, max=60.0), "engine": hfa.Signal("1", min=0, max=10)},
+        {"lever": hfa.Signal("1", min=0.0, max=8.0)},
+        moved,
+        trim={"speed": 15.0},
+    )
+
+
+def test_the_cheapest_simulated_flight_is_an_upper_bound() -> None:
+    """If no proposal is confirmed, the cheapest simulated flight is reported with the reason.
+
+    It costs at most as much as the saturated linear optimum, and stays within the limits.
+    """
+    model = engine(0.2)
+    best = hfa.optimize(model, hfa.trim(model), {"speed": -5.0})
+    assert best.reason is not None
+    assert best.proposed_cost is None
+    assert best.start == {"speed": pytest.approx(-5.0)}
+    assert np.isfinite(best.cost)
+    assert best.cost <= best.found.linear.cost
+    assert best.found.flown.departure is None
+    assert best.source in best.report().title
+    assert best.reason in best.report().title
+
+
+def test_the_saturated_lqr_is_the_last_resort(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a feasible proposal, the converging flight of the saturated LQR is reported.
+
+    If it leaves the limits, there is no flight.
+    """
+
+    def none(*_: object) -> dict[str, object]:
+        raise hfa.NoSolutionError("no flight found: planted")
+
+    monkeypatch.setattr(BestFlights, "_from_guesses", none)
+    best = best_of_cart({"position": 5.0})
+    assert (best.source, best.reason) == (best.found.linear.name, "planted")
+    with pytest.raises(hfa.NoSolutionError, match="planted"):
+        best_of_cart({"position": 15.0, "velocity": 6.0})
