@@ -26,6 +26,7 @@ from hfa_optimal.flights import SimulatedFlight
 from hfa_optimal.initial_conditions import drawn_starts
 from hfa_optimal.problem import FlightProblem, flight_problem
 from hfa_optimal.search import BestFlights
+from hfa_optimal.smooth import has_kinks
 from hfa_support.errors import NoSolutionError
 from hfa_support.native.bound import BoundFunction
 from hfa_support.reporting.report import Report
@@ -160,7 +161,9 @@ def examined(name: str, source: str, count: int) -> dict[str, Any]:
             }
         )
         print(f"{name}: {len(flights)} of {count}", file=sys.stderr, flush=True)
-    return {"aircraft": name, "source": source, "smooth_copy": problem.has_kinks} | summary(flights)
+    return {"aircraft": name, "source": source, "smooth_copy": has_kinks(problem)} | summary(
+        flights
+    )
 
 
 def summary(flights: Sequence[dict[str, Any]]) -> dict[str, Any]:

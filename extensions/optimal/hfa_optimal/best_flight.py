@@ -15,6 +15,7 @@ from hfa_flight.envelope import limits_text
 from hfa_optimal.flights import SimulatedFlight
 from hfa_optimal.problem import FlightProblem, OfProblem, flight_problem, named_initial
 from hfa_optimal.search import MESHES_AGREE, BestFlights, Found
+from hfa_optimal.smooth import has_kinks
 from hfa_policy.best_costs import Bracket, bracket_sentence, deviations_in_words
 from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.errors import refuse_unless_positive
@@ -297,7 +298,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
             " up to "
             f"{100 * found.spread_of_guesses:.2g} % above the best.",
         ]
-        if self.problem.has_kinks:
+        if has_kinks(self.problem):
             lines.append(
                 "The optimizer used equations with smoothed tables and kinks. The simulation"
                 " used the "

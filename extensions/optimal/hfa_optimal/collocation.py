@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_optimal.problem import MARGIN, FlightProblem
+from hfa_optimal.smooth import smooth_curvature, smooth_rates, smooth_slopes
 from hfa_support.native.machine_code import machine_code
 
 #: Collocation points per interval. With 3, solutions for the HFA take half as long again, and two
@@ -273,10 +274,10 @@ class Equations(NamedTuple):
 
         starts: number of initial conditions
         """
-        slopes, curvature = problem.slopes, problem.curvature
+        slopes, curvature = smooth_slopes(problem), smooth_curvature(problem)
         if starts >= _MACHINE_CODE_STARTS:
             slopes, curvature = machine_code(slopes), machine_code(curvature)
-        return Equations(problem.smooth_rates, slopes, curvature)
+        return Equations(smooth_rates(problem), slopes, curvature)
 
 
 @dataclass(frozen=True, eq=False)

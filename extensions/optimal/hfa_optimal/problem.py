@@ -16,7 +16,6 @@ from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_flight.envelope import control_limits, flight_envelope
 from hfa_flight.flight_tables import series
-from hfa_optimal.smooth import smoothed
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.reporting.results import Matrix
 from trim.limits import Limits
@@ -27,11 +26,6 @@ from trim.point.operating_point import OperatingPoint
 #: Fraction by which the state limits of a proposal are narrowed, so that the flight that follows it
 #: stays in the envelope.
 MARGIN = 4e-3
-#: Half-width of a smoothed kink, in standard deviations of its argument. The points are within the
-#: limits, and their states within _NEAR nominal values of the trim.
-KINK_WIDTH = 0.02
-_NEAR = 3.0
-_KINK_POINTS = 500
 #: Two trims have the same value of a state if they differ by less than this fraction of its nominal
 #: value.
 _SAME = 1e-6
@@ -186,49 +180,6 @@ class FlightProblem:
         every_rate, _ = self.model.layout.expressions(vectors, ())
         rates = every_rate[self.followed_places] / ca.DM(of_states)
         return ca.Function("rates", [both], [ca.densify(rates)], {"cse": True})
-
-    @cached_property
-    def has_kinks(self) -> bool:
-        """True if the equations have kinks, such as those of tables, that are smoothed for the
-        optimizer.
-        """
-        return self.smooth_rates is not self.rates
-
-    @cached_property
-    def smooth_rates(self) -> ca.Function:
-        """The function `rates` with smoothed tables and kinks, or `rates` itself if no kink is
-        smoothed.
-        """
-        of_states, of_inputs = self.sizes
-        pairs = zip(self.state_limits, self.input_limits, strict=True)
-        below, above = (np.concatenate([z / of_states, v / of_inputs]) for z, v in pairs)
-        rng = np.random.default_rng(0)
-        shape = (_KINK_POINTS, len(below))
-        most = np.full(len(below), _NEAR)
-        is_bounded = np.isfinite(above - below)
-        is_bounded[: len(of_states)] = False
-        most[is_bounded] = np.inf
-        near = rng.uniform(np.maximum(below, -most), np.minimum(above, most), shape)
-        return smoothed(self.rates, near, KINK_WIDTH)
-
-    @cached_property
-    def slopes(self) -> ca.Function:
-        """CasADi function (followed states, v) -> Jacobian of `smooth_rates`, in nominal values."""
-        at = ca.SX.sym("at", self.smooth_rates.numel_in(0))
-        slopes = ca.densify(ca.jacobian(self.smooth_rates(at), at))
-        return ca.Function("slopes", [at], [slopes], {"cse": True})
-
-    @cached_property
-    def curvature(self) -> ca.Function:
-        """CasADi function (followed states and v, multipliers) -> dense Hessian, in nominal values.
-
-        The Hessian is that of the dot product of the multipliers and `smooth_rates`.
-        """
-        rates = self.smooth_rates
-        at = ca.SX.sym("at", rates.numel_in(0))
-        multipliers = ca.SX.sym("multipliers", rates.numel_out(0))
-        bent, _ = ca.hessian(ca.dot(multipliers, rates(at)), at)
-        return ca.Function("curvature", [at, multipliers], [ca.densify(bent)], {"cse": True})
 
     def scaled_weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return Q, (followed, followed), R, (m, m), and P, (followed, followed), for nominal

@@ -19,6 +19,7 @@ from hfa_optimal.collocation import (
     unknowns_in_order,
 )
 from hfa_optimal.problem import FlightProblem
+from hfa_optimal.smooth import smooth_rates
 
 #: Weights of the inputs and of their steps, relative to their ranges, compared with the time. Of
 #: several inputs with equal times, the smallest and smoothest are proposed.
@@ -104,7 +105,7 @@ class TimeProgram:
         slopes = ca.mtimes(z, ca.kron(unit, derivatives[1:, :]))
         slopes += ca.mtimes(begins, ca.kron(unit, derivatives[0, :]))
         seconds = longer * ca.reshape(ca.repmat(lengths.T, DEGREE, 1), 1, points)
-        g = ca.vec(slopes - ca.repmat(seconds, k, 1) * problem.smooth_rates.map(points)(rows))
+        g = ca.vec(slopes - ca.repmat(seconds, k, 1) * smooth_rates(problem).map(points)(rows))
         lowest, highest = problem.input_limits
         _, of_inputs = problem.sizes
         ranges = ca.DM(np.where(np.isfinite(highest - lowest), highest - lowest, of_inputs))

@@ -8,15 +8,71 @@ therefore independent of units.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
+
+from hfa_optimal.problem import FlightProblem
 
 _COMPARISONS = (ca.OP_LT, ca.OP_LE)
 _KINKS = (ca.OP_FMIN, ca.OP_FMAX, ca.OP_FABS)
 _LOGIC = (ca.OP_NOT, ca.OP_AND, ca.OP_OR, ca.OP_IF_ELSE_ZERO)
 #: An argument is constant if its range is less than this fraction of its magnitude.
 _VARIES = 1e-9
+#: Half-width of a smoothed kink, in standard deviations of its argument. The points are within the
+#: limits, and their states within _NEAR nominal values of the trim.
+KINK_WIDTH = 0.02
+_NEAR = 3.0
+_KINK_POINTS = 500
+
+
+@lru_cache(maxsize=16)
+def smooth_rates(problem: FlightProblem) -> ca.Function:
+    """Return the rates of a problem with smoothed tables and kinks.
+
+    The result is `problem.rates` itself if no kink is smoothed.
+    """
+    of_states, of_inputs = problem.sizes
+    pairs = zip(problem.state_limits, problem.input_limits, strict=True)
+    below, above = (np.concatenate([z / of_states, v / of_inputs]) for z, v in pairs)
+    rng = np.random.default_rng(0)
+    shape = (_KINK_POINTS, len(below))
+    most = np.full(len(below), _NEAR)
+    is_bounded = np.isfinite(above - below)
+    is_bounded[: len(of_states)] = False
+    most[is_bounded] = np.inf
+    near = rng.uniform(np.maximum(below, -most), np.minimum(above, most), shape)
+    return smoothed(problem.rates, near, KINK_WIDTH)
+
+
+def has_kinks(problem: FlightProblem) -> bool:
+    """Return whether the equations of a problem have kinks, such as those of tables, that are
+    smoothed for the optimizer.
+    """
+    return smooth_rates(problem) is not problem.rates
+
+
+@lru_cache(maxsize=16)
+def smooth_slopes(problem: FlightProblem) -> ca.Function:
+    """Return the function (followed states, v) -> Jacobian of `smooth_rates`, in nominal values."""
+    rates = smooth_rates(problem)
+    at = ca.SX.sym("at", rates.numel_in(0))
+    slopes = ca.densify(ca.jacobian(rates(at), at))
+    return ca.Function("slopes", [at], [slopes], {"cse": True})
+
+
+@lru_cache(maxsize=16)
+def smooth_curvature(problem: FlightProblem) -> ca.Function:
+    """Return the function (followed states and v, multipliers) -> dense Hessian, in nominal values.
+
+    The Hessian is that of the dot product of the multipliers and `smooth_rates`.
+    """
+    rates = smooth_rates(problem)
+    at = ca.SX.sym("at", rates.numel_in(0))
+    multipliers = ca.SX.sym("multipliers", rates.numel_out(0))
+    bent, _ = ca.hessian(ca.dot(multipliers, rates(at)), at)
+    return ca.Function("curvature", [at, multipliers], [ca.densify(bent)], {"cse": True})
 
 
 def smoothed(function: ca.Function, points: np.ndarray, part: float) -> ca.Function:

@@ -10,6 +10,7 @@ import numpy as np
 from hfa_flight.policies import Measurements, Policy
 from hfa_optimal.collocation import Proposal
 from hfa_optimal.problem import FlightProblem
+from hfa_optimal.smooth import smooth_slopes
 
 #: Largest growth exponent of the linear costate equations in one step of the Riccati recursion.
 _STEP = 6.0
@@ -134,7 +135,7 @@ def _slopes(problem: FlightProblem, proposal: Proposal) -> tuple[np.ndarray, np.
     of_states, of_inputs = problem.sizes
     z, v = proposal.at(proposal.ends[:-1] + 0.5 * proposal.lengths)
     both = np.hstack([z / of_states, v / of_inputs])
-    rows = np.array(problem.slopes.map(len(both))(both.T))
+    rows = np.array(smooth_slopes(problem).map(len(both))(both.T))
     k = len(problem.states)
     followed = len(of_states)
     stack = rows.reshape(followed, len(both), -1).transpose(1, 0, 2)

@@ -10,7 +10,7 @@ import hfa
 from hfa_optimal.initial_conditions import drawn_starts
 from hfa_optimal.problem import flight_problem
 from hfa_optimal.search import BestFlights
-from hfa_optimal.smooth import smoothed
+from hfa_optimal.smooth import smooth_rates, smoothed
 
 POINTS = np.linspace(-1.0, 1.0, 401)[:, None]
 #: Half-width of the kinks in the tests, for an argument with the values POINTS.
@@ -86,8 +86,8 @@ def test_exact_equations_confirm_the_cost_with_tables():
     problem = flight_problem(model, hfa.trim(model))
     assert problem.carried == ("altitude",)
     rng = np.random.default_rng(1)
-    points = 0.5 * rng.uniform(-1.0, 1.0, (200, problem.smooth_rates.numel_in(0)))
-    sharp, smooth = (np.array(f(points.T)) for f in (problem.rates, problem.smooth_rates))
+    points = 0.5 * rng.uniform(-1.0, 1.0, (200, smooth_rates(problem).numel_in(0)))
+    sharp, smooth = (np.array(f(points.T)) for f in (problem.rates, smooth_rates(problem)))
     assert 0.0 < np.abs(smooth - sharp).max() < 0.05 * np.abs(sharp).max()
     (start,) = drawn_starts(problem, 1, 0)
     found = BestFlights(problem).found(start)
