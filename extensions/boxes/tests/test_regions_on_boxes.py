@@ -146,11 +146,12 @@ def proved(
 def test_a_region_of_a_network_is_verified(proved: Any, capsys: pytest.CaptureFixture[str]) -> None:
     """The region of a network is proved and checked. The region includes angles above 20 deg."""
     content, words = proved
-    assert main(["prove", "region", *words]) == 0
-    out = capsys.readouterr().out
-    assert out.startswith(
-        "Verified, proved: region of attraction of pendulum, without sampling, delay, actuators"
-    )
+    for command in (["prove", "region"], ["prove"]):
+        assert main([*command, *words]) == 0
+        out = capsys.readouterr().out
+        assert out.startswith(
+            "Verified, proved: region of attraction of pendulum, without sampling, delay, actuators"
+        )
     assert content["statement"]["extents"]["angle"][1] > np.radians(20.0)
 
 
@@ -160,6 +161,9 @@ def test_another_network_is_refused(proved: Any, tmp_path: Path) -> None:
     other = imitation(tmp_path / "other.npz", K, np.array([1.0, 4.0]), hidden=(8,), seed=1)
     swapped = [str(other) if word.endswith("network.npz") else word for word in words]
     assert main(["prove", "region", *swapped]) == 2
+    assert main(["prove", *swapped]) == 2
+    relu = [word.replace("activation=tanh", "activation=relu") for word in words]
+    assert main(["prove", *relu]) == 2
 
 
 def test_a_recurrent_network_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -102,12 +102,16 @@ def test_a_certificate_is_compared_with_the_users_data(
     assert hfa("prove", "--check", schedule, "--weights", str(table)).code == 0
     gains["K"][0, 0, 0] = np.nextafter(gains["K"][0, 0, 0], 1.0)
     np.savez(table, **gains)
+    network = table.with_suffix(".onnx")
+    network.write_bytes(b"")
     for words, code in (
         ((schedule, "--weights", str(table)), 1),
         ((schedule, "--dihedral", "14:15"), 1),
         ((critic, "--delta", "201"), 1),
         ((critic, "--Q", "1,2,3,4,5,6"), 1),
         ((schedule, "--delta", "200"), 2),
+        ((critic, "--weights", solved, "--set", "activation=tanh"), 2),
+        ((critic, "--weights", str(network)), 2),
     ):
         assert_refused(hfa("prove", "--check", *words), code, "certificate")
     held = hfa("prove", "--check", schedule, "--hold", "speed=70")

@@ -139,7 +139,7 @@ def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
         "instead",
     )
     request.refuse(
-        ("weights", "basis", "design", "delta"),
+        ("weights", "policy", "basis", "network", "set", "design", "delta"),
         "does not apply to a bound of the cost; remove this option",
     )
     own = request.model if request.own else None

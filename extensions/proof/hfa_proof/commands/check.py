@@ -10,18 +10,18 @@ from typing import Any
 from hfa.entry_points import words_after
 from hfa.options.argument_types import input_file
 from hfa.options.command import command
-from hfa.options.games import PlantOptions, design_option
+from hfa.options.critics import READING_SETTINGS, ReadingOptions, critic_path
+from hfa.options.games import PlantOptions, design_option, setting_option
 from hfa.options.request import option
 from hfa.options.trims import OutputOptions, scheduled
 from hfa.output import ProgressLine, show
 from hfa_proof.options import interval_of
 from hfa_support.entry_points import PARTS, loaded, offered
 from hfa_support.errors import BadInputError
-from hfa_support.files import MATRIX_FILES
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CheckRequest(PlantOptions, OutputOptions):
+class CheckRequest(PlantOptions, ReadingOptions, OutputOptions):
     """Options of `hfa prove --check`: a certificate, and data with which it must agree."""
 
     check: Path | None = option("certificate to verify", "FILE", input_file(".json"))
@@ -29,12 +29,18 @@ class CheckRequest(PlantOptions, OutputOptions):
         interval_of, "DEG|LOW:HIGH", "value or interval that the certificate must contain"
     )
     weights: Path | None = option(
-        "file with the gains or critic that the certificate must contain",
+        "file with the gains, critic or network that the certificate must be about",
         "FILE",
-        input_file(*MATRIX_FILES),
+        critic_path,
     )
-    basis: str | None = option(
-        "basis functions of W in --weights; default quadratic", "BASIS", rare=True
+    policy: Path | None = option(
+        "deployment file of the policy that the certificate must be about",
+        "DEPLOYMENT.toml",
+        input_file(".toml"),
+    )
+    set: Mapping[str, Any] = setting_option(
+        "setting of the network in --weights, as in the proof: scale=a,b,..., activation=NAME",
+        READING_SETTINGS,
     )
     design: Any = design_option("design that defines the actuators of the controller in --weights")
 
@@ -74,7 +80,8 @@ def _check(request: CheckRequest, certificate: Path) -> int:
     The code is 0 if the full claim is proved, and 1 if only a part is proved or the claim is
     refuted.
 
-    Raises NoSolutionError if the statement is not proved or differs from the user's data.
+    Raises BadInputError if an option does not apply. Raises NoSolutionError if the statement is not
+    proved or differs from the user's data.
     """
     from hfa_proof.checker.checker import check_certificate
     from hfa_proof.checker.statement import content_of, kind_of_statement
@@ -83,6 +90,11 @@ def _check(request: CheckRequest, certificate: Path) -> int:
     from hfa_proof.search.checked_report import checked_report
     from hfa_proof.subject import compare
 
+    request.refuse(
+        ("policy", "network", "set"),
+        "applies to the region of a network or deployment file, but the certificate is about "
+        "another statement; remove this option",
+    )
     own = request.model if request.own else None
     verified = check_certificate(certificate, ProgressLine("check"), own)
     content = content_of(verified.statement)

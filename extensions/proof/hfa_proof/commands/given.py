@@ -54,13 +54,14 @@ def aircraft_option(request: PlantOptions) -> str:
 
 
 def at_one_value(request: PlantOptions) -> Any:
-    """Return the request with its one scheduling value converted to the unit of the model.
+    """Return the request with its one scheduling value in the unit of the model.
 
-    A request without a scheduling value is returned unchanged.
+    The scheduling values of a `CheckRequest` are a tuple as typed. Other requests are returned
+    unchanged.
 
     Raises BadInputError if several values are given.
     """
-    if request.at is None:
+    if not isinstance(request.at, tuple):
         return request
     if len(request.at) != 1:
         raise BadInputError(f"--{called_at(request.model)} is an interval; give one value")

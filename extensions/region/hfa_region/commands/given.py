@@ -35,8 +35,7 @@ def given_for(
 
     Raises BadInputError or NoSolutionError if the options do not define a loop.
     """
-    if isinstance(request.at, tuple):
-        request = at_one_value(request)
+    request = at_one_value(request)
     given: dict[str, Given] = {}
     at_a_trim = request.own or request.at is not None
     if names_aircraft(request):

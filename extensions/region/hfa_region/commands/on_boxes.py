@@ -13,6 +13,7 @@ from hfa_boxes.check.statement import Gain
 from hfa_boxes.commands.region import ProvedPolicy, SearchSettings, check, prove
 from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
+from hfa_proof.commands.given import at_one_value
 from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 from trim.linear.linear_model import LinearModel
 
@@ -94,14 +95,14 @@ def prove_on_boxes(request: RegionRequest) -> int:
     return prove(request, linear, tried, SearchSettings(request.seconds, degree, request.resume))
 
 
-def checked_on_boxes(request: RegionRequest, certificate: Path) -> int:
+def checked_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> int:
     """Verify a certificate on boxes for a network or a deployment file and return exit code 0.
 
     certificate: path of the certificate
 
     Raises NoSolutionError if the statement is not proved or differs from the user's data.
     """
-    linear, policy, _ = _policy_of(request)
+    linear, policy, _ = _policy_of(at_one_value(request))
     return check(request, certificate, linear, policy, request.model if request.own else None)
 
 
@@ -127,7 +128,7 @@ def checked_gain_on_boxes(request: CheckRequest | RegionRequest, certificate: Pa
     return 0
 
 
-def _policy_of(request: RegionRequest) -> tuple[LinearModel, ProvedPolicy, Game]:
+def _policy_of(request: CheckRequest | RegionRequest) -> tuple[LinearModel, ProvedPolicy, Game]:
     """Return the linear model at the trim, the policy in the given file, and the game.
 
     The file is a critic or a deployment file.

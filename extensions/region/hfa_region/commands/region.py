@@ -161,9 +161,11 @@ def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
         ("plant",),
         "is a linear plant, but the certificate is about an aircraft; give --aircraft instead",
     )
+    _refuse_design(request)
     request.refuse(
-        ("design",),
-        "applies to a schedule, but the certificate is about a region; remove this option",
+        ("policy", "network", "set"),
+        "applies to a region proved on boxes, but the certificate is about a polynomial policy; "
+        "remove this option",
     )
     own = request.model if request.own else None
     verified = check_certificate(certificate, ProgressLine("check"), own)
@@ -192,12 +194,20 @@ def check_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> 
     from hfa_region.commands.on_boxes import checked_gain_on_boxes, checked_on_boxes
 
     request.refuse(_OF_THE_SEARCH, "has no effect with --check; remove this option")
-    if isinstance(request, RegionRequest) and (request.policy or _is_network(request)):
+    _refuse_design(request)
+    if request.policy is not None or _is_network(request):
         return checked_on_boxes(request, certificate)
     return checked_gain_on_boxes(request, certificate)
 
 
-def _is_network(request: RegionRequest) -> bool:
+def _refuse_design(request: CheckRequest | RegionRequest) -> None:
+    request.refuse(
+        ("design",),
+        "applies to a schedule, but the certificate is about a region; remove this option",
+    )
+
+
+def _is_network(request: CheckRequest | RegionRequest) -> bool:
     return request.weights is not None and is_network(request.weights)
 
 
