@@ -1,8 +1,7 @@
-"""Export of a deployed policy's command at a sample, in C and as an FMU."""
+"""Export of a deployed policy's command at a sample, in C."""
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -10,7 +9,6 @@ import numpy as np
 
 from hfa_flight.export.c_code import c_function
 from hfa_flight.export.c_text import comment_lines, filled, positions, units_of
-from hfa_flight.export.exported_loop import Channel, ExportedLoop
 
 if TYPE_CHECKING:
     from hfa_policy.flown import DeployedPolicy
@@ -55,39 +53,6 @@ def c_policy_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
     return {file: filled(__package__, file, **fields) for file in POLICY_FILES}
 
 
-def policy_loop(policy: DeployedPolicy) -> ExportedLoop:
-    """Return the command u = g(v) with v = [X; U before; past], as a loop for `write_fmu`.
-
-    The only state is a clock, s, because model exchange requires a state. If the policy uses
-    earlier observations, the observations at the sample are also outputs.
-    """
-    model = policy.deployed.model
-    y = ca.SX.sym("y", 1)
-    n, m = len(model.states), len(model.inputs)
-    past = policy.deployed.past
-    v = ca.SX.sym("v", n + m + past)
-    given = [v[:n], v[n : n + m], *([v[n + m :]] if past else [])]
-    results = _command(policy).call(given)
-    starts = [*policy.point.states, *policy.point.inputs]
-    seen = [Channel(name, model.unit(name)) for name in model.states]
-    seen += [Channel(f"before_{name}", model.unit(name)) for name in model.inputs]
-    inputs = [one._replace(start=start) for one, start in zip(seen, starts, strict=True)]
-    outputs = [Channel(name, model.unit(name)) for name in model.inputs]
-    if past:
-        names = [_identifier(name) for name in policy.deployed.deployment.observation]
-        earlier = range(policy.deployed.deployment.history - 1, 0, -1)
-        inputs += [Channel(f"past{age}_{name}", "1") for age in earlier for name in names]
-        outputs += [Channel(f"observed_{name}", "1") for name in names]
-    return ExportedLoop(
-        function=ca.Function("loop", [y, v], [ca.SX(ca.DM.ones(1)), ca.vertcat(*results)]),
-        states=(Channel("clock", "s", rate_unit="1"),),
-        outputs=tuple(outputs),
-        inputs=tuple(inputs),
-        flown=0,
-        longest_step=policy.deployed.deployment.dt,
-    )
-
-
 def _command(policy: DeployedPolicy) -> ca.Function:
     """Return the function (X, U before) -> U at the policy's trim.
 
@@ -106,12 +71,3 @@ def _command(policy: DeployedPolicy) -> ca.Function:
         return ca.Function("command", [X, U], [commanded], {"cse": True})
     observed = policy.deployed.observe(X, U, trim)
     return ca.Function("command", [X, U, past], [commanded, observed], {"cse": True})
-
-
-def _identifier(name: str) -> str:
-    """Return a name with forbidden characters replaced by _.
-
-    Each group of characters other than letters, digits and _ becomes one _. Leading and trailing _
-    are removed.
-    """
-    return re.sub(r"\W+", "_", name).strip("_")

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -25,9 +25,6 @@ from hfa_support.errors import BadInputError
 from hfa_support.native.bound import BoundFunction
 from hfa_support.user_warning import warn
 from trim.point.operating_point import OperatingPoint
-
-if TYPE_CHECKING:
-    from hfa_flight.export.exported_loop import ExportedLoop
 
 #: Longest step of a flight in moving air or with actuators, s.
 _FINE = 0.001
@@ -172,13 +169,6 @@ def exported_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
     from hfa_policy.exported import c_policy_texts
 
     return c_policy_texts(policy, origin)
-
-
-def exported_loop(policy: DeployedPolicy) -> ExportedLoop:
-    """Return the command of a policy at a sample, as a loop for `write_fmu`."""
-    from hfa_policy.exported import policy_loop
-
-    return policy_loop(policy)
 
 
 def sampled_scenario(policy: DeployedPolicy, scenario: Scenario, point: OperatingPoint) -> Scenario:

@@ -1,8 +1,7 @@
-"""Export of a deployment file to C and to an FMU, compared with the command in Python."""
+"""Export of a deployment file to C, compared with the command in Python."""
 
 import ctypes
 import subprocess
-import zipfile
 
 import numpy as np
 import pytest
@@ -84,28 +83,12 @@ def test_exported_c_equals_the_deployment_file(name, tmp_path, capsys):
     assert f"#define POLICY_DT {policy.deployed.deployment.dt!r}" in header
 
 
-@needs_compiler
-def test_an_exported_fmu_equals_the_deployment_file(tmp_path, capsys):
-    """The exported FMU gives the commands of the deployment file."""
-    name = "ppo_gtm"
-    point = trims(name)[0]
-    assert exported(name, point, tmp_path / "policy.fmu") == 0
-    with zipfile.ZipFile(tmp_path / "policy.fmu") as archive:
-        library = next(each for each in archive.namelist() if each.startswith("binaries/"))
-        archive.extract(library, tmp_path)
-        description = archive.read("modelDescription.xml").decode()
-    assert 'name="before_elevator"' in description
-    loop = ctypes.CDLL(str(tmp_path / library)).fmu_loop
-    pointer = ctypes.POINTER(ctypes.c_double)
-    policy = flown_card(FOLDER / f"{name}.toml", aircraft(name), point)
-
-    def command(X, U):
-        clock, rate, out = np.zeros(1), np.zeros(1), np.zeros(len(U))
-        arrays = (clock, np.concatenate([X, U]), rate, out)
-        loop(*(array.ctypes.data_as(pointer) for array in arrays))
-        return out
-
-    assert differences(policy, command) < 1e-12
+def test_an_fmu_of_a_deployment_file_is_refused(tmp_path, capsys):
+    """An FMU, which has neither sample time nor delay, is refused with the right export."""
+    target = tmp_path / "policy.fmu"
+    assert exported("ppo_gtm", trims("ppo_gtm")[0], target) == 2
+    assert "give a folder for C source" in capsys.readouterr().err
+    assert not target.exists()
 
 
 def test_law_is_refused_with_a_deployment_file(tmp_path, capsys):

@@ -71,10 +71,10 @@ def export(request: ExportRequest) -> int:
 
     A folder receives C source without dependencies: equations, trim at --at, A, B, a gain and an
     example 100 Hz loop. FILE.fmu is the nonlinear aircraft as an FMU 2.0, in closed loop if a
-    policy is given. An FMU requires a C compiler. FILE.m is a MATLAB and Octave function that makes
-    state-space systems from the .mat files of `hfa sweep` and `hfa linearize`. --controller FILE
-    replaces the gain by a controller. With --policy DEPLOYMENT.toml, the C source is only a
-    function for one sample of the deployed policy, with normalizer, clipping and mapping.
+    law, gain or controller is given. An FMU requires a C compiler. FILE.m is a MATLAB and Octave
+    function that makes state-space systems from the .mat files of `hfa sweep` and `hfa linearize`.
+    --controller FILE replaces the gain by a controller. With --policy DEPLOYMENT.toml, the C source
+    is only a function for one sample of the deployed policy, with normalizer, clipping and mapping.
     """
     names_no_policy = (
         not request.law
@@ -95,6 +95,11 @@ def export(request: ExportRequest) -> int:
         request.refuse(("actuators",), "applies only to --controller; remove this option")
     elif _is_fmu(request) and request.actuators is None:
         raise BadInputError("--controller requires actuators in an FMU; add --actuators LAG:RATE")
+    if request.policy is not None and _is_fmu(request):
+        raise BadInputError(
+            f"{request.output}: an FMU has neither the sample time nor the delay of a deployment "
+            "file; give a folder for C source, which is called once a sample"
+        )
     request.check_policy()
     model = request.flown_aircraft()
     point = request.operating_point(model)
@@ -131,20 +136,15 @@ def _write_function(request: ExportRequest) -> int:
 def _write_deployed_policy(
     request: ExportRequest, card: Path, model: Model, point: OperatingPoint, origin: str
 ) -> list[Path]:
-    """Write the command of a deployed policy at one sample as a C function or an FMU.
+    """Write the command of a deployed policy at one sample as a C function.
 
     Returns the paths of the written files.
 
     card: path of the deployment file
     origin: provenance, for comments in the source
     """
-    from hfa_flight.export.fmu import write_fmu
-
     policies = part(PARTS, "policies", "--policy")
     policy = policies.flown_card(card, model, point)
-    if _is_fmu(request):
-        write_fmu(policies.exported_loop(policy), request.output, request.provenance)
-        return [request.output]
     return write_texts(request.output, policies.exported_texts(policy, origin))
 
 
