@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from controller.game.zero_sum import Game
 from controller.hfa_game import ORDINARY_DEVIATIONS
 from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.units import si_factor, si_unit
-from verification.critic.critic_errors import Box
+from verification.critic.critic_errors import Box, balanced_box
 
 _SI_UNITS = tuple(si_unit(unit) for unit in LINEAR_UNITS)
 
@@ -32,3 +33,13 @@ def ordinary_box(
     elif any(state_units) and state_units != LINEAR_UNITS:
         return None
     return Box(widths, f"typical deviations of the aircraft, {speed}, 0.1 rad, 0.1 rad/s")
+
+
+def usual_box(game: Game) -> Box:
+    """Return the box in which critics of a game are compared if no box is given.
+
+    It is the box of typical deviations for the paper's aircraft, and `balanced_box` otherwise.
+    """
+    names = game.names
+    box = ordinary_box(names.states, names.inputs, names.state_units)
+    return balanced_box(game) if box is None else box

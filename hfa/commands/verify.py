@@ -35,7 +35,8 @@ if TYPE_CHECKING:
 
     from controller.critic.critic import Critic
 
-#: With more files than this, each network is simulated from only a few initial conditions.
+#: With more files than this, a critic that is not quadratic is simulated from only a few initial
+#: conditions.
 _MANY = 5
 _FEW_FLIGHTS = 10
 #: Dihedral angles, deg, where the search for the angle of a critic begins.
@@ -304,21 +305,21 @@ def _check_file(
         judge = part(PARTS, "verify.discounted", "--discount")
         verdict: Verdict = judge(path, critic, request, named.game, scope)
         return verdict
-    if critic.time is not None:
-        return _check_history(path, critics, request, named, scope)
-    if "predefined_time" in request.set:
-        raise BadInputError(
-            f"{path} is not a history, but --set predefined_time requires one; remove this setting"
-        )
     if files > _MANY:
         scope = replace(scope, flights=_FEW_FLIGHTS)
-    if critic.network:
+    if not critic.is_quadratic:
         progress = ProgressLine("prove") if files == 1 else None
         scope = replace(scope, seconds=SECONDS / files, progress=progress)
         if named.linear is not None:
             from verification.critic.about_trim import nonlinear_plant
 
             scope = replace(scope, plant=nonlinear_plant(named.linear))
+    if critic.time is not None:
+        return _check_history(path, critics, request, named, scope)
+    if "predefined_time" in request.set:
+        raise BadInputError(
+            f"{path} is not a history, but --set predefined_time requires one; remove this setting"
+        )
     return critic_check.verify(named.game, critic, limit=request.limit_error, scope=scope)
 
 

@@ -24,9 +24,10 @@ from hfa_support.entry_points import CRITICS, PARTS, offered, part
 from hfa_support.errors import NoSolutionError, refuse_unless_positive
 from hfa_support.reporting.checks import Check, at_least, at_most, below
 from hfa_support.reporting.text import Table
-from verification.critic.critic_errors import balanced_box, critic_errors
+from verification.critic.critic_errors import critic_errors
 from verification.critic.scope import LIMIT, Scope
 from verification.critic.verdict import Details, Section, Verdict, explained
+from verification.hfa_box import usual_box
 
 if TYPE_CHECKING:
     from controller.game.training_run import TrainingRun
@@ -53,8 +54,8 @@ def verify(
     - P not indefinite, and the residual of the Riccati equation
     - an L2 gain below delta
 
-    For a network, the box is searched for the largest errors, a bound is proved if possible, and
-    trajectories from states in the box are simulated.
+    A critic that is not quadratic is also searched for the largest errors in the box, and simulated
+    from states in the box. For a network, a bound on its errors is proved if possible.
 
     game: the game
     critic: the critic, a solution, a training run, or a file; an array is the gain K of u = -K z,
@@ -81,7 +82,7 @@ def verify(
 
         critic, run = critic_given(game, critic, {"K": K, "P": P, "W": W}, run)
     exact = unconfirmed_solution(game)
-    box = scope.box or balanced_box(game)
+    box = scope.box or usual_box(game)
     lost = _flight_cost(game, exact, critic.K)
     errors = list(critic_errors(game, critic, exact, limit, box))
     loops = _loop_checks(game, critic, lost)
@@ -92,15 +93,15 @@ def verify(
     states = 0
     proof = None
     sections = [_flight_section(game, critic, lost)]
-    if critic.network:
+    if not critic.is_quadratic:
         judge = part(CRITICS, "nonlinear", "a nonlinear critic")
-        network = judge(game, exact, critic, box.half_widths, limit, scope)
-        errors += network.errors
-        checks += network.checks
-        states = network.states
-        proof = network.proof
-        cost_lost = max(cost_lost, network.flown.cost_lost_flown_percent)
-        sections.append(network.section)
+        findings = judge(game, exact, critic, box.half_widths, limit, scope)
+        errors += findings.errors
+        checks += findings.checks
+        states = findings.states
+        proof = findings.proof
+        cost_lost = max(cost_lost, findings.flown.cost_lost_flown_percent)
+        sections.append(findings.section)
     elif critic.is_layer:
         sections.append(_polynomial_section(critic))
     diagnosis = ""

@@ -20,6 +20,7 @@ from verification.critic.critic_errors import critic_errors
 from verification.critic.error_table import COLUMNS, ErrorTable, time_checks
 from verification.critic.scope import LIMIT, Scope
 from verification.critic.verdict import Details, Section, Verdict, shown_number
+from verification.hfa_box import usual_box
 
 #: Number of rows in the table of a report. Files contain all rows.
 _TIMES = 9
@@ -53,7 +54,7 @@ def check_history(
             "a critic or its time is missing; create the history with critics_over_time"
         )
     verdict = verify(game, critics[-1], limit=limit, scope=scope)
-    box = scope.box if scope is not None else None
+    box = (scope or Scope()).box or usual_box(game)
     rows = []
     for critic in with_progress(critics, progress):
         errors = {

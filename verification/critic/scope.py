@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 #: Default limit of the errors of P, K, V, its gradient and the policies, and of the residual.
 LIMIT = 1e-6
-#: Number of initial conditions from which a network is simulated.
+#: Number of initial conditions from which a critic that is not quadratic is simulated.
 FLIGHTS = 100
 #: Time for a proof of a network's largest error, s.
 SECONDS = 20.0
@@ -51,12 +51,13 @@ class Nearby(NamedTuple):
 class Scope:
     """Data for the checks of a critic besides the game.
 
-    box: box of states in which V, its gradient and the policies are compared; by default
-        `balanced_box`
+    box: box of states in which V, its gradient and the policies are compared; by default the
+        `usual_box` of the game
     nearby: function that returns other games, to recognize a critic that was learned on one of
         them; None for no comparison
-    plant: nonlinear plant about its trim, in which a network is also simulated, or None
-    flights: number of initial conditions from which a network is simulated
+    plant: nonlinear plant about its trim, in which a critic that is not quadratic is also
+        simulated, or None
+    flights: number of initial conditions from which such a critic is simulated
     seconds: time for a proof of the largest error of a network, or 0 for no proof
     progress: called during the proof with (elapsed seconds, allowed seconds), or None
     """

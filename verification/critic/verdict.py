@@ -58,8 +58,8 @@ class Details(Result):
         source.
     dt: sampling time of a sampled plant, s.
     history: for a critic over time, the errors at each time.
-    network: for a neural network, its outputs, V(0), and the largest errors found and proved in the
-        box.
+    network: for a critic that is not quadratic, its outputs, V(0), the largest errors found and
+        proved in the box, and the results of its simulations.
     """
 
     graded: FlightCost | None = None

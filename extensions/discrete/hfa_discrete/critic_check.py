@@ -24,13 +24,13 @@ from hfa_support.entry_points import CRITICS, PARTS, loaded, offered, part
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.reporting.checks import Check, at_most, below
 from verification.critic.critic_errors import (
-    balanced_box,
     error_check,
     matrix_errors,
     relative_error,
 )
 from verification.critic.scope import LIMIT, Scope
 from verification.critic.verdict import Details, Section, Verdict, explained
+from verification.hfa_box import usual_box
 
 #: Function (exact solution, critic, half-widths of the box (n,)) -> sentence on the mistake, or "".
 Diagnose = Callable[[DiscreteSolution, Critic, np.ndarray], str]
@@ -155,7 +155,7 @@ def _verdict(
             "the critic has entries that are too large or not finite; correct these entries"
         )
     step = problem.step
-    box = scope.box or balanced_box(step)
+    box = scope.box or usual_box(step)
     critic = discrete_critic(problem, critic)
     errors = list(matrix_errors(step, "K", critic.K, exact.K, limit))
     if critic.P is not None:
@@ -174,17 +174,17 @@ def _verdict(
     sections = [Section((text,), data)]
     states = 0
     proof = None
-    if critic.network:
+    if not critic.is_quadratic:
         judge = part(CRITICS, "nonlinear.steps", "a nonlinear critic")
-        network = judge(exact, critic, box.half_widths, limit, scope)
-        errors += network.errors
-        checks += network.checks
-        states = network.states
-        proof = network.proof
-        lost = max(lost, network.flown.cost_lost_flown_percent)
+        findings = judge(exact, critic, box.half_widths, limit, scope)
+        errors += findings.errors
+        checks += findings.checks
+        states = findings.states
+        proof = findings.proof
+        lost = max(lost, findings.flown.cost_lost_flown_percent)
         where = f"Box of states: {box.about}"
         text = "L2 gain and margins apply only to continuous time and are not checked"
-        sections = [Section((where, text), replace(data, box=box)), network.section]
+        sections = [Section((where, text), replace(data, box=box)), findings.section]
     diagnosis = ""
     if not all(check.ok for check in errors):
         diagnosis = diagnose(exact, critic, box.half_widths)

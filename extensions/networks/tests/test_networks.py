@@ -127,7 +127,7 @@ def test_the_report_shows_the_network_as_read(game: Game) -> None:
         "Read: network a.pt: 6 -> tanh 6 -> tanh 6 -> 1 (layers first, second, third)" in said.out
     )
     row = ", ".join(f"{number:.4g}" for number in BOX)
-    assert f"V({row}) = {value_there:.4g}; compare with your network" in said.out
+    assert f"V({row}) = {value_there:.4g}; compare with your critic" in said.out
     assert "linearized exactly at the origin, V(0) = 0\n" in said.out
 
 

@@ -29,8 +29,10 @@ if TYPE_CHECKING:
 _WIDE_FLIGHTS = 2
 #: A simulation ends when the exact loop has decayed to exp(-`DECAY`).
 DECAY = 5.0
-#: Largest number of LSODA steps in a simulation, and of steps of a discrete loop.
-STEPS = 1000
+#: Largest number of LSODA steps in a simulation of the linear plant, in one that is slow to
+#: evaluate (a wide network, the nonlinear plant), and of steps of a discrete loop.
+STEPS = 20_000
+_FEW_STEPS = 1000
 _MOST_STEPS = 20_000
 #: The loop has converged if V* has decreased to this fraction.
 RETURNED = 0.05
@@ -38,6 +40,9 @@ RETURNED = 0.05
 #: 2^-k ... 2^k.
 FEW = 6
 DOUBLINGS = 4
+#: A loop diverges if V* exceeds this multiple of a bound on V* in the box. Its simulation ends
+#: there.
+_FAR = 1e12
 #: Largest number of Newton steps to an equilibrium, and its largest distance, in boxes.
 _NEWTON_STEPS = 30
 _FARTHEST_REST = 100.0
@@ -46,10 +51,10 @@ Expression = Callable[[ca.SX], ca.SX]
 
 
 class FlightResults(NamedTuple):
-    """Results of simulations of a network. The fields are named as in the JSON output.
+    """Results of simulations of a critic that is not quadratic.
 
-    A tested multiple of the box is a power of two. The loop converges from all smaller tested
-    multiples too.
+    The fields are named as in the JSON output. A tested multiple of the box is a power of two. The
+    loop converges from all smaller tested multiples too.
 
     flights: number of initial conditions, or 0 if nothing was simulated.
     cost_lost_flown_percent: largest cost above V*, in percent of V*, or inf if a simulation does
@@ -269,6 +274,10 @@ def _cost_of(
     return cost
 
 
+class _DivergedError(Exception):
+    """Error for a simulation that is far outside the box, or not finite."""
+
+
 class _FlowLoop:
     """Closed loop z' = rates(z), cost' = running(z), integrated with LSODA.
 
@@ -284,7 +293,10 @@ class _FlowLoop:
         self._z = z
         self._rates = rates
         self._P = exact.P
+        self._value = ca.bilin(ca.DM(exact.P), z, z)
+        self._largest_value = _FAR * float(b @ np.abs(exact.P) @ b)
         self._time = time
+        self.most_steps = STEPS if isinstance(rates, ca.SX) else _FEW_STEPS
         self.equilibrium = newton_equilibrium(z, rates, b)
         self._bound = self._slopes_of(0.0)
 
@@ -298,12 +310,15 @@ class _FlowLoop:
 
     def _slopes_of(self, running: ca.SX | float) -> BoundFunction:
         slopes = ca.densify(ca.vertcat(self._rates, running))
-        return BoundFunction(ca.Function("slopes", [self._z], [slopes]))
+        return BoundFunction(ca.Function("slopes", [self._z], [slopes, self._value]))
 
     def _slopes(self, y: np.ndarray, _: float) -> np.ndarray:
         self._bound.inputs[0][:] = y[:-1]
         self._bound()
-        return self._bound.results[0]
+        slopes, value = self._bound.results
+        if not value[0] <= self._largest_value:
+            raise _DivergedError
+        return slopes
 
     def simulate(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
         """Simulate the loop from the initial state `start` (n,).
@@ -312,24 +327,27 @@ class _FlowLoop:
         cases:
         - The loop has no equilibrium near z = 0.
         - V* about the equilibrium does not decrease to `RETURNED` times its initial value.
-        - The integration fails.
+        - V* exceeds `_FAR` times its bound in the box, or the integration fails.
         """
         from scipy.integrate import odeint
 
         if self.equilibrium is None:
             return None
-        tolerances = {"rtol": 1e-7, "atol": 1e-9 * np.abs(start).max(), "mxstep": STEPS}
+        tolerances = {"rtol": 1e-7, "atol": 1e-9 * np.abs(start).max(), "mxstep": self.most_steps}
         with (
             np.errstate(all="ignore"),
             warnings.catch_warnings(action="ignore"),
         ):  # warnings of LSODA when it fails
-            (_, end), outcome = odeint(
-                self._slopes,
-                np.append(start, 0.0),
-                [0.0, self._time],
-                full_output=True,
-                **tolerances,
-            )
+            try:
+                (_, end), outcome = odeint(
+                    self._slopes,
+                    np.append(start, 0.0),
+                    [0.0, self._time],
+                    full_output=True,
+                    **tolerances,
+                )
+            except _DivergedError:
+                return None
         if outcome["message"] != "Integration successful." or not np.all(np.isfinite(end)):
             return None
         z = end[:-1] - self.equilibrium
@@ -439,9 +457,9 @@ def fly(
     flights: int,
     plant: NonlinearPlant | None = None,
 ) -> FlightResults:
-    """Simulate a network from the box |z_i| <= b_i.
+    """Simulate a critic that is not quadratic from the box |z_i| <= b_i.
 
-    Nothing is simulated if the network has non-finite values or its linear loop is unstable.
+    Nothing is simulated if the critic has non-finite values or its linear loop is unstable.
 
     flights: number of initial conditions. At most `_WIDE_FLIGHTS` are used for a wide network
     plant: nonlinear plant of a critic in continuous time, or None
@@ -459,6 +477,7 @@ def fly(
         z = critic.symbols
         for policy in (critic.policy(z), -ca.DM(exact.K) @ z):
             nonlinear = _FlowLoop(z, plant.closed(z, policy), exact, axis.duration, b)
+            nonlinear.most_steps = _FEW_STEPS
             reached.append(_reach(nonlinear, b, few))
     return FlightResults(
         flights, float(losses.max()), float(losses.mean()), loop.equilibrium, *reached

@@ -62,14 +62,15 @@ class Found(NamedTuple):
 
 
 class Findings(NamedTuple):
-    """Findings on a network.
+    """Findings on a critic that is not quadratic.
 
     errors: checks of the errors at the origin and in the box.
-    checks: `errors`, and the check of the equilibrium if the network was simulated.
+    checks: `errors`, and the check of the equilibrium if the critic was simulated.
     proof: proved bound, or None.
     flown: results of simulations.
     section: section of the report.
-    states: number of states at which the search begins.
+    states: number of states at which the search begins, or 0 for a polynomial, whose errors are
+        bounded without a search.
     """
 
     errors: list[Check]
@@ -77,7 +78,7 @@ class Findings(NamedTuple):
     proof: Proof | None
     flown: FlightResults
     section: Section
-    states: int = STARTS
+    states: int
 
 
 class Comparison(NamedTuple):
@@ -157,7 +158,7 @@ def _floored(sizes: np.ndarray) -> np.ndarray:
 def findings(
     axis: TimeAxis, critic: Critic, exact: Exact, b: np.ndarray, limit: float, scope: Scope
 ) -> Findings:
-    """Return the errors of a network over the box |z_i| <= b_i, and the results of its simulations.
+    """Return the errors of a critic over the box |z_i| <= b_i, and the results of its simulations.
 
     limit: largest relative error that passes
     """
@@ -168,8 +169,9 @@ def findings(
     flown = fly(axis, critic, exact, b, scope.flights, scope.plant)
     if flown.flights:
         checks.append(equilibrium_check(flown.rest_point, b, limit))
-    section = network_section(critic, b, worst, proof, flown)
-    return Findings(errors, checks, proof, flown, section)
+    section = nonlinear_section(critic, b, worst, proof, flown)
+    states = STARTS if critic.network else 0
+    return Findings(errors, checks, proof, flown, section, states)
 
 
 # Search and proof.
@@ -178,10 +180,10 @@ def findings(
 def _searched_and_proved(
     about: Comparison, limit: float, scope: Scope
 ) -> tuple[float, tuple[Found, ...], Proof | None]:
-    """Search for the largest errors, then prove a bound.
+    """Search for the largest errors, then prove a bound for a network.
 
     Returns the largest error at the origin, the largest errors found in the box, and the proof or
-    None. Only graphs of scalars (SX) are proved.
+    None. Only graphs of scalars (SX) are proved. The errors of a polynomial are bounded already.
 
     - No error above the limit is found: the limit is proved for all errors.
     - An error above the limit is found, but not of the policy: the limit is proved for the policy.
@@ -193,7 +195,9 @@ def _searched_and_proved(
     end = time.monotonic() + scope.seconds
     origin, worst = search(about)
     functions = about.functions
-    provable = tuple(kind for kind in functions if functions[kind].is_a("SXFunction"))
+    provable: tuple[str, ...] = ()
+    if about.critic.network:
+        provable = tuple(kind for kind in functions if functions[kind].is_a("SXFunction"))
     proof = None
     for _ in range(_SEARCHES if provable and scope.seconds else 0):
         largest = {item.name: item.error for item in worst}
@@ -320,35 +324,39 @@ def _climber(
 # Report.
 
 
-def network_section(
+def nonlinear_section(
     critic: Critic,
     b: np.ndarray,
     found: tuple[Found, ...],
     proof: Proof | None,
     flown: FlightResults,
 ) -> Section:
-    """Return the section of the report on a network.
+    """Return the section of the report on a critic that is not quadratic.
 
     found: largest errors in the box
     flown: results of the simulations
     """
-    outputs = [name for name in FUNCTIONS if name in critic.network]
-    if "V" in outputs:
+    functions = critic.network
+    if not functions:
+        assert critic.value is not None
+        functions = {"V": critic.value}
+    outputs = [name for name in FUNCTIONS if name in functions]
+    if "gradient" in outputs and "V" in outputs:
         outputs.remove("gradient")  # its derivative
     if critic.implies_policy:
         outputs.remove("policy")
     output = " and ".join(outputs)
-    value = np.array(critic.network[outputs[0]](b)).ravel()
+    value = np.array(functions[outputs[0]](b)).ravel()
     constant = f", V(0) = {critic.constant:.4g}" if "V" in outputs else ""
+    kind = f"Network of {output}" if critic.network else "Polynomial V"
     errors = "; ".join(
         f"{_NOUNS[item.name]} {item.error:.3g} at ({_row(item.at)})" for item in found
     )
     name = {"V": "V", "gradient": "dV/dz", "policy": "u"}[outputs[0]]
     lines = [
-        f"Network of {output}, {critic.precision} weights, linearized exactly at the origin"
-        f"{constant}",
+        f"{kind}, {critic.precision} weights, linearized exactly at the origin{constant}",
         f"Read: {critic.origin}",
-        f"{name}({_row(b)}) = {_row(value)}; compare with your network",
+        f"{name}({_row(b)}) = {_row(value)}; compare with your critic",
         f"Largest errors in the box (searched, {STARTS} starts; not a bound): {errors}",
     ]
     if proof is not None:

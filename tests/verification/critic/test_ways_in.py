@@ -1,0 +1,277 @@
+"""A critic whose policy diverges fails, whichever way it is given."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from cli import answer
+from game_files import stored
+from known_models import game_at
+
+import hfa
+from controller import basis, critics_over_time
+from controller.critic.critic import Critic
+from hfa import from_weights, solve, verify
+from hfa.main import FAILED
+from verification.critic.history import check_history
+from verification.critic.scope import Scope
+from verification.critic.verdict import Verdict
+from verification.hfa_box import ordinary_box
+
+pytest.importorskip("hfa_networks", reason="a critic that is not quadratic needs hfa_networks")
+
+from network_files import onnx_file, safetensors_file, torch_file
+
+from hfa_discrete.critic_check import check_discounted, check_discrete
+from hfa_discrete.critic_file import critic_of_steps
+from hfa_discrete.discrete_game import DiscreteGame
+from hfa_discrete.solution import sampled, solve_discrete
+
+pytestmark = pytest.mark.usefixtures("folder", "no_proof")
+GAME = game_at(8.0)
+AT_8 = ("--dihedral", "8")
+#: Weights of the fourth powers of airspeed, angle of attack, dihedral and pitch rate. With them,
+#: the policy diverges from corners of the box of typical deviations.
+TAIL = np.array([0.0, -200.0, -50.0, -50.0])
+CHANNELS = [0, 1, 3, 4]
+FAST = Scope(seconds=0.0, flights=20)
+DISCOUNT, DT = 0.999, 0.05
+
+
+@pytest.fixture
+def no_proof(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Omit the proof of a bound on a network's errors, which takes up to 20 s."""
+    monkeypatch.setattr("hfa.commands.verify.SECONDS", 0.0)
+
+
+@cache
+def exact_value() -> np.ndarray:
+    return solve(GAME).P
+
+
+@cache
+def discounted() -> DiscreteGame:
+    return sampled(GAME, DT, DISCOUNT)
+
+
+def weights(name: str, P: np.ndarray | None = None) -> np.ndarray:
+    """Return the weights of the diverging critic in a basis with fourth powers.
+
+    P: matrix of the quadratic part, by default that of the exact value in continuous time
+    """
+    psi = basis(name, 6)
+    W = psi.weights(exact_value() if P is None else P)
+    powers = psi.exponents[21:].argmax(axis=1).tolist()
+    for channel, weight in zip(CHANNELS, TAIL, strict=True):
+        W[21 + powers.index(channel)] = weight
+    return W
+
+
+def functions() -> str:
+    """Return the basis "paper" as a list of functions of the states, for --basis."""
+    pairs = [f"x{i + 1}*x{j + 1}" for i in range(6) for j in range(i, 6)]
+    return ", ".join(pairs + [f"x{channel + 1}**4" for channel in CHANNELS])
+
+
+Z = ca.SX.sym("z", 6)
+
+
+def V() -> ca.SX:
+    return ca.bilin(ca.DM(exact_value()), Z, Z) + ca.dot(ca.DM(TAIL), Z[CHANNELS] ** 4)
+
+
+def policy() -> ca.SX:
+    return -0.5 * ca.DM(GAME.R_inverse_B_transposed) @ ca.gradient(V(), Z)
+
+
+def network(kind: str, *outputs: ca.SX) -> Critic:
+    function = ca.Function("network", [Z], [ca.densify(ca.vertcat(*outputs))])
+    return hfa.from_network(GAME, function, network=kind)
+
+
+def quartic_onnx() -> str:
+    """Write z'Pz + Σ w z⁴ as an ONNX graph and return its path."""
+    w = np.zeros((6, 1))
+    w[CHANNELS, 0] = TAIL
+    nodes = [
+        ("MatMul", "x P", "h"),
+        ("Mul", "x h", "products"),
+        ("MatMul", "products ones", "quadratic"),
+        ("Mul", "x x", "squares"),
+        ("Mul", "squares squares", "powers"),
+        ("MatMul", "powers w", "quartic"),
+        ("Add", "quadratic quartic", "y"),
+    ]
+    return onnx_file("v.onnx", nodes, {"P": exact_value(), "ones": np.ones((6, 1)), "w": w})
+
+
+def one_layer(write: Callable[[str, Mapping[str, Any]], str], path: str) -> str:
+    return write(path, {"v.weight": weights("paper")[None], "v.bias": np.zeros(1)})
+
+
+def history(name: str = "h.npz", **more: Any) -> str:
+    rows = np.array([0.5 * weights("paper"), weights("paper")])
+    return stored(name, time=np.array([0.0, 1.0]), W=rows, **more)
+
+
+def steps_file(**more: Any) -> str:
+    """Write the sampled plant as a plant in discrete time and return its path."""
+    step = discounted().step
+    return stored(
+        "plant.json",
+        time="discrete",
+        **{name: getattr(step, name) for name in "ABEQR"},
+        delta=step.delta,
+        discount=DISCOUNT,
+        **more,
+    )
+
+
+def of_steps() -> np.ndarray:
+    return weights("paper", solve_discrete(discounted()).P)
+
+
+def npz(name: str = "paper", path: str = "w.npz", **more: Any) -> str:
+    return stored(path, W=weights(name), **more)
+
+
+def saved(path: str) -> str:
+    np.save(path, weights("paper"))
+    return path
+
+
+def folder_of_checkpoints() -> str:
+    Path("run").mkdir()
+    for number in (1, 2):
+        npz(path=f"run/w{number}.npz", basis="paper")
+    return "run"
+
+
+#: Way in -> command line after `hfa verify`.
+COMMANDS: dict[str, Callable[[], tuple[str, ...]]] = {
+    "basis on the command line": lambda: (*AT_8, "--weights", npz(), "--basis", "paper"),
+    "basis in the file": lambda: (*AT_8, "--weights", npz(basis="paper")),
+    "quadratic+quartic": lambda: (
+        *(*AT_8, "--weights", npz("quadratic+quartic")),
+        *("--basis", "quadratic+quartic"),
+    ),
+    "JSON": lambda: (*AT_8, "--weights", npz(path="w.json", basis="paper")),
+    "MATLAB": lambda: (*AT_8, "--weights", npz(path="w.mat", basis="paper")),
+    "one array": lambda: (*AT_8, "--weights", saved("W.npy"), "--basis", "paper"),
+    "W and P": lambda: (*AT_8, "--weights", npz(P=exact_value(), basis="paper")),
+    "list of functions": lambda: (*AT_8, "--weights", npz(), "--basis", functions()),
+    "W over time": lambda: (*AT_8, "--weights", history(basis="paper")),
+    "W over time, basis given": lambda: (*AT_8, "--weights", history(), "--basis", "paper"),
+    "several files": lambda: (
+        *(*AT_8, "--basis", "paper"),
+        *("--weights", npz(), npz(path="other.npz")),
+    ),
+    "folder": lambda: (*AT_8, "--weights", folder_of_checkpoints()),
+    "one layer, npz": lambda: (
+        *(*AT_8, "--basis", "paper"),
+        *("--weights", one_layer(lambda path, layers: stored(path, **layers), "l.npz")),
+    ),
+    "one layer, torch": lambda: (
+        *AT_8,
+        *("--basis", "paper", "--weights", one_layer(torch_file, "l.pt")),
+    ),
+    "one layer, safetensors": lambda: (
+        *(*AT_8, "--basis", "paper"),
+        *("--weights", one_layer(safetensors_file, "l.safetensors")),
+    ),
+    "ONNX": lambda: (*AT_8, "--weights", quartic_onnx()),
+    "discounted": lambda: (
+        *(*AT_8, "--discount", str(DISCOUNT), "--dt", str(DT)),
+        *("--weights", stored("w.npz", W=of_steps(), basis="paper")),
+    ),
+    "discrete plant": lambda: (
+        *("--model", steps_file()),
+        *("--weights", stored("w.npz", W=of_steps(), basis="paper")),
+    ),
+}
+
+
+def judged(critic: Any) -> Verdict:
+    return verify(GAME, critic, scope=FAST)
+
+
+def over_time() -> Verdict:
+    rows = np.array([0.5 * weights("paper"), weights("paper")])
+    critics = critics_over_time(GAME, np.array([0.0, 1.0]), "paper", W=rows)
+    return check_history(GAME, critics, scope=FAST)
+
+
+def in_steps() -> Verdict:
+    step = discounted().step
+    critic = from_weights(step, of_steps(), "paper")
+    return check_discrete(discounted(), critic, scope=replace(FAST, box=ordinary_box()))
+
+
+def discounted_file() -> Verdict:
+    path = stored("w.npz", W=of_steps(), basis="paper")
+    critic, _ = critic_of_steps(path, discounted())
+    return check_discounted(GAME, critic, DISCOUNT, DT, scope=FAST)
+
+
+#: Way in -> verdict in Python.
+CALLS: dict[str, Callable[[], Verdict]] = {
+    "name of a basis": lambda: judged(from_weights(GAME, weights("paper"), "paper")),
+    "Basis": lambda: judged(from_weights(GAME, weights("paper"), basis("paper", 6))),
+    "CasADi functions": lambda: judged(from_weights(GAME, [1.0], ca.Function("psi", [Z], [V()]))),
+    "V": lambda: judged(network("V", V())),
+    "gradient": lambda: judged(network("gradient", ca.gradient(V(), Z))),
+    "policy": lambda: judged(network("policy", policy())),
+    "V and policy": lambda: judged(network("V+policy", V(), policy())),
+    "file": lambda: judged(npz(basis="paper")),
+    "read": lambda: judged(hfa.read_critic(npz(), GAME, basis="paper")),
+    "over time": over_time,
+    "discrete": in_steps,
+    "discounted": discounted_file,
+}
+
+
+@pytest.mark.parametrize("way", COMMANDS)
+def test_a_diverging_critic_fails_on_the_command_line(way: str) -> None:
+    """Each form of the diverging critic fails, also if only the cost is limited."""
+    data = answer("verify", *COMMANDS[way](), "--limit-cost", "1", code=FAILED)
+    assert not data["ok"]
+    for critic in data.get("critics", {"": data}).values():
+        assert critic["grade"] == "fail"
+        assert critic["network"]["cost_lost_flown_percent"] is None or (
+            critic["network"]["cost_lost_flown_percent"] > 1.0
+        )
+
+
+@pytest.mark.parametrize("way", CALLS)
+def test_a_diverging_critic_fails_in_python(way: str) -> None:
+    """Each form of the diverging critic fails, also if only the cost is limited."""
+    verdict = CALLS[way]()
+    assert verdict.grade == "fail"
+    assert not verdict.holds(limit_cost=1.0)
+
+
+def test_a_biased_critic_fails() -> None:
+    """A linear term of V moves the equilibrium off the trim, so the cost is no reason to pass."""
+    W = basis("quadratic+linear", 6).weights(exact_value())
+    W[22] = 50.0
+    verdict = judged(from_weights(GAME, W, "quadratic+linear"))
+    assert verdict.grade == "fail"
+
+
+@pytest.mark.parametrize("name", ["quadratic+linear", "quadratic+quartic", "paper"])
+def test_a_polynomial_without_higher_terms_is_a_matrix(name: str) -> None:
+    """A critic is quadratic if every weight beyond z_i z_j is exactly 0; the exact one passes."""
+    psi = basis(name, 6)
+    critic = from_weights(GAME, psi.weights(exact_value()), name)
+    assert critic.is_quadratic
+    assert judged(critic).ok
+    W = psi.weights(exact_value())
+    W[-1] = 1e-300
+    assert not from_weights(GAME, W, name).is_quadratic
