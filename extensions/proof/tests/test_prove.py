@@ -11,6 +11,9 @@ import pytest
 from cli import assert_refused, hfa
 from proof_cases import unstable_between
 
+from hfa.entry_points import words_after
+from hfa_proof.commands.check import STATEMENTS
+
 
 @pytest.fixture(autouse=True)
 def _in_a_folder(folder: Path) -> None:
@@ -207,3 +210,9 @@ def test_a_fifo_is_refused_as_certificate(tmp_path: Path) -> None:
     """A named pipe is refused as a certificate."""
     os.mkfifo(tmp_path / "fifo.json")
     assert_refused(hfa("prove", "--check", str(tmp_path / "fifo.json")), 2, "fifo")
+
+
+def test_all_statements_are_named_without_a_certificate() -> None:
+    """`hfa prove` alone names each statement that has a command."""
+    assert sorted(STATEMENTS) == sorted(words_after("prove"))
+    assert_refused(hfa("prove"), 2, f"choose from {', '.join(STATEMENTS)}, or add --check FILE")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,19 @@ from hfa_region.search.region import Region, RegionSearch
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
+from hfa_support.reporting.report import Report, Reported
 from trim.point.operating_point import OperatingPoint
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ProvedRegion(Reported, Region):
+    """A proved region that is displayed as the report of `hfa prove region`."""
+
+    def report(self) -> Report:
+        """Return the report that `hfa prove region` prints."""
+        from hfa_region.report import region_report
+
+        return region_report(self)
 
 
 @checks_arguments
@@ -24,7 +37,7 @@ def prove_region(
     seconds: float = 60.0,
     degree: int = 2,
     progress: Progress | None = None,
-) -> Region:
+) -> ProvedRegion:
     """Return a proved region of attraction of the nonlinear loop u = sat(u0 - K (x - x0)).
 
     model: the aircraft
@@ -50,4 +63,4 @@ def prove_region(
     search = RegionSearch(
         saturated_loop(linear, gain), None, seconds=seconds, degree=degree, progress=progress
     )
-    return search.found()
+    return ProvedRegion(**vars(search.found()))

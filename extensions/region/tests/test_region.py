@@ -35,6 +35,7 @@ from hfa_region.check.checker import check_region
 from hfa_region.check.polynomial import Polynomial, exponents_of
 from hfa_region.check.statement import RegionStatement, SaturatedLoop
 from hfa_region.check.taylor import Taylor
+from hfa_region.report import region_report
 from hfa_region.search.function import PolynomialFunction
 from hfa_region.search.level import ProvedLevel
 from hfa_region.search.plant import Outcome, Plant, outcomes
@@ -262,8 +263,9 @@ def test_an_interrupted_search_reports_its_region() -> None:
         found = search.found()
     assert signal.getsignal(signal.SIGINT) is before
     assert found.proved is saved[-1]
-    assert "No larger set is proved: interrupted." in found.report().text()
-    assert found.report().data["stopped"] == "interrupted"
+    report = region_report(found)
+    assert "No larger set is proved: interrupted." in report.text()
+    assert report.data["stopped"] == "interrupted"
 
 
 def _cubic(x: Any, u: Any, p: Any, w: Any) -> Any:

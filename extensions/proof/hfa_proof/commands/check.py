@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hfa.entry_points import words_after
 from hfa.options.argument_types import input_file
 from hfa.options.command import command
 from hfa.options.critics import READING_SETTINGS, ReadingOptions, critic_path
@@ -18,6 +17,9 @@ from hfa.output import ProgressLine, show
 from hfa_proof.options import interval_of
 from hfa_support.entry_points import PARTS, loaded, offered
 from hfa_support.errors import BadInputError
+
+#: Statements that a command `hfa prove STATEMENT` proves.
+STATEMENTS = ("cost", "critic", "models", "region", "schedule", "solution")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,7 +65,7 @@ def prove(request: CheckRequest) -> int:
 
     flint_or_refusal()
     if request.check is None:
-        known = ", ".join(words_after("prove"))
+        known = ", ".join(STATEMENTS)
         raise BadInputError(
             f"no statement to prove is given; choose from {known}, or add --check FILE"
         )

@@ -26,7 +26,6 @@ from hfa_region.search.plant import Outcome, Plant, first_rise, outcomes
 from hfa_region.search.shape import better
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
-from hfa_support.reporting.report import Report, Reported
 
 #: A step with a smaller linear growth of the set is the last for its reach.
 _GAIN = 1.004
@@ -70,8 +69,8 @@ class Bounds:
     limits: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Region(Reported):
+@dataclass(frozen=True, eq=False)
+class Region:
     """A proved region, with the obstacles to a larger region.
 
     proved: statement and witness
@@ -102,12 +101,6 @@ class Region(Reported):
     def extents(self) -> dict[str, tuple[float, float]]:
         """State -> lowest and highest deviation in the proved region."""
         return extents_of(self.proved.statement, self.T)
-
-    def report(self) -> Report:
-        """Return the report that `hfa prove region` prints."""
-        from hfa_region.report import region_report
-
-        return region_report(self)
 
 
 class RegionSearch:
