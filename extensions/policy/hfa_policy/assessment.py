@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +15,7 @@ from hfa_policy.best_costs import BestCosts
 from hfa_policy.cost_above_optimum import CostAboveOptimum, cost_above_optimum
 from hfa_policy.departures import departure_text, refuse_edges
 from hfa_policy.deployed import Deployed
-from hfa_policy.equilibrium import Equilibrium, EquilibriumSearch
+from hfa_policy.equilibrium import Equilibrium, EquilibriumSearch, whole_turns
 from hfa_policy.flights import SampledFlight
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.nonlinearity import Nonlinearity, nonlinearity
@@ -265,10 +265,14 @@ class Assessor:
         for number, search in enumerate(searches):
             widths = self._widths(search.point)
             equilibrium = equilibria[number]
-            if np.isfinite(states[number]).all():
-                elsewhere = search.from_point(states[number], inputs[number])
-                equilibrium = _nearer(equilibrium, elsewhere, states[number], search, widths)
-            places.append(self._place(search, widths, equilibrium))
+            turns = search.turns()
+            end = states[number]
+            if np.isfinite(end).all():
+                moved = (end - np.array(search.point.states))[search.rows]
+                end[search.rows] -= whole_turns(moved, turns)
+                elsewhere = search.from_point(end, inputs[number])
+                equilibrium = _nearer(equilibrium, elsewhere, end, search, widths)
+            places.append(replace(self._place(search, widths, equilibrium), turns=turns))
         return places
 
     def _place(

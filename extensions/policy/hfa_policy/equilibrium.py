@@ -26,6 +26,11 @@ _FAR_OFF = 1e6
 #: Difference of the slopes on both sides above which there is a kink. It is the change of an input
 #: over a nominal value, relative to the size of the input.
 _SAME_SLOPE = 1e-3
+#: Full turn of an angle in each unit, and number of random points at which a turn is tested.
+_TURNS = {"rad": 2.0 * np.pi, "deg": 360.0}
+_TURNED_POINTS = 8
+#: Largest relative difference after a full turn.
+_SAME_TURNED = 1e-9
 #: A value closer to a limit, relative to the width of the interval, is at the limit.
 _AT_CLIP = 1e-9
 
@@ -111,6 +116,15 @@ class Equilibrium:
         )
 
 
+def whole_turns(deviations: np.ndarray, turns: np.ndarray) -> np.ndarray:
+    """Return the whole turns that are nearest to deviations of the linear states, (..., k).
+
+    turns: result of `EquilibriumSearch.turns`, (k,)
+    """
+    full = np.where(turns > 0.0, turns, 1.0)
+    return np.where(turns > 0.0, full * np.round(deviations / full), 0.0)
+
+
 class EquilibriumSearch:
     """Search for the equilibrium at one trim, in linear states and commanded inputs.
 
@@ -149,6 +163,45 @@ class EquilibriumSearch:
         z = self.base.copy()
         z[self.moving] = start[self.moving]
         return self._by_newton(z) or self._by_newton(self._least(z))
+
+    def turns(self) -> np.ndarray:
+        """Return the full turn of each angle that the loop does not distinguish from none, (k,).
+
+        The rates, the observations and the commands at random states must agree after a full turn.
+        The value is 0 for an angle that is distinguished, and for other states.
+        """
+        random = np.random.default_rng(0)
+        n = len(self.model.states)
+        turns = np.zeros(len(self.rows))
+        sizes = np.zeros(len(self.base))
+        sizes[self.moving] = self.scales
+        points = self.base + sizes * random.uniform(-1.0, 1.0, (_TURNED_POINTS, len(self.base)))
+        for number, row in enumerate(self.rows):
+            turn = _TURNS.get(self.model.unit(self.model.linear[number]), 0.0)
+            turned = points.copy()
+            turned[:, row] += turn
+            if turn and all(
+                np.allclose(
+                    self._seen(one[:n], one[n:]),
+                    self._seen(other[:n], other[n:]),
+                    rtol=_SAME_TURNED,
+                    atol=_SAME_TURNED,
+                    equal_nan=False,
+                )
+                for one, other in zip(points, turned, strict=True)
+            ):
+                turns[number] = turn
+        return turns
+
+    def _seen(self, X: np.ndarray, U: np.ndarray) -> np.ndarray:
+        """Return the relative rates, the observations and the commands at X and U."""
+        try:
+            rates = np.array([*self.model.rates_at(X.tolist(), U.tolist()).values()])
+        except FloatingPointError:
+            rates = np.full(len(X), np.nan)
+        sizes = [self.model.rate_scale(name) for name in self.model.states]
+        seen = [self.deployed.observe(X, U, self.trim), self.deployed.command(X, U, self.trim)]
+        return np.concatenate([rates / sizes, *(np.array(part).ravel() for part in seen)])
 
     def drift(self, equilibrium: Equilibrium) -> np.ndarray:
         """Return the derivatives of the equilibrium with respect to all states, (k, n).

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from hfa_flight.envelope import Departure, flight_envelope
 from hfa_flight.flight_history import Deviations
 from hfa_flight.limit_cycle import LimitCycle, limit_cycle
 from hfa_policy.departures import first_departure
-from hfa_policy.equilibrium import Equilibrium, EquilibriumSearch
+from hfa_policy.equilibrium import Equilibrium, EquilibriumSearch, whole_turns
 from hfa_policy.flights import SampledFlight, Window, in_threads
 from hfa_policy.reach import HORIZON, Reach
 from hfa_support.progress import Progress
@@ -101,6 +101,8 @@ class Place:
     lag: (k,), lag of the linear states behind the equilibrium, or None without an equilibrium.
     steady: trim at which the linear states have the same rates as at the equilibrium, or None for
         `point`.
+    turns: (k,), full turn of each angle that the loop does not distinguish from none, otherwise 0.
+        () means that there is none.
     """
 
     point: OperatingPoint
@@ -113,6 +115,7 @@ class Place:
     drift: np.ndarray | None = None
     lag: np.ndarray | None = None
     steady: OperatingPoint | None = None
+    turns: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def decisive(self) -> np.ndarray:
@@ -231,6 +234,8 @@ class SimulatedRows:
         still = np.zeros((len(model.linear), len(model.states)))
         drifts = [still if place.drift is None else place.drift for place in places]
         self.drifts = np.array(drifts)[owners]
+        none = np.zeros(len(nowhere))
+        self.turns = np.array([p.turns if p.turns.size else none for p in places])[owners]
         self.balls = np.array([BALL * place.box for place in places])[owners]
         self.stable = np.array([place.stable for place in places])[owners]
         self.stays = np.array([place.stays for place in places])[owners]
@@ -328,6 +333,7 @@ class SimulatedRows:
         highest = rows[:, high_X][:, self.linear]
         moved = rows[:, self.flight.slices[0]] - self.trims[flying]
         centre = self.centres[flying] + np.einsum("nij,nj->ni", self.drifts[flying], moved)
+        centre += whole_turns((lowest + highest) / 2.0 - centre, self.turns[flying])
         farthest = np.maximum(highest - centre, centre - lowest) / self.balls[flying]
         decisive = self.decisive[flying]
         distance = np.nan_to_num(np.where(decisive, farthest, 0.0).max(axis=1), nan=np.inf)
@@ -520,7 +526,10 @@ def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
     """
     if place.equilibrium is None:
         return False
-    apart = np.abs(other.states - place.equilibrium.states)[linear]
+    apart = (other.states - place.equilibrium.states)[linear]
+    if place.turns.size:
+        apart -= whole_turns(apart, place.turns)
+    apart = np.abs(apart)
     return bool(np.all(apart[place.decisive] <= BALL * place.box[place.decisive]))
 
 

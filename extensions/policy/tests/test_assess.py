@@ -330,6 +330,31 @@ def test_an_aircraft_with_one_input_is_assessed(delay):
     assert not np.array_equal(flights.unwrapped.episodes.states[0], before)
 
 
+@pytest.mark.parametrize("raw", [False, True])
+def test_equilibria_a_full_turn_apart_are_one(raw):
+    """Flights to an angle of a full turn converge, if the loop observes only its sine.
+
+    A policy that observes the angle itself distinguishes the two equilibria.
+    """
+    pendulum = load_model(f"{ROOT}/examples/pendulum.py:PENDULUM")
+    strong = replace(pendulum, inputs={"torque": hfa.Signal("N m", nominal=1.0, min=-5, max=5)})
+    o = ca.SX.sym("o", 2)
+    first = ca.sin(o[0]) if raw else o[0]
+    deployment = Deployment(
+        policy={"file": ca.Function("policy", [o], [-2.5 * first - 0.5 * o[1]])},
+        observation={"angle": {} if raw else {"formula": "sin(angle)"}, "rate": {}},
+        action={"torque": {"box": [-5.0, 5.0]}},
+        timing={"dt": 0.02},
+    )
+    flown = assess(strong, deployment, samples=12, box={"angle": 6.0}).points[0].flights
+    assert flown.starts == 12
+    if raw:
+        assert 0 < flown.elsewhere < 12
+        assert abs(flown.elsewhere_at["angle"]) == pytest.approx(2.0 * np.pi, rel=1e-6)
+    else:
+        assert (flown.returned, flown.elsewhere) == (12, 0)
+
+
 def kinked_model():
     """Return the GTM with a kink at every trim.
 
