@@ -17,6 +17,7 @@ from benchmarks.jobs_models import evaluations, f16_peer
 from benchmarks.report import Limit, Row, in_turn, shortest
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
+from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
 from hfa_policy.episodes import Episodes
 from hfa_policy.gymnasium_environment import AircraftEnvironment
@@ -105,8 +106,8 @@ def _environment(frames: int, count: int, target: float, quick: bool) -> Row:
     model = load_model("jsbsim:c172p")
     steps = 5 if quick else 100
     point = trim(model, usual_condition(model))
-    episodes = Episodes(card.on(model), [point], count)
-    one = AircraftEnvironment(Episodes(card.on(model), [point], 1))
+    episodes = Episodes(Deployed(card, model), [point], count)
+    one = AircraftEnvironment(Episodes(Deployed(card, model), [point], 1))
     random = np.random.default_rng(0)
     numbers = np.arange(count)
     actions = random.uniform(-0.1, 0.1, (count, 1))

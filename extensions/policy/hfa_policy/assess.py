@@ -12,6 +12,7 @@ from hfa_flight.scenario import Scenario
 from hfa_policy.assessment import SAMPLES, AssessedPoint, Assessor
 from hfa_policy.assessment_report import Assessment
 from hfa_policy.best_costs import BestCosts
+from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
 from hfa_policy.mistakes import mistakes_of
 from hfa_policy.rough_flights import rough_flights, rough_scenario
@@ -71,7 +72,7 @@ def assess(
     """
     refuse_unless_whole("samples", samples, 0)
     refuse_unless_whole("seed", seed, 0)
-    deployed = Deployment.of(deployment).on(model)
+    deployed = Deployed(Deployment.of(deployment), model)
     changes = changes_of(deployed, vary or {})
     if scenario is not None:
         scenario = rough_scenario(scenario, model, samples)

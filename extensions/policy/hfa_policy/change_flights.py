@@ -218,7 +218,7 @@ class ChangeFlights:
 
         starts_here: number of initial conditions at each trim
         """
-        changed = repair.deployment.on(self.deployed.model)
+        changed = Deployed(repair.deployment, self.deployed.model)
         rows = []
         for place, observed in zip(self.places, self._observed, strict=True):
             trim = self.deployed.trim_vector(place.point)

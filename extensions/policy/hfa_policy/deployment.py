@@ -24,7 +24,6 @@ from hfa_support.schema import NUMBER, POSITIVE, Number, checked
 
 if TYPE_CHECKING:
     from hfa_aircraft.model import Model
-    from hfa_policy.deployed import Deployed
 
 #: Largest delay that is assessed, in samples.
 MOST_SAMPLES = 100
@@ -323,15 +322,6 @@ class Deployment(Reported):
                 "give box = [lowest, highest]"
             )
         return low, high
-
-    def on(self, model: Model) -> Deployed:
-        """Return the deployment on an aircraft.
-
-        Raises BadInputError for a name or formula that does not fit the aircraft.
-        """
-        from hfa_policy.deployed import Deployed
-
-        return Deployed(self, model)
 
     def changed(self, **changes: Any) -> Deployment:
         """Return the deployment with some tables replaced.

@@ -11,6 +11,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.turbulence import Turbulence
+from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
 from hfa_policy.episodes import SECONDS, Episodes
 from hfa_policy.trims import trims_of
@@ -175,7 +176,7 @@ def _episodes(
     if turbulence is not None:
         for sentence in turbulence.air(trims[0], deployment.dt, 1, 0).left_out(model):
             warn(sentence)
-    return Episodes(deployment.on(model), trims, count, seconds, turbulence)
+    return Episodes(Deployed(deployment, model), trims, count, seconds, turbulence)
 
 
 def _made(library: str, extra: str, module: str, name: str) -> Callable[..., Any]:

@@ -143,7 +143,7 @@ def flown_deployment(
 
     name: name of the policy in reports
     """
-    deployed = deployment.on(point.model)
+    deployed = Deployed(deployment, point.model)
     deployed.refuse_undefined_at([point])
     for note in notes_on_files(deployed, [point]):
         warn(note)

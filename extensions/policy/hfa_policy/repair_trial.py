@@ -19,6 +19,7 @@ import numpy as np
 
 from hfa_policy.assessment import AssessedPoint, Assessor
 from hfa_policy.change_flights import NEAR, ChangeFlights, FlightResults, Sample
+from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
 from hfa_policy.mistake import Mistake
 from hfa_policy.observation_evidence import observations_of_training
@@ -352,7 +353,7 @@ class _Trial:
         seen = observations_of_training(deployment)
         assert seen is not None
         mean, size = seen
-        deployed = deployment.on(self.deployed.model)
+        deployed = Deployed(deployment, self.deployed.model)
         place = self.places[0]
         starts, _ = seeded_starts(place, 64, 0, False)
         trims = np.tile(deployed.trim_vector(place.point), (len(starts), 1))

@@ -172,13 +172,13 @@ def frozen_at(deployed: Deployed, point: OperatingPoint) -> Deployed:
     }
     trim = deployed.trim_vector(point)
     n, m = len(deployed.model.states), len(deployed.model.inputs)
-    observe = card.changed(observation=whole).on(deployed.model).observe
+    observe = Deployed(card.changed(observation=whole), deployed.model).observe
     values = np.array(observe(trim[:n], trim[n : n + m], trim)).ravel().tolist()
     observation: dict[str, Any] = {}
     for (name, entry), value in zip(card.observation.items(), values, strict=True):
         about = entry.get("about", "trim")
         observation[name] = {**entry, "about": value if about == "trim" else about}
-    return card.changed(observation=observation).on(deployed.model)
+    return Deployed(card.changed(observation=observation), deployed.model)
 
 
 def variation_table(found: Sequence[Variation], trims: Sequence[str]) -> Table:

@@ -27,6 +27,7 @@ from hfa_flight.envelope import flight_envelope
 from hfa_policy.assess import assess
 from hfa_policy.assessment import Assessor
 from hfa_policy.assessment_report import Assessment
+from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
 from hfa_policy.flights import SampledFlight
 from hfa_policy.held_step import parts_of_a_sample
@@ -132,7 +133,7 @@ def test_a_delay_above_the_limit_fails():
 @pytest.mark.parametrize("name", ["ppo_gtm", pytest.param("ppo_raw", marks=pytest.mark.slow)])
 def test_the_equilibrium_equals_the_end_of_flight(name):
     """The equilibrium equals the final state of a 200 s flight from the trim, to 1e-6."""
-    deployed = stored_deployment(name).on(aircraft(name))
+    deployed = Deployed(stored_deployment(name), aircraft(name))
     points = trims(name)[:1]
     assessor = Assessor(deployed, points, samples=0)
     flight = assessor.flight()
@@ -146,7 +147,7 @@ def test_a_sample_with_delay_equals_scipys_integration():
     """One simulated sample of a policy with a delay of 1.5 samples equals SciPy's integration."""
     from scipy.integrate import solve_ivp
 
-    deployed = stored_deployment("ppo_gtm").on(aircraft("ppo_gtm"))
+    deployed = Deployed(stored_deployment("ppo_gtm"), aircraft("ppo_gtm"))
     model = deployed.model
     (point,) = trims("ppo_gtm")[1:2]
     flight = SampledFlight(deployed, 0.02, 0.03, 4 * parts_of_a_sample([point], 0.02))
@@ -244,7 +245,7 @@ def test_chatter_near_the_equilibrium_is_reported():
     raw = calm.function(o) + ca.vertcat(kink, 0.0)
     buzzing = Deployment.load(FOLDER / "ppo_gtm.toml")
     vars(buzzing)["actor"] = replace(calm, function=ca.Function("kink", [o], [raw]), rows=None)
-    deployed = buzzing.on(aircraft("ppo_gtm"))
+    deployed = Deployed(buzzing, aircraft("ppo_gtm"))
     assessed = Assessor(deployed, trims_of(aircraft("ppo_gtm"), [45.0]), 4, 0).assessed()
     result = Assessment(deployed, tuple(assessed), ())  # without the search for corrections
     (point,) = result.points
@@ -433,7 +434,7 @@ def test_a_departure_is_reported_with_state_and_time():
     model = model_of(F16)
     edge = {**model.states, "altitude": model.states["altitude"]._replace(min=-3.0)}
     edged = replace(model, states=edge)
-    deployed = f16_deployment().on(edged)
+    deployed = Deployed(f16_deployment(), edged)
     assessed = Assessor(deployed, trims_of(edged, [502.0]), samples=4).assessed()
     result = Assessment(deployed, tuple(assessed), ())  # without the search for corrections
     flights = result.points[0].flights
@@ -462,7 +463,7 @@ def test_the_first_departure_is_reported():
     o, action = ca.SX.sym("o", 4), {"elevator": {"box": [-1, 1]}, "throttle": {"box": [-1, 1]}}
     policy = {"file": ca.Function("policy", [o], [-ca.mtimes(ca.DM(wrong), o)])}
     deployment = gtm_deployment(policy, action=action, timing={"dt": 0.03})
-    deployed = deployment.on(model)
+    deployed = Deployed(deployment, model)
     (found,) = Assessor(deployed, (point,), 12, seed=3).assessed()
     for flights, pushed in ((found.flights, False), (found.disturbed, True)):
         starts, pushes = seeded_starts(found.place, 12, 3, pushed)

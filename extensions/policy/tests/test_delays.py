@@ -5,6 +5,7 @@ import pytest
 from policy_cases import AIRCRAFT, aircraft, stored_deployment, trims
 
 from hfa_policy.assessment import Assessor
+from hfa_policy.deployed import Deployed
 from hfa_policy.flights import SampledFlight
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.outcomes import start_box
@@ -25,7 +26,7 @@ def deviation_grows(name, point, equilibrium, delay):
     delay: s
     """
     deployment = stored_deployment(name)
-    deployed = deployment.on(aircraft(name))
+    deployed = Deployed(deployment, aircraft(name))
     parts = parts_of_a_sample([point], deployment.dt)
     flight = SampledFlight(deployed, deployment.dt, delay, parts)
     rows = [list(point.model.states).index(state) for state in point.model.linear]
@@ -57,7 +58,7 @@ def test_the_smallest_unstable_delay_agrees_with_flights(name, number):
     """Flights are stable one sample below the smallest unstable delay, and unstable at this delay."""
     deployment = stored_deployment(name)
     point = trims(name)[number]
-    assessor = Assessor(deployment.on(aircraft(name)), (point,), samples=0)
+    assessor = Assessor(Deployed(deployment, aircraft(name)), (point,), samples=0)
     equilibrium = assessor.places(assessor.flight())[0].equilibrium
     assert equilibrium is not None
     limit = delays(equilibrium, deployment.dt, deployment.delay).limit

@@ -15,6 +15,7 @@ from policy_cases import FOLDER, GTM, aircraft, gtm_deployment, model_of, stored
 from tolerances import FEW_ROUNDINGS
 
 from hfa_policy.assess import assess
+from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
 from hfa_policy.environment import environment, vector_environment
 from hfa_policy.inert_pickle import inert
@@ -51,7 +52,7 @@ def folder(tmp_path):
 
 def compiled(path):
     """Load a deployment file and return its command, compiled for the GTM."""
-    return Deployment.load(path).on(model_of(GTM)).command
+    return Deployed(Deployment.load(path), model_of(GTM)).command
 
 
 def message_of(folder, text):
@@ -132,7 +133,7 @@ def test_formulas_that_are_code_are_refused(formula):
     observation = {"speed": {}, "alpha": {}, "pitch": {}, "odd": {"formula": formula}}
     deployment = gtm_deployment({"file": FOLDER / "ppo_raw.zip"}, observation=observation)
     with pytest.raises(BadInputError, match=r"formula|unknown name|calls|arithmetic"):
-        deployment.on(model_of(GTM))
+        Deployed(deployment, model_of(GTM))
 
 
 def test_formulas_are_evaluated():
@@ -144,7 +145,7 @@ def test_formulas_are_evaluated():
         observation=entries,
         action={"elevator": {"map": "trim + 0.1 * sin(a) - 2 ** 2 * pitch_rate"}},
     )
-    deployed = deployment.on(model_of(GTM))
+    deployed = Deployed(deployment, model_of(GTM))
     X = np.array([45.0, 0.05, 0.1, 0.07])
     trim = np.array([45.0, 0.05, 0.0, 0.05, 0.02, 15.0])
     observed = np.array(deployed.observe(X, trim[4:], trim)).ravel()
@@ -294,7 +295,7 @@ def test_cleanrl_actions_follow_from_scale_and_bias(folder):
     card = gtm_deployment({"file": folder / "actor.npz"})
     o = random.normal(size=4)
     expected = np.tanh(weights["fc_mu.weight"] @ o) * [2.0, 0.5] + [1.0, 0.0]
-    act = card.on(aircraft("ppo_gtm")).act
+    act = Deployed(card, aircraft("ppo_gtm")).act
     assert np.array(act(o)).ravel() == pytest.approx(expected, rel=1e-12)
     assert np.isnan(np.array(act([np.nan, 0.0, 0.0, 0.0]))).all()
     with pytest.raises(BadInputError, match=r"squash is false, but .* contains action_scale"):
@@ -365,7 +366,7 @@ def test_gains_and_state_dicts_give_equal_actions(tmp_path):
     observation = np.array([1.0, -2.0, 0.5, 3.0])
     for name in ("gain.npz", "layer.npz"):
         deployment = gtm_deployment({"file": tmp_path / name})
-        action = np.array(deployment.on(model_of(GTM)).act(observation)).ravel()
+        action = np.array(Deployed(deployment, model_of(GTM)).act(observation)).ravel()
         np.testing.assert_allclose(action, -K @ observation, rtol=FEW_ROUNDINGS)
 
 
@@ -404,7 +405,7 @@ def test_a_deployment_read_from_files_is_pickled(folder):
         lambda: Deployment({}, {"alpha": {}}, {"elevator": {}}, None),
         lambda: Deployment({}, {1: {}}, {"elevator": {}}, {"dt": 0.02}),
         lambda: Deployment.load(5),
-        lambda: stored_deployment("ppo_gtm").on(None),
+        lambda: Deployed(stored_deployment("ppo_gtm"), None),
         lambda: environment(aircraft("ppo_gtm"), "card.toml"),
         lambda: environment(None, stored_deployment("ppo_gtm")),
         lambda: environment(aircraft("ppo_gtm"), stored_deployment("ppo_gtm"), seconds="long"),

@@ -10,6 +10,7 @@ from policy_cases import ROOT, aircraft, gtm_deployment, stored_deployment, trim
 import hfa
 from hfa_aircraft.loading import load_model
 from hfa_policy.assessment import Assessor
+from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
 from hfa_policy.equilibrium import EquilibriumSearch
 from hfa_policy.outcomes import _LOST, _RETURNED, HORIZON, SimulatedRows, seeded_starts
@@ -28,7 +29,7 @@ def test_flights_that_end_early_are_classified_correctly(name, late):
     """
     dt = stored_deployment(name).dt
     deployment = stored_deployment(name).changed(timing={"dt": dt, "delay": late * dt})
-    assessor = Assessor(deployment.on(aircraft(name)), trims(name), STARTS, seed=77)
+    assessor = Assessor(Deployed(deployment, aircraft(name)), trims(name), STARTS, seed=77)
     flight = assessor.flight()
     places = assessor.places(flight)
     rows = []
@@ -69,7 +70,7 @@ def test_a_flight_that_has_converged_stays(stays):
         action={"elevator": {}, "aileron": {}},
         timing={"dt": 0.1},
     )
-    assessor = Assessor(deployment.on(model), trims_of(model, None), 40)
+    assessor = Assessor(Deployed(deployment, model), trims_of(model, None), 40)
     flight = assessor.flight()
     (place,) = assessor.places(flight)
     assert place.decisive.all()
@@ -96,7 +97,7 @@ def test_the_equilibrium_follows_the_altitude():
     deployment = gtm_deployment({"file": ca.Function("none", [ca.SX(4, 1)], [ca.SX(2, 1)])})
     deployment = deployment.changed(action={"elevator": {}, "rudder": {}})
     (point,) = trims_of(model, None)
-    search = EquilibriumSearch(deployment.on(model), point)
+    search = EquilibriumSearch(Deployed(deployment, model), point)
     states, inputs = np.array(point.states), np.array(point.inputs)
     slopes = search.drift(search.from_point(states, inputs))
     altitude = list(model.states).index("altitude")
@@ -159,7 +160,7 @@ def test_states_lag_behind_a_moving_equilibrium():
         action={"elevator": {}, "aileron": {}},
         timing={"dt": 0.1},
     )
-    assessor = Assessor(deployment.on(model), (point,), 1)
+    assessor = Assessor(Deployed(deployment, model), (point,), 1)
     flight = assessor.flight()
     (place,) = assessor.places(flight)
     trim = flight.deployed.trim_vector(point)[None]
@@ -197,7 +198,7 @@ def test_a_flight_that_departs_again_has_not_converged():
         action={"u": {}},
         timing={"dt": 0.1},
     )
-    (found,) = Assessor(card.on(model), (point,), 20, 0, {"x": 1.0, "y": 1.0}).assessed()
+    (found,) = Assessor(Deployed(card, model), (point,), 20, 0, {"x": 1.0, "y": 1.0}).assessed()
     starts, _ = seeded_starts(found.place, 20, 0, False)
     at_end = 0.02 / 2.04 * (starts[:, 1] * np.exp(0.02 * found.place.seconds)) ** 2
     assert found.flights.returned == (at_end <= 0.05).sum() < 20

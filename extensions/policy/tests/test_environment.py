@@ -11,6 +11,7 @@ from hfa_flight.envelope import flight_envelope
 from hfa_flight.nonlinear_flight import fly
 from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_flight.turbulence import Turbulence
+from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
 from hfa_policy.environment import environment, vector_environment
 from hfa_policy.episodes import Episodes
@@ -127,7 +128,7 @@ def test_flights_in_environments_equal_those_of_fly(tmp_path, delay: float) -> N
     )
     every_sample = round(0.02 / scenario.step)
     deployment = Deployment.load(path)
-    deployed = deployment.on(model)
+    deployed = Deployed(deployment, model)
     env = environment(model, deployment, [point], seconds=10.0)
     start = np.array(point.states) + START
     _, info = env.reset(options={"start": start})
@@ -264,7 +265,7 @@ def test_vectorized_episodes_equal_single_ones() -> None:
 
 def test_threads_do_not_change_episodes() -> None:
     """Episodes computed in several threads equal those computed in one thread."""
-    deployed = stored_deployment("ppo_gtm").on(aircraft("ppo_gtm"))
+    deployed = Deployed(stored_deployment("ppo_gtm"), aircraft("ppo_gtm"))
     many = Episodes(deployed, trims("ppo_gtm"), 520)
     few = Episodes(deployed, trims("ppo_gtm"), 60)
     many.begin(np.arange(520), np.random.default_rng(0))
@@ -308,7 +309,7 @@ def test_episodes_with_equal_seeds_have_equal_turbulence() -> None:
         runs.append([env.step(still)[0] for _ in range(50)])
     np.testing.assert_array_equal(runs[0], runs[1])
     assert np.abs(np.subtract(runs[0], runs[2])).max() > 1e-3
-    many = Episodes(deployment.on(model), points, 200, 2.0, light)
+    many = Episodes(Deployed(deployment, model), points, 200, 2.0, light)
     many.begin(np.arange(200), np.random.default_rng(1))
     owners = np.zeros(200, dtype=int)
     many.begin_at(np.arange(200), owners, np.tile(np.array(points[0].states), (200, 1)))

@@ -11,6 +11,7 @@ from hfa.main import main
 from hfa_flight.envelope import flight_envelope
 from hfa_flight.nonlinear_flight import fly
 from hfa_flight.scenario import Scenario
+from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
 from hfa_policy.episodes import Episodes
 from hfa_policy.flights import SampledFlight
@@ -42,7 +43,7 @@ def test_fly_and_assess_simulate_equal_flights(tmp_path, delay):
         envelope=flight_envelope(model, point),
         predict=False,
     )
-    deployed = Deployment.load(path).on(model)
+    deployed = Deployed(Deployment.load(path), model)
     flight = SampledFlight(deployed, 0.02, delay, parts_of_a_sample([point], 0.02))
     trim = deployed.trim_vector(point)
     starts = (np.array(point.states) + START)[None]
@@ -61,7 +62,7 @@ def test_a_half_sample_delay_halves_integration_steps():
 
     In floating point, 0.025 s minus two samples of 0.01 s is slightly above 0.005 s.
     """
-    deployed = stored_deployment("ppo_gtm").on(aircraft("ppo_gtm"))
+    deployed = Deployed(stored_deployment("ppo_gtm"), aircraft("ppo_gtm"))
     point = trims("ppo_gtm")[0]
     flight = SampledFlight(deployed, 0.01, 0.025, parts=2)
     row = flight.rows(
@@ -91,14 +92,14 @@ def test_an_action_formula_undefined_at_trim_is_refused(tmp_path, map_):
     with pytest.raises(
         BadInputError, match=r"action\.throttle: the formula or the derivative is not finite"
     ):
-        Episodes(Deployment.load(path).on(model), trims("ppo_gtm")[:1], 1)
+        Episodes(Deployed(Deployment.load(path), model), trims("ppo_gtm")[:1], 1)
 
 
 def test_sample_times_with_fractional_microseconds_are_refused():
     """A sample time that is not a multiple of a microsecond is refused."""
     name = "ppo_gtm"
     odd = stored_deployment(name).changed(timing={"dt": 0.0123456789})
-    deployed = odd.on(aircraft(name))
+    deployed = Deployed(odd, aircraft(name))
     policy = DeployedPolicy("odd", deployed, trims(name)[0], held=np.zeros((1, 2)))
     with pytest.raises(BadInputError, match="multiple of 1e-6 s"):
         sampled_scenario(policy, Scenario(), trims(name)[0])

@@ -13,6 +13,7 @@ from tolerances import FEW_ROUNDINGS, SAME_FORMULA
 import hfa
 from hfa_policy.assess import assess
 from hfa_policy.assessment import Assessor
+from hfa_policy.deployed import Deployed
 from hfa_policy.flown import exported_texts, flown_deployment
 from hfa_policy.outcomes import SimulatedRows
 from hfa_support.errors import BadInputError
@@ -66,7 +67,7 @@ def test_assess_fly_and_environments_give_equal_flights(delay):
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     card = stacked(delay)
     start = np.add(point.states, [2.0, 0.03, 0.1, -0.05])
-    assessor = Assessor(card.on(model), (point,), samples=1)
+    assessor = Assessor(Deployed(card, model), (point,), samples=1)
     flight = assessor.flight()
     trim = assessor.deployed.trim_vector(point)
     rows = flight.rows(start[None], trim[None], np.zeros((1, 4)))

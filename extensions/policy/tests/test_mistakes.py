@@ -11,6 +11,7 @@ from policy_cases import AIRCRAFT, FOLDER, ROOT, aircraft, model_of, stored_depl
 import hfa
 from hfa_policy.assessment import Assessor
 from hfa_policy.change_flights import ChangeFlights, Sample
+from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
 from hfa_policy.mistakes import mistakes_of
 from hfa_policy.mistakes_in_files import mistakes_in_files
@@ -25,7 +26,7 @@ DEGREES = 180.0 / np.pi
 
 def kinds(name, deployment):
     """Return the kinds of mistakes that follow from the files of a policy."""
-    deployed = deployment.on(aircraft(name))
+    deployed = Deployed(deployment, aircraft(name))
     return [mistake.kind for mistake in mistakes_in_files(deployed, trims(name))]
 
 
@@ -59,7 +60,7 @@ def test_a_missing_normalizer_is_named(name):
 @pytest.mark.parametrize(("name", "proved"), [("a2c_gtm", True), ("td3_gtm", False)])
 def test_missing_normalizer_is_proved_for_a2c_not_td3(name, proved):
     """A missing normalizer is proved for A2C and likely for TD3. No other mistake is reported."""
-    deployed = with_policy(name, normalizer=None).on(aircraft(name))
+    deployed = Deployed(with_policy(name, normalizer=None), aircraft(name))
     assert [mistake.proved for mistake in mistakes_in_files(deployed, trims(name))] == [proved]
 
 
@@ -83,7 +84,7 @@ def test_linear_observations_prove_a_missing_sac_normalizer():
     """
     original = np.random.default_rng(1).normal(size=(8, 4))
     last = np.clip((original - 0.1) / [0.3, 0.5, 0.9, 1.1], -2.0, 2.0).astype(np.float32)
-    deployed = of_eight_environments(last, original).on(aircraft("sac_gtm"))
+    deployed = Deployed(of_eight_environments(last, original), aircraft("sac_gtm"))
     (found,) = mistakes_in_files(deployed, trims("sac_gtm"))
     assert (found.kind, found.proved) == ("no normalizer", True)
 
@@ -122,7 +123,7 @@ def test_constant_observations_leave_the_normalizer_undecided():
     """
     unvaried = of_eight_environments(np.full((8, 4), 0.001), np.zeros((8, 4)))
     assert kinds("sac_gtm", unvaried) == []
-    assert "does not show whether" in unknown_normalizer(unvaried.on(aircraft("sac_gtm")))
+    assert "does not show whether" in unknown_normalizer(Deployed(unvaried, aircraft("sac_gtm")))
 
 
 def test_one_sac_environment_leaves_the_normalizer_undecided():
@@ -130,10 +131,10 @@ def test_one_sac_environment_leaves_the_normalizer_undecided():
 
     The warning is omitted if the deployment file specifies that none was used.
     """
-    said = unknown_normalizer(stored_deployment("sac_gtm").on(aircraft("sac_gtm")))
+    said = unknown_normalizer(Deployed(stored_deployment("sac_gtm"), aircraft("sac_gtm")))
     assert 'else normalizer = "none"' in said
     for name in ("sac_gtm", "ppo_gtm", "a2c_gtm"):
-        told = with_policy(name, normalizer="none").on(aircraft(name))
+        told = Deployed(with_policy(name, normalizer="none"), aircraft(name))
         assert unknown_normalizer(told) == ""
 
 
@@ -183,7 +184,7 @@ def test_degrees_for_radians_are_named_beyond_limits():
 def trained_on_absolute_values():
     """Return a deployment whose normalizer contains statistics of absolute values."""
     right = observed("ppo_gtm", about=0.0)
-    deployed = right.on(aircraft("ppo_gtm"))
+    deployed = Deployed(right, aircraft("ppo_gtm"))
     trim = deployed.trim_vector(trims("ppo_gtm")[1])
     n, m = len(deployed.model.states), len(deployed.model.inputs)
     mean = np.array(deployed.observe(trim[:n], trim[n : n + m], trim)).ravel()
@@ -251,7 +252,7 @@ def suggested(name, deployment, points=None):
 
     points: trims, or None for the trims of the policy
     """
-    assessor = Assessor(deployment.on(aircraft(name)), points or trims(name), 24)
+    assessor = Assessor(Deployed(deployment, aircraft(name)), points or trims(name), 24)
     found = list(mistakes_of(assessor, assessor.assessed()))
     assert not any(mistake.proved for mistake in found)
     return [mistake.text for mistake in found]
@@ -397,7 +398,7 @@ def optimum_on_f16(times=1.0):
 def kinds_on_f16(deployment):
     """Return the kinds of mistakes that are reported for a deployment on the F-16."""
     model = model_of(F16)
-    assessor = Assessor(deployment.on(model), trims_of(model, [502.0]), 12)
+    assessor = Assessor(Deployed(deployment, model), trims_of(model, [502.0]), 12)
     return [mistake.kind for mistake in mistakes_of(assessor, assessor.assessed())]
 
 
@@ -447,7 +448,7 @@ def test_a_change_is_named_only_near_the_optimum(times, found):
 def test_the_sampled_optimum_costs_as_predicted():
     """Flights of the exact optimum as a deployment cost as much as the sampled optimum, to 3 %."""
     model = model_of(F16)
-    deployed = optimum_on_f16().on(model)
+    deployed = Deployed(optimum_on_f16(), model)
     assessor = Assessor(deployed, tuple(trims_of(model, [502.0])), 4)
     flights = ChangeFlights(assessor, assessor.places(assessor.flight()))
     (own,) = flights.simulate([deployment_with_gain(deployed.deployment, 1.0)], Sample(8, 20.0))
@@ -477,7 +478,7 @@ def test_weights_of_outputs_and_states_cost_equally():
     flown = []
     for weights in (Q, moved):
         deployment = right.changed(cost={"Q": weights, "R": R})
-        assessor = Assessor(deployment.on(model), tuple(trims_of(model, [502.0])), 4)
+        assessor = Assessor(Deployed(deployment, model), tuple(trims_of(model, [502.0])), 4)
         flights = ChangeFlights(assessor, assessor.places(assessor.flight()))
         repairs = [deployment_with_gain(deployment, gain) for gain in (1.0, 0.0)]
         flown.append([*flights.simulate(repairs, sample), flights.simulate_optimum(sample)])
@@ -492,7 +493,7 @@ def test_all_signs_are_suggested_together():
     turned_all = {name: {"map": "trim - a"} for name in right.action}
     model = model_of(F16)
     wrong = right.changed(action=turned_all)
-    assessor = Assessor(wrong.on(model), trims_of(model, [502.0]), 24)
+    assessor = Assessor(Deployed(wrong, model), trims_of(model, [502.0]), 24)
     texts = [mistake.text for mistake in mistakes_of(assessor, assessor.assessed())]
     assert "all actions had the other sign" in texts[0]
 
@@ -525,4 +526,4 @@ def test_a_missing_normalizer_file_is_refused(tmp_path):
     for file in ("ppo_gtm.toml", "ppo_gtm.zip"):
         shutil.copy(FOLDER / file, tmp_path)
     with pytest.raises(ValueError, match=r"ppo_gtm\.pkl: cannot be read"):
-        Deployment.load(tmp_path / "ppo_gtm.toml").on(aircraft("ppo_gtm")).command  # noqa: B018
+        Deployed(Deployment.load(tmp_path / "ppo_gtm.toml"), aircraft("ppo_gtm")).command  # noqa: B018

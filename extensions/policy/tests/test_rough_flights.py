@@ -12,6 +12,7 @@ from hfa_flight.gusts import OneMinusCosine
 from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_flight.turbulence import Turbulence
 from hfa_policy.assess import assess
+from hfa_policy.deployed import Deployed
 from hfa_policy.rough_flights import rough_flights, rough_scenario
 
 NOISE = Uncertainty(noise={"pitch_rate": 0.02})
@@ -52,7 +53,7 @@ def test_rms_with_noise_equals_that_of_fly(noisy_assessment):
 def test_a_flight_that_leaves_in_a_gust_fails(noisy_assessment):
     """The assessment fails if a flight leaves the envelope in a gust."""
     (point,) = trims("ppo_hfa")
-    deployed = stored_deployment("ppo_hfa").on(aircraft("ppo_hfa"))
+    deployed = Deployed(stored_deployment("ppo_hfa"), aircraft("ppo_hfa"))
     gust = OneMinusCosine(200.0, -80.0, 68.0)
     happens = rough_scenario(Scenario(duration=5.0, gust=gust), deployed.model, 1)
     (rough,) = rough_flights(deployed, [point], [happens], 1)

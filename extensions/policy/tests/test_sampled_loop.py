@@ -13,6 +13,7 @@ from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov, solve_lyap
 import hfa
 from hfa_policy.assessment import Assessor
 from hfa_policy.cost_above_optimum import cost_above_optimum, lqr_at
+from hfa_policy.deployed import Deployed
 from hfa_policy.sampled_loop import Chain, chain_of, delays, held, margins, slowest_swing
 from hfa_policy.trims import trims_of
 
@@ -34,7 +35,7 @@ def linear_case(scale=1.0):
     o = ca.SX.sym("o", 4)
     gain = ca.Function("gain", [o], [-ca.DM(K) @ o])
     deployment = gtm_deployment({"file": gain}, cost={"Q": Q, "R": R}, timing={"dt": DT})
-    deployed = deployment.on(model)
+    deployed = Deployed(deployment, model)
     assessor = Assessor(deployed, (point,), samples=0)
     equilibrium = assessor.places(assessor.flight())[0].equilibrium
     np.testing.assert_allclose(equilibrium.K, K, rtol=1e-10)
@@ -182,7 +183,7 @@ def deployment_that_observes_its_elevator(share, dt):
 def test_the_cost_of_an_observed_input_is_the_limit_of_fast_sampling(share):
     """With an observed input, the continuous cost is the limit of the cost of the sampled loop."""
     deployment = deployment_that_observes_its_elevator(share, 1e-4)
-    deployed = deployment.on(model_of(GTM))
+    deployed = Deployed(deployment, model_of(GTM))
     assessor = Assessor(deployed, trims_of(deployed.model, [45.0]), samples=0)
     (loop,) = assessor.sampled_loops()
     assert loop.cost.worst > 5.0
@@ -192,7 +193,7 @@ def test_the_cost_of_an_observed_input_is_the_limit_of_fast_sampling(share):
 
 def test_an_integrator_has_no_cost_in_continuous_time():
     """The inputs of an integrator do not settle at a constant state: only the sampled cost exists."""
-    deployed = deployment_that_observes_its_elevator(1.0, DT).on(model_of(GTM))
+    deployed = Deployed(deployment_that_observes_its_elevator(1.0, DT), model_of(GTM))
     assessor = Assessor(deployed, trims_of(deployed.model, [45.0]), samples=0)
     (loop,) = assessor.sampled_loops()
     assert math.isnan(loop.cost.worst)
@@ -203,7 +204,7 @@ def test_a_loop_of_wrong_sign_is_unstable_undelayed(case):
     deployed, _, _ = case
     flipped = deployed.deployment.action["elevator"] | {"map": "trim - a"}
     action = {**deployed.deployment.action, "elevator": flipped}
-    wrong = deployed.deployment.changed(action=action).on(deployed.model)
+    wrong = Deployed(deployed.deployment.changed(action=action), deployed.model)
     assessor = Assessor(wrong, trims_of(deployed.model, [45.0]), samples=0)
     (point,) = assessor.assessed()
     assert point.radius > 1.0

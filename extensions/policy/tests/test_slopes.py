@@ -10,6 +10,7 @@ from tolerances import SAME_FORMULA
 
 from hfa_networks.files.tensors import tensors_in
 from hfa_policy.assessment import Assessor
+from hfa_policy.deployed import Deployed
 
 SLOPES = json.loads((FOLDER / "slopes.json").read_text())
 
@@ -19,7 +20,7 @@ def test_actions_and_slopes_equal_stored_references(name):
     """Actions and slopes of the policies equal stored values of the PyTorch modules in float64."""
     import casadi as ca
 
-    act = stored_deployment(name).on(aircraft(name)).act
+    act = Deployed(stored_deployment(name), aircraft(name)).act
     o = ca.MX.sym("o", act.numel_in(0))
     slope = ca.Function("slope", [o], [ca.jacobian(act(o), o)])
     assert len(SLOPES[name]) == 5
@@ -49,7 +50,7 @@ def test_the_references_cover_all_policy_kinds():
 def test_gain_equals_central_differences_at_equilibrium():
     """K equals central differences of the command at the equilibrium."""
     name = "td3_gtm"
-    deployed = stored_deployment(name).on(aircraft(name))
+    deployed = Deployed(stored_deployment(name), aircraft(name))
     point = trims(name)[0]
     assessor = Assessor(deployed, (point,), samples=0)
     equilibrium = assessor.places(assessor.flight())[0].equilibrium
@@ -103,7 +104,7 @@ def test_an_onnx_deployment_equals_its_zip(tmp_path):
     graph = onnx.helper.make_graph(nodes, "actor", rows, given, weights)
     onnx.save(onnx.helper.make_model(graph), tmp_path / "actor.onnx")
     policy = {"file": str(tmp_path / "actor.onnx"), "normalizer": str(FOLDER / "ppo_gtm.pkl")}
-    act = zipped.changed(policy=policy).on(aircraft("ppo_gtm")).act
+    act = Deployed(zipped.changed(policy=policy), aircraft("ppo_gtm")).act
     for entry in SLOPES["ppo_gtm"]:
         action = np.array(act(np.array(entry["observation"]))).ravel()
         np.testing.assert_allclose(action, entry["action"], rtol=0, atol=1e-12)

@@ -12,6 +12,7 @@ from hfa_networks.files.activations import ACTIVATIONS
 from hfa_networks.files.row_network import ROW_ACTIVATIONS
 from hfa_policy import outcomes
 from hfa_policy.assessment import Assessor
+from hfa_policy.deployed import Deployed
 from hfa_policy.outcomes import SimulatedRows, seeded_starts
 from hfa_policy.trims import trims_of
 
@@ -117,7 +118,7 @@ def test_a_wide_onnx_graph_is_evaluated_on_rows(tmp_path):
 def test_flights_in_a_limit_cycle_end_early():
     """Flights of 60 s in a limit cycle end after at most 40 s."""
     late = stored_deployment("ppo_gtm").changed(timing={"dt": 0.02, "delay": 0.08})
-    assessor = Assessor(late.on(aircraft("ppo_gtm")), trims("ppo_gtm")[1:2], samples=8)
+    assessor = Assessor(Deployed(late, aircraft("ppo_gtm")), trims("ppo_gtm")[1:2], samples=8)
     flight = assessor.flight()
     places = assessor.places(flight)
     flown = SimulatedRows(
@@ -138,7 +139,7 @@ def test_flight_at_another_equilibrium_ends_early(monkeypatch):
     another = 0.064 * (1.0 + ca.tanh(200.0 * (o[3] - 0.06)))
     raw = ca.vertcat(0.8 * o[3] + 0.6 * o[2] - another, -2.0 * o[0])
     card = gtm_deployment({"file": ca.Function("two", [o], [raw])})
-    assessor = Assessor(card.on(aircraft("ppo_gtm")), trims("ppo_gtm")[1:2])
+    assessor = Assessor(Deployed(card, aircraft("ppo_gtm")), trims("ppo_gtm")[1:2])
     flight = assessor.flight()
     places = assessor.places(flight)
     ends = []
@@ -179,7 +180,7 @@ def test_flights_simulated_together_equal_single_flights(name, delay):
     Each flight alone is simulated sample by sample.
     """
     late = stored_deployment(name).changed(timing={"dt": 0.02, "delay": delay})
-    assessor = Assessor(late.on(aircraft(name)), trims(name)[:1], samples=0)
+    assessor = Assessor(Deployed(late, aircraft(name)), trims(name)[:1], samples=0)
     flight = assessor.flight()
     (place,) = assessor.places(flight)
     rows = simulated_rows(flight, place, 5)
@@ -199,7 +200,9 @@ def test_networks_of_common_sizes_are_assessed(tmp_path, width, activation):
     command.
     """
     file = wide_file(tmp_path / "wide.npz", width)
-    deployed = gtm_deployment({"file": file, "activation": activation}).on(aircraft("ppo_gtm"))
+    deployed = Deployed(
+        gtm_deployment({"file": file, "activation": activation}), aircraft("ppo_gtm")
+    )
     (point,) = Assessor(deployed, trims_of(deployed.model, [45.0]), samples=4).assessed()
     assert np.isfinite(point.radius)
     assert point.flights.starts == 4

@@ -306,7 +306,7 @@ def assess(request: AssessRequest) -> int:
     from hfa_policy.variations import changes_of
 
     model = request.flown_aircraft()
-    deployed = [deployment.on(model) for deployment in request.deployments(model)]
+    deployed = [Deployed(deployment, model) for deployment in request.deployments(model)]
     for name in ("draws", "picture"):
         if len(deployed) > 1 and getattr(request, name) is not None:
             raise BadInputError(f"--{name} requires a single deployment file; give only one file")

@@ -19,6 +19,7 @@ import torch
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
 from hfa_aircraft.loading import load_model
+from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
 from hfa_policy.held_step import held_step, parts_of_a_sample
 from trim.limits import Limits
@@ -71,7 +72,7 @@ class Flight(gymnasium.Env):
 
     def __init__(self, card, model, trims, spread):
         self.card = card
-        self.deployed = card.on(model)
+        self.deployed = Deployed(card, model)
         self.points = [trim(model, usual_condition(model).at(float(value))) for value in trims]
         self.step_of_aircraft = held_step(model, card.dt, parts_of_a_sample(self.points, card.dt))
         self.spread = [spread.get(name, 0.0) for name in model.states]

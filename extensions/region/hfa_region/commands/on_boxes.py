@@ -159,7 +159,7 @@ def deployment_policy(path: Path, linear: LinearModel) -> ProvedPolicy:
     deployment = Deployment.load(path)
     timing = f"sampling ({deployment.dt:g} s), delay ({deployment.delay:g} s)"
     return ProvedPolicy(
-        continuous(deployment.on(linear.point.model)),
+        continuous(Deployed(deployment, linear.point.model)),
         f"{path}, applied continuously",
         not_covered=f"{timing}, actuators, disturbances",
     )
