@@ -272,7 +272,7 @@ def _format_of(text: str) -> EntryPoint | None:
 
 
 def _read(offer: EntryPoint, text: str) -> Model:
-    """Return the model that an installed package reads.
+    """Return the model that an installed package reads, or that a parameter file changes.
 
     offer: entry point of the reader
     text: argument of --aircraft
@@ -280,6 +280,8 @@ def _read(offer: EntryPoint, text: str) -> Model:
     Raises BadInputError if the package cannot be imported, the file cannot be read, or the reader
     does not return a Model.
     """
+    if is_parameter_file(text):
+        return load_changed(text)
     read: AircraftReader = loaded(offer)
     with file_faults(text):
         model = read(text)

@@ -23,7 +23,6 @@ from typing import Any
 import casadi as ca
 
 from hfa_aircraft.extras import Extras
-from hfa_aircraft.loading import is_parameter_file, load_changed
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_derivatives.names import INDUCED, THRUST_INPUT
@@ -40,14 +39,10 @@ _WIDEST = 0.3
 def read_model(text: str) -> Model:
     """Return the aircraft of a TOML or CSV file of derivatives.
 
-    A TOML file may instead name another aircraft and give new values of parameters.
-
     text: path of the file
 
     Raises BadInputError if the file cannot be read or an entry is missing, unknown or invalid.
     """
-    if is_parameter_file(text):
-        return load_changed(text)
     return _model(read_table(text))
 
 
