@@ -7,6 +7,7 @@ Any other element is refused.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from itertools import groupby
@@ -48,6 +49,10 @@ _NOTED = {
 _OF_FILTERS = "?filters=states after the aircraft's name makes these states"
 _NEVER = "these are omitted; `hfa fly --method jsbsim` includes them"
 _SET_TWICE = "set here and by the pilot; earlier components read the pilot's value"
+_CONSTANT = (
+    "these commands of the file are constant; ?inputs=NAME,NAME after the aircraft's name makes "
+    "them inputs"
+)
 _NO_FORCE = "as no force in flight depends on them"
 _NOT_READ = "as JSBSim ignores them too"
 
@@ -63,6 +68,8 @@ def account(parts: Parts, equations: Equations) -> list[Note]:
     _refuse_readers(equations)
     for unset, where in reached.unset.items():
         notes.append(Note("these properties are never set and are 0", unset, where))
+    for name in constant_commands(equations):
+        notes.append(Note(_CONSTANT, shortened(name), equations.declared[name]))
     for component, what, is_never in reached.left_out.values():
         name = shortened(component.attributes.get("name", ""))
         subject = f"<{component.name}> {name}: {what}"
@@ -76,6 +83,21 @@ def account(parts: Parts, equations: Equations) -> list[Note]:
         if elements:
             notes.append(Note(f"omitted, {reason}", _listed(elements), rank=IDLE))
     return notes
+
+
+def constant_commands(equations: Equations) -> list[str]:
+    """Return the commands that a <property> of the files declares and that nothing sets.
+
+    Programs around JSBSim set such commands, for example an autopilot.
+    """
+    reached = equations.properties
+    return [
+        name
+        for name in equations.declared
+        if name in reached.asked
+        and reached.writer(name) is None
+        and re.search("cmd|command", name.rsplit("/", 1)[-1])
+    ]
 
 
 @lru_cache

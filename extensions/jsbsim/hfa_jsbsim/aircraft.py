@@ -29,7 +29,14 @@ from hfa_jsbsim.functions import function_value, named, table_value
 from hfa_jsbsim.notes import Note
 from hfa_jsbsim.parts import LOADED, SYSTEMS, Parts
 from hfa_jsbsim.powerplant import computing
-from hfa_jsbsim.properties import AFTER_ALL, BEFORE_AIR, Properties, Writer, plain
+from hfa_jsbsim.properties import (
+    AFTER_ALL,
+    BEFORE_AIR,
+    Properties,
+    Writer,
+    identifier,
+    plain,
+)
 from hfa_jsbsim.reactions import Reactions
 from hfa_jsbsim.surfaces import (
     PilotInput,
@@ -80,7 +87,7 @@ class Equations:
     notes: notes for the user.
     cut_throttles: inputs that are throttle positions.
     replaced_commands: symbols of the commands that surface positions replace as inputs.
-    starts: parameter -> value in the files.
+    starts: parameter or chosen input -> value in the files.
     properties: all JSBSim properties.
     mass: mass for the given tank contents and point masses.
     """
@@ -98,8 +105,16 @@ class Equations:
         self.inputs = {name: PilotInput(ca.SX.sym(name)) for name in _COMMANDS}
         for name in self._throttles():
             self.inputs[name] = PilotInput(ca.SX.sym(name), limits=(0.0, 1.0))
+        #: Property that the user made an input -> name of the input.
+        self.chosen: dict[str, str] = {}
+        for full_name in parts.choices.inputs:
+            name = identifier(full_name, "input", self.inputs)
+            self.chosen[full_name] = name
+            self.inputs[name] = PilotInput(ca.SX.sym(name), limits=(-math.inf, math.inf))
         self.parameters = {name: ca.SX.sym(name) for name in self._parameter_names()}
         self.starts: dict[str, float] = {}
+        #: Property that a <property> of the files declares -> file and line.
+        self.declared: dict[str, str] = {}
         self.cut_throttles: list[str] = []
         self.replaced_commands: list[ca.SX] = []
         self._functions: dict[str, Element] = {}
@@ -248,6 +263,16 @@ class Equations:
                 properties.define(command, value)
                 follow = Writer(partial(properties.read_commanded, command), "", -1)
                 properties.compute(f"fcs/{lever}-pos-norm[{file.number}]", follow)
+        symbols = {name: each.symbol for name, each in self.inputs.items()}
+        for full_name, name in self.chosen.items():
+            held = properties.writer(full_name)
+            for other, symbol in symbols.items():
+                if held is not None and held.compute() is symbol:
+                    raise BadInputError(
+                        f"inputs={shortened(full_name)}: this property is already the input "
+                        f"{other}; remove it from ?inputs="
+                    )
+            properties.define(full_name, symbols[name])
         properties.define_initial("gear/gear-pos-norm", 1.0)
         properties.define("accelerations/gravity-ft_sec2", self.parameters["gravity"])
         properties.define_initial("simulation/dt", properties.step or STEP)
@@ -376,7 +401,12 @@ class Equations:
         Raises BadInputError for a read-only built-in property.
         """
         value = element.as_number(element.attributes.get("value", "0"))
-        rights = access(plain(element.text))
+        full_name = plain(element.text)
+        rights = access(full_name)
+        if not rights:
+            self.declared[full_name] = element.where
+        if full_name in self.chosen:
+            self.starts.setdefault(self.chosen[full_name], value)
         if rights == "R":
             raise element.error(
                 f"{shortened(element.text)} is a read-only JSBSim property; remove this <property>"

@@ -77,13 +77,17 @@ class EngineFile:
 
     @property
     def governed(self) -> bool:
-        """True if a governor changes the blade angle of the propeller."""
+        """True if a governor changes the blade angle of the propeller.
+
+        <constspeed> has no effect on fixed blades.
+        """
         if not self.has_propeller:
             return False
         lowest = self.thruster.value_of("minpitch", 0.0)
         highest = self.thruster.value_of("maxpitch", 0.0)
         default = 0.0 if self.thruster.find("maxrpm") is None else 1.0
-        return lowest != highest and self.thruster.value_of("constspeed", default) != 0.0
+        wants_governor = self.thruster.value_of("constspeed", default) != 0.0
+        return wants_governor and lowest != highest
 
     @property
     def gear_ratio(self) -> float:

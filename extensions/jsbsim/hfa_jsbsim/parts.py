@@ -37,6 +37,7 @@ class Choices:
     throttles: whether each engine has a separate throttle.
     engines: whether the lags of engines are states. Otherwise engines follow their throttles at
         once.
+    inputs: properties that are inputs of the model, in addition to the pilot's commands.
     step: duration of JSBSim's frame (time step), s, or 0 for equations in continuous time.
     """
 
@@ -44,6 +45,7 @@ class Choices:
     filters: bool = False
     throttles: bool = False
     engines: bool = False
+    inputs: tuple[str, ...] = ()
     step: float = 0.0
 
 

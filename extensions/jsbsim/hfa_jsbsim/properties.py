@@ -5,7 +5,7 @@ from __future__ import annotations
 import keyword
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -174,7 +174,9 @@ class Properties:
 
     def add_state(self, component: Element) -> ca.SX:
         """Add a state for a dynamic component and return its symbol."""
-        symbol = ca.SX.sym(_identifier(component, [state.symbol for state in self.filters]))
+        taken = [state.symbol.name() for state in self.filters]
+        own_name = component.attributes.get("name", "")
+        symbol = ca.SX.sym(identifier(own_name, component.name, taken))
         self.filters.append(FilterState(symbol, component))
         return symbol
 
@@ -399,20 +401,21 @@ def plain(name: str) -> str:
     return name.strip().replace("[0]", "").removeprefix("/fdm/jsbsim/")
 
 
-def _identifier(component: Element, taken: list[ca.SX]) -> str:
-    """Return an unused state name derived from a component's name: yaw_damper for "fcs/yaw damper".
+def identifier(full_name: str, kind: str, taken: Collection[str]) -> str:
+    """Return an unused name for a signal of the model: yaw_damper for "fcs/yaw damper".
 
-    taken: symbols whose names are in use
+    full_name: name of a component or property
+    kind: noun that precedes a name that the model may not have
+    taken: names in use
     """
-    last = component.attributes.get("name", "").rsplit("/", 1)[-1]
+    last = full_name.rsplit("/", 1)[-1]
     words = re.findall("[a-z0-9]+", last.lower())
-    name = "_".join(words) or component.name
+    name = "_".join(words) or kind
     if name[0].isdigit() or keyword.iskeyword(name) or name in _TAKEN:
-        name = f"{component.name}_{name}"
-    names = {symbol.name() for symbol in taken}
+        name = f"{kind}_{name}"
     number = 2
     unique = name
-    while unique in names:
+    while unique in taken:
         unique = f"{name}_{number}"
         number += 1
     return unique

@@ -16,20 +16,21 @@ import numpy as np
 from hfa_aircraft.extras import Extras
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
-from hfa_jsbsim.accounting import account
+from hfa_jsbsim.accounting import account, constant_commands
 from hfa_jsbsim.aircraft import GUSTS, WINDS, Equations
 from hfa_jsbsim.airframe import SLUG_TO_LB
 from hfa_jsbsim.engines import EngineFile
 from hfa_jsbsim.equations import EquationsOfMotion
 from hfa_jsbsim.notes import Note, grouped
 from hfa_jsbsim.parts import Choices, Parts
+from hfa_jsbsim.properties import plain
 from hfa_jsbsim.reasons import explain, of_files
 from hfa_jsbsim.speeds import speed_and_density
 from hfa_jsbsim.surfaces import PilotInput
 from hfa_jsbsim.xml_file import Folders
 from hfa_rigid.atmosphere import SEA_LEVEL
 from hfa_rigid.motion import STATES
-from hfa_support.errors import BadInputError, choice_of, shortened
+from hfa_support.errors import BadInputError, advice, choice_of, shortened
 
 #: Outputs that are surface positions: name -> property, in rad.
 _POSITIONS = {
@@ -87,7 +88,8 @@ _MODES = {
 def read_model(text: str, partial: bool = False) -> Model:
     """Return the `Model` of "jsbsim:NAME" or of an aircraft's XML file.
 
-    Options may follow a question mark: "jsbsim:737?engines=states&throttles=each".
+    Options may follow a question mark: "jsbsim:737?engines=states&throttles=each". With
+    "inputs=fcs/a,fcs/b", these properties are inputs in addition to the pilot's commands.
 
     partial: whether to omit unsupported motors, rotors and gas cells. Otherwise they are refused.
 
@@ -116,11 +118,15 @@ def _choices(text: str, partial: bool) -> Choices:
 
     Raises BadInputError for an unknown option.
     """
-    made = {"partial": partial}
+    made: dict[str, Any] = {"partial": partial}
     for word in text.split("&") if text else []:
         name, _, value = word.partition("=")
+        if name == "inputs" and value:
+            made["inputs"] = tuple(dict.fromkeys(map(plain, value.split(","))))
+            continue
         if name not in _CHOICES or _CHOICES[name][0] != value:
-            known = " and ".join(f"{key}={only}" for key, (only, _) in _CHOICES.items())
+            known = ", ".join(f"{key}={only}" for key, (only, _) in _CHOICES.items())
+            known += " or inputs=PROPERTY,PROPERTY"
             raise BadInputError(
                 f"{shortened(word)} is not an option of a JSBSim aircraft; use {known}"
             )
@@ -201,6 +207,7 @@ class _Declaration:
             for name, pilot_input in equations.inputs.items()
             if pilot_input.symbol.element_hash() in used
         }
+        self._refuse_chosen()
         self.parameters = {
             name: symbol
             for name, symbol in equations.parameters.items()
@@ -209,6 +216,21 @@ class _Declaration:
         pressure = parts.mass.weight / max(parts.wings.area, 1e-6)
         #: True airspeed at sea level for a lift coefficient of 0.5, ft/s.
         self.usual_speed = math.sqrt(2.0 * pressure / (SEA_LEVEL.density * 0.5))
+
+    def _refuse_chosen(self) -> None:
+        """Raise BadInputError if no force depends on a property that the user made an input."""
+        equations = self.equations
+        idle = [
+            full_name for full_name, name in equations.chosen.items() if name not in self.inputs
+        ]
+        if idle:
+            read = equations.properties.asked
+            known = [name for name in (*equations.declared, *read) if name not in idle]
+            meant = advice(idle[0], dict.fromkeys(known))
+            raise BadInputError(
+                f"{self.parts.path}: inputs={shortened(idle[0])}: no force depends on this "
+                f"property, or a component sets it{meant or '; remove it from ?inputs='}"
+            )
 
     def model(self, source: tuple[str, str], notes: list[Note]) -> Model:
         """Return the model of the aircraft.
@@ -241,16 +263,18 @@ class _Declaration:
                 alternatives=(("speed", "kcas", "mach"),),
                 aliases=_with_short_names(ALIASES | self._own_aliases()),
                 begin=self._beginning(),
-                explain=partial(explain, self.parts, bool(self.inputs)),
+                explain=partial(
+                    explain, self.parts, bool(self.inputs), constant_commands(self.equations)
+                ),
             ),
         )
 
     def _own_aliases(self) -> dict[str, str]:
-        """Return JSBSim's names of the parameters, as JSBSim's name -> parameter.
+        """Return JSBSim's names of signals, as JSBSim's name -> signal.
 
-        The parameters are those of tanks, point masses and wind.
+        The signals are parameters of tanks, point masses and wind, and inputs that the user chose.
         """
-        names = {}
+        names = dict(self.equations.chosen)
         for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
             names[f"atmosphere/wind-{axis}-fps"] = name
         for number in range(len(self.parts.tanks)):
@@ -258,7 +282,8 @@ class _Declaration:
         for number in range(len(self.parts.points)):
             names[f"inertia/pointmass-weight-lbs[{number}]"] = f"pointmass{number}"
         first = {name.replace("[0]", ""): short for name, short in names.items()}
-        return {name: short for name, short in (names | first).items() if short in self.parameters}
+        known = {*self.parameters, *self.inputs}
+        return {name: short for name, short in (names | first).items() if short in known}
 
     def _states(self) -> dict[str, Signal]:
         """Return the signals of the states, by name."""
@@ -279,7 +304,7 @@ class _Declaration:
         ordered = {name: signals[name] for name in STATES}
         for file in self.parts.engines:
             if file.has_propeller:
-                ordered[f"rpm{file.number}"] = _rpm(file, len(self.parts.engines) == 1)
+                ordered[f"rpm{file.number}"] = self._rpm(file, len(self.parts.engines) == 1)
             if file.governed:
                 lowest = file.thruster.value_of("minpitch", 0.0)
                 highest = file.thruster.value_of("maxpitch", 0.0)
@@ -290,11 +315,24 @@ class _Declaration:
         filters = [state.symbol.name() for state in self.equations.properties.filters]
         return ordered | dict.fromkeys(filters, Signal())
 
+    def _rpm(self, file: EngineFile, is_alone: bool) -> Signal:
+        """Return the signal of a propeller's speed. No speed is too high.
+
+        is_alone: whether the aircraft has no other engine. Otherwise the lowest speed is 0, because
+            the engine may be off.
+        """
+        lowest = 10.0 if is_alone else 0.0
+        if is_alone and file.kind == "piston_engine":
+            lowest = 0.8 * file.engine.value_of("idlerpm", 600.0) / file.gear_ratio
+        usual = _stated_speed(file) or _advancing(file, self.usual_speed)
+        return Signal("rpm", 0.1 * usual, lowest, start=0.9 * usual, rate=usual)
+
     def _inputs(self) -> dict[str, Signal]:
         """Return the signals of the inputs, by name."""
         signals = {}
         for name, pilot_input in self.inputs.items():
-            start = 0.6 if name.startswith("throttle") else 0.0
+            usual = 0.6 if name.startswith("throttle") else 0.0
+            start = self.equations.starts.get(name, usual)
             moving = self._left_out(name) if name.startswith("throttle") else self._behind(name)
             limits = pilot_input.limits
             signals[name] = Signal(pilot_input.unit, 0.1, *limits, start, moving=moving)
@@ -429,7 +467,7 @@ class _Declaration:
             tables[0][row] = speeds
             return np.asarray(self._still.map(len(speeds)).call(tables)[0])[row]
 
-        fastest = _FASTEST * _rpm(file, True).start
+        fastest = _FASTEST * self._rpm(file, True).start
         speeds = fastest * np.linspace(1.0, 0.0, _SPEEDS_TRIED) ** 2  # finer near 0
         (steady,) = np.nonzero(rates(speeds) >= 0.0)
         if len(steady) == 0:
@@ -542,13 +580,7 @@ class _Declaration:
         """
         usual_speed = self.usual_speed
         propellers = [
-            (
-                f"rpm{file.number}",
-                file.thruster.value_of("diameter", 0.001, "FT"),
-                _rpm(file, True).start,
-            )
-            for file in self.parts.engines
-            if file.has_propeller and not file.governed
+            file for file in self.parts.engines if file.has_propeller and not file.governed
         ]
 
         def begin(imposed: Mapping[str, Any]) -> dict[str, Any]:
@@ -566,9 +598,11 @@ class _Declaration:
             lift_coefficient = 0.5 * (usual_speed / speed) ** 2 * SEA_LEVEL.density / density
             alpha = np.clip(0.2 * (lift_coefficient - 0.25), -0.05, 0.25)
             values = {"speed": speed, "alpha": alpha, "pitch": alpha + imposed.get("gamma", 0.0)}
-            for name, diameter, usual_rpm in propellers:
-                rpm = 60.0 * speed / (_ADVANCE_RATIO * diameter)
-                values[name] = np.clip(rpm, 0.5 * usual_rpm, 1.1 * usual_rpm)
+            for file in propellers:
+                rpm = _advancing(file, speed)
+                stated = _stated_speed(file)
+                within = np.clip(rpm, 0.45 * stated, 0.99 * stated) if stated else rpm
+                values[f"rpm{file.number}"] = within
             return values | self._of_stopped_engines({**imposed, **values})
 
         return begin
@@ -596,22 +630,20 @@ def _lag(file: EngineFile) -> Signal:
     return Signal("%", 10.0, 0.0, start=file.usual_lag)
 
 
-def _rpm(file: EngineFile, is_alone: bool) -> Signal:
-    """Return the signal of a propeller's speed.
+def _stated_speed(file: EngineFile) -> float:
+    """Return the largest speed of a propeller according to the files, rpm, or 0 if unknown."""
+    stated = file.thruster.value_of("maxrpm", 0.0)
+    if stated or file.kind != "piston_engine":
+        return stated
+    return 0.85 * file.engine.value_of("maxrpm", 2800.0) / file.gear_ratio
 
-    is_alone: whether the aircraft has no other engine. Otherwise the lowest speed is 0, because the
-        engine may be off.
+
+def _advancing(file: EngineFile, speed: Any) -> Any:
+    """Return the speed of a propeller, rpm, at the advance ratio `_ADVANCE_RATIO`.
+
+    speed: airspeed, ft/s
     """
-    prop = file.thruster
-    ratio = file.gear_ratio
-    usual = prop.value_of("maxrpm", 0.0)
-    lowest = 10.0 if is_alone else 0.0
-    if file.kind == "piston_engine":
-        if is_alone:
-            lowest = 0.8 * file.engine.value_of("idlerpm", 600.0) / ratio
-        usual = usual or 0.85 * file.engine.value_of("maxrpm", 2800.0) / ratio
-    usual = usual or 2000.0
-    return Signal("rpm", 0.1 * usual, lowest, 10.0 * usual, 0.9 * usual, rate=usual)
+    return 60.0 * speed / (_ADVANCE_RATIO * file.thruster.value_of("diameter", 0.001, "FT"))
 
 
 def _with_short_names(aliases: Mapping[str, str]) -> dict[str, str]:

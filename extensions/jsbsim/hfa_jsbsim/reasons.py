@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,21 +21,30 @@ _ANGLES = np.radians(np.arange(-4.0, 40.5, 0.5))
 _SOME = 1e-6
 
 
-def explain(parts: Parts, steered: bool, imposed: Mapping[str, float], solve: Solve) -> str:
+def explain(
+    parts: Parts,
+    steered: bool,
+    constant: Sequence[str],
+    imposed: Mapping[str, float],
+    solve: Solve,
+) -> str:
     """Return one line with the reasons why no trim exists, or "" if no reason is found.
 
     The reasons are found by trims with other free variables.
 
     parts: content of the aircraft's files.
     steered: whether the aircraft has inputs.
+    constant: commands of the files that nothing sets.
     imposed: name -> value imposed by the trim condition.
     solve: function (held, free) -> values by name, or None. It solves the same condition with the
         values `held` imposed and the equations `free` dropped.
     """
+    advice = [f"?inputs={','.join(constant)} makes constant commands inputs"] if constant else []
     if not steered:
-        return "no input of the pilot changes a force or a moment"
+        return "; ".join(["no input of the pilot changes a force or a moment", *advice])
     reasons = [*_of_engines(parts, imposed, solve), *of_files(parts)]
-    return "; ".join(reasons or [*_of_lift(solve)] or _of_moments(solve))
+    reasons = reasons or [*_of_lift(solve)] or [*_of_moments(solve)]
+    return "; ".join([*reasons, *advice])
 
 
 def _of_engines(parts: Parts, imposed: Mapping[str, float], solve: Solve) -> Iterator[str]:

@@ -1,12 +1,16 @@
 """Lags of engines as states of the model, compared with JSBSim, and their values in trim."""
 
 import importlib.util
+import math
 
+import numpy as np
 import pytest
 from small_aircraft import written
 
 from hfa import linearize, trim
 from hfa_aircraft.loading import load_model
+from hfa_rigid.atmosphere import air_at
+from studies.jsbsim.constructs.airframe import driven
 from studies.jsbsim.constructs.jet import SLOTS, jet
 from studies.jsbsim.flights import difference, drawn, trimmed
 from studies.jsbsim.reference import responses
@@ -52,9 +56,9 @@ def path(tmp_path):
     return written(tmp_path, jet({"shares": f"{SLOTS['shares']} {SPOOLS}"}), "jet")
 
 
-def trim_of(path):
+def trim_of(path, **held):
     model = load_model(path)
-    condition = release(usual_condition(model), hold={"speed": 350.0})
+    condition = release(usual_condition(model), hold=held or {"speed": 350.0})
     return model, trim(model, condition)
 
 
@@ -88,3 +92,21 @@ def test_a_throttle_without_lags_is_noted(path):
     assert model.inputs["throttle"].moving in linearize(model, point).warnings
     assert model.inputs["throttle"].moving not in point.warnings
     assert load_model(f"{path}?engines=states").inputs["throttle"].moving == ""
+
+
+def test_a_fast_fan_is_trimmed(tmp_path):
+    """An electric fan without <maxrpm> is trimmed at 42,000 rpm, at which no rate remains.
+
+    The power that the fan absorbs at this speed is that of the engine.
+    """
+    tables = "0 0.6\n 0.4 0.5\n 0.8 0.3\n 1.2 -0.02"
+    watts = '<power unit="WATTS"> 300000 </power>'
+    slots = driven("", tables, watts, "electric_engine")
+    small = slots["thruster"].replace("<ixx> 1 <", "<ixx> 0.002 <").replace("> 6 <", "> 0.9 <")
+    model, point = trim_of(written(tmp_path, jet({**slots, "thruster": small}), "jet"), kcas=100.0)
+    assert 40_000.0 < point.states.rpm0 < 45_000.0
+    turns = point.states.rpm0 / 60.0
+    speed = point.states.speed * math.cos(point.states.alpha)
+    power = np.interp(speed / (0.9 * turns), *np.array(tables.split(), float).reshape(-1, 2).T)
+    power *= float(air_at(5000.0).density) * turns**3 * 0.9**5 / 550.0
+    assert model.outputs_at(point.states, point.inputs)["power0"] == pytest.approx(power, rel=1e-3)

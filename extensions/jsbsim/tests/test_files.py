@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from cli import assert_refused, hfa as run
 from small_aircraft import CONTROL, LIFT, METRICS, REST, force, glider, written
 
 from hfa import BadInputError, trim
@@ -40,6 +41,63 @@ def test_provenance_changes_with_every_file(tmp_path):
     stick.write_text(CONTROL.replace("Elevator Gain", "Elevator gain"))
     after = model_of(tmp_path, text).extras.source[1]
     assert before != after
+
+
+#: A glider whose elevator follows a command that the file declares and nothing sets.
+DECLARED = glider(
+    control=CONTROL.replace("fcs/elevator-cmd-norm", "fcs/elevon-cmd").replace(
+        "<channel",
+        '<property value="-0.1">fcs/elevon-cmd</property><property>fcs/idle-cmd</property><channel',
+        1,
+    )
+)
+
+
+def test_declared_commands_become_inputs(tmp_path):
+    """With ?inputs=, a command that the file declares is an input, and the trim uses it.
+
+    Both names of the input are accepted. Without the option, a note names the command, which keeps
+    its value.
+    """
+    path = written(tmp_path, DECLARED)
+    alone = load_model(path)
+    assert "elevon_cmd" not in alone.inputs
+    (note,) = [note for note in alone.extras.notes if "fcs/elevon-cmd" in note]
+    assert "?inputs=" in note
+    assert "idle-cmd" not in note
+    model = load_model(f"{path}?inputs=fcs/elevon-cmd")
+    assert not [note for note in model.extras.notes if "fcs/elevon-cmd" in note]
+    assert model.inputs["elevon_cmd"].start == -0.1
+    assert model.extras.aliases["fcs/elevon-cmd"] == "elevon_cmd"
+    point = trim(model, release(usual_condition(model), hold={"speed": 120.0}))
+    usual = model_of(tmp_path, glider())
+    other = trim(usual, release(usual_condition(usual), hold={"speed": 120.0}))
+    assert point.inputs.elevon_cmd == pytest.approx(other.inputs.elevator, rel=1e-9)
+    x = list(point.states)
+    at_start = [-0.1 if name == "elevon_cmd" else 0.0 for name in model.inputs]
+    still = alone.rates_at(x, [0.0 for _ in alone.inputs])
+    assert model.rates_at(x, at_start)["pitch_rate"] == pytest.approx(still["pitch_rate"])
+
+
+@pytest.mark.parametrize(
+    ("query", "fault"),
+    [
+        ("inputs=fcs/elevon-cmd,fcs/idle-cmd", "inputs=fcs/idle-cmd: no force depends on"),
+        ("inputs=fcs/elevn-cmd", "did you mean fcs/elevon-cmd"),
+        ("inputs=fcs/aileron-cmd-norm", "is already the input aileron"),
+        ("inputs=", "inputs= is not an option"),
+    ],
+)
+def test_wrong_inputs_are_refused(query, fault, tmp_path):
+    """Properties without effect, unknown properties and the pilot's commands are refused."""
+    with pytest.raises(BadInputError, match=fault):
+        load_model(f"{written(tmp_path, DECLARED)}?{query}")
+
+
+def test_a_missing_trim_names_the_constant_commands(tmp_path):
+    """The reason for a missing trim names the option that makes the command an input."""
+    result = run("trim", "--aircraft", written(tmp_path, DECLARED))
+    assert_refused(result, 1, "?inputs=fcs/elevon-cmd")
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ _TWO = "   10 30\n 0 0.1 0.14\n 0.5 0.09 0.13\n 1 0.05 0.1\n 2 -0.02 0.03"
 _PISTON = "<maxhp> 200 </maxhp> <displacement> 360 </displacement>"
 
 
-def _driven(
+def driven(
     propeller: str = "", data: str = _ONE, engine: str = _PISTON, kind: str = "piston_engine"
 ) -> dict[str, str]:
     """Return the slots, slot -> XML, of a jet in which a propeller replaces the jet engine.
@@ -252,58 +252,64 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "electric engine, direct": {
         "engine_kind": '<electric_engine> <power unit="WATTS"> 90000 </power> </electric_engine>'
     },
-    "propeller": _driven(),
-    "propeller, factors": _driven("<ct_factor> 1.1 </ct_factor> <cp_factor> 0.9 </cp_factor>"),
-    "propeller, gear": _driven("<gearratio> 1.5 </gearratio>"),
-    "propeller, gear of 0": _driven("<gearratio> 0 </gearratio>"),
-    "propeller, blades": _driven("<numblades> 3 </numblades>"),
-    "propeller, sense and P-factor in its file": _driven("<sense> -1 </sense>"),
-    "propeller, table of two, fixed": _driven("", _TWO),
-    "propeller, governed": _driven(_BLADES.format(1), _TWO),
-    "propeller, set by hand": _driven(_BLADES.format(0), _TWO),
-    "propeller, reverse pitch": _driven(
+    "propeller": driven(),
+    "propeller, factors": driven("<ct_factor> 1.1 </ct_factor> <cp_factor> 0.9 </cp_factor>"),
+    "propeller, gear": driven("<gearratio> 1.5 </gearratio>"),
+    "propeller, gear of 0": driven("<gearratio> 0 </gearratio>"),
+    "propeller, blades": driven("<numblades> 3 </numblades>"),
+    "propeller, sense and P-factor in its file": driven("<sense> -1 </sense>"),
+    "propeller, table of two, fixed": driven("", _TWO),
+    "propeller, governed": driven(_BLADES.format(1), _TWO),
+    "propeller, fixed blades of constant speed": driven(
+        "<minrpm> 900 </minrpm> <maxrpm> 2500 </maxrpm> <constspeed> 1 </constspeed>"
+    ),
+    "propeller, fixed blades of a set angle": driven(
+        "<minpitch> 20 </minpitch> <maxpitch> 20 </maxpitch> <constspeed> 1 </constspeed>"
+    ),
+    "propeller, set by hand": driven(_BLADES.format(0), _TWO),
+    "propeller, reverse pitch": driven(
         _BLADES.format(1) + "<reversepitch> -9 </reversepitch>", _TWO
     ),
-    "propeller, Mach": _driven(
+    "propeller, Mach": driven(
         '<table name="CT_MACH" type="internal"> <tableData> 0 1\n 1 0.7 </tableData> </table>'
     ),
-    "propeller, unknown child": _driven("<spinner> 1 </spinner>"),
-    "propeller, sense": _driven()
+    "propeller, unknown child": driven("<spinner> 1 </spinner>"),
+    "propeller, sense": driven()
     | {"thruster_place": SLOTS["thruster_place"] + "<sense> -1 </sense> <p_factor> 5 </p_factor>"},
-    "piston, lag of the manifold": _driven(
+    "piston, lag of the manifold": driven(
         "", _ONE, f"{_PISTON} <man-press-lag> 0.2 </man-press-lag>"
     ),
-    "piston, starter": _driven("", _ONE, f"{_PISTON} <starter-torque> 40 </starter-torque>"),
-    "piston, bore": _driven("", _ONE, f"{_PISTON} <bore> 5 </bore> <cylinders> 4 </cylinders>"),
-    "piston, consumption": _driven("", _ONE, f"{_PISTON} <bsfc> 0.5 </bsfc>"),
-    "piston, throttles": _driven(
+    "piston, starter": driven("", _ONE, f"{_PISTON} <starter-torque> 40 </starter-torque>"),
+    "piston, bore": driven("", _ONE, f"{_PISTON} <bore> 5 </bore> <cylinders> 4 </cylinders>"),
+    "piston, consumption": driven("", _ONE, f"{_PISTON} <bsfc> 0.5 </bsfc>"),
+    "piston, throttles": driven(
         "", _ONE, f"{_PISTON} <minthrottle> 0.2 </minthrottle> <maxthrottle> 0.9 </maxthrottle>"
     ),
-    "piston, boost": _driven(
+    "piston, boost": driven(
         "",
         _ONE,
         f"{_PISTON} <numboostspeeds> 1 </numboostspeeds> <ratedboost1> 4 </ratedboost1>"
         " <ratedpower1> 200 </ratedpower1> <ratedrpm1> 2500 </ratedrpm1>"
         " <ratedaltitude1> 6000 </ratedaltitude1> <boost-loss-factor> 0.1 </boost-loss-factor>",
     ),
-    "piston, unknown child": _driven("", _ONE, f"{_PISTON} <turbo> 1 </turbo>"),
-    "turboprop": _driven(_BLADES.format(1), _TWO, _POWER, "turboprop_engine"),
-    "turboprop, limiter of torque": _driven(
+    "piston, unknown child": driven("", _ONE, f"{_PISTON} <turbo> 1 </turbo>"),
+    "turboprop": driven(_BLADES.format(1), _TWO, _POWER, "turboprop_engine"),
+    "turboprop, limiter of torque": driven(
         _BLADES.format(1), _TWO, f"{_POWER} <ielumaxtorque> 90 </ielumaxtorque>", "turboprop_engine"
     ),
-    "turboprop, fuel": _driven(
+    "turboprop, fuel": driven(
         _BLADES.format(1), _TWO, f"{_POWER} <psfc> 0.5 </psfc>", "turboprop_engine"
     ),
-    "turboprop without a power over speed": _driven(
+    "turboprop without a power over speed": driven(
         _BLADES.format(1),
         _TWO,
         _POWER.replace("EnginePowerVC", "own/EnginePowerVC"),
         "turboprop_engine",
     ),
-    "turboprop without a largest power": _driven(
+    "turboprop without a largest power": driven(
         _BLADES.format(1), _TWO, _POWER.replace("maxpower", "power"), "turboprop_engine"
     ),
-    "electric engine": _driven("", _ONE, '<power unit="WATTS"> 90000 </power>', "electric_engine"),
+    "electric engine": driven("", _ONE, '<power unit="WATTS"> 90000 </power>', "electric_engine"),
     "planet": {"sections": "<planet> <J2> 0 </J2> </planet>"},
     "function in mass": _mass('<function name="inertia/f"> <v>2</v> </function>')
     | {"pitch": pitching("inertia/f")},
