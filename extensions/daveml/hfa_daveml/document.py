@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 from xml.etree import ElementTree
@@ -273,6 +273,11 @@ class _Reader:
         )
 
     def _function(self, element: ElementTree.Element) -> Function:
+        """Return a function given by points, or by a table with references to its variables."""
+        points = list(element.iterfind("independentVarPts"))
+        values = element.find("dependentVarPts")
+        if points or values is not None:
+            return self._function_of_points(points, values, element.get("name", ""))
         result = element.find("dependentVarRef")
         if result is None:
             raise self._error(
@@ -298,6 +303,30 @@ class _Reader:
                 f"the function has {len(axes)} arguments, but the table has {len(table.ends)} "
                 "axes; correct the function or the table",
             )
+        return Function(key, axes, table)
+
+    def _function_of_points(
+        self, points: list[ElementTree.Element], values: ElementTree.Element | None, name: str
+    ) -> Function:
+        """Return the function whose breakpoints and values its own elements contain.
+
+        The values are in the order of a gridded table: those of the last argument vary fastest.
+
+        points: <independentVarPts> of each argument
+        values: <dependentVarPts>, or None if it is missing
+        name: name of the function, for the message
+        """
+        if values is None or not points:
+            tag = "independentVarPts" if values is not None else "dependentVarPts"
+            raise self._error(f"function {name}", f"<{tag}> is missing; add <{tag}>")
+        key = self._attribute(values, "varID")
+        place = f"function for {key}"
+        axes = tuple(self._axis(each, key) for each in points)
+        breakpoints = [
+            (axis.key, self._numbers_in(each, place))
+            for axis, each in zip(axes, points, strict=True)
+        ]
+        table = self._table_on_grid(breakpoints, self._numbers_in(values, place), place)
         return Function(key, axes, table)
 
     def _axis(self, element: ElementTree.Element, result: str) -> Axis:
@@ -371,23 +400,36 @@ class _Reader:
                 place,
                 f"breakpoints {', '.join(missing)} are not defined; add a <breakpointDef> for each",
             )
-        breakpoints = tuple(self._breakpoints[key] for key in keys)
-        for key, points in zip(keys, breakpoints, strict=True):
+        values = self._numbers(element, "dataTable")
+        return self._table_on_grid([(key, self._breakpoints[key]) for key in keys], values, place)
+
+    def _table_on_grid(
+        self, breakpoints: Sequence[tuple[str, np.ndarray]], values: np.ndarray, place: str
+    ) -> GriddedTable:
+        """Return a table on a grid.
+
+        breakpoints: name and breakpoints of each argument
+        values: values in row-major order
+        place: place in the file, for the message
+
+        Raises BadInputError if the breakpoints do not increase, or if the number of values is
+        wrong.
+        """
+        for key, points in breakpoints:
             if points.size < 2 or not (np.diff(points) > 0.0).all():
                 raise self._error(
                     f"breakpoints {key}",
                     "the breakpoints are not two or more increasing numbers; correct the "
                     "breakpoints",
                 )
-        values = self._numbers(element, "dataTable")
-        shape = tuple(points.size for points in breakpoints)
+        shape = tuple(points.size for _, points in breakpoints)
         if values.size != math.prod(shape):
             raise self._error(
                 place,
                 f"the table has {values.size} values, but the breakpoints require "
                 f"{math.prod(shape)}; correct the table or the breakpoints",
             )
-        return GriddedTable(breakpoints, values.reshape(shape))
+        return GriddedTable(tuple(points for _, points in breakpoints), values.reshape(shape))
 
     def _case(self, element: ElementTree.Element) -> CheckCase:
         name = element.get("name", "")

@@ -332,3 +332,55 @@ def test_an_unsupported_encoding_is_refused(encoding: str, tmp_path: Path) -> No
         )
     )
     assert read_document(str(path)).title == "\xe4"
+
+
+_POINTS = (
+    '<variableDef name="z" varID="z" units="nd"><isInput/></variableDef><function name="f">'
+    '<independentVarPts varID="x" min="-0.5">-1, 0, 1</independentVarPts>'
+    '<independentVarPts varID="z">0 10</independentVarPts>'
+    '<dependentVarPts varID="y">1, 2, <!-- x = 0 --> 3, 5, 7, 11</dependentVarPts></function>'
+)
+
+
+def value_at(path: Path, x: float, z: float) -> float:
+    """Return y of a file at x and z."""
+    given = {"x": ca.SX(x), "z": ca.SX(z)}
+    values = Expressions(read_document(str(path)), given, Interpolator())
+    return float(ca.evalf(ca.SX(values["y"])))
+
+
+def test_a_function_of_points_equals_a_gridded_table(tmp_path: Path) -> None:
+    """A function of points is interpolated like a gridded table, the last argument first.
+
+    The limits of an argument apply.
+    """
+    path = tmp_path / "points.dml"
+    path.write_text(_ONE.format("", _POINTS))
+    corners = {(0.0, 0.0): 3.0, (0.0, 10.0): 5.0, (1.0, 0.0): 7.0, (1.0, 10.0): 11.0}
+    for place, value in corners.items():
+        assert value_at(path, *place) == pytest.approx(value)
+    assert value_at(path, 0.5, 5.0) == pytest.approx(6.5)
+    assert value_at(path, -1.0, 0.0) == pytest.approx(2.0)  # the value at x = -0.5
+    assert value_at(path, 9.0, 99.0) == pytest.approx(11.0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("3, 5, 7, 11", "3, 5, 7", "the table has 5 values, but the breakpoints require 6"),
+        ("-1, 0, 1", "-1, 1, 0", "breakpoints x: .* increasing"),
+        ("0 10", "0 ten", "not a number"),
+        ('varID="y">1', 'varID="w">1', "variable w is not defined"),
+        ('min="-0.5"', 'interpolate="floor"', "interpolate"),
+        ("dependentVarPts", "dependentVarPoints", "Pts> is missing"),
+    ],
+)
+def test_a_faulty_function_of_points_is_refused(
+    old: str, new: str, message: str, tmp_path: Path
+) -> None:
+    """Missing elements, wrong numbers of values and breakpoints in a wrong order are refused."""
+    assert old in _POINTS
+    path = tmp_path / "points.dml"
+    path.write_text(_ONE.format("", re.sub(rf"(?<!in){old}", new, _POINTS)))
+    with pytest.raises(BadInputError, match=message):
+        value_at(path, 0.0, 0.0)
