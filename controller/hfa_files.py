@@ -34,7 +34,7 @@ def published_game(
 
     A: (n, n), or a linear model
     B: (n, m), if A is a matrix
-    changes: Q, R, delta or E in place of the paper's
+    changes: Q, R, delta, E or N in place of the paper's
 
     Additional states of a linear model have weight 0 and no disturbance. Q and R must be given if
     the plant does not have the paper's six states and five inputs. For a linear model in SI units,
@@ -49,7 +49,7 @@ def published_game(
     [100.0, 400.0, 400.0, 400.0, 50.0]
     """
     for name in changes:
-        refuse_unknown("a game has no", name, ("Q", "R", "delta", "E"))
+        refuse_unknown("a game has no", name, ("Q", "R", "delta", "E", "N"))
     if B is None:
         if not hasattr(A, "point"):
             raise BadInputError("B is missing; give A and B, or a linear model")
@@ -68,7 +68,7 @@ def load_game(path: str | Path, **changes: Any) -> Game:
     Notes on unused and missing entries are issued as warnings.
 
     path: file of the plant
-    changes: Q, R or delta in place of the entries of the file
+    changes: Q, R, delta or N in place of the entries of the file
 
     Raises BadInputError, which names the file, under the conditions of `stored_game`.
 

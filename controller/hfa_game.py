@@ -55,7 +55,7 @@ def paper_game(
     names: names and units of the plant's states and inputs
     model: model of the plant. For a model in SI units, the paper's E, Q and R are converted. None
         for a plant in the paper's units.
-    changes: Q, R, delta or E in place of the paper's
+    changes: Q, R, delta, E or N in place of the paper's
 
     Raises BadInputError as `Game` does.
     """
@@ -91,7 +91,7 @@ def usual_game(
     A: (n, n)
     B: (n, m)
     names: names of the plant; by default those of the model
-    changes: Q, R, delta or E in place of the defaults
+    changes: Q, R, delta, E or N in place of the defaults
 
     Raises BadInputError as `Game` does.
     """

@@ -38,6 +38,8 @@ class Critic(Reported):
     precision: floating-point type of the numbers in the critic's file
     feedback: (m, n), R⁻¹B', if the policy follows from the value as u = -½ R⁻¹B' ∂V/∂z; None for an
         independent policy
+    F: (m, n), R⁻¹N' of a game with cross weights, if the policy follows from the value as
+        u = -½ R⁻¹B' ∂V/∂z - F z; None for 0
     time: time of this critic in a history, s, or None
     network: "V", "gradient" (∂V/∂z), "policy" -> CasADi Function of z, for each known function of a
         network or a list of functions; empty for all other critics
@@ -64,6 +66,7 @@ class Critic(Reported):
     constant: float = 0.0
     precision: str = "float64"
     feedback: np.ndarray | None = None
+    F: np.ndarray | None = None
     time: float | None = None
     network: Mapping[str, ca.Function] = field(default_factory=dict)
     variants: Mapping[str, Callable[[], Critic]] = field(default_factory=dict, repr=False)
@@ -129,6 +132,8 @@ class Critic(Reported):
             assert self.gradient is not None
             assert self.feedback is not None
             u = -0.5 * ca.DM(self.feedback) @ self.gradient(z)
+            if self.F is not None:
+                u -= ca.DM(self.F) @ z
         else:
             u = -ca.DM(self.K) @ z
             if self.feedback is not None:
@@ -196,7 +201,7 @@ def from_gain(game: Game, K: ArrayLike) -> Critic:
 
 @checks_arguments
 def from_value(game: Game, P: ArrayLike) -> Critic:
-    """Return the critic with the value V = z'Pz and the policy u = -R⁻¹B'P z.
+    """Return the critic with the value V = z'Pz and the policy u = -R⁻¹(B'P + N') z.
 
     game: the game whose solution the critic approximates
     P: (n, n)

@@ -24,7 +24,7 @@ def from_functions(
     K = -∂u/∂z and P = ½ ∂²V/∂z² are exact derivatives at z = 0. If only "policy" is given, P is
     None.
 
-    game: the game; R⁻¹B' of the game defines the policy if "policy" is not in `outputs`
+    game: the game; R, B and N of the game define the policy if "policy" is not in `outputs`
     z: (n,), symbols
     outputs: "V", "gradient" (∂V/∂z), "policy" -> expression, at least one of them
     origin: source of the critic
@@ -54,6 +54,7 @@ def from_functions(
         constant=0.0 if V is None else float(network["V"](np.zeros(len(game.A)))),
         precision=precision,
         feedback=game.R_inverse_B_transposed if u is None else None,
+        F=game.F if u is None and game.N.any() else None,
         network=network,
         variants=variants or {},
     )

@@ -25,6 +25,8 @@ def from_weights(
 ) -> Critic:
     """Return the critic V = W'ψ(z) + constant, u = -½ R⁻¹B' (∂ψ/∂z)'W (paper Eq. 28).
 
+    With cross weights N, u = -½ R⁻¹B' (∂ψ/∂z)'W - R⁻¹N'z.
+
     game: the game whose solution the critic approximates
     weights: W, (M,)
     functions: a basis, its name, or a CasADi Function z (n,) -> ψ(z) (M,)

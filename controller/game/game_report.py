@@ -29,6 +29,10 @@ def game_report(game: Game) -> Report:
         "Q": (states, states),
         "R": (inputs, inputs),
     }
+    cross = ""
+    if game.N.any():
+        names["N"] = (states, inputs)
+        cross = " + 2 z'Nu"
     tables = [
         matrix_table(name, rows, columns, getattr(game, name))
         for name, (rows, columns) in names.items()
@@ -36,7 +40,7 @@ def game_report(game: Game) -> Report:
     ]
     return Report(
         title=f"Game on {game.names.origin}, delta {game.delta:.6g}:"
-        " z' = A z + B u + E d, cost z'Qz + u'Ru - delta^2 d'd",
+        f" z' = A z + B u + E d, cost z'Qz{cross} + u'Ru - delta^2 d'd",
         parts=tables,
         data={name: getattr(game, name) for name in (*names, "delta")},
     )

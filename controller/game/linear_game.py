@@ -22,10 +22,11 @@ def game(
     R: ArrayLike | Mapping[str, float] | None = None,
     delta: float = np.inf,
     E: ArrayLike | None = None,
+    N: ArrayLike | None = None,
 ) -> Game:
-    """Return the game J = ∫ z'Qz + u'Ru - δ² d'd dt, z' = A z + B u + E d, on a linear model.
+    """Return the game J = ∫ z'Qz + 2z'Nu + u'Ru - δ² d'd dt on a linear model.
 
-    The game keeps the names and units of the model.
+    The plant is z' = A z + B u + E d. The game keeps the names and units of the model.
 
     linear: the linear model, with A and B
     Q: (n, n), or its diagonal, (n,), or state -> weight, with 0 for all other states; by default
@@ -35,6 +36,7 @@ def game(
     delta: > 0; inf for LQR, without a disturbance
     E: (n, k), disturbance matrix; by default the matrix of the model's disturbances, or the
         identity if it has none
+    N: (n, m), cross weights; by default 0
 
     Raises BadInputError if a name is unknown or the weight of an input is missing, and as `Game`
     does.
@@ -54,6 +56,7 @@ def game(
         Q=_weights("Q", Q, linear, linear.states),
         R=_weights("R", R, linear, linear.inputs),
         delta=delta,
+        N=N,
         names=names_of_linear(linear),
     )
 

@@ -25,9 +25,9 @@ from controller.game.zero_sum import Game
 from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, prefix_errors, shortened
 
-MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta")
+MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta", "N")
 #: Further entries of a plant in discrete time (time = "discrete").
-DISCRETE_KEYS = ("time", "discount", "N")
+DISCRETE_KEYS = ("time", "discount")
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class StoredGame(NamedTuple):
     discrete: discrete-time game with the matrices of `game` as its step, or None for a plant in
         continuous time
     has_time: True if the file declares continuous or discrete time
-    stated: names of the entries A, B, E, Q, R and delta that the file contains
+    stated: names of the entries A, B, E, Q, R, delta and N that the file contains
     """
 
     game: Game
@@ -74,19 +74,19 @@ def stored_game(
     defaults: Callable[[Mapping[str, Any], PlantNames], Defaults] = no_defaults,
     **changes: Any,
 ) -> StoredGame:
-    """Return the game of the plant in a file with A, B, Q, R and optionally E and delta.
+    """Return the game of the plant in a file with A, B, Q, R and optionally E, delta and N.
 
-    - Q, R and delta are taken from `changes`, else from the file, else from the defaults.
-    - Without any value, E is the identity and delta is inf (linear quadratic regulator).
+    - Q, R, delta and N are taken from `changes`, else from the file, else from the defaults.
+    - Without any value, E is the identity, delta is inf (linear quadratic regulator) and N is 0.
     - In a file with the entry `disturbances`, E describes the wind and is not used.
     - If neither A nor B is at the top level, the entries of the only structure with both are read.
     - With time = "discrete", the result also contains the discrete-time game, and `defaults` is not
-      used. The file may then also contain `discount` and the cross weights `N`.
+      used. The file may then also contain `discount`.
 
     path: the plant file
     found: entries of the file, if `read_arrays` has already read them, or None
     defaults: function (entries, names) -> defaults for missing entries
-    changes: Q, R or delta in place of the entry of the file; None keeps the entry
+    changes: Q, R, delta or N in place of the entry of the file; None keeps the entry
 
     Raises BadInputError, which names the file, if the file cannot be read, A or B is missing, Q or
     R has no value, or an entry is not valid.
@@ -120,7 +120,7 @@ def stored_game(
 def _discrete(stored: Mapping[str, Any], game: Game) -> Any:
     """Return the discrete-time game of a plant file, or None for a plant in continuous time.
 
-    stored: entries of the file, with `discount` and the cross weights `N` for discrete time
+    stored: entries of the file, with `discount` for discrete time
     game: game with the matrices of the file
 
     Raises BadInputError if the file of a continuous-time plant contains entries for discrete time,
@@ -136,7 +136,7 @@ def _discrete(stored: Mapping[str, Any], game: Game) -> Any:
     discount = 1.0
     if "discount" in stored:
         discount = one_number("discount", stored["discount"])
-    return part(PARTS, "game.steps", 'time = "discrete"')(game, discount, stored.get("N"))
+    return part(PARTS, "game.steps", 'time = "discrete"')(game, discount)
 
 
 def _unused(stored: Mapping[str, Any]) -> list[str]:
@@ -174,7 +174,7 @@ def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> G
     n, m = parts["B"].shape
     values = {"E": np.eye(n), "delta": math.inf, **defaults.values}
     described = {"E": "the identity", "delta": "inf (no disturbance)", **defaults.words}
-    missing = [key for key in MODEL_KEYS if key not in parts]
+    missing = [key for key in MODEL_KEYS if key not in parts and key != "N"]
     for key, size in (("Q", n), ("R", m)):
         if key in missing and key not in values:
             raise BadInputError(

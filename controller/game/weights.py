@@ -21,16 +21,23 @@ def nominal_weights(model: Model, names: Iterable[str]) -> np.ndarray:
 
 
 def weights_line(
-    Q: np.ndarray, R: np.ndarray, delta: float, whose: Mapping[str, str] | None = None
+    Q: np.ndarray,
+    R: np.ndarray,
+    delta: float,
+    whose: Mapping[str, str] | None = None,
+    N: np.ndarray | None = None,
 ) -> str:
-    """Return Q, R and delta as one line of text.
+    """Return Q, R and delta, and N unless it is 0, as one line of text.
 
     The text is, for example, "Q diag(1, 2) (given), R diag(1) (default), delta inf (default)".
 
-    whose: "Q", "R" and "delta" -> source of the weight; None if all weights are those of a given
-        game
+    whose: "Q", "R", "delta" and "N" -> source of the weight; None if all weights are those of a
+        given game
+    N: cross weights, (n, m), or None for 0
     """
     texts = {"Q": _matrix_text(Q), "R": _matrix_text(R), "delta": f"{delta:g}"}
+    if N is not None and N.any():
+        texts["N"] = _matrix_text(N)
     whose = whose or dict.fromkeys(texts, "of the game")
     return ", ".join(f"{name} {text} ({whose[name]})" for name, text in texts.items())
 
@@ -41,7 +48,7 @@ def _matrix_text(matrix: np.ndarray) -> str:
     If more than `_SHOWN` numbers would be listed, the text contains their count and range instead.
     """
     diagonal = np.diag(matrix)
-    is_diagonal = np.array_equal(matrix, np.diag(diagonal))
+    is_diagonal = len(matrix) == matrix.shape[1] and np.array_equal(matrix, np.diag(diagonal))
     shown = diagonal if is_diagonal else matrix
     if shown.size > _SHOWN:
         kind = "diag" if is_diagonal else "matrix"

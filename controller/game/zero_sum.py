@@ -26,9 +26,9 @@ SEMIDEFINITE = 1e-12
 @checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Game(ByValue, Reported):
-    """Zero-sum game J = ∫ z'Qz + u'Ru - δ² d'd dt, z' = A z + B u + E d (paper Eq. 15-16).
+    """Zero-sum game J = ∫ z'Qz + 2z'Nu + u'Ru - δ² d'd dt, z' = A z + B u + E d (paper Eq. 15-16).
 
-    The input u minimizes J, and the disturbance d maximizes J.
+    The input u minimizes J, and the disturbance d maximizes J. In the paper, N = 0.
 
     A: (n, n)
     B: (n, m)
@@ -36,6 +36,7 @@ class Game(ByValue, Reported):
     Q: (n, n), symmetric positive semidefinite; or its diagonal, (n,)
     R: (m, m), symmetric positive definite; or its diagonal, (m,)
     delta: δ > 0; by default inf (LQR without a disturbance)
+    N: (n, m), cross weights; by default 0. [[Q, N], [N', R]] must be positive semidefinite.
     names: names of the states and inputs in reports; by default x1, x2, ... and u1, u2, ...
 
     Raises BadInputError if a matrix has a wrong shape, is not definite as required, or contains a
@@ -57,6 +58,7 @@ class Game(ByValue, Reported):
     Q: np.ndarray = None  # type: ignore[assignment]  # required
     R: np.ndarray = None  # type: ignore[assignment]  # required
     delta: float = np.inf
+    N: np.ndarray = None  # type: ignore[assignment]  # becomes 0
     names: PlantNames = field(default=UNNAMED, compare=False)
 
     if TYPE_CHECKING:
@@ -69,6 +71,7 @@ class Game(ByValue, Reported):
             Q: ArrayLike,
             R: ArrayLike,
             delta: float,
+            N: ArrayLike | None = None,
             names: PlantNames = UNNAMED,
         ) -> None: ...
 
@@ -88,11 +91,14 @@ class Game(ByValue, Reported):
             vars(self)[name] = _with_diagonal(name, getattr(self, name))
         for name in ("A", "B", "E", "Q", "R"):
             vars(self)[name] = checked_matrix(name, getattr(self, name), LARGEST)
+        N = np.zeros(self.B.shape) if self.N is None else self.N
+        vars(self)["N"] = checked_matrix("N", N, LARGEST)
         n = len(self.A)
         m = self.B.shape[1]
         if 0 in (n, m):
             raise BadInputError("A or B is empty; a game needs at least one state and one input")
         shapes = {"A": (n, n), "B": (n, m), "E": (n, self.E.shape[1]), "Q": (n, n), "R": (m, m)}
+        shapes["N"] = (n, m)
         for name, shape in shapes.items():
             actual = getattr(self, name).shape
             if actual != shape:
@@ -102,14 +108,16 @@ class Game(ByValue, Reported):
                 raise BadInputError(f"{name} is {shape_text(actual)}; {rule}")
         check_definite("Q", self.Q, strictly=False)
         check_definite("R", self.R, strictly=True)
+        if self.N.any() and not is_semidefinite(self.weights):
+            raise BadInputError(_indefinite_weights(self))
         vars(self).update(delta=_checked_delta(self.delta), names=self.names.completed(n, m))
 
     def __hash__(self) -> int:
-        """Return a hash of the sums of all entries of A, Q and R, and of delta.
+        """Return a hash of the sums of all entries of A, Q, R and N, and of delta.
 
         Equal games have equal hashes.
         """
-        return hash((*map(np.sum, (self.A, self.Q, self.R)), self.delta))
+        return hash((*map(np.sum, (self.A, self.Q, self.R, self.N)), self.delta))
 
     def report(self) -> Report:
         """Return a report with the matrices of the game, with named rows and columns."""
@@ -117,9 +125,39 @@ class Game(ByValue, Reported):
 
         return game_report(self)
 
+    @property
+    def weights(self) -> np.ndarray:
+        """Matrix [[Q, N], [N', R]] of the cost rate of (z, u), (n + m, n + m)."""
+        return np.block([[self.Q, self.N], [self.N.T, self.R]])
+
+    @cached_property
+    def F(self) -> np.ndarray:
+        """F = R⁻¹ N', (m, n). With v = u + F z, the cost rate is z'(Q - N R⁻¹ N')z + v'R v."""
+        return np.linalg.solve(self.R, self.N.T)
+
+    @cached_property
+    def without_cross_weights(self) -> Game:
+        """The same game with the input v = u + F z, the matrices A - B F, Q - N R⁻¹ N', and N = 0.
+
+        Both games have the same value, worst disturbance and closed loop. The gain of v is K - F.
+        Rounding does not make Q - N R⁻¹ N' indefinite: it is computed as a square.
+        """
+        if not self.N.any():
+            return self
+        n = len(self.A)
+        weights = self.weights
+        sizes = np.sqrt(np.diag(weights))
+        safe = np.where(sizes > 0.0, sizes, 1.0)
+        values, vectors = np.linalg.eigh(weights / np.outer(safe, safe))
+        root = sizes[:, None] * (vectors * np.sqrt(values.clip(0.0)))
+        basis, _ = np.linalg.qr(root[n:].T, mode="complete")
+        root_beyond_u = root[:n] @ basis[:, len(self.R) :]
+        Q = root_beyond_u @ root_beyond_u.T
+        return replace(self, A=self.A - self.B @ self.F, Q=(Q + Q.T) / 2.0, N=0.0 * self.N)
+
     @cached_property
     def R_inverse_B_transposed(self) -> np.ndarray:
-        """R⁻¹ B', (m, n), with which the policy of the value z'Pz is u = -R⁻¹ B' P z."""
+        """R⁻¹ B', (m, n). The policy of the value V is u = -½ R⁻¹ B' ∂V/∂z - F z."""
         return np.linalg.solve(self.R, self.B.T)
 
     @cached_property
@@ -134,12 +172,12 @@ class Game(ByValue, Reported):
 
     @cached_property
     def S(self) -> np.ndarray:
-        """S = B R⁻¹ B' - δ⁻² E E', (n, n): the quadratic term of the Riccati equation."""
+        """S = B R⁻¹ B' - δ⁻² E E', (n, n): the quadratic term of the Riccati equation for N = 0."""
         return self.S_control - self.S_disturbance / self.delta**2
 
     def gain(self, P: np.ndarray) -> np.ndarray:
-        """Return K = R⁻¹ B' P, (m, n). The policy that follows from the value z'Pz is u = -K z."""
-        return self.R_inverse_B_transposed @ P
+        """Return K = R⁻¹(B'P + N'), (m, n). The policy of the value z'Pz is u = -K z."""
+        return self.R_inverse_B_transposed @ P + self.F
 
     def checked_gain(self, K: ArrayLike) -> np.ndarray:
         """Return K as an array of floats.
@@ -159,13 +197,51 @@ class Game(ByValue, Reported):
         """Return L = δ⁻² E' P, (k, n). The worst disturbance for the value z'Pz is d = L z."""
         return self.E.T @ P / self.delta**2
 
+    def worst_case_loop(self, P: np.ndarray) -> np.ndarray:
+        """Return A - B K + E L, (n, n), the loop with both policies of the value z'Pz.
+
+        With N = 0, the loop is A - S P.
+        """
+        return self.without_cross_weights.A - self.S @ P
+
+    def cost_rate(self, K: np.ndarray) -> np.ndarray:
+        """Return Q - N K - K'N' + K'R K, (n, n), the matrix of the cost rate of u = -K z."""
+        plain = self.without_cross_weights
+        of_v = K - self.F
+        return plain.Q + of_v.T @ self.R @ of_v
+
     def residual(self, P: np.ndarray) -> np.ndarray:
-        """Return the residual A'P + P A + Q - P S P, (n, n), of the game's Riccati equation."""
-        return self.A.T @ P + P @ self.A + self.Q - P @ self.S @ P
+        """Return the residual of the game's Riccati equation, (n, n).
+
+        With N = 0, the residual is A'P + P A + Q - P S P. Otherwise A and Q are those of
+        `without_cross_weights`.
+        """
+        plain = self.without_cross_weights
+        return plain.A.T @ P + P @ plain.A + plain.Q - P @ self.S @ P
 
     def with_delta(self, delta: float) -> Game:
         """Return a copy of the game with this delta."""
         return replace(self, delta=delta)
+
+    def refuse_cross_weights(self, what: str) -> None:
+        """Raise BadInputError if N is not 0.
+
+        what: the command or function that has no cross weights, for the message
+        """
+        if self.N.any():
+            raise BadInputError(f"{what} has no cross weights; remove N")
+
+
+def _indefinite_weights(game: Game) -> str:
+    """Return the message that [[Q, N], [N', R]] is not positive semidefinite.
+
+    Since R is positive definite, the condition is Q - N R⁻¹ N' >= 0.
+    """
+    least = np.linalg.eigvalsh(game.Q - game.N @ game.F)[0]
+    return (
+        "[[Q, N], [N', R]] is not positive semidefinite (smallest eigenvalue of Q - N R^-1 N' "
+        f"{least:.3g}); give a smaller N, or larger Q and R"
+    )
 
 
 def _with_diagonal(name: str, weights: Any) -> Any:

@@ -91,14 +91,15 @@ class StackEquations:
     def build(cls, game: Game, basis: Basis, stack: Stack, scales: np.ndarray) -> StackEquations:
         """Return the equations of recorded samples of a game.
 
-        The equations contain B, E, Q, R and δ of the game, but not A.
+        The equations contain B, E, Q, R, N and δ of the game, but not A. With cross weights N, they
+        are those of the input v = u + R⁻¹N'z: the drifts are F_j - B R⁻¹N'z_j.
 
         basis: ψ, basis of the value
         stack: recorded states and drifts
         scales: (n,), scales of the states
         """
         states = stack.states / scales
-        drifts = stack.drifts / scales
+        drifts = (stack.drifts - stack.states @ (game.B @ game.F).T) / scales
         outer = np.outer(scales, scales)
         return cls(
             basis=basis,
@@ -108,7 +109,7 @@ class StackEquations:
             gradient=basis.gradient(states),
             control=control_root(game) / scales[:, None],
             disturbance=game.E / game.delta / scales[:, None],
-            Q=game.Q * outer,
+            Q=game.without_cross_weights.Q * outer,
             drift_matrix=Stack(states, drifts).drift_fit(),
         )
 

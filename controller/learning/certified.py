@@ -393,7 +393,7 @@ class CertifiedSettings:
 class CertifiedLaw:
     """Certified law in two stages of T = T_w/2 each, on recorded samples (z_j, F_j).
 
-    The law uses only B, E, Q, R and δ of the game.
+    The law uses only B, E, Q, R, N and δ of the game.
 
     Stage 1 solves the LQ problem (1/δ² = 0) by
         W' = -pinv(σ̄) k (|ē|^(1-η) + |ē|^(1+η)) ē/|ē|,  k = π/(2 η θ T),
@@ -681,9 +681,11 @@ def learn(
     settings_of_law = [field.name for field in fields(CertifiedSettings)]
     for name in options:
         refuse_unknown(f"law '{law}' has no setting", name, settings_of_law)
-    if not game.Q.any():
+    if not game.without_cross_weights.Q.any():
+        weight = "Q - N R^-1 N'" if game.N.any() else "Q"
         raise BadInputError(
-            "Q is zero, but every learning law divides by z'Qz; give at least one state a weight"
+            f"{weight} is zero, but every learning law divides by z'Qz; give at least one state a "
+            "weight"
         )
     settings = CertifiedSettings(**options)
     if progress is not None:

@@ -91,14 +91,15 @@ def bounded_real_gain(game: Game, K: np.ndarray) -> float:
 def closed_loop(game: Game, K: np.ndarray) -> Triple:
     """Return the closed loop of u = -K z as (A - B K, E, C), with C'C = Q + K'R K.
 
-    C z is the output (Q^½ z, R^½ u).
+    C z is the output (Q^½ z, R^½ u). With cross weights N, C'C = `Game.cost_rate(K)`.
 
     K: (m, n)
 
     Raises BadInputError if K is not a real m x n matrix.
     """
     K = game.checked_gain(K)
-    C = np.vstack([square_root(game.Q), square_root(game.R) @ K])
+    state_cost = square_root(game.without_cross_weights.Q)
+    C = np.vstack([state_cost, square_root(game.R) @ (K - game.F)])
     return game.A - game.B @ K, game.E, C
 
 

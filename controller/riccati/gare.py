@@ -170,6 +170,8 @@ def solve(game: Game, progress: Progress | None = None) -> Solution:
 
     A'P + P A + Q - P S P = 0,  K = R⁻¹B'P,  L = δ⁻²E'P,  S = B R⁻¹ B' - δ⁻²E E'
 
+    With cross weights N, A is replaced by A - B R⁻¹N', Q by Q - N R⁻¹N', and K is R⁻¹(B'P + N').
+
     The certificate is a set of tests of P. The cost and the L2 gain of the policies confirm it. All
     tests are made in normal form. The verdict therefore does not depend on the user's units.
 

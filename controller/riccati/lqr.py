@@ -17,12 +17,13 @@ from trim.linear.linear_model import LinearModel
 def lqr(linear: LinearModel | ArrayLike, *more: Any, **weights: Any) -> Solution:
     """Return the linear-quadratic regulator u = -K z of a linear model, or of A and B.
 
-    The function is called as lqr(linear, Q, R) or lqr(A, B, Q, R). The regulator is the solution of
-    the game without disturbance, `hfa.game(linear, Q, R)`.
+    The function is called as lqr(linear, Q, R) or lqr(A, B, Q, R), with the cross weights N as a
+    further argument if the cost contains 2z'Nu. The regulator is the solution of the game without
+    disturbance, `hfa.game(linear, Q, R, N=N)`.
 
     linear: the linear model, or A
-    more: B after A, then Q and R, as for `hfa.game`
-    weights: Q and R as keyword arguments
+    more: B after A, then Q, R and N, as for `hfa.game`
+    weights: Q, R and N as keyword arguments
 
     Raises BadInputError if B is missing or a weight does not fit, and NoSolutionError if there is
     no certified solution.
@@ -34,16 +35,16 @@ def lqr(linear: LinearModel | ArrayLike, *more: Any, **weights: Any) -> Solution
     """
     if not isinstance(linear, LinearModel):
         if not more:
-            raise BadInputError("lqr: B is missing; call lqr(A, B, Q, R)")
+            raise BadInputError("lqr: B is missing; call lqr(A, B, Q, R) or lqr(A, B, Q, R, N)")
         linear = LinearModel(np.asarray(linear), more[0])
         more = more[1:]
     return regulator(linear, *more, **weights)
 
 
 @checks_arguments
-def regulator(linear: LinearModel, Q: Any = None, R: Any = None) -> Solution:
+def regulator(linear: LinearModel, Q: Any = None, R: Any = None, N: Any = None) -> Solution:
     """Return the linear-quadratic regulator of a linear model with A and B, as an exact solution.
 
-    Q, R: as for `hfa.game`
+    Q, R, N: as for `hfa.game`
     """
-    return solve(game_on(linear, Q, R))
+    return solve(game_on(linear, Q, R, N=N))

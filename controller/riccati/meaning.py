@@ -36,7 +36,7 @@ def meaning_checks(game: Game, P: np.ndarray, initial: np.ndarray) -> tuple[Chec
 def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
     """Return X, (n, n), such that u = -K z and d = L z cost z0'X z0 from the initial state z0.
 
-    F'X + X F + Q + K'R K - δ² L'L = 0,  F = A - B K + E L.
+    F'X + X F + Q - N K - K'N' + K'R K - δ² L'L = 0,  F = A - B K + E L.
 
     game: the game, with the cost and the plant
     K: (m, n)
@@ -52,7 +52,7 @@ def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
         raise NoSolutionError(
             f"A - B K + E L has abscissa {abscissa:+.4g} 1/s: these policies have infinite cost"
         )
-    cost = game.Q + K.T @ game.R @ K
+    cost = game.cost_rate(K)
     if math.isfinite(game.delta):
         cost = cost - game.delta**2 * L.T @ L
     with warnings.catch_warnings(action="ignore"):  # SciPy warns near the axis; the cost is checked

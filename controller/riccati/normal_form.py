@@ -76,6 +76,8 @@ class NormalForm:
     delta: delta of the games
     R: (m, m), R of the user
     made_of: magnitudes of the terms of the matrices of one game, or None if the matrices were given
+    F: (m, n), R⁻¹ N' of a game with cross weights in the user's coordinates, or None for N = 0. A
+        and Q of the form belong to the input v = u + F z.
     """
 
     A: np.ndarray
@@ -87,6 +89,7 @@ class NormalForm:
     delta: float
     R: np.ndarray
     made_of: Sizes | None = field(default=None, kw_only=True)
+    F: np.ndarray | None = field(default=None, kw_only=True)
 
     @classmethod
     @lru_cache(maxsize=8)
@@ -98,21 +101,26 @@ class NormalForm:
     def of_plants(cls, A: np.ndarray, B: np.ndarray, like: Game) -> NormalForm:
         """Return the normal form of games with different A and B, in balanced units of the states.
 
-        Entries too small for products with correct digits become 0 (`without_faint`).
+        Entries too small for products with correct digits become 0 (`without_faint`). Cross weights
+        are eliminated (`Game.without_cross_weights`).
 
         Source of the scaling by R^-½: Zhou, Doyle and Glover, Section 14.1.
 
         A: (..., n, n)
         B: (..., n, m)
-        like: game with E, Q, R and delta of all games
+        like: game with E, Q, R, N and delta of all games
         """
         root = np.linalg.cholesky(like.R)
-        A = without_faint(A, FAINT)
+        F = like.F if like.N.any() else None
+        plain_A = A if F is None else A - B @ F
+        plain_Q = like.without_cross_weights.Q
+        given_A = A
+        A = without_faint(plain_A, FAINT)
         B = without_faint(B, FAINT**0.5)
         scaled_B = np.linalg.solve(root, B.mT).mT
         disturbance = without_faint(like.E, FAINT**0.5)
         E = disturbance / like.delta
-        Q = without_faint((like.Q + like.Q.T) / 2.0, FAINT)
+        Q = without_faint((plain_Q + plain_Q.T) / 2.0, FAINT)
         units = units_of(A, scaled_B @ scaled_B.mT - E @ E.T, np.broadcast_to(Q, A.shape))
         rows = units[..., None]
         columns = units[..., None, :]
@@ -125,9 +133,15 @@ class NormalForm:
             root=root,
             delta=like.delta,
             R=like.R,
+            F=F,
         )
         vars(form)["B"] = scaled_B / rows  # cached; also used for parts of a stack
-        return form
+        if F is None or A.ndim > 2:
+            return form
+        A_size = np.abs(given_A) + np.abs(B) @ np.abs(F)
+        Q_size = np.abs(like.Q) + np.abs(like.N) @ np.abs(F)
+        in_user_units = Sizes(A_size, np.abs(scaled_B), np.abs(disturbance), Q_size)
+        return replace(form, made_of=in_user_units.in_coordinates(form.T, np.diag(units)))
 
     def __getitem__(self, index: int | np.ndarray | None) -> NormalForm:
         """Return one game of a stack, or the stack of several selected games.
@@ -150,8 +164,13 @@ class NormalForm:
         return replace(self, delta=delta)
 
     def game(self) -> Game:
-        """Return the game in the coordinates y, with the R and delta of the user."""
-        return Game(self.A, self.inputs, self.disturbance, self.Q, self.R, self.delta)
+        """Return the game in the coordinates y, with the R, N and delta of the user."""
+        game = Game(self.A, self.inputs, self.disturbance, self.Q, self.R, self.delta)
+        if self.F is None:
+            return game
+        F = np.linalg.solve(self.T.T, self.F.T).T
+        RF = self.R @ F
+        return replace(game, A=self.A + self.inputs @ F, Q=self.Q + F.T @ RF, N=RF.T)
 
     @cached_property
     def B(self) -> np.ndarray:
@@ -276,7 +295,8 @@ class NormalForm:
 
     def gain(self, X: np.ndarray) -> np.ndarray:
         """Return K of the policy u = -K z in the user's coordinates, (..., m, n)."""
-        return self.B_over_R.mT @ X @ self.T
+        K = self.B_over_R.mT @ X @ self.T
+        return K if self.F is None else K + self.F
 
     def disturbance_gain(self, X: np.ndarray) -> np.ndarray:
         """Return L of the worst disturbance d = L z in the user's coordinates, (..., k, n)."""

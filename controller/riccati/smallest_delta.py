@@ -204,6 +204,11 @@ def lqr_obstacle(form: NormalForm, failure: str) -> str:
     hidden = (
         "within rounding (A, Q) is not detectable: the undamped {} has no cost; give it weight in Q"
     )
+    if form.F is not None:
+        hidden = (
+            "within rounding (A - B R^-1 N', Q - N R^-1 N') is not detectable: the undamped {} of"
+            " A - B R^-1 N' has no cost; give it weight in Q, or change N"
+        )
     cause = obstacle(form, unreached, hidden)
     if cause.sentence:
         return cause.sentence

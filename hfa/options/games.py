@@ -54,6 +54,17 @@ def diagonal(text: str) -> np.ndarray:
     return np.diag(listed_numbers(text))
 
 
+def _rows(text: str) -> np.ndarray:
+    """Return the matrix with the rows in the text "a,b;c,d", (2, 2).
+
+    Raises BadInputError if an entry is not a number, or if the rows have different lengths.
+    """
+    rows = [listed_numbers(row) for row in text.split(";")]
+    if len({len(row) for row in rows}) > 1:
+        raise BadInputError(f"is {text}; give rows of equal length, a,b;c,d")
+    return np.array(rows)
+
+
 def _diagonal_option(name: str) -> Any:
     """Return a request field whose option sets the diagonal of Q or R.
 
@@ -180,7 +191,7 @@ def design_option(about: str | Callable[[Model], str] = _about_design) -> Any:
 def plant_option() -> Any:
     """Return the request field `plant`, whose option --model names a plant file."""
     return option(
-        f"file with a plant: A, B and optionally E, Q, R ({' '.join(MATRIX_FILES)})",
+        f"file with a plant: A, B and optionally E, Q, R, N ({' '.join(MATRIX_FILES)})",
         "FILE",
         input_file(*MATRIX_FILES),
         names="--model",
@@ -193,6 +204,20 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
 
     plant: Path | None = plant_option()
     design: Any = None
+    N: np.ndarray | None = option(
+        "cross weights of the cost 2 z'Nu, one row for each state; default 0",
+        "a,b;c,d",
+        _rows,
+        names="--N",
+        rare=True,
+    )
+
+    def changed_weights(self) -> dict[str, Any]:
+        """Return the weights set by options, "Q", "R", "delta" or "N" -> value, in the model's
+        units.
+        """
+        cross = {} if self.N is None else {"N": self.N}
+        return super().changed_weights() | cross
 
     def origin(self) -> Mapping[str, Any]:
         """Return the provenance of the game.
@@ -241,13 +266,15 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         return NamedGame(self.game_on(linear), warnings, linear=linear, weights_from=whose)
 
     def weights_from(self, else_from: str, of_file: Collection[str] = ()) -> dict[str, str]:
-        """Return the source of each weight, "Q", "R" and "delta" -> "given", "file" or `else_from`.
+        """Return the source of each weight.
+
+        The result is "Q", "R" and "delta" -> "given", "file" or `else_from`, and "N" if given.
 
         else_from: source of the weights that are neither given by an option nor in the file
         of_file: names of the weights that the plant file contains
         """
         whose = dict.fromkeys(("Q", "R", "delta"), else_from)
-        whose |= {name: "file" for name in of_file if name in whose}
+        whose |= {name: "file" for name in of_file if name in (*whose, "N")}
         return whose | dict.fromkeys(self.changed_weights(), "given")
 
     def _game_of_file(self, plant: Path, read: dict[str, Any] | None) -> NamedGame:
@@ -284,15 +311,19 @@ class GameOptions(UnitsOption, PlantOptions):
 
 @dataclass(frozen=True, eq=False)
 class Weights(Result):
-    """Weights Q and R of a game, and where they come from.
+    """Weights Q, R and N of a game, and where they come from.
 
     Q: state weight, (n, n)
     R: input weight, (m, m)
-    weights_from: name -> "given", "file", "design" or "default", for Q, R and delta
+    N: cross weight, (n, m), or None for 0
+    weights_from: name -> "given", "file", "design" or "default", for Q, R and delta, and N if given
     """
+
+    json_keys = "Q R N? weights_from"
 
     Q: Matrix
     R: Matrix
+    N: Matrix | None
     weights_from: Mapping[str, str]
 
 
@@ -330,13 +361,14 @@ class NamedGame(Result):
 
     @property
     def weights(self) -> Weights:
-        """Weights Q and R of the game, with the sources of Q, R and delta."""
-        return Weights(self.game.Q, self.game.R, self.weights_from)
+        """Weights Q, R and N of the game, with their sources."""
+        N = self.game.N if self.game.N.any() else None
+        return Weights(self.game.Q, self.game.R, N, self.weights_from)
 
     def weights_line(self) -> str:
-        """Return one line of text with Q, R, delta and the source of each."""
+        """Return one line of text with Q, R, delta, N unless it is 0, and the source of each."""
         game = self.game
-        return weights_line(game.Q, game.R, game.delta, self.weights_from)
+        return weights_line(game.Q, game.R, game.delta, self.weights_from, game.N)
 
     @contextmanager
     def asking_for_time(self) -> Iterator[None]:

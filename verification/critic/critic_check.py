@@ -129,7 +129,7 @@ def verify(
         states,
         proof,
         sections=(Section((f"Box of states: {box.about}",), Details(box=box)), *sections),
-        weights=weights_line(game.Q, game.R, game.delta),
+        weights=weights_line(game.Q, game.R, game.delta, N=game.N),
         table=table,
     )
 
@@ -186,7 +186,7 @@ def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) ->
     form = NormalForm.of(game)
     scaled = form.of_value(P)
     right = form.of_value(exact)
-    abscissa = spectrum(game.A - game.S @ P).abscissa
+    abscissa = spectrum(game.worst_case_loop(P)).abscissa
     unstable = f"A - S P is not Hurwitz (abscissa {abscissa:+.3g} 1/s)"
     residual = float(form.relative_residual(scaled))
     unsolved = f"the residual of the Riccati equation is {residual:.2g}"

@@ -57,8 +57,10 @@ def test_lqr_of_matrices_equals_python_control() -> None:
 
 
 def test_lqr_of_matrices_refuses_a_disturbance() -> None:
-    """lqr refuses a fifth argument, which would define a game, and a missing B."""
-    with pytest.raises(BadInputError, match="the arguments are linear, Q, R"):
+    """lqr refuses a delta, which would define a game, and a missing B."""
+    with pytest.raises(BadInputError, match="the arguments are linear, Q, R, N"):
+        hfa.lqr(A, B, np.eye(2), np.eye(1), None, 100.0)
+    with pytest.raises(BadInputError, match="N is 0; give 2"):
         hfa.lqr(A, B, np.eye(2), np.eye(1), 100.0)
     with pytest.raises(BadInputError, match="B is missing"):
         hfa.lqr(A)

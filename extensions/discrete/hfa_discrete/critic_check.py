@@ -111,7 +111,7 @@ def check_discrete(
     others = {
         "without disturbance (delta = inf)": replace(problem, step=step.with_delta(math.inf)),
         "without discount": replace(problem, discount=1.0),
-        "without cross weights N": replace(problem, N=None),
+        "without cross weights N": replace(problem, step=replace(step, N=0.0 * step.N)),
     }
 
     def diagnose(exact: DiscreteSolution, critic: Critic, box: np.ndarray) -> str:

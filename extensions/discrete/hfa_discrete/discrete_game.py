@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.zero_sum import LARGEST, Game, checked_matrix, is_semidefinite, shape_text
+from controller.game.zero_sum import LARGEST, Game, checked_matrix, shape_text
 from hfa_support.errors import BadInputError, is_finite
 from hfa_support.reporting.report import Reported
 
@@ -19,23 +19,20 @@ class DiscreteGame(Reported):
 
     u minimizes and w maximizes J.
 
-    step: A, B, E, Q, R and delta of one step
+    step: A, B, E, Q, R, delta and N of one step
     discount: α, 0 < α <= 1
-    N: cross weights, (n, m), or None for 0
     A_low: difference between A and its double-precision value, (n, n), or None for 0. The
         difference is used for short steps, for which A is nearly I.
 
-    Raises BadInputError if the discount is out of range, N is not a finite matrix with the shape of
-    B, or [[Q, N], [N', R]] is not positive semidefinite.
+    Raises BadInputError if the discount is out of range.
     """
 
     step: Game
     discount: float = 1.0
-    N: Any = None
     A_low: Any = None
 
     def __post_init__(self) -> None:
-        """Check the discount and N, and replace None by zeros in N and A_low.
+        """Check the discount, and replace None by zeros in A_low.
 
         `Game` has checked the matrices of the step.
         """
@@ -44,23 +41,9 @@ class DiscreteGame(Reported):
                 f"discount is {self.discount}; give the factor per step, a number above 0 and at "
                 "most 1"
             )
-        shape = self.step.B.shape
-        N = np.zeros(shape) if self.N is None else checked_matrix("N", self.N, LARGEST)
-        if N.shape != shape:
-            raise BadInputError(f"N is {shape_text(N.shape)}; give {shape_text(shape)}, to match B")
         A_low = np.zeros_like(self.step.A) if self.A_low is None else self.A_low
-        object.__setattr__(self, "N", N)
         object.__setattr__(self, "A_low", A_low)
         object.__setattr__(self, "discount", float(self.discount))
-        if N.any() and not is_semidefinite(self._weights()):
-            raise BadInputError(
-                "[[Q, N], [N', R]] is not positive semidefinite; give a smaller N, or larger Q "
-                "and R"
-            )
-
-    def _weights(self) -> np.ndarray:
-        """Return the matrix [[Q, N], [N', R]], (n + m, n + m)."""
-        return np.block([[self.step.Q, self.N], [self.N.T, self.step.R]])
 
     def policies(self, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return K (m, n) and L (k, n) of the optimal policies u = -K x and w = L x of one step.
@@ -79,7 +62,7 @@ class DiscreteGame(Reported):
         W = np.diag(np.repeat([0.0, -1.0], [m, G.shape[1] - m]))
         W[:m, :m] = step.R
         right = self.discount * G.T @ P @ step.A
-        right[:m] += self.N.T
+        right[:m] += step.N.T
         gains = np.linalg.solve(W + self.discount * G.T @ P @ G, right)
         return gains[:m], -gains[m:] / step.delta
 
@@ -96,7 +79,7 @@ class DiscreteGame(Reported):
         """
         step = self.step
         moved = np.hstack([step.A, step.B])
-        weights = self._weights()
+        weights = step.weights
         if math.isfinite(step.delta):
             moved = np.hstack([moved, step.E])
             k = step.E.shape[1]
@@ -145,27 +128,3 @@ class DiscreteGame(Reported):
         if len(H) > n + m:
             parts["L"] = -gains[m:]
         return parts
-
-    def without_cross_weights(self) -> tuple[Game, np.ndarray]:
-        """Return an equivalent step without cross weights, and F = R⁻¹N' (m, n).
-
-        The step has the input v = u + F x and the matrices A - B F and Q - N R⁻¹ N'. The matrix
-        Q - N R⁻¹ N' is computed such that rounding does not make it indefinite.
-        """
-        step = self.step
-        if not self.N.any():
-            return step, np.zeros(self.N.T.shape)
-        n = len(step.A)
-        F = np.linalg.solve(step.R, self.N.T)
-        weights = self._weights()
-        sizes = np.sqrt(np.diag(weights))
-        safe = np.where(sizes > 0.0, sizes, 1.0)
-        values, vectors = np.linalg.eigh(weights / np.outer(safe, safe))
-        root = sizes[:, None] * (vectors * np.sqrt(values.clip(0.0)))
-        basis, _ = np.linalg.qr(root[n:].T, mode="complete")
-        root_beyond_u = root[:n] @ basis[:, len(step.R) :]
-        Q = root_beyond_u @ root_beyond_u.T
-        return (
-            Game(step.A - step.B @ F, step.B, step.E, (Q + Q.T) / 2.0, step.R, step.delta),
-            F,
-        )

@@ -69,7 +69,7 @@ def policy_of_next(
     gains = -K
     columns = step.B
     price = step.R
-    cross = problem.N.T
+    cross = step.N.T
     if math.isfinite(step.delta):  # with w multiplied by delta as unknown
         k = step.E.shape[1]
         gains = np.vstack([gains, step.delta * L])

@@ -86,8 +86,8 @@ class DiscreteSolution(Reported):
 def sampled(game: Game, dt: float, discount: float = 1.0) -> DiscreteGame:
     """Return a sampled continuous-time game, with constant u and w in each step of dt seconds.
 
-    The cost of a step is dt (x'Qx + u'Ru - δ² w'w) at the beginning of the step. The weights of the
-    step are therefore Q dt and R dt, and the delta of the step is √dt δ.
+    The cost of a step is dt (x'Qx + 2x'Nu + u'Ru - δ² w'w) at the beginning of the step. Therefore
+    the weights of the step are Q dt, R dt and N dt, and the delta of the step is √dt δ.
 
     The matrix A of a step is stored with twice the digits, and A - I is computed without
     cancellation.
@@ -108,7 +108,8 @@ def sampled(game: Game, dt: float, discount: float = 1.0) -> DiscreteGame:
     over_a_step = expm(dt * np.vstack([rates, held]))[:n]
     _, change, B, E = np.split(over_a_step, [n, 2 * n, 2 * n + m], axis=1)
     A, A_low = add(exact(np.eye(n)), exact(change))
-    step = Game(A=A, B=B, E=E, Q=game.Q * dt, R=game.R * dt, delta=game.delta * math.sqrt(dt))
+    delta = game.delta * math.sqrt(dt)
+    step = Game(A=A, B=B, E=E, Q=game.Q * dt, R=game.R * dt, delta=delta, N=game.N * dt)
     return DiscreteGame(step, discount, A_low=A_low)
 
 
@@ -145,10 +146,9 @@ def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> D
     """
     form = StepForm.of_problem(problem)
     _refuse_unreached(problem, form)
-    _, feed = problem.without_cross_weights()
     try:
         X, accurate, certificate = _certified(form)
-        K = accurate.gain(X) + feed
+        K = accurate.gain(X) + problem.step.F
         radius = _radius(problem.step.A - problem.step.B @ K)
         handed_out = _gain_check(math.sqrt(problem.discount) * radius)
         refuse_failures((handed_out,))
@@ -191,8 +191,7 @@ def quick_discrete(problem: DiscreteGame) -> tuple[np.ndarray, np.ndarray]:
     """
     form = StepForm.unbalanced(problem)
     X = unrefined(form.equivalent)
-    _, feed = problem.without_cross_weights()
-    return form.value(X), form.gain(X) + feed
+    return form.value(X), form.gain(X) + problem.step.F
 
 
 def value_checks(problem: DiscreteGame, P: np.ndarray) -> tuple[Check, ...]:
@@ -306,7 +305,7 @@ def _refuse_unreached(problem: DiscreteGame, form: StepForm) -> None:
     for value in np.linalg.eigvals(A):
         if abs(value) < 1.0 - RANK:
             continue
-        is_faint = problem.N.any() and dependence(A, value, B.T, size) <= FAINT_REACH
+        is_faint = problem.step.N.any() and dependence(A, value, B.T, size) <= FAINT_REACH
         if is_faint or loses_rank(A, B.T, value, _not_shrinking):
             raise NoSolutionError(_unreached(value))
 

@@ -88,7 +88,7 @@ class StepForm(NormalForm):
     @classmethod
     def unbalanced(cls, problem: DiscreteGame) -> StepForm:
         """Return the normal form of a game without balancing."""
-        step, _ = problem.without_cross_weights()
+        step = problem.step.without_cross_weights
         root = math.sqrt(problem.discount)
         rounded_off = float(Fraction(problem.discount) - Fraction(root) ** 2) / (2.0 * root)
         one = np.eye(len(step.A))

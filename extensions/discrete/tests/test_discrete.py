@@ -3,6 +3,8 @@
 They are compared with value iteration, closed forms and continuous time. Bad input is refused.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cli import answer, hfa
@@ -202,7 +204,7 @@ def test_cross_weights_satisfy_bellmans_equation(delta, discount):
     """
     rng = np.random.default_rng(3)
     step = _game(1, delta=delta)
-    problem = DiscreteGame(step, discount, 0.2 * rng.standard_normal((4, 2)))
+    problem = DiscreteGame(replace(step, N=0.2 * rng.standard_normal((4, 2))), discount)
     solution = solve_discrete(problem)
     H = solution.H
     parts = problem.of_q_function(H)
@@ -216,7 +218,7 @@ def test_cross_weights_satisfy_bellmans_equation(delta, discount):
     weights = H[4:, 4:]
     assert weights[:2, :2] == pytest.approx(step.R + discount * step.B.T @ P @ step.B)
     crossed = discount * G.T @ P @ step.A
-    crossed[:2] += problem.N.T
+    crossed[:2] += problem.step.N.T
     value = step.Q + discount * step.A.T @ P @ step.A
     assert pytest.approx(value - crossed.T @ np.linalg.solve(weights, crossed), rel=1e-10) == P
 
@@ -232,10 +234,10 @@ def test_a_game_without_cost_has_zero_value():
 def test_wrong_cross_weights_are_refused():
     """Cross weights of wrong shape or sign and an asymmetric H are refused."""
     step = _game()
-    with pytest.raises(BadInputError, match="N is 2 x 4; give 4 x 2, to match B"):
-        DiscreteGame(step, 1.0, np.zeros((2, 4)))
+    with pytest.raises(BadInputError, match="N is 2 x 4; give 4 x 2, to match A and B"):
+        replace(step, N=np.zeros((2, 4)))
     with pytest.raises(BadInputError, match="is not positive semidefinite"):
-        DiscreteGame(step, 1.0, 10.0 * np.ones((4, 2)))
+        replace(step, N=10.0 * np.ones((4, 2)))
     with pytest.raises(BadInputError, match="H is not symmetric"):
         DiscreteGame(step).of_q_function(np.triu(np.ones((6, 6))))
 
@@ -272,7 +274,7 @@ def test_wrong_h_and_l_fail_with_reason():
     """
     step = _game(3, delta=20.0)
     N = 0.2 * np.random.default_rng(0).standard_normal((4, 2))
-    problem = DiscreteGame(step, 0.95, N)
+    problem = DiscreteGame(replace(step, N=N), 0.95)
     solution = solve_discrete(problem)
     H = solution.H
     over_x_and_u = H[:6, :6] - H[:6, 6:] @ np.linalg.solve(H[6:, 6:], H[6:, :6])
@@ -295,8 +297,8 @@ def test_wrong_h_and_l_fail_with_reason():
     assert not verdict(FAILED, H=wrong)["ok"]
     assert not verdict(FAILED, K=solution.K, L=-solution.disturbance_gain)["ok"]
     others = {
-        "without disturbance (delta = inf)": DiscreteGame(step.with_delta(np.inf), 0.95, N),
-        "without discount": DiscreteGame(step, 1.0, N),
+        "without disturbance (delta = inf)": DiscreteGame(replace(step, delta=np.inf, N=N), 0.95),
+        "without discount": DiscreteGame(replace(step, N=N)),
         "without cross weights N": DiscreteGame(step, 0.95),
     }
     for says, variant in others.items():
@@ -326,10 +328,9 @@ def test_the_other_time_is_suggested():
     question = 'time = "discrete"'
     refused = hfa("verify", "--model", plant, "--weights", stored("H.npz", H=solution.H))
     assert question in refused.err
-    for key, value in (("discount", 0.9), ("N", np.zeros((2, 1)))):
-        refused = hfa("solve", "--model", stored("other.json", **parts, **{key: value}))
-        assert f"{key} requires a discrete-time plant" in refused.err
-        assert question in refused.err
+    refused = hfa("solve", "--model", stored("other.json", **parts, discount=0.9))
+    assert "discount requires a discrete-time plant" in refused.err
+    assert question in refused.err
     for words in (("solve",), ("verify", "--weights", stored("K.npz", K=solution.K))):
         refused = hfa(*words, "--model", steps, "--draws", "3")
         assert "--draws applies only to continuous time" in refused.err
@@ -441,7 +442,7 @@ def test_an_uncontrollable_mode_with_cross_weights_is_refused(turn: float) -> No
     A = T @ np.array([[5.3, 0.0, 0.0], [0.4, 1.2, 0.3], [0.1, -0.2, 0.7]]) @ T.T
     B = T @ np.array([[0.0], [1.0], [0.6]])
     step = Game(A, B, np.zeros((3, 1)), np.eye(3), [[1.3]], 1e6)
-    problem = DiscreteGame(step, N=np.array([[0.3], [0.1], [-0.2]]))
+    problem = DiscreteGame(replace(step, N=np.array([[0.3], [0.1], [-0.2]])))
     with pytest.raises(NoSolutionError, match=r"no input reaches the mode with eigenvalue 5\.3 "):
         solve_discrete(problem)
 

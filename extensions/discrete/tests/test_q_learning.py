@@ -1,5 +1,7 @@
 """Q-learning from recorded steps: convergence to the exact value, and refusal of bad input."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,7 +16,7 @@ def _problem(seed: int, delta: float = np.inf, discount: float = 0.97) -> Discre
     n = int(rng.integers(2, 6))
     A, B, E = (rng.standard_normal((n, size)) for size in (n, 2, 1))
     step = Game(1.3 * A / np.abs(np.linalg.eigvals(A)).max(), B, E, np.eye(n), np.eye(2), delta)
-    return DiscreteGame(step, discount, 0.1 * rng.standard_normal((n, 2)))
+    return DiscreteGame(replace(step, N=0.1 * rng.standard_normal((n, 2))), discount)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """Simulation of discrete-time plants with `hfa fly --model`."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cli import answer, hfa
@@ -12,7 +14,7 @@ from hfa_discrete.solution import solve_discrete
 from hfa_flight.step_flight import fly_steps
 
 STEP = Game([[1.05, 0.1], [0.0, 0.9]], [[0.0], [0.1]], np.eye(2), np.eye(2), [[0.1]], np.inf)
-PROBLEM = DiscreteGame(STEP, 0.97, [[0.05], [0.0]])
+PROBLEM = DiscreteGame(replace(STEP, N=[[0.05], [0.0]]), 0.97)
 
 
 def test_the_cost_of_a_flight_equals_its_value():
@@ -39,7 +41,7 @@ def test_policies_and_critics_in_files_cost_equally():
     """
     parts = {name: getattr(STEP, name) for name in ("A", "B", "Q", "R")}
     continuous = stored("continuous.json", **parts)
-    plant = stored("plant.json", **parts, time="discrete", discount=0.97, N=PROBLEM.N)
+    plant = stored("plant.json", **parts, time="discrete", discount=0.97, N=PROBLEM.step.N)
     solution = solve_discrete(PROBLEM)
     words = ("fly", "--model", plant, "--initial", "x1=1", "--duration", "30")
     flown = answer(*words)

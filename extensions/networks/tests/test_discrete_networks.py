@@ -35,7 +35,7 @@ Z = ca.SX.sym("z", 2)
 
 def problem_of(delta: float = 20.0, discount: float = 1.0, N: float = 0.0) -> DiscreteGame:
     step = Game(A, B, 0.1 * np.eye(2), np.eye(2), np.eye(1), delta)
-    return DiscreteGame(step, discount, np.full((2, 1), N))
+    return DiscreteGame(replace(step, N=np.full((2, 1), N)), discount)
 
 
 def exact_of(problem: DiscreteGame) -> DiscreteSolution:
@@ -161,7 +161,7 @@ def test_the_implied_policy_is_a_saddle_point() -> None:
     w = ca.SX.sym("w", 2)
     x = np.array([0.4, -0.3])
     after = ca.DM(A) @ x + ca.DM(B) @ u + ca.DM(step.E) @ w
-    paid = float(x @ step.Q @ x) + 2.0 * float(x @ problem.N[:, 0]) * u + u**2
+    paid = float(x @ step.Q @ x) + 2.0 * float(x @ problem.step.N[:, 0]) * u + u**2
     Q = paid - step.delta**2 * ca.sumsqr(w) + 0.95 * V(after)
     slopes = ca.Function("slopes", [ca.vertcat(u, w)], [ca.gradient(Q, ca.vertcat(u, w))])
     worst = ca.rootfinder("worst", "newton", {"x": w, "p": u, "g": ca.gradient(Q, w)})

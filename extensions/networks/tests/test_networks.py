@@ -341,3 +341,22 @@ def test_a_value_read_as_the_policy_is_recognized() -> None:
     tensors = {"0.weight": first, "0.bias": np.full(4, 1.0), "2.weight": np.full((1, 4), 1.0)}
     critic = from_network(plant, torch_file("critic.pt", tensors), activation="tanh")
     assert any("its output is V, not u" in mistake for mistake in critic.variants)
+
+
+def test_the_policy_of_a_value_contains_the_cross_weights() -> None:
+    """Networks of V and ∂V/∂z imply u = -R⁻¹(½ B'∂V/∂z + N'z)."""
+    A = np.array([[0.0, 1.0], [2.0, -0.3]])
+    B = np.array([[0.0], [1.0]])
+    N = np.array([[0.4], [-0.3]])
+    game = Game(A=A, B=B, Q=np.eye(2), R=[2.0], N=N)
+    exact = solve(game)
+    z = ca.SX.sym("z", 2)
+    state = np.array([0.7, -0.2])
+    for bend in (0.0, 0.1):
+        V = ca.bilin(ca.DM(exact.P), z, z) + bend * ca.sumsqr(z) ** 2
+        slope = ca.Function("slope", [z], [ca.gradient(V, z)])
+        u = -np.linalg.solve(game.R, 0.5 * B.T @ np.array(slope(state)).ravel() + N.T @ state)
+        for function, kind in ((ca.Function("V", [z], [V]), "V"), (slope, "gradient")):
+            critic = from_network(game, function, network=kind)
+            assert np.allclose(np.array(critic.policy(state)).ravel(), u)
+            assert verify(game, critic).ok == (bend == 0.0)

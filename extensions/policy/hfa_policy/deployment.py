@@ -371,7 +371,7 @@ def _gain_of_critic(path: Path, model: Model) -> np.ndarray:
     """
     n, m = len(model.linear), len(model.inputs)
     names = PlantNames(tuple(model.linear), tuple(model.inputs), origin=model.name)
-    plant = Game(np.eye(n), np.zeros((n, m)), np.eye(n), np.eye(n), np.eye(m), np.inf, names)
+    plant = Game(np.eye(n), np.zeros((n, m)), np.eye(n), np.eye(n), np.eye(m), np.inf, names=names)
     critic = critic_in(path, plant)
     if critic.feedback is not None or not critic.linear:
         raise BadInputError(

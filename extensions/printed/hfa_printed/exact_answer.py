@@ -73,18 +73,12 @@ class Plant:
         return weights
 
     def game(self) -> Game | DiscreteGame:
-        """Return the plant as a `Game`, or as a `DiscreteGame` in discrete time.
-
-        The continuous-time game has the input v = u + R⁻¹N'x, which eliminates the cross weight N.
-        """
+        """Return the plant as a `Game`, or as a `DiscreteGame` in discrete time."""
         E = self.E
         if not E.shape[1]:
             E = np.zeros((len(self.A), 1))
-        game = Game(self.A, self.B, E, self.Q, self.R, self.gamma)
-        if self.is_discrete:
-            return DiscreteGame(game, self.discount, self.N)
-        feed = np.linalg.solve(self.R, self.N.T)
-        return replace(game, A=self.A - self.B @ feed, Q=self.Q - self.N @ feed)
+        game = Game(self.A, self.B, E, self.Q, self.R, self.gamma, self.N)
+        return DiscreteGame(game, self.discount) if self.is_discrete else game
 
     def with_entry(self, name: str, row: int, column: int, value: float) -> Plant:
         """Return the plant with one entry changed.

@@ -63,9 +63,10 @@ class PrintedVerdict(Result, Reported):
 
     @property
     def weights_from(self) -> Mapping[str, str]:
-        """Q, R or delta -> its source: "printed", or "default" if gamma is missing."""
+        """Q, R, delta or a printed N -> "printed", or "default" for a missing gamma."""
         delta = "printed" if "gamma" in self.file.typed else "default"
-        return {"Q": "printed", "R": "printed", "delta": delta}
+        cross = {"N": "printed"} if "N" in self.file.typed else {}
+        return {"Q": "printed", "R": "printed", "delta": delta, **cross}
 
     @property
     def entries(self) -> list[dict[str, Any]]:
@@ -96,7 +97,7 @@ class PrintedVerdict(Result, Reported):
             shown.append((position, f"{printed:.12g}", f"{exact:.12g}", f"{off:.3g}"))
         parts: list[Any] = [f"{self.file.title}: consistent with its digits is at most 1 half unit"]
         plant = self.file.plant
-        parts.append(weights_line(plant.Q, plant.R, plant.gamma, self.weights_from))
+        parts.append(weights_line(plant.Q, plant.R, plant.gamma, self.weights_from, plant.N))
         if self.file.assumption:
             parts.append(self.file.assumption)
         if self.classified.not_searched:
@@ -142,8 +143,7 @@ def _cost_above_optimum(file: PrintedFile) -> float:
     K = _printed_gain(file)
     if isinstance(game, DiscreteGame):
         return check_discrete(game, from_parts(game.step, {"K": K})).cost_lost
-    feed = np.linalg.solve(file.plant.R, file.plant.N.T)
-    return verify(game, from_parts(game, {"K": K - feed})).cost_lost
+    return verify(game, from_parts(game, {"K": K})).cost_lost
 
 
 def _printed_gain(file: PrintedFile) -> np.ndarray:

@@ -216,3 +216,21 @@ def test_all_statements_are_named_without_a_certificate() -> None:
     """`hfa prove` alone names each statement that has a command."""
     assert sorted(STATEMENTS) == sorted(words_after("prove"))
     assert_refused(hfa("prove"), 2, f"choose from {', '.join(STATEMENTS)}, or add --check FILE")
+
+
+def test_a_certificate_has_no_cross_weights() -> None:
+    """Cross weights are refused by name in a plant file and in the option --N."""
+    parts = {"A": [[0.0, 1.0], [2.0, -0.3]], "B": [[0.0], [1.0]], "Q": np.eye(2), "R": np.eye(1)}
+    np.savez("plain.npz", **parts)
+    np.savez("crossed.npz", **parts, N=[[0.1], [0.2]])
+    assert hfa("prove", "solution", "--model", "plain.npz", "-o", "proof.json").code == 0
+    for words in (
+        ("solution", "--model", "crossed.npz"),
+        ("solution", "--model", "plain.npz", "--N", ".1;.2"),
+        ("--check", "proof.json", "--model", "crossed.npz"),
+        ("--check", "proof.json", "--model", "plain.npz", "--N", ".1;.2"),
+    ):
+        refused = hfa("prove", *words)
+        assert refused.code == 2, words
+        assert "N" in refused.err
+        assert "remove" in refused.err

@@ -378,7 +378,7 @@ def _another_root(game: Game, P: np.ndarray) -> str:
     The result is "" if the relative residual exceeds `_ROOT`, or if A - S P is Hurwitz.
     """
     form = NormalForm.of(game)
-    abscissa = spectrum(game.A - game.S @ P).abscissa
+    abscissa = spectrum(game.worst_case_loop(P)).abscissa
     residual = float(form.relative_residual(form.of_value(P)))
     if residual > _ROOT or abscissa < 0.0:
         return ""

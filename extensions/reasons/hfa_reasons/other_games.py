@@ -110,10 +110,13 @@ def families(game: Game, nearby: Nearby) -> list[Family]:
             members.append(_named(description, neighbour))
     if nearby.scheduled is not None:
         members.append(_another(*nearby.scheduled))
-    members += [
-        _along_log("with Q", "times as large", lambda x: replace(game, Q=x * game.Q)),
-        _along_log("with R", "times as large", lambda x: replace(game, R=x * game.R)),
-    ]
+    if game.N.any():
+        members.append(_named("without cross weights N", replace(game, N=0.0 * game.N)))
+    else:
+        members += [
+            _along_log("with Q", "times as large", lambda x: replace(game, Q=x * game.Q)),
+            _along_log("with R", "times as large", lambda x: replace(game, R=x * game.R)),
+        ]
     rate = fastest_rate(game)
     discount = _along_log("with a discount of", "1/s", lambda x: discounted(game, x))
     members.append(discount._replace(plausible=(-math.inf, math.log(_FASTER * rate))))
@@ -264,7 +267,13 @@ def euler(game: Game, step: float) -> Answer:
     """
     A = np.eye(len(game.A)) + step * game.A
     of_step = Game(
-        A, step * game.B, step * game.E, step * game.Q, step * game.R, math.sqrt(step) * game.delta
+        A=A,
+        B=step * game.B,
+        E=step * game.E,
+        Q=step * game.Q,
+        R=step * game.R,
+        delta=math.sqrt(step) * game.delta,
+        N=step * game.N,
     )
     return Answer(*quick_discrete(DiscreteGame(of_step)))
 
@@ -305,10 +314,11 @@ def other_weights(game: Game, P: np.ndarray) -> Iterator[tuple[str, Answer]]:
     The Riccati equation A'P + P A + Σ q_i e_i e_i' - P (Σ b_j b_j' / r_j - δ⁻² E E') P = 0 is
     linear in q and 1/r, and is solved for q or for 1/r by least squares.
 
-    game: game whose weights are varied. A Q or R that is not diagonal is not varied.
+    game: game whose weights are varied. A Q or R that is not diagonal is not varied, nor are the
+        weights of a game with cross weights.
     P: matrix of the critic's value, (n, n)
     """
-    if not P.any():
+    if not P.any() or game.N.any():
         return
     form = NormalForm.of(game)
     P = form.of_value((P + P.T) / 2.0)

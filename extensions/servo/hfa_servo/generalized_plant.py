@@ -185,8 +185,9 @@ class GeneralizedPlant(Reported):
         x.
 
         n is noise of intensity V. The disturbance of the plant is w = (d, v), where d is the
-        disturbance of the game and n = V^½ v. The cost of the plant is z = (Q^½ x, R^½ u). For δ =
-        inf, the controller is the LQG controller.
+        disturbance of the game and n = V^½ v. The cost of the plant is z = (Q^½ x, R^½ u), or with
+        cross weights N z = ((Q - N R⁻¹ N')^½ x, R^½ (u + R⁻¹ N' x)). For δ = inf, the controller is
+        the LQG controller.
 
         C: (p, n)
         D: (p, m), or None for 0
@@ -199,12 +200,13 @@ class GeneralizedPlant(Reported):
         n, m = game.B.shape
         k = game.E.shape[1]
         p = len(V)
+        root = square_root(game.R)
         return cls(
             A=game.A,
             B1=np.hstack([game.E, np.zeros((n, p))]),
             B2=game.B,
-            C1=np.vstack([scaled_root(game.Q).T, np.zeros((m, n))]),
-            D12=np.vstack([np.zeros((n, m)), square_root(game.R)]),
+            C1=np.vstack([scaled_root(game.without_cross_weights.Q).T, root @ game.F]),
+            D12=np.vstack([np.zeros((n, m)), root]),
             C2=C,
             D21=np.hstack([np.zeros((p, k)), square_root(V)]),
             D22=D,

@@ -670,3 +670,22 @@ def test_zero_noise_is_refused() -> None:
     """A noise intensity V that is not positive definite is refused."""
     with pytest.raises(BadInputError, match="V is not positive definite"):
         GeneralizedPlant.measured(Game(ONE, ONE, ONE, ONE, ONE, 1.0), ONE, 0 * ONE)
+
+
+def test_a_measured_game_with_cross_weights_keeps_its_cost() -> None:
+    """|C1 x + D12 u|² is x'Qx + 2x'Nu + u'Ru, and the controller is that of LQG with N."""
+    A = np.array([[0.0, 1.0], [2.0, -0.3]])
+    B = np.array([[0.0], [1.0]])
+    N = np.array([[0.4], [-0.3]])
+    game = Game(A=A, B=B, Q=np.eye(2), R=[2.0], N=N)
+    C = np.array([[1.0, 0.0]])
+    plant = GeneralizedPlant.measured(game, C, np.eye(1))
+    output = np.hstack([plant.C1, plant.D12])
+    weights = np.block([[game.Q, N], [N.T, game.R]])
+    assert np.allclose(output.T @ output, weights)
+    K = control.lqr(A, B, np.eye(2), np.array([[2.0]]), N)[0]
+    L = control.lqe(A, np.eye(2), C, np.eye(2), np.eye(1))[0]
+    lqg = control.ss(A - B @ K - L @ C, L, -K, 0)
+    solved = solve_plant(plant, math.inf)
+    found = control.ss(solved.Ak, solved.Bk, solved.Ck, solved.Dk)
+    assert np.allclose(found(1.3j), lqg(1.3j))

@@ -115,7 +115,7 @@ def test_misnamed_entries_and_defaults_are_noted() -> None:
     game, notes, *_ = stored_game(stored("plant.npz", **PLANT, D=[[1.0], [0.0]], gamma=7.0))
     assert game == Game(**PLANT, E=np.eye(2), delta=math.inf)
     assert notes == (
-        "plant.npz: unused: D, gamma; a model file contains A, B, E, Q, R, delta",
+        "plant.npz: unused: D, gamma; a model file contains A, B, E, Q, R, delta, N",
         "plant.npz: not given: E, delta; used: E the identity, delta inf (no disturbance)",
     )
     assert stored_game(small("ours.npz", schema="hfa.linear-model/1", modes=[1.0])).notes == ()

@@ -48,6 +48,7 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
         )
     point = named.linear.point
     game = named.game
+    game.refuse_cross_weights("the cost of --flights")
     problem = flight_problem(point.model, point, game.Q, game.R)
     search = BestFlights(problem, count)
     pilots = [critic_pilot(search.flights, "this critic, saturated", verdicts[0].critic)]

@@ -126,8 +126,11 @@ def _given_flight(flight: Flight, request: CheckRequest) -> dict[str, Given]:
 def _given_weights(flight: Flight, request: CheckRequest) -> dict[str, Given]:
     """Return the entries Q, R and delta from the options.
 
+    Raises BadInputError for --N, because no certificate contains cross weights.
+
     If one of them and an aircraft are given, the entry E of the default game is also returned.
     """
+    request.refuse(("N",), "is not in a certificate of hfa prove; remove this option")
     given = {
         f"weights.{name}": Given(value, f"--{name}")
         for name, value in request.changed_weights().items()
@@ -143,8 +146,9 @@ def _given_weights(flight: Flight, request: CheckRequest) -> dict[str, Given]:
 def _given_plant(statement: GameStatement, request: CheckRequest) -> dict[str, Given]:
     """Return the entries on the plant, its weights and the critic from the options.
 
-    Raises BadInputError if an option defines an aircraft.
+    Raises BadInputError if an option defines an aircraft, and for --N.
     """
+    request.refuse(("N",), "is not in a certificate of hfa prove; remove this option")
     request.refuse(
         (*_OF_THE_AIRCRAFT, "at"),
         "gives an aircraft, but the certificate is about a plant; remove this option",
@@ -155,6 +159,7 @@ def _given_plant(statement: GameStatement, request: CheckRequest) -> dict[str, G
     }
     if request.plant is not None:
         game = request.game().game
+        game.refuse_cross_weights("a certificate of hfa prove")
         option = f"--model {request.plant}"
         given |= {"plant.A": Given(game.A, option), "plant.B": Given(game.B, option)}
         weights = {name: getattr(game, name) for name in ("Q", "R", "E", "delta")}

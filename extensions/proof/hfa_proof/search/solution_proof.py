@@ -65,8 +65,10 @@ _SHARP = 1e-6
 def weights_of(game: Game) -> Weights:
     """Return the weights of a game in the form of a statement.
 
-    Raises NoSolutionError unless Q >= 0 and R > 0. The test is exact.
+    Raises BadInputError for cross weights. Raises NoSolutionError unless Q >= 0 and R > 0. The test
+    is exact.
     """
+    game.refuse_cross_weights("a certificate of hfa prove")
     Q = (game.Q + game.Q.T) / 2
     R = (game.R + game.R.T) / 2
     if lowest_sign(Q) < 0:

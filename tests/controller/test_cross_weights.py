@@ -1,0 +1,198 @@
+"""Cross weights N of the cost z'Qz + 2z'Nu + u'Ru: one elimination, right for every consumer."""
+
+import control
+import numpy as np
+import pytest
+from cli import answer, hfa
+from scipy.linalg import block_diag, expm, solve_continuous_are
+
+from controller import minimum_delta
+from controller.riccati.cost import flight_cost
+from controller.riccati.game_batch import solve_games
+from hfa import (
+    BadInputError,
+    Game,
+    from_gain,
+    from_value,
+    learn,
+    lqr,
+    solve,
+    verify,
+)
+from hfa_support.errors import NoSolutionError
+
+
+def crossed(seed: int, n: int = 4, m: int = 2, delta: float = np.inf) -> Game:
+    """Return a random game whose [[Q, N], [N', R]] is positive definite."""
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((n, n))
+    B = rng.standard_normal((n, m))
+    root = rng.standard_normal((n + m, n + m))
+    W = root @ root.T
+    E = rng.standard_normal((n, 2))
+    return Game(A, B, E, W[:n, :n], W[n:, n:], delta, W[:n, n:])
+
+
+def simulated_cost(game: Game, K: np.ndarray, start: np.ndarray) -> float:
+    """Return the integral of z'Qz + 2z'Nu + u'Ru along the flight of u = -K z, by Van Loan."""
+    n = len(game.A)
+    policy = np.vstack([np.eye(n), -K])
+    rate = policy.T @ np.block([[game.Q, game.N], [game.N.T, game.R]]) @ policy
+    loop = game.A - game.B @ K
+    time = 40.0 / -np.linalg.eigvals(loop).real.max()
+    steps = 4000
+    both = expm(np.block([[-loop.T, rate], [np.zeros((n, n)), loop]]) * time / steps)
+    moved = both[n:, n:]
+    of_step = moved.T @ both[:n, n:]
+    cost, z = 0.0, start
+    for _ in range(steps):
+        cost += z @ of_step @ z
+        z = moved @ z
+    return cost
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_regulator_agrees_with_scipy_control_and_its_simulated_cost(seed):
+    game = crossed(seed)
+    solution = lqr(game.A, game.B, game.Q, game.R, game.N)
+    P = solve_continuous_are(game.A, game.B, game.Q, game.R, s=game.N)
+    K, _, poles = control.lqr(game.A, game.B, game.Q, game.R, game.N)
+    assert np.allclose(solution.P, P, rtol=1e-9, atol=1e-9 * np.abs(P).max())
+    assert np.allclose(solution.K, K, rtol=1e-8, atol=1e-9 * np.abs(K).max())
+    assert np.allclose(np.sort(solution.poles().real), np.sort(poles.real), atol=1e-7)
+    start = np.ones(4)
+    assert simulated_cost(game, solution.K, start) == pytest.approx(start @ P @ start, rel=1e-8)
+    without = lqr(game.A, game.B, game.Q, game.R)
+    assert not np.allclose(without.K, K, rtol=0.01)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_game_with_cross_weights_agrees_with_scipy(seed):
+    """P, K, L and delta_min belong to the Riccati equation of both players."""
+    game = crossed(seed)
+    least = minimum_delta(game).value
+    game = game.with_delta(1.5 * least)
+    solution = solve(game)
+    n = len(game.A)
+    k = game.E.shape[1]
+    weights = block_diag(game.R, -(game.delta**2) * np.eye(k))
+    both = np.hstack([game.N, np.zeros((n, k))])
+    P = solve_continuous_are(game.A, np.hstack([game.B, game.E]), game.Q, weights, s=both)
+    size = np.abs(P).max()
+    assert np.allclose(solution.P, P, atol=1e-8 * size)
+    K = np.linalg.solve(game.R, game.B.T @ P + game.N.T)
+    assert np.allclose(solution.K, K, atol=1e-8 * np.abs(K).max())
+    assert np.allclose(solution.disturbance_gain, game.E.T @ P / game.delta**2)
+    assert np.abs(game.residual(P)).max() < 1e-8 * size
+    worst = game.A - game.B @ K + game.E @ solution.disturbance_gain
+    assert np.allclose(game.worst_case_loop(P), worst, atol=1e-7 * np.abs(worst).max())
+    with pytest.raises(NoSolutionError):
+        solve(game.with_delta(0.99 * least))
+
+
+def test_the_l2_gain_and_the_cost_of_a_policy_contain_the_cross_term():
+    """The gain is that of the output W^(1/2) (z, u), and a policy costs its simulated cost."""
+    game = crossed(7)
+    game = game.with_delta(2.0 * minimum_delta(game).value)
+    exact = solve(game)
+    K = 0.9 * exact.K
+    n = len(game.A)
+    root = np.linalg.cholesky(np.block([[game.Q, game.N], [game.N.T, game.R]])).T
+    C = root @ np.vstack([np.eye(n), -K])
+    loop = control.ss(game.A - game.B @ K, game.E, C, 0)
+    lost = flight_cost(game, exact, K)
+    assert lost.gain == pytest.approx(control.norm(loop, p="inf", tol=1e-9), rel=1e-6)
+    without_gusts = game.with_delta(np.inf)
+    best = solve(without_gusts)
+    K = 0.9 * best.K
+    lost = flight_cost(without_gusts, best, K)
+    ratios = []
+    for start in np.random.default_rng(1).standard_normal((40, n)):
+        optimum = simulated_cost(without_gusts, best.K, start)
+        ratios.append(simulated_cost(without_gusts, K, start) / optimum - 1.0)
+    assert max(ratios) <= lost.worst / 100.0 * (1.0 + 1e-6)
+    assert max(ratios) > 0.3 * lost.worst / 100.0
+
+
+def test_margins_open_the_loop_at_the_input_of_the_plant():
+    """Margins are those of K (sI - A)^-1 B, not of the plant whose input is u + R^-1 N'z."""
+    game = crossed(3, m=1)
+    solution = solve(game)
+    (margins,) = solution.loop_margins.values()
+    loop = control.ss(game.A, game.B, solution.K, 0)
+    _, _, _, _, _, disk_frequency = control.stability_margins(loop)
+    sensitivity = control.feedback(1, loop)
+    response = sensitivity(1j * np.logspace(-4, 4, 20001))
+    disk = 1.0 / np.abs(response - 0.5).max()
+    assert disk_frequency > 0.0
+    assert margins["disk"] == pytest.approx(disk, rel=1e-4)
+    assert solution.disk_margin.disk == pytest.approx(disk, rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_learner_learns_the_gain_of_the_cross_weights(seed):
+    game = crossed(seed)
+    game = game.with_delta(2.0 * minimum_delta(game).value)
+    run = learn(game, seed=seed)
+    exact = solve(game)
+    assert np.allclose(run.K, exact.K, atol=1e-6 * np.abs(exact.K).max())
+    assert verify(game, run).ok
+
+
+def test_critics_are_judged_with_the_cross_weights():
+    """The exact P and K pass, and those of the game without N fail."""
+    game = crossed(2)
+    game = game.with_delta(2.0 * minimum_delta(game).value)
+    exact = solve(game)
+    wrong = solve(Game(game.A, game.B, game.E, game.Q, game.R, game.delta))
+    for critic in (from_gain(game, exact.K), from_value(game, exact.P)):
+        assert verify(game, critic).ok
+    for critic in (from_gain(game, wrong.K), from_value(game, wrong.P)):
+        verdict = verify(game, critic)
+        assert not verdict.ok
+        assert "without cross weights N" in verdict.reason
+
+
+def test_a_stack_of_games_keeps_the_cross_weights():
+    game = crossed(4)
+    A = np.array([game.A, game.A + 0.1 * np.eye(4)])
+    B = np.array([game.B, 1.1 * game.B])
+    batch = solve_games(A, B, game)
+    for i in range(2):
+        P = solve_continuous_are(A[i], B[i], game.Q, game.R, s=game.N)
+        assert np.allclose(batch.P[i], P, atol=1e-8 * np.abs(P).max())
+        K = np.linalg.solve(game.R, B[i].T @ P + game.N.T)
+        assert np.allclose(batch.K[i], K, atol=1e-8 * np.abs(K).max())
+
+
+def test_the_joint_weight_decides():
+    """The boundary is Q - N R^-1 N' = 0: on it the game is solved, beyond it is refused."""
+    A, B = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0], [1.0]])
+    c, d = np.array([[1.0, 0.3]]), 0.7
+    on = Game(A, B, Q=c.T @ c, R=[[d * d]], N=c.T * d)
+    assert np.abs(on.without_cross_weights.Q).max() < 1e-15
+    for matrix in (np.array([[1.2], [0.3]]), np.array([[0.0], [1.001]])):
+        with pytest.raises(
+            BadInputError, match=r"\[\[Q, N\], \[N', R\]\] is not positive semidefinite"
+        ):
+            Game(A, B, Q=np.eye(2), R=np.eye(1), N=matrix)
+    assert lqr(A, B, np.eye(2), np.eye(1), [[0.0], [0.999]]).is_stable
+    with pytest.raises(BadInputError, match="N is 1 x 2; give 2 x 1"):
+        lqr(A, B, np.eye(2), np.eye(1), [[0.1, 0.2]])
+
+
+def test_a_plant_file_and_the_command_line_give_cross_weights(tmp_path):
+    A, B = [[0.0, 1.0], [2.0, -0.3]], [[0.0], [1.0]]
+    plant = tmp_path / "plant.npz"
+    np.savez(plant, A=A, B=B, Q=np.eye(2), R=np.eye(1), N=[[0.2], [0.3]])
+    K = control.lqr(A, B, np.eye(2), np.eye(1), np.array([[0.2], [0.3]]))[0]
+    assert np.allclose(answer("solve", "--model", str(plant))["K"], K)
+    other = control.lqr(A, B, np.eye(2), np.eye(1), np.array([[-0.2], [0.1]]))[0]
+    assert np.allclose(answer("solve", "--model", str(plant), "--N=-.2;.1")["K"], other)
+    learned = tmp_path / "run.npz"
+    answer("learn", "--model", str(plant), "-o", str(learned))
+    judged = answer("verify", "--model", str(plant), "--weights", str(learned))
+    assert judged["ok"]
+    assert judged["weights_from"]["N"] == "file"
+    refused = hfa("solve", "--model", str(plant), "--N", "1,2;3")
+    assert refused.code == 2
