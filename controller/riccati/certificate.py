@@ -23,6 +23,7 @@ from controller.riccati.derivations import (
     norms,
 )
 from controller.riccati.normal_form import MODERATE, RANK, NormalForm
+from controller.riccati.sensitivity import gain_change, gain_change_bounds
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.checks import RELATIONS, Check, Checked, at_least, at_most, checked
 from hfa_support.reporting.results import Result
@@ -37,6 +38,10 @@ ASYMMETRY = 1e-12
 #: Magnitude of a negative eigenvalue of P, relative to the largest entry, that counts as rounding.
 INDEFINITENESS = 1e-10
 DISAGREEMENT = 1e-8
+#: Largest relative change of K for one unit in the last place of the entries of the game.
+GAIN_CHANGE = 1e-2
+#: A larger change of K is reported. The bounds of a stack are then replaced by the change itself.
+NOTICEABLE = 1e-6
 #: Above this limit, the lower bound of the reach from the closed loop is used. Below it, the least
 #: reach is searched for.
 CLEAR_REACH = 1e3 * RANK
@@ -69,7 +74,17 @@ TEST_OF_AGREEMENT = {
         "the second derivation gives another P (difference {:.2g})",
     ),
 }
-TESTS_OF_A_STACK = TEST_OF_REACH | TESTS_OF_P | TEST_OF_AGREEMENT
+#: Test of the sensitivity of K: name -> relation, limit, and reason for a failure.
+TEST_OF_SENSITIVITY = {
+    "gain_change": (
+        "<=",
+        GAIN_CHANGE,
+        "K has no reliable digits: one unit in the last place of the entries of the game changes K"
+        " by up to {:.2g}, relative; give slow modes more weight in Q, or set entries that are only"
+        " rounding to 0",
+    ),
+}
+TESTS_OF_A_STACK = TEST_OF_REACH | TESTS_OF_P | TEST_OF_AGREEMENT | TEST_OF_SENSITIVITY
 #: Name of a test -> its value for one game, or its values (N,) for a stack.
 Measured = dict[str, Any]
 
@@ -117,12 +132,14 @@ class Certified(NamedTuple):
     loops: Loops
 
 
-def certified_solution(form: NormalForm) -> Certified:
+def certified_solution(form: NormalForm, given: NormalForm | None = None) -> Certified:
     """Return the certified solution of one game.
 
     The eigenvectors of the Hamiltonian are tried first (`certified_stack`), then the Schur form
     (`carefully_certified`). The solution is given in the coordinates of the returned form. These
     coordinates may differ from those of the given form.
+
+    given: as for `carefully_certified`
 
     Raises NoSolutionError as `carefully_certified` does.
     """
@@ -130,7 +147,7 @@ def certified_solution(form: NormalForm) -> Certified:
     if stack.holds[0]:
         loops = Loops(*(array[0] for array in stack.loops))
         return Certified(stack.X[0], form, Certificate(stack.checks(0)), loops)
-    return carefully_certified(form)
+    return carefully_certified(form, given)
 
 
 class CertifiedStack(NamedTuple):
@@ -180,6 +197,8 @@ def certified_stack(form: NormalForm) -> CertifiedStack:
         measured = measured_solution(form, X, loops)
         measured |= measured_agreement(X, by_doubling(form, derived.eigenvalues))
         measured["game_loop_abscissa"] += derived.spread
+        measured["gain_change"] = gain_change_bounds(form, X, *derived.eigenvectors)
+        good &= measured["gain_change"] <= NOTICEABLE
         measured["reach"] = shown_reach(form, X, loops)
         hidden = good & ~(measured["reach"] > CLEAR_REACH)
         if hidden.any():
@@ -191,10 +210,12 @@ def certified_stack(form: NormalForm) -> CertifiedStack:
     return CertifiedStack(np.where(good[:, None, None], X, np.nan), good, measured, loops)
 
 
-def carefully_certified(form: NormalForm) -> Certified:
+def carefully_certified(form: NormalForm, given: NormalForm | None = None) -> Certified:
     """Return the certified solution of one game by the Schur form and refined doubling.
 
     The coordinates of `turned` are tried first, then the coordinates of `levelled`.
+
+    given: the game in the coordinates of its entries, if `form` is already `turned`
 
     Raises NoSolutionError if the game's entries overflow, if the inputs do not reach a mode that
     does not decay, or if the tests fail in all coordinates, with the reason of the last failure.
@@ -210,7 +231,10 @@ def carefully_certified(form: NormalForm) -> Certified:
         if levelled is turned:
             raise
         X, accurate, checks = _certified_in(levelled, form)
-    certificate = Certificate(checks[:2] + reached + checks[2:])
+    change = gain_change(accurate, X, given or form)
+    sensitivity = checks_of(TEST_OF_SENSITIVITY, {"gain_change": change})
+    refuse_failures(sensitivity)
+    certificate = Certificate(checks[:2] + reached + checks[2:] + sensitivity)
     return Certified(X, accurate, certificate, closed_loops(accurate, X))
 
 

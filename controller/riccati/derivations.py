@@ -39,6 +39,8 @@ class FromEigenvectors(NamedTuple):
     eigenvalues: (N, 2n), eigenvalues of the Hamiltonian
     loop: (N, n), eigenvalues of A - S X
     spread: (N,), bound of the error of `loop` due to rounding of the eigenvectors
+    eigenvectors: eigenvalues (N, n) and eigenvectors (N, n, n) of A - S X before the Newton steps,
+        and the inverse of the eigenvectors
     """
 
     X: np.ndarray
@@ -48,6 +50,7 @@ class FromEigenvectors(NamedTuple):
     eigenvalues: np.ndarray
     loop: np.ndarray
     spread: np.ndarray
+    eigenvectors: tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
@@ -96,7 +99,9 @@ def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
     U = V1 @ (inverse @ form.S @ inverse.mT / sums)
     condition = 2.0 * n**0.5 * np.hypot(norms(U), norms(X @ U + inverse.mT))
     distance = np.abs(values.real).min(axis=1) / condition / norms(form.hamiltonian)
-    return FromEigenvectors(X, correction, stable, distance, values, loop, spread)
+    return FromEigenvectors(
+        X, correction, stable, distance, values, loop, spread, (rates, V1, inverse)
+    )
 
 
 def by_doubling(form: NormalForm, eigenvalues: np.ndarray) -> np.ndarray:

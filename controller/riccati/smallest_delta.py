@@ -181,10 +181,10 @@ def _some_solution(form: NormalForm) -> Certified:
         raise NoSolutionError(lqr_obstacle(form, reached.reason))
     inside = form.turned()
     try:
-        return certified_solution(inside.with_delta(math.inf))
+        return certified_solution(inside.with_delta(math.inf), form.with_delta(math.inf))
     except NoSolutionError as error:
         try:
-            return certified_solution(inside)
+            return certified_solution(inside, form)
         except NoSolutionError:
             raise NoSolutionError(lqr_obstacle(form, str(error))) from error
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from controller.riccati.certificate import NOTICEABLE, TEST_OF_SENSITIVITY
 from hfa_support.reporting.checks import checks_block
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, eigenvalue_text, entry_rows, matrix_table
@@ -32,6 +34,7 @@ def solution_report(solution: Solution) -> Report:
         parts=(
             matrix_table("P", states, states, solution.P),
             matrix_table("K", inputs, states, solution.K),
+            *_sensitivity(solution),
             f"closed loop A - B K, 1/s: {', '.join(map(eigenvalue_text, poles))}",
             checks_block(solution.certificate.checks),
             *confirmed,
@@ -45,6 +48,16 @@ def solution_report(solution: Solution) -> Report:
             entry_rows((solution.P,), (solution.K,), solution.names),
         ),
     )
+
+
+def _sensitivity(solution: Solution) -> Iterator[str]:
+    """Yield a warning if the last digits of the entries of the game change K noticeably."""
+    for check in solution.certificate.checks:
+        if check.name in TEST_OF_SENSITIVITY and check.value > NOTICEABLE:
+            yield (
+                f"WARNING: one unit in the last place of the entries of the game changes K by\n"
+                f"up to {check.value:.2g}, relative; further digits of K have no meaning"
+            )
 
 
 def _margins_table(solution: Solution) -> Table:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from cli import answer
 from game_files import checks_of, stored
-from game_samples import failed_names, random_game
+from game_samples import failed_names, game_models, random_game
 from planted_critics import other_root
+from reference_riccati import reference_solution, relative_error
 from tolerances import SAME_SOLUTION
 
 from controller import minimum_delta
@@ -302,3 +304,71 @@ def test_the_frequency_of_the_distance_is_returned() -> None:
     distance, frequency = computed.nearest_to_axis()
     assert distance == computed.axis_distance()
     assert frequency < 2.0 < abs(least_damped.imag)
+
+
+def _nearly_nilpotent(weight: float) -> Game:
+    """Return a game whose A has two eigenvalues 0 up to rounding: its last digits move them."""
+    A = 0.1 * np.array([[1.0, 1.0], [-1.0, -1.0]])
+    return Game(A, [[1e-8], [0.0]], np.zeros((2, 1)), weight * I2, np.eye(1), math.inf)
+
+
+def _last_digit_changed(game: Game) -> Game:
+    A = game.A.copy()
+    A[0, 0] = np.nextafter(A[0, 0], 1.0)
+    return replace(game, A=A)
+
+
+def test_a_gain_without_reliable_digits_is_refused() -> None:
+    """The last digit of one entry changes the exact K by 10 %, computed with 60 digits."""
+    game = _nearly_nilpotent(1e-16)
+    exact, moved = reference_solution(game).K, reference_solution(_last_digit_changed(game)).K
+    assert relative_error(moved, exact) > 0.05
+    with pytest.raises(NoSolutionError, match="last place"):
+        solve(game)
+
+
+def test_a_gain_with_few_reliable_digits_is_reported() -> None:
+    """With more weight, the last digit changes K by 1e-4. The bound contains this change."""
+    game = _nearly_nilpotent(1e-10)
+    solution = solve(game)
+    exact, moved = reference_solution(game).K, reference_solution(_last_digit_changed(game)).K
+    bound = named(solution.certificate)["gain_change"].value
+    assert relative_error(moved, exact) < bound < 10.0 * relative_error(moved, exact)
+    assert "WARNING" in str(solution.report())
+    assert "WARNING" not in str(solve(game_models()["published-15"]).report())
+
+
+def _changed(matrix: np.ndarray, size: float, rng: np.random.Generator) -> np.ndarray:
+    """Return a matrix with every entry changed by the same relative size, up or down."""
+    return matrix * (1.0 + size * rng.choice([-1.0, 1.0], matrix.shape))
+
+
+@pytest.mark.parametrize("scaled", [False, True])
+def test_the_bound_of_the_change_of_the_gain_is_true_and_tight(scaled: bool) -> None:
+    """Random changes of all entries change K by less than the bound, and by 0.5 % of it or more.
+
+    The exact gain is evaluated with 60 digits, in the balanced units of the game.
+    """
+    rng = np.random.default_rng(7)
+    size = 1e-9
+    checked = 0
+    while checked < 4:
+        game = random_game(rng, scaled=scaled)
+        exact = reference_solution(game)
+        if not exact.exists:
+            continue
+        form = NormalForm.of(game)
+
+        def in_balanced_units(K: np.ndarray, form: NormalForm = form) -> np.ndarray:
+            return form.root.T @ K * form.units
+
+        K = in_balanced_units(exact.K)
+        largest = 0.0
+        for _ in range(3):
+            A, B, E, R = (_changed(each, size, rng) for each in (game.A, game.B, game.E, game.R))
+            other = Game(A, B, E, game.Q, (R + R.T) / 2.0, game.delta * (1.0 + size))
+            moved = in_balanced_units(reference_solution(other).K)
+            largest = max(largest, relative_error(moved, K))
+        bound = named(solve(game).certificate)["gain_change"].value / np.finfo(float).eps * size
+        assert largest <= bound <= 200.0 * largest
+        checked += 1

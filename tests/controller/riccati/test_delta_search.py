@@ -232,7 +232,7 @@ def test_both_derivations_agree_near_the_smallest_delta() -> None:
         near = game.with_delta(minimum_delta(game).value * (1.0 + 1e-5))
         form = NormalForm.of(near)
         checks = carefully_certified(form).certificate.checks
-        assert checks[-1].name == "second_derivation"
+        assert {"second_derivation", "gain_change"} <= {check.name for check in checks}
 
 
 def refusal_of(call: Callable[[], object]) -> str:

@@ -82,7 +82,7 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
     content = json.loads(json.dumps(solution.to_dict(), allow_nan=False))
     assert np.array_equal(np.array(content["P"]), P)
     assert (content["delta"], content["certificate"]["ok"]) == (game.delta, True)
-    assert len({check["name"] for check in content["certificate"]["checks"]}) == 9
+    assert len({check["name"] for check in content["certificate"]["checks"]}) == 10
     assert solve(game.with_delta(math.inf)).to_dict()["delta"] is None
 
 
