@@ -10,9 +10,11 @@ import pytest
 from game_samples import INITIAL, failed_names, game_models
 from tolerances import FEW_ROUNDINGS
 
-from controller import bounded_real_gain
+from controller import bounded_real_gain, minimum_delta
 from controller.riccati.cost import flight_cost, loss_matrix
+from controller.riccati.gare import certified
 from controller.riccati.meaning import cost_check, cost_matrix, meaning_checks
+from controller.riccati.normal_form import NormalForm
 from hfa import Game, NoSolutionError, from_value, solve, verify
 
 
@@ -28,6 +30,29 @@ def test_a_value_off_by_a_millionth_fails(
     """A P with a relative error of 1e-6 fails the cost check."""
     game, P = first
     assert not cost_check(game, P * (1.0 + 1e-6), INITIAL).ok
+
+
+def test_a_weighted_difference_that_costs_nothing_is_confirmed() -> None:
+    """An initial state without cost passes the check of an exact P, and not that of a wrong P."""
+    game = Game(
+        *([[-1.5, 0.5], [0.5, -1.5]], [[1.0], [1.0]], [[0.0], [0.0]]),
+        *([[1.0, -1.0], [-1.0, 1.0]], [[1.0]], math.inf),
+    )
+    P = solve(game).P
+    ones = np.ones(2)
+    assert ones @ P @ ones == pytest.approx(0.0, abs=1e-15)
+    assert cost_check(game, P, ones).ok
+    assert not cost_check(game, P + 1e-6, ones).ok
+
+
+def test_the_cost_is_exact_near_the_smallest_delta(game: Game) -> None:
+    """1e-6 above delta_min, where P is 1e6 times its usual size, the cost is that of P."""
+    near = game.with_delta(minimum_delta(game).value * (1.0 + 1e-6))
+    form = NormalForm.of(near)
+    solved = certified(form)
+    balanced = solved.form.game()
+    assert cost_check(balanced, solved.X, np.ones(6)).value < 1e-8
+    assert not cost_check(balanced, solved.X * (1.0 + 1e-6), np.ones(6)).ok
 
 
 def test_destabilizing_policies_have_no_cost(first: tuple[Game, np.ndarray]) -> None:
