@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 import hfa
 from hfa_optimal.collocation import DEGREE, Equations, Transcription
+from hfa_optimal.problem import MARGIN
 from hfa_optimal.search import BestFlights, refutation
 
 GTM = f"{Path(__file__).parents[3] / 'examples' / 'gtm.py'}:GTM"
@@ -288,3 +289,23 @@ def test_the_saturated_lqr_is_the_last_resort(monkeypatch: pytest.MonkeyPatch) -
     assert (best.source, best.reason) == (best.found.linear.name, "planted")
     with pytest.raises(hfa.NoSolutionError, match="planted"):
         best_of_cart({"position": 15.0, "velocity": 6.0})
+
+
+def test_a_second_proposal_keeps_a_multiple_of_the_margin(
+    gtm: hfa.BestFlight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If a flight leaves the limits, the next proposal stays inside limits narrowed by 3 margins.
+
+    A margin beyond 1 (a factor without the margin) would leave no interval between the limits.
+    """
+    search = BestFlights(gtm.problem)
+    proposal = gtm.found.proposal
+    flown = search.flights.follow(proposal, 1.25 * gtm.seconds)
+    left = flown._replace(departure="alpha")
+    monkeypatch.setattr(type(search.flights), "follow", lambda *_: left)
+    _, tighter = search._simulated(proposal, gtm.seconds, 3.0)
+    assert tighter is not proposal
+    lowest, highest = gtm.problem.inner_limits(proposal.start, 3.0 * MARGIN)
+    z = tighter.z.reshape(-1, tighter.z.shape[-1])
+    assert (z >= lowest - 1e-6 * np.abs(lowest)).all()
+    assert (z <= highest + 1e-6 * np.abs(highest)).all()

@@ -1,6 +1,7 @@
 """Flights that end early, compared with flights of the full duration."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -13,7 +14,14 @@ from hfa_policy.assessment import Assessor
 from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
 from hfa_policy.equilibrium import EquilibriumSearch
-from hfa_policy.outcomes import _LOST, _RETURNED, HORIZON, SimulatedRows, seeded_starts
+from hfa_policy.outcomes import (
+    _LOST,
+    _RETURNED,
+    HORIZON,
+    SimulatedRows,
+    measured_cycle,
+    seeded_starts,
+)
 from hfa_policy.trims import trims_of
 
 STARTS = 100
@@ -202,3 +210,34 @@ def test_a_flight_that_departs_again_has_not_converged():
     starts, _ = seeded_starts(found.place, 20, 0, False)
     at_end = 0.02 / 2.04 * (starts[:, 1] * np.exp(0.02 * found.place.seconds)) ** 2
     assert found.flights.returned == (at_end <= 0.05).sum() < 20
+
+
+def test_a_flight_on_the_moved_equilibrium_is_at_distance_0():
+    """The equilibrium moves by drift · (X - trim). The opposite sign would give a distance."""
+    flown = SimpleNamespace(
+        flight=SimpleNamespace(slices=(slice(0, 2), slice(2, 2), slice(2, 4), slice(4, 6))),
+        linear=[0],
+        trims=np.array([[1.0, 100.0]]),
+        centres=np.array([[1.0]]),
+        drifts=np.array([[[0.0, 0.02]]]),
+        balls=np.array([[0.1]]),
+        decisive=np.array([[True]]),
+        turns=np.array([[0.0]]),
+    )
+    state = np.array([1.0 + 0.02 * 50.0, 150.0])
+    rows = np.concatenate([state, state, state])[None]
+    distance, moved = SimulatedRows._in_balls(flown, rows, np.array([0]))
+    assert distance == pytest.approx(0.0, abs=1e-12)
+    assert moved == pytest.approx(0.0)
+
+
+def test_a_flight_that_overflows_has_no_limit_cycle():
+    row = ca.SX.sym("row", 3)
+    flight = SimpleNamespace(
+        slices=(slice(0, 2), slice(2, 3)),
+        dt=0.02,
+        sample=lambda: ca.Function("sample", [row], [1e30 * row]),
+    )
+    model = SimpleNamespace(inputs=("elevator",), states=("speed", "alpha"))
+    place = SimpleNamespace(point=SimpleNamespace(model=model, states=[0.0, 0.0], inputs=[0.0]))
+    assert measured_cycle(flight, np.ones(3), place, seconds=2.0) is None

@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from dataclasses import replace
 
 import casadi as ca
 import control
@@ -11,9 +12,11 @@ from policy_cases import GTM, gtm_deployment, model_of
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov, solve_lyapunov
 
 import hfa
+from hfa_discrete.solution import sampled, solve_discrete
 from hfa_policy.assessment import Assessor
-from hfa_policy.cost_above_optimum import cost_above_optimum, lqr_at
+from hfa_policy.cost_above_optimum import _sampled_costs, cost_above_optimum, lqr_at
 from hfa_policy.deployed import Deployed
+from hfa_policy.reach import _own_modes
 from hfa_policy.sampled_loop import Chain, chain_of, delays, held, margins, slowest_swing
 from hfa_policy.trims import trims_of
 
@@ -221,3 +224,37 @@ def test_delays_are_searched_upward(case):
     assert all(radius < 1.0 for radius in found.radii[:-1])
     assert found.radii[-1] >= 1.0
     assert found.limit - DT < found.fine <= found.limit
+
+
+@pytest.mark.parametrize("units", [1.0, 1e-14, 1e14])
+def test_the_unit_of_the_cost_does_not_matter(case, units):
+    """Costs above the optimum in percent do not change if all weights are multiplied."""
+    deployed, equilibrium, _ = linear_case(1.3)
+    chain = chain_of(equilibrium, DT, 0.0)
+    usual = cost_above_optimum(deployed, equilibrium, chain)
+    problem = sampled(lqr_at(deployed, equilibrium), DT)
+    step = replace(problem.step, Q=units * problem.step.Q, R=units * problem.step.R)
+    optimum = solve_discrete(replace(problem, step=step)).P
+    worst, mean = _sampled_costs(step, optimum, chain)
+    assert worst == pytest.approx(usual.sampled_worst, rel=1e-6)
+    assert mean == pytest.approx(usual.sampled_mean, rel=1e-6)
+
+
+def test_both_eigenvalues_of_a_pair_belong_to_its_mode(case):
+    """An eigenvalue finds its mode, whichever sign its imaginary part has."""
+    deployed, equilibrium, _ = case
+    values = np.linalg.eigvals(equilibrium.A)
+    assert (values.imag < 0.0).any()
+    for value in values:
+        (mode,) = _own_modes(deployed, equilibrium.A, value)
+        assert mode.growth == pytest.approx(value.real)
+
+
+def test_a_loop_without_a_cost_has_a_radius_only(case):
+    """Without the table `cost`, the sampled loop has no cost above the optimum."""
+    deployed, _, _ = case
+    free = gtm_deployment({"file": deployed.deployment.policy["file"]}, timing={"dt": DT})
+    assessor = Assessor(Deployed(free, deployed.model), trims_of(deployed.model, [45.0]), samples=0)
+    (loop,) = assessor.sampled_loops()
+    assert loop.radius < 1.0
+    assert loop.cost is None

@@ -193,3 +193,21 @@ def test_csv_files_without_a_matrix_are_refused(texts: dict[str, str], said: str
     """.csv files that do not contain a matrix are refused, and the message states the reason."""
     with pytest.raises(BadInputError, match=said):
         of(**texts)
+
+
+class RunsCode:
+    """An object whose pickle writes the file "ran" when it is loaded."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Path.touch, (Path("ran"),)
+
+
+@pytest.mark.parametrize("name", ["K.npy", "other.npy", "K.npz"])
+def test_a_file_of_arrays_runs_no_code(name: str) -> None:
+    """A pickled object in a .npy or .npz file is refused and not loaded."""
+    held = np.array([RunsCode()], dtype=object)
+    save = np.savez if name.endswith("z") else np.save
+    save(name, held, allow_pickle=True)
+    with pytest.raises(BadInputError, match=name):
+        read_arrays(name)
+    assert not Path("ran").exists()

@@ -14,7 +14,7 @@ from own_models import F16, NAVION, trimmed
 from hfa import BadInputError, LinearModel, linearize
 from hfa.paper import level_model
 from hfa_model import choice
-from trim.linear.frequency import bode_figure, transfers
+from trim.linear.frequency import bode_figure, transfers, with_transfers
 from trim.linear.modes import spectrum
 from trim.linear.transfer import StateSpace, Transfer, gain_and_roots, transmission_zeros
 
@@ -211,3 +211,21 @@ def test_the_command_reports_the_models_transfer_functions(tmp_path: Path) -> No
         2,
         "alpha is in both --states and --residualize",
     )
+
+
+def test_transfer_functions_that_are_0_are_not_shown() -> None:
+    """The printed table contains exactly the transfer functions with a gain."""
+    linear = LinearModel(np.array([[-1.0, 0.0], [0.5, -2.0]]), np.eye(2))
+    found = transfers(linear)
+    shown = {f"{each.output} / {each.input}" for each in found if each.gain}
+    assert len(shown) < len(found)
+    table = with_transfers(linear.report(), linear).parts[-1]
+    assert {row[0] for row in table.rows} == shown
+
+
+def test_the_dihedral_angle_is_the_one_scheduling_value_of_the_flexible_aircraft() -> None:
+    """A point of the flexible aircraft states `dihedral_deg`, and no `scheduled` besides."""
+    point = level_model(choice.aircraft(), 0.2).point
+    assert point.scheduled is None
+    assert point.dihedral_deg == pytest.approx(np.degrees(0.2))
+    assert "scheduled" not in point.as_data()

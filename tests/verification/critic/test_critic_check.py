@@ -607,3 +607,11 @@ def test_the_last_row_of_a_history_is_checked(
         BadInputError, match="W has 20 weights, but basis 'quadratic' of 6 states has 21"
     ):
         check_history(game, critics_over_time(game, TIMES, W=np.ones((len(TIMES), 20))))
+
+
+def test_a_history_without_times_is_refused(game: Game) -> None:
+    """Each critic of a history has a time; a history has a critic."""
+    timed = planted(game, np.full(len(TIMES), 1e-10), "K")
+    for critics in ((), (from_gain(game, timed[0].K),), (*timed[:2], from_gain(game, timed[0].K))):
+        with pytest.raises(BadInputError, match="a critic or its time is missing"):
+            check_history(game, critics)

@@ -284,6 +284,11 @@ FORGED |= {
         put(array(lambda share: 1e-6 * share), *CLAIM, "fixed_actuators", "effectiveness"),
         "not proved positive definite",
     ),
+    "actuators without bandwidth": (
+        "actuators",
+        put([0.0, 10.0], *CLAIM, "uncertain_actuators", "bandwidth"),
+        "uncertain_actuators",
+    ),
     "a longer delay": (
         "actuators",
         put(0.1, *CLAIM, "uncertain_actuators", "delay"),

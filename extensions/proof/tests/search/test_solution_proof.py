@@ -206,3 +206,13 @@ def test_a_destabilizing_gain_is_certified_as_unstable(
     assert (checked.data["closed_loop_hurwitz"], checked.data["proved"]) == (None, False)
     assert checked.title.startswith("Verified, but whether the gain stabilizes is open")
     assert "open: whether A - B K with the critic's K is Hurwitz" in checked.text()
+
+
+def test_a_game_whose_disturbance_costs_nothing_has_no_bracket() -> None:
+    """With delta_min = 0 there is nothing to bracket; the solution is still proved."""
+    game = Game([[1.0]], [[1.0]], [[0.0]], [[1.0]], [[1.0]], 2.0)
+    assert minimum_delta(game).value == 0.0
+    assert prove_delta_min(ExactGame.of(game), minimum_delta(game)) is None
+    proof = prove_solution(game)
+    assert proof.data["delta_min_above"] is None
+    assert proof.data["closed_loop_hurwitz"] is True
