@@ -5,10 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from controller.riccati.balancing import is_hurwitz
 from controller.riccati.certificate import NOTICEABLE, TEST_OF_SENSITIVITY
 from hfa_support.reporting.checks import checks_block
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.text import Table, eigenvalue_text, entry_rows, matrix_table
+from hfa_support.reporting.text import (
+    Table,
+    controller_tables,
+    eigenvalue_text,
+    entry_rows,
+    matrix_table,
+)
 
 if TYPE_CHECKING:
     from controller.riccati.gare import Solution
@@ -16,6 +23,7 @@ if TYPE_CHECKING:
 
 def solution_report(solution: Solution) -> Report:
     """Return a report of P, K, the closed-loop eigenvalues, checks, delta_min and margins."""
+    game = solution.game
     inputs = solution.names.inputs
     states = solution.names.states
     poles = [value for value in solution.closed_loop_eigenvalues if value.imag >= 0]
@@ -33,7 +41,10 @@ def solution_report(solution: Solution) -> Report:
         ),
         parts=(
             matrix_table("P", states, states, solution.P),
-            matrix_table("K", inputs, states, solution.K),
+            *controller_tables(
+                {"K": (inputs, states, solution.K)},
+                lambda printed: is_hurwitz(game.A - game.B @ printed["K"]),
+            ),
             *_sensitivity(solution),
             f"closed loop A - B K, 1/s: {', '.join(map(eigenvalue_text, poles))}",
             checks_block(solution.certificate.checks),

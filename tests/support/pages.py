@@ -6,6 +6,11 @@ import difflib
 import re
 from typing import NamedTuple
 
+import numpy as np
+
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table
+
 _FENCE = re.compile(r"^```(\w*)( slow)?\n(.*?)^```$", re.M | re.S)
 #: Groups: a command, its exit code, and its output.
 COMMAND = re.compile(r"^\$ ((?:.*\\\n)*.*?)(?:\s+# exit (\d+))?\n((?:(?!\$ ).*\n)*)", re.M)
@@ -48,3 +53,13 @@ def difference(expected: str, actual: str) -> str:
             lines, output.splitlines(), "the document", "what happens", lineterm="", n=1
         )
     )
+
+
+def printed_matrices(report: Report) -> dict[str, np.ndarray]:
+    """Return the numbers that a report prints in its tables of matrices, by name of the matrix."""
+    names = ("P", "K", "Ak", "Bk", "Ck", "Dk")
+    return {
+        part.header[0]: np.array([row[1:] for row in part.rows], dtype=float)
+        for part in report.parts
+        if isinstance(part, Table) and part.header[0] in names
+    }

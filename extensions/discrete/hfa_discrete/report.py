@@ -13,7 +13,7 @@ from hfa_support.progress import Progress
 from hfa_support.reporting.checks import checks_block
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result, Roots
-from hfa_support.reporting.text import matrix_table
+from hfa_support.reporting.text import controller_tables, matrix_table
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -78,7 +78,7 @@ def discrete_report(analysed: AnalysedDiscreteGame) -> Report:
         f"margin {analysed.delta_margin:.4g}, discount {solution.discount:g} a step",
         parts=(
             matrix_table("P", states, states, solution.P),
-            matrix_table("K", inputs, states, solution.K),
+            *controller_tables({"K": (inputs, states, solution.K)}, solution.has_finite_cost),
             f"u = -K x {stabilizes}: A - B K has the spectral radius {solution.radius:.7g},"
             f" sqrt(discount) (A - B K) {solution.discounted_radius:.7g}",
             checks_block(solution.certificate.checks),

@@ -77,6 +77,11 @@ class DiscreteSolution(Reported):
         """Discount α of one step."""
         return self.problem.discount
 
+    def has_finite_cost(self, printed: dict[str, np.ndarray]) -> bool:
+        """Return whether a printed gain "K" gives sqrt(discount) (A - B K) a radius below 1."""
+        loop = self.game.A - self.game.B @ printed["K"]
+        return math.sqrt(self.discount) * _radius(loop) < 1.0
+
     @property
     def H(self) -> Matrix:
         """Matrix of the Q-function over (x, u, w), or over (x, u) if delta = inf."""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from cli import answer, hfa
 from game_files import stored
+from pages import printed_matrices
 from reference_riccati import relative_error
 from reference_steps import reference_step_value
 from tolerances import FEW_ROUNDINGS, SAME_SOLUTION
@@ -18,6 +19,7 @@ from hfa import BadInputError, Game, NoSolutionError, solve
 from hfa.main import FAILED
 from hfa_discrete import solve_discounted
 from hfa_discrete.discrete_game import DiscreteGame
+from hfa_discrete.report import analyse_discrete, discrete_report
 from hfa_discrete.solution import (
     minimum_delta_discrete,
     sampled,
@@ -455,3 +457,18 @@ def test_a_gain_that_does_not_stabilize_is_refused(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(StepForm, "gain", lambda *_: np.zeros((1, 1)))
     with pytest.raises(NoSolutionError, match=r"returned K has radius 1\.5"):
         solve_discrete(DiscreteGame(step))
+
+
+@pytest.mark.parametrize(("slow", "is_refined"), [(1.00001, True), (0.999, False)])
+def test_the_printed_gain_stabilizes(slow, is_refined):
+    """If four decimals of K leave a slow mode unstable, more digits are printed."""
+    modes = np.array([[0.8, 0.6], [-0.6, 0.8]])
+    A = modes @ np.diag([1e3, slow]) @ modes.T
+    B = modes @ [[1.0], [1.0]]
+    step = Game(A, B, np.zeros((2, 1)), 1e-12 * np.eye(2), np.eye(1), np.inf)
+    analysed = analyse_discrete(DiscreteGame(step))
+    printed = printed_matrices(discrete_report(analysed))["K"]
+    four_decimals = analysed.solution.K.round(4)
+    assert np.abs(np.linalg.eigvals(A - B @ printed)).max() < 1.0
+    assert (np.abs(np.linalg.eigvals(A - B @ four_decimals)).max() > 1.0) == is_refined
+    assert np.array_equal(printed, four_decimals) != is_refined

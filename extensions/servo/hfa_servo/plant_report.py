@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from controller.riccati.balancing import spectrum
+import numpy as np
+
+from controller.riccati.balancing import is_hurwitz, spectrum
 from controller.riccati.certificate import Certificate
 from controller.riccati.smallest_delta import DeltaMin
 from hfa_servo.generalized_plant import (
@@ -21,7 +23,7 @@ from hfa_servo.generalized_plant import (
 from hfa_support.reporting.checks import checks_block
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result, Roots
-from hfa_support.reporting.text import Table, eigenvalue_text, matrix_table, numbered
+from hfa_support.reporting.text import Table, controller_tables, eigenvalue_text, numbered
 
 #: Default delta / delta_min. Nearer to 1, the poles of the controller become ever faster.
 USUAL_MARGIN = 1.01
@@ -41,6 +43,7 @@ class PlantSolution(Result, Reported):
     """Controller of a generalized plant, with its delta, the smallest delta and the closed loop.
 
     plant: name of the plant.
+    problem: the plant.
     smallest: delta_min of the plant.
     solution: the controller.
     closed_loop_eigenvalues: 1/s.
@@ -51,6 +54,7 @@ class PlantSolution(Result, Reported):
     made_by = "hfa solve, of a generalized plant"
 
     plant: str
+    problem: GeneralizedPlant
     smallest: DeltaMin
     solution: OutputFeedback | StateFeedback
     closed_loop_eigenvalues: Roots
@@ -71,6 +75,10 @@ class PlantSolution(Result, Reported):
         """Equation of the controller, as text."""
         raise NotImplementedError
 
+    def loop(self, controller: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the matrix of the closed loop with given matrices of the controller."""
+        raise NotImplementedError
+
     @property
     def matrices(self) -> dict[str, Names]:
         """Names of the rows and columns of each matrix of the controller, by name of the matrix."""
@@ -78,10 +86,10 @@ class PlantSolution(Result, Reported):
 
     def report(self) -> Report:
         """Return the report: equation and matrices of the controller, closed loop and checks."""
-        matrices = [
-            matrix_table(name, rows, columns, getattr(self.solution, name))
-            for name, (rows, columns) in self.matrices.items()
-        ]
+        matrices = controller_tables(
+            {name: (*names, getattr(self.solution, name)) for name, names in self.matrices.items()},
+            lambda printed: is_hurwitz(self.loop(printed)),
+        )
         poles = self.closed_loop_eigenvalues
         upper = ", ".join(eigenvalue_text(value) for value in poles if value.imag >= 0)
         limits = f"delta {self.solution.delta:.6g}, smallest possible {self.smallest.value:.7g}"
@@ -128,6 +136,11 @@ class OutputSolution(PlantSolution):
         """Equation of the controller, as text."""
         return "Output feedback xk' = Ak xk + Bk y, u = Ck xk + Dk y"
 
+    def loop(self, controller: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the matrix of the closed loop with given Ak, Bk, Ck and Dk."""
+        Ak, Bk, Ck, Dk = (controller[name] for name in ("Ak", "Bk", "Ck", "Dk"))
+        return closed_plant(self.problem, (Ak, Bk, Ck, Dk))[0]
+
     @property
     def matrices(self) -> dict[str, Names]:
         """Names of the rows and columns of each matrix of the controller, by name of the matrix."""
@@ -164,6 +177,10 @@ class StateSolution(PlantSolution):
     def law(self) -> str:
         """Equation of the controller, as text."""
         return "State feedback u = -K x"
+
+    def loop(self, controller: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the matrix A - B2 K of the closed loop with a given K."""
+        return self.problem.A - self.problem.B2 @ controller["K"]
 
     @property
     def matrices(self) -> dict[str, Names]:
@@ -204,7 +221,12 @@ def solution_of_plant(
     if delta is None:
         delta = USUAL_MARGIN * smallest.value or 1.0
     solution = solve_plant(plant, delta)
-    shared: dict[str, Any] = {"plant": origin, "smallest": smallest, "warnings": notes}
+    shared: dict[str, Any] = {
+        "plant": origin,
+        "problem": plant,
+        "smallest": smallest,
+        "warnings": notes,
+    }
     if isinstance(solution, StateFeedback):
         loop = plant.A - plant.B2 @ solution.K
         poles = spectrum(loop).eigenvalues

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from cli import hfa
 from known_models import model_at
+from pages import printed_matrices
 from plant_references import gain_of, of_slycot
 from reference_riccati import reference_solution, relative_error
 from servo_cases import simvfa_design
@@ -689,3 +690,24 @@ def test_a_measured_game_with_cross_weights_keeps_its_cost() -> None:
     solved = solve_plant(plant, math.inf)
     found = control.ss(solved.Ak, solved.Bk, solved.Ck, solved.Dk)
     assert np.allclose(found(1.3j), lqg(1.3j))
+
+
+@pytest.mark.parametrize("measured", [False, True])
+@pytest.mark.parametrize(("slow", "is_refined"), [(1e-3, True), (-1e-3, False)])
+def test_the_printed_controller_stabilizes(measured: bool, slow: float, is_refined: bool) -> None:
+    """If four decimals of a controller leave a slow mode unstable, more digits are printed.
+
+    measured: whether the states are measured with noise
+    """
+    modes = np.array([[0.8, 0.6], [-0.6, 0.8]])
+    A = modes @ np.diag([1e3, slow]) @ modes.T
+    B = 100.0 * modes @ [[1.0], [1.0]]
+    game = Game(A, B, np.eye(2), 1e-12 * np.eye(2), np.eye(1), math.inf)
+    plant = GeneralizedPlant.measured(game, np.eye(2), np.eye(2))
+    if not measured:
+        plant = replace(plant, C2=None, D21=None, D22=None)
+    solved = solution_of_plant(plant, math.inf, "plant")
+    printed = printed_matrices(solved.report())
+    four_decimals = {name: getattr(solved.solution, name).round(4) for name in solved.matrices}
+    assert np.linalg.eigvals(solved.loop(printed)).real.max() < 0.0
+    assert (np.linalg.eigvals(solved.loop(four_decimals)).real.max() > 0.0) == is_refined

@@ -12,6 +12,7 @@ import mpmath
 import numpy as np
 import pytest
 from game_samples import game_models, random_game, regenerated_models
+from pages import printed_matrices
 from reference_riccati import reference_solution, relative_error
 from tolerances import FEW_ROUNDINGS, SAME_FORMULA
 
@@ -21,6 +22,7 @@ from controller.riccati.existence import existence
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin
 from hfa import BadInputError, Game, NoSolutionError, solve
+from hfa_support.reporting.text import controller_tables
 
 MODELS = sorted(game_models())
 OURS = regenerated_models()
@@ -321,3 +323,27 @@ def test_an_undamped_costless_mode_is_named(size: float) -> None:
         )
         with pytest.raises(NoSolutionError, match="is not detectable: the undamped mode"):
             solve(game)
+
+
+@pytest.mark.parametrize(("slow", "is_refined"), [(1e-3, True), (-1e-3, False)])
+def test_the_printed_gain_stabilizes(slow: float, is_refined: bool) -> None:
+    """If four decimals of K do not stabilize a plant with a fast and a slow mode, more are printed.
+
+    slow: slow eigenvalue of A, 1/s
+    is_refined: whether four decimals are not enough
+    """
+    modes = np.array([[0.8, 0.6], [-0.6, 0.8]])
+    A = modes @ np.diag([1e3, slow]) @ modes.T
+    B = 100.0 * modes @ [[1.0], [1.0]]
+    solution = solve(Game(A, B, np.zeros((2, 1)), 1e-12 * np.eye(2), np.eye(1), math.inf))
+    printed = printed_matrices(solution.report())["K"]
+    assert np.linalg.eigvals(A - B @ printed).real.max() < 0.0
+    assert (np.linalg.eigvals(A - B @ solution.K.round(4)).real.max() > 0.0) == is_refined
+    assert np.array_equal(printed, solution.K.round(4)) != is_refined
+
+
+def test_a_gain_that_no_digits_print_refers_to_the_file() -> None:
+    """If no printed matrix stabilizes, the report refers to -o."""
+    matrices = {"K": (("u1",), ("x1",), np.array([[1.0 / 3.0]]))}
+    *_, note = controller_tables(matrices, lambda printed: False)
+    assert "-o" in note
