@@ -373,7 +373,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
     """
 
     duration: float | None = option(
-        "duration of the flight, s; default 20, longer for growing modes", "S", number, default=20.0
+        "duration, s; default 20, or more if unstable", "S", number, default=20.0
     )
     initial: Mapping[str, float] = option(
         "initial deviation of a state from the trim, degrees for angles; repeatable",

@@ -14,7 +14,6 @@ from hfa_policy.assessment_report import Assessment
 from hfa_policy.best_costs import BestCosts
 from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
-from hfa_policy.mistakes import mistakes_of
 from hfa_policy.rough_flights import rough_flights, rough_scenario
 from hfa_policy.trims import trims_of
 from hfa_policy.variations import changes_of, variations
@@ -110,7 +109,6 @@ def assessment_of(
     assessed = assessor.assessed(progress_of("fly"))
     if best is not None:
         assessed = [replace(at, best=best(at)) for at in assessed]
-    mistakes = tuple(mistakes_of(assessor, assessed))
     changed = variations(assessor, changes, progress_of("fly changed aircraft"))
     if scenarios:
         rough = rough_flights(
@@ -122,4 +120,4 @@ def assessment_of(
             progress_of("fly in noise and moving air"),
         )
         assessed = [replace(at, rough=flown) for at, flown in zip(assessed, rough, strict=True)]
-    return Assessment(assessor.deployed, tuple(assessed), mistakes, needs, tuple(changed))
+    return Assessment(assessor.deployed, tuple(assessed), needs, tuple(changed))

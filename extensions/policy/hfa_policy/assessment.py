@@ -16,6 +16,12 @@ from hfa_policy.cost_above_optimum import CostAboveOptimum, cost_above_optimum
 from hfa_policy.departures import departure_text, refuse_edges
 from hfa_policy.deployed import Deployed
 from hfa_policy.equilibrium import Equilibrium, EquilibriumSearch, whole_turns
+from hfa_policy.evidence import (
+    ActionEffect,
+    ObservationRange,
+    action_effects,
+    observation_ranges,
+)
 from hfa_policy.flights import SampledFlight
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.nonlinearity import Nonlinearity, nonlinearity
@@ -65,6 +71,8 @@ class AssessedPoint(Result):
     disturbed: outcomes from the same initial conditions with a disturbance pulse, or None without
         flights.
     findings: findings at this trim, one sentence each.
+    actions: effect of each action beside the exact gain's, or () if there is no exact gain.
+    observations: range of each observation in flight beside the training's, or () without flights.
     best: comparison with the best flights found, or None if it was not requested.
     rough: flights with sensor noise or in moving air, or None if they were not requested.
     slowest: eigenvalue of the sampled loop with the largest absolute value, or nan without an
@@ -75,7 +83,7 @@ class AssessedPoint(Result):
         "holds spectral_radius=radius delay_limit=delays.limit delay_limit_fine=delays.fine "
         "delay_searched=delays.searched radii disk_margin=margins.disk.disk input_margins "
         "equilibrium=equilibrium_states equilibrium_inputs K=equilibrium.K cost_lost=cost "
-        "nonlinearity flights disturbed findings best? rough? "
+        "nonlinearity flights disturbed findings actions observations best? rough? "
         "rest=equilibrium_states rest_inputs=equilibrium_inputs"  # the names of 0.3
     )
 
@@ -90,6 +98,8 @@ class AssessedPoint(Result):
     flights: Outcome | None
     disturbed: Outcome | None
     findings: tuple[str, ...]
+    actions: tuple[ActionEffect, ...] = ()
+    observations: tuple[ObservationRange, ...] = ()
     best: BestCosts | None = None
     rough: RoughFlights | None = None
     slowest: complex = math.nan
@@ -331,8 +341,15 @@ class Assessor:
             plain, disturbed = fly_places(flight, places, self.samples, self.seed, progress)
         with ThreadPoolExecutor() as pool:
             late = [*pool.map(self._delays, places)]
+        seen: Sequence[Sequence[ObservationRange]] = [()] * len(places)
+        if self.samples:
+            seen = observation_ranges(flight, places, self.seed)
         rows = zip(places, late, plain, disturbed, strict=True)
-        return [self._point(*row) for row in rows]
+        assessed = [self._point(*row) for row in rows]
+        return [
+            replace(each, observations=tuple(ranges))
+            for each, ranges in zip(assessed, seen, strict=True)
+        ]
 
     def sampled_loops(self) -> list[SampledLoop]:
         """Return the spectral radius and the cost of the sampled loop at each trim.
@@ -404,7 +421,12 @@ class Assessor:
             flights=flown,
             disturbed=pushed,
             findings=tuple(findings),
+            actions=tuple(self._actions(place)),
         )
+
+    def _actions(self, place: Place) -> list[ActionEffect]:
+        search = EquilibriumSearch(self.deployed, place.point, self.steady)
+        return action_effects(self.deployed, place, search)
 
 
 def _nearer(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +14,8 @@ from hfa_policy.assessment import AssessedPoint, cycle_text, scheduled_value
 from hfa_policy.best_costs import BestCosts, bracket_table
 from hfa_policy.departures import departure_text
 from hfa_policy.deployed import Deployed
-from hfa_policy.mistake import Mistake
-from hfa_policy.normalizer_evidence import unknown_normalizer
+from hfa_policy.evidence import ActionEffect, ObservationRange
+from hfa_policy.file_notes import notes_on_files
 from hfa_policy.rough_flights import RoughFlights, rough_table
 from hfa_policy.variations import Variation, variation_table
 from hfa_support.errors import BadInputError, refuse_unknown
@@ -59,7 +59,6 @@ class Assessment(Result, Reported):
 
     deployed: the policy on its aircraft.
     points: results at each trim.
-    mistakes: proved or likely mistakes of the deployment file.
     needs: delay (s), margin, or cost (percent) -> required value.
     variations: results on changed aircraft.
     assumed: description of the trim that was assumed because none was given, otherwise "".
@@ -75,30 +74,30 @@ class Assessment(Result, Reported):
         "dt=deployed.deployment.dt delay=deployed.deployment.delay "
         "history=deployed.deployment.history "
         "network=deployed.deployment.actor.chain commanded=deployed.commanded "
-        "states=deployed.model.linear mistakes points unmet warnings variations? "
+        "states=deployed.model.linear notes points unmet warnings variations? "
         "card=deployed.deployment.origin"  # the name of 0.3
     )
 
     deployed: Deployed
     points: tuple[AssessedPoint, ...]
-    mistakes: tuple[Mistake, ...]
     needs: Mapping[str, float] = field(default_factory=dict)
     variations: tuple[Variation, ...] = ()
     assumed: str = ""
 
     @property
     def holds(self) -> bool:
-        """True if the policy holds at every trim and no mistake of the deployment is proved."""
-        wrong = any(mistake.proved for mistake in self.mistakes)
-        return all(point.holds for point in self.points) and not wrong
+        """True if the policy holds at every trim."""
+        return all(point.holds for point in self.points)
+
+    @property
+    def notes(self) -> list[str]:
+        """Contradictions between the policy's files and the deployment file, one sentence each."""
+        return notes_on_files(self.deployed)
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings about the trims and about a normalizer that may be missing, each once."""
+        """Warnings about the trims, each once."""
         sentences = [text for point in self.points for text in point.point.warnings]
-        of_card = unknown_normalizer(self.deployed)
-        if of_card:
-            sentences.append(of_card)
         return list(dict.fromkeys(sentences))
 
     @property
@@ -129,8 +128,8 @@ class Assessment(Result, Reported):
         """True if the policy passes.
 
         The policy must hold at every trim and on every changed aircraft, and satisfy every
-        requirement. No mistake of the deployment may be proved. Flights with the requested noise,
-        gusts and turbulence must stay inside the envelope.
+        requirement. Flights with the requested noise, gusts and turbulence must stay inside the
+        envelope.
         """
         changed = all(variation.holds for variation in self.variations)
         return self.holds and changed and not self.unmet and not self._leaving_roughly()
@@ -149,7 +148,7 @@ class Assessment(Result, Reported):
         verdicts = [holding, self._leaving_roughly()]
         if self.holds:
             verdicts.reverse()
-        bad = [*filter(None, [self._mistaken(), *verdicts, *self.unmet, self._changed()])]
+        bad = [*filter(None, [*verdicts, *self.unmet, self._changed()])]
         flown = [self._departing(), self._cycling(), self._chattering(), self._flying()]
         costs = [self._costs_over_best(), self._drifting(), self._costing()]
         bounded = self._bounded_costs()
@@ -198,11 +197,6 @@ class Assessment(Result, Reported):
             is_begun = short in line and detail.endswith(")")
             found.append(detail.removesuffix(")") if is_begun else headline)
         return [*found, *filter(None, [self.assumed])]
-
-    def _mistaken(self) -> str:
-        """Return a phrase with the proved mistakes of the deployment file, or ""."""
-        wrong = [mistake.kind for mistake in self.mistakes if mistake.proved]
-        return f"the deployment file is wrong ({', '.join(wrong)})" if wrong else ""
 
     def _holding(self) -> str:
         """Return a phrase that reports at which trims the policy holds.
@@ -478,10 +472,10 @@ class Assessment(Result, Reported):
         deployment = self.deployed.deployment
         lines = [self.first_line, *self.further, ""]
         lines.append(f"Assessment of {deployment.origin} on {model.title}")
-        for mistake in self.mistakes:
-            lines.append(mistake.sentence)
+        lines += [f"note: {note}" for note in self.notes]
         parts: list[Any] = [deployment.actor.chain, self._table()]
         parts += [*self._brackets(), *self._findings(), *self._off_slope()]
+        parts += self._evidence()
         trims = [self._where([point]) for point in self.points]
         if self._rough:
             one = self._rough[0]
@@ -503,6 +497,31 @@ class Assessment(Result, Reported):
             f"{self._where(points)}: {finding}".removeprefix("at the trim: ")
             for finding, points in where.items()
         ]
+
+    def _evidence(self) -> list[Any]:
+        """Return the tables of the actions' effects and of the observations, with their captions.
+
+        The actions are shown at the trim at which one of them is nearest to reversed, and the
+        observations at that at which one is farthest from the training.
+        """
+        parts: list[Any] = []
+        with_actions = [point for point in self.points if point.actions]
+        if with_actions:
+            worst = min(with_actions, key=_most_reversed)
+            parts.append(
+                f"actions in the linear loop {self._where([worst])}: decrease of the sum of the "
+                "eigenvalues, 1/s"
+            )
+            parts.append(actions_table(worst.actions))
+        with_observations = [point for point in self.points if point.observations]
+        if with_observations:
+            worst = max(with_observations, key=_farthest)
+            parts.append(
+                f"observations in flight {self._where([worst])}, before a normalizer, and in "
+                "training (mean, standard deviation):"
+            )
+            parts.append(observations_table(worst.observations))
+        return parts
 
     def _off_slope(self) -> list[str]:
         """Return a list with a sentence on the largest nonlinearity, or [] below `_LINEAR`."""
@@ -572,6 +591,34 @@ class Assessment(Result, Reported):
         from hfa_policy.assessment_figure import drawn_assessment
 
         return np.array(drawn_assessment(self, pyplot_figure(9.0, 4.0)).axes)
+
+
+def _most_reversed(point: AssessedPoint) -> float:
+    """Return the least effect of an action relative to that of the exact gain, 0 if both are 0."""
+    effects = [(each.effect, each.exact_effect) for each in point.actions]
+    return min(effect / exact if exact else 0.0 for effect, exact in effects)
+
+
+def _farthest(point: AssessedPoint) -> float:
+    """Return the largest distance of an observation from its mean in training, 0 if unknown."""
+    return max(np.nan_to_num(each.farthest, nan=0.0) for each in point.observations)
+
+
+def actions_table(actions: Sequence[ActionEffect]) -> Table:
+    """Return a table of the effects of the actions beside those of the exact gain."""
+    rows = [(each.action, f"{each.effect:+.3g}", f"{each.exact_effect:+.3g}") for each in actions]
+    return Table(("action", "of the policy", "of the exact gain"), rows)
+
+
+def observations_table(observations: Sequence[ObservationRange]) -> Table:
+    """Return a table of the ranges of the observations in flight beside those in training."""
+    rows = []
+    for each in observations:
+        numbers = (each.lowest, each.highest, each.mean, each.spread, each.farthest)
+        cells = [f"{number:.3g}" if math.isfinite(number) else "-" for number in numbers]
+        rows.append((each.observation, *cells))
+    header = ("observation", "lowest", "highest", "mean", "deviation", "farthest, deviations")
+    return Table(header, rows)
 
 
 def _leaving(count: int, total: int, flights: str) -> str:

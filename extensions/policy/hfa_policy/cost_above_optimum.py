@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -14,6 +12,7 @@ from controller.riccati.cost import flight_cost
 from controller.riccati.gare import unconfirmed_solution
 from hfa_discrete.solution import sampled, solve_discrete
 from hfa_policy.deployed import Deployed
+from hfa_policy.episodes import cost_weights
 from hfa_policy.equilibrium import Equilibrium
 from hfa_policy.sampled_loop import Chain
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -92,16 +91,16 @@ def weights_at(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return Q (k, k) of the linear states and R (m', m') of the commanded inputs.
 
-    An output with the weight q and the slopes c contributes q c c' to Q.
+    Without a cost in the deployment file, the weights are 1/nominal². An output with the weight q
+    and the slopes c contributes q c c' to Q.
 
     Raises BadInputError for an output that depends on the inputs.
 
     place: point at which the outputs are linearized
     """
-    cost: Mapping[str, Any] | None = deployed.deployment.cost
-    assert cost is not None
+    of_states, of_inputs = cost_weights(deployed)
     linear = deployed.model.linear
-    outputs = tuple(name for name in cost["Q"] if name not in linear)
+    outputs = tuple(name for name in of_states if name not in linear)
     slopes = deployed.model.at(place.states, place.inputs, outputs)
     if np.any(slopes.D):
         wrong = [name for name, row in zip(outputs, slopes.D, strict=True) if row.any()]
@@ -110,10 +109,10 @@ def weights_at(
             "not supported; give weights of states instead"
         )
     rows = [list(deployed.model.states).index(name) for name in linear]
-    Q = np.diag([float(cost["Q"].get(name, 0.0)) for name in linear])
+    Q = np.diag([float(of_states.get(name, 0.0)) for name in linear])
     for name, row in zip(outputs, slopes.C[:, rows], strict=True):
-        Q += float(cost["Q"][name]) * np.outer(row, row)
-    R = np.diag([float(cost["R"][name]) for name in deployed.commanded])
+        Q += float(of_states[name]) * np.outer(row, row)
+    R = np.diag([float(of_inputs[name]) for name in deployed.commanded])
     return Q, R
 
 

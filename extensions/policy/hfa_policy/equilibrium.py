@@ -164,6 +164,10 @@ class EquilibriumSearch:
         z[self.moving] = start[self.moving]
         return self._by_newton(z) or self._by_newton(self._least(z))
 
+    def at_trim(self) -> Equilibrium:
+        """Return the linearization at the trim, which need not be an equilibrium."""
+        return self._found(self.base)
+
     def turns(self) -> np.ndarray:
         """Return the full turn of each angle that the loop does not distinguish from none, (k,).
 

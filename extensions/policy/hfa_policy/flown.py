@@ -18,8 +18,8 @@ from hfa_flight.scenario import Scenario
 from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
 from hfa_policy.equilibrium import EquilibriumSearch
+from hfa_policy.file_notes import notes_on_files
 from hfa_policy.held_step import parts_of_a_sample
-from hfa_policy.mistakes_in_files import notes_on_files
 from hfa_policy.sampled_loop import chain_of
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import BoundFunction
@@ -138,14 +138,14 @@ def flown_deployment(
 ) -> DeployedPolicy:
     """Return the policy of a deployment about a trim.
 
-    Warns of mistakes that the policy's files show. Raises BadInputError if the deployment does not
-    fit the aircraft, or if an observation, the policy or a map is not finite at the trim.
+    Warns of contradictions that the policy's files prove. Raises BadInputError if the deployment
+    does not fit the aircraft, or if an observation, the policy or a map is not finite at the trim.
 
     name: name of the policy in reports
     """
     deployed = Deployed(deployment, point.model)
     deployed.refuse_undefined_at([point])
-    for note in notes_on_files(deployed, [point]):
+    for note in notes_on_files(deployed):
         warn(note)
     return policy_about(deployed, point, name)
 

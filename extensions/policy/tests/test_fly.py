@@ -116,13 +116,13 @@ def file_without_normalizer(folder):
     return path
 
 
-def test_a_flight_warns_of_a_proved_mistake(tmp_path):
-    """A flight of a deployment file warns of a mistake that the policy's files prove.
+def test_a_flight_warns_of_a_proved_contradiction(tmp_path):
+    """A flight of a deployment file warns of a contradiction that the policy's files prove.
 
     A correct deployment file causes no warning.
     """
     point = trims("ppo_gtm")[1]
-    with pytest.warns(UserWarning, match="mistake: the policy was trained with a VecNormalize"):
+    with pytest.warns(UserWarning, match="the policy was trained with a VecNormalize"):
         flown_card(file_without_normalizer(tmp_path), aircraft("ppo_gtm"), point)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -130,13 +130,13 @@ def test_a_flight_warns_of_a_proved_mistake(tmp_path):
 
 
 @pytest.mark.parametrize("words", [["fly", "--start", "speed=1"], ["export", "-o", "FOLDER"]])
-def test_fly_and_export_note_proved_mistakes(tmp_path, capsys, words):
-    """`hfa fly` and `hfa export` print a note on a mistake that the files prove."""
+def test_fly_and_export_note_proved_contradictions(tmp_path, capsys, words):
+    """`hfa fly` and `hfa export` print a note on a contradiction that the files prove."""
     given = [str(tmp_path / "out") if word == "FOLDER" else word for word in words]
     path = file_without_normalizer(tmp_path)
     where = ["--aircraft", GTM, "--hold", "speed=45", "--policy", str(path)]
     assert main([*given, *where]) == 0
-    assert "note: mistake: the policy was trained with" in capsys.readouterr().err
+    assert "note: the policy was trained with" in capsys.readouterr().err
 
 
 def test_fly_accepts_the_path_of_a_policy(tmp_path):

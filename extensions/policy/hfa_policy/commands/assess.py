@@ -296,12 +296,13 @@ def assess(request: AssessRequest) -> int:
     the optimum for Q and R. Flights from a box of initial conditions are simulated with and without
     a disturbance pulse.
 
-    Exit code 0: the policy holds at every trim and satisfies every --need. Exit code 1: otherwise,
-    or if the files of the policy contradict the deployment file."""
+    Exit code 0: the policy holds at every trim and satisfies every --need. Exit code 1: otherwise.
+    """
     from hfa_identify.draws.report import reported
     from hfa_policy.assess import assessment_of
     from hfa_policy.assessment import Assessor
     from hfa_policy.comparison import Comparison
+    from hfa_policy.deployed import Deployed
     from hfa_policy.drawn_aircraft import drawn_policy
     from hfa_policy.variations import changes_of
 

@@ -1,0 +1,295 @@
+"""Contradictions in files, effects of actions, and observations in flight and in training."""
+
+import shutil
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from policy_cases import AIRCRAFT, FOLDER, ROOT, aircraft, model_of, stored_deployment
+
+import hfa
+from hfa_policy.assess import assess
+from hfa_policy.deployed import Deployed
+from hfa_policy.deployment import Deployment
+from hfa_policy.file_notes import notes_on_files
+from hfa_policy.normalizer import read_normalizer
+
+DEGREES = 180.0 / np.pi
+OMITTED = "was trained with a VecNormalize that the deployment file omits"
+SUPERFLUOUS = "was trained without a VecNormalize"
+UNKNOWN = "does not show whether it was trained with a VecNormalize"
+OTHER_CHECKPOINT = "belongs to another checkpoint"
+
+
+def notes(name, deployment):
+    """Return the notes that follow from the files of a policy."""
+    return notes_on_files(Deployed(deployment, aircraft(name)))
+
+
+def the_note(name, deployment):
+    """Return the only note that follows from the files of a policy."""
+    (note,) = notes(name, deployment)
+    return note
+
+
+def with_policy(name, **entries):
+    changed = {
+        key: value for key, value in stored_deployment(name).policy.items() if key not in entries
+    }
+    given = {key: value for key, value in entries.items() if value is not None}
+    return stored_deployment(name).changed(policy={**changed, **given})
+
+
+@pytest.mark.parametrize("name", [name for name in AIRCRAFT if name != "sac_gtm"])
+def test_right_deployment_files_have_no_note(name):
+    """No contradiction is reported for right deployment files."""
+    assert notes(name, stored_deployment(name)) == []
+
+
+@pytest.mark.parametrize("name", ["ppo_gtm", "a2c_gtm", "ppo_c172"])
+def test_a_missing_normalizer_is_named(name):
+    """A deployment file without the normalizer used in training is reported."""
+    assert OMITTED in the_note(name, with_policy(name, normalizer=None))
+
+
+def of_eight_environments(last, last_original):
+    """Return a deployment of a SAC policy without normalizer, trained in eight environments.
+
+    last, last_original: last observations in training, normalized and original, (8, 4)
+    """
+    deployment = Deployment.load(FOLDER / "sac_gtm.toml")
+    actor = deployment.actor
+    stored = replace(actor.stored, last=last, last_original=last_original, environments=8)
+    vars(deployment)["actor"] = replace(actor, stored=stored)
+    return deployment
+
+
+def test_linear_observations_prove_a_missing_sac_normalizer():
+    """A missing normalizer of SAC is proved if the stored observations are linear in the original
+    ones.
+
+    Clipped values are excepted.
+    """
+    original = np.random.default_rng(1).normal(size=(8, 4))
+    last = np.clip((original - 0.1) / [0.3, 0.5, 0.9, 1.1], -2.0, 2.0).astype(np.float32)
+    assert OMITTED in the_note("sac_gtm", of_eight_environments(last, original))
+
+
+@pytest.mark.parametrize("change", [0.0, 0.003, 1.0])
+def test_sac_trained_without_normalizer_has_no_note(change):
+    """For a SAC policy that was trained without a normalizer, no note is made.
+
+    The stored observations differ from the original ones by random changes of any size.
+    """
+    random = np.random.default_rng(1)
+    original = random.normal(size=(8, 4))
+    last = original + change * random.normal(size=(8, 4))
+    assert notes("sac_gtm", of_eight_environments(last, original)) == []
+
+
+def test_a_superfluous_normalizer_of_sac_is_named():
+    """A superfluous normalizer of SAC is reported if eight environments prove that none was used.
+
+    The records of one environment do not prove a superfluous normalizer.
+    """
+    random = np.random.default_rng(1)
+    original = random.normal(size=(8, 4))
+    several = of_eight_environments(original + 0.003 * random.normal(size=(8, 4)), original)
+    given = {**several.policy, "normalizer": "td3_gtm.pkl"}
+    wrong = several.changed(policy=given)
+    vars(wrong)["actor"] = several.actor
+    assert SUPERFLUOUS in the_note("sac_gtm", wrong)
+    one = with_policy("sac_gtm", normalizer="td3_gtm.pkl")
+    assert not any(SUPERFLUOUS in note for note in notes("sac_gtm", one))
+
+
+def test_constant_observations_leave_the_normalizer_undecided():
+    """From stored observations without variation, a missing normalizer is neither proved nor
+    excluded.
+    """
+    unvaried = of_eight_environments(np.full((8, 4), 0.001), np.zeros((8, 4)))
+    assert UNKNOWN in the_note("sac_gtm", unvaried)
+
+
+def test_one_sac_environment_leaves_the_normalizer_undecided():
+    """The records of one SAC environment cause a warning that a normalizer may have been used.
+
+    The warning is omitted if the deployment file specifies that none was used.
+    """
+    assert UNKNOWN in the_note("sac_gtm", stored_deployment("sac_gtm"))
+    assert UNKNOWN in the_note("td3_gtm", with_policy("td3_gtm", normalizer=None))
+    for name in ("sac_gtm", "ppo_gtm", "a2c_gtm"):
+        assert notes(name, with_policy(name, normalizer="none")) == []
+
+
+def test_a_superfluous_normalizer_is_named():
+    """A normalizer for a policy that was trained without one is reported."""
+    assert SUPERFLUOUS in the_note("ppo_raw", with_policy("ppo_raw", normalizer="ppo_gtm.pkl"))
+
+
+@pytest.mark.parametrize(("name", "other"), [("ppo_gtm", "a2c_gtm"), ("a2c_gtm", "td3_gtm")])
+def test_the_normalizer_of_another_checkpoint_is_named(name, other):
+    """The normalizer of another checkpoint is named, without any further finding."""
+    assert OTHER_CHECKPOINT in the_note(name, with_policy(name, normalizer=f"{other}.pkl"))
+
+
+def test_a_normalizer_without_count_causes_no_finding():
+    """A normalizer given as a table without a count causes no finding."""
+    stored = read_normalizer(FOLDER / "ppo_gtm.pkl")
+    table = {"mean": stored.mean, "variance": stored.variance}
+    assert notes("ppo_gtm", with_policy("ppo_gtm", normalizer=table)) == []
+
+
+def in_degrees(name):
+    """Return the deployment of a policy whose angles have the scale of another unit."""
+    observation = {
+        key: {**entry, "scale": entry["scale"] * (1.0 if key == "speed" else DEGREES)}
+        for key, entry in stored_deployment(name).observation.items()
+    }
+    return stored_deployment(name).changed(observation=observation)
+
+
+def test_a_spread_in_training_beyond_the_limits_is_noted():
+    """A state whose spread in training would exceed its limits is noted, with its unit."""
+    found = notes("ppo_gtm", in_degrees("ppo_gtm"))
+    assert any(note.startswith("pitch: with this scale") for note in found)
+
+
+def test_the_verdict_is_that_of_the_flights():
+    """A contradiction between files is a note in the report. The flights decide the verdict."""
+    told = with_policy("ppo_gtm", normalizer=None)
+    result = assess(aircraft("ppo_gtm"), told, [45.0], samples=4)
+    assert result.holds == all(point.holds for point in result.points)
+    assert f"note: {result.notes[0]}" in result.report().title
+    assert OMITTED in result.to_dict()["notes"][0]
+
+
+#: Aircraft and a value of its scheduling variable.
+RIGHT = {
+    "gtm.py:GTM": 45.0,
+    "f16_constant.py:F16": 502.0,
+    "navion.py:NAVION": 176.0,
+    "pendulum.py:PENDULUM": None,
+    "uav.toml": None,
+}
+
+
+def exact_deployment(model, point, times=1.0):
+    """Return the optimal gain for 1/nominal² as a deployment.
+
+    times: factor on the actions
+    """
+    linear = hfa.linearize(model, point)
+    Q = {name: model.states[name].nominal ** -2.0 for name in model.linear}
+    R = {name: signal.nominal**-2.0 for name, signal in model.inputs.items()}
+    K = hfa.solve(hfa.game(linear, Q, R)).K
+    o = ca.SX.sym("o", K.shape[1])
+    action = {name: {"map": f"trim + {times} * a"} for name in model.inputs}
+    return Deployment(
+        policy={"file": ca.Function("gain", [o], [-ca.DM(K) @ o])},
+        observation={name: {} for name in model.linear},
+        action=action,
+        timing={"dt": 0.01},
+    )
+
+
+@pytest.mark.parametrize("name", RIGHT)
+def test_the_exact_gain_has_its_own_effects(name):
+    """For the exact gain of five aircraft, each action has the effect of the exact gain.
+
+    The effects are positive, and nothing is noted.
+    """
+    model = model_of(f"{ROOT}/examples/{name}")
+    point = trims_at(model, RIGHT[name])
+    result = assess(model, exact_deployment(model, point), [point], samples=2)
+    assert result.notes == []
+    for each in result.points[0].actions:
+        assert each.exact_effect > 0.0
+        assert each.effect == pytest.approx(each.exact_effect, rel=1e-6)
+
+
+def trims_at(model, value):
+    """Return the default trim, or that at a value of the scheduling variable."""
+    return hfa.trim(model) if value is None else hfa.trim(model, at=value)
+
+
+def test_a_reversed_rudder_is_a_row_with_the_opposite_sign():
+    """A reversed rudder has the opposite effect of the exact gain's. The other actions have theirs."""
+    model = model_of(f"{ROOT}/examples/navion.py:NAVION")
+    point = hfa.trim(model, at=176.0)
+    right = exact_deployment(model, point)
+    wrong = right.changed(action={**right.action, "rudder": {"map": "trim - a"}})
+    result = assess(model, wrong, [point], samples=2)
+    for each in result.points[0].actions:
+        sign = -1.0 if each.action == "rudder" else 1.0
+        assert each.effect == pytest.approx(sign * each.exact_effect, rel=1e-6)
+    (row,) = [line for line in result.report().text().splitlines() if line.startswith("rudder ")]
+    of_policy, of_exact = row.split()[1:]
+    assert of_policy.startswith("-")
+    assert of_policy[1:] == of_exact[1:]
+
+
+def test_the_effects_shift_the_sum_of_the_eigenvalues():
+    """The sum of the effects equals the difference of the sums of eigenvalues without and with K."""
+    (point,) = assess(aircraft("ppo_gtm"), stored_deployment("ppo_gtm"), [45.0], samples=0).points
+    loop = point.equilibrium
+    moved = np.linalg.eigvals(loop.A).sum() - np.linalg.eigvals(loop.A - loop.B @ loop.K).sum()
+    assert sum(each.effect for each in point.actions) == pytest.approx(moved.real, rel=1e-9)
+
+
+def farthest(deployment):
+    """Return the largest distance of each observation from the training's mean, in deviations."""
+    (point,) = assess(aircraft("ppo_gtm"), deployment, [45.0], samples=2).points
+    return {each.observation: each.farthest for each in point.observations}
+
+
+def test_observations_in_degrees_are_far_from_the_training():
+    """Observations of the wrong unit are far from those in training. Right ones are near."""
+    assert max(farthest(stored_deployment("ppo_gtm")).values()) < 5.0
+    entries = stored_deployment("ppo_gtm").observation
+    wrong = {**entries, "pitch": {**entries["pitch"], "scale": entries["pitch"]["scale"] / DEGREES}}
+    found = farthest(stored_deployment("ppo_gtm").changed(observation=wrong))
+    assert found["pitch"] > 20.0
+
+
+def test_ranges_contain_the_initial_conditions_and_the_training():
+    """The ranges contain the observations of the flights, and the table the training's statistics."""
+    deployment = stored_deployment("ppo_gtm")
+    (point,) = assess(aircraft("ppo_gtm"), deployment, [45.0], samples=2).points
+    normalizer = read_normalizer(FOLDER / "ppo_gtm.pkl")
+    for each, mean, variance in zip(
+        point.observations, normalizer.mean, normalizer.variance, strict=True
+    ):
+        assert each.lowest < 0.0 < each.highest
+        assert (each.mean, each.spread) == (mean, pytest.approx(np.sqrt(variance)))
+    raw = assess(model_of(f"{ROOT}/examples/gtm.py:GTM"), unrecorded(), [45.0], samples=2)
+    assert all(np.isnan(each.mean) for each in raw.points[0].observations)
+
+
+def unrecorded():
+    """Return a deployment on the GTM without records of a training."""
+    model = model_of(f"{ROOT}/examples/gtm.py:GTM")
+    return exact_deployment(model, hfa.trim(model, at=45.0))
+
+
+def test_a_clipped_sensor_is_not_given_a_cause():
+    """A sensor that clips is not called a mistake of scale. Its range in flight is its clip."""
+    model = model_of(f"{ROOT}/examples/gtm.py:GTM")
+    right = unrecorded()
+    pitch = float(hfa.trim(model, at=45.0).states.pitch)
+    clipped = {"formula": f"min(max(pitch, {pitch - 0.02}), {pitch + 0.02})"}
+    wrong = right.changed(observation={**right.observation, "pitch": clipped})
+    result = assess(model, wrong, [45.0], samples=4)
+    assert result.notes == []
+    assert "scale" not in result.report().text()
+    (seen,) = [each for each in result.points[0].observations if each.observation == "pitch"]
+    assert max(abs(seen.lowest), abs(seen.highest)) <= 0.02 + 1e-12
+
+
+def test_a_missing_normalizer_file_is_refused(tmp_path):
+    """A deployment file whose normalizer does not exist is refused, with the normalizer's name."""
+    for file in ("ppo_gtm.toml", "ppo_gtm.zip"):
+        shutil.copy(FOLDER / file, tmp_path)
+        Deployed(Deployment.load(tmp_path / "ppo_gtm.toml"), aircraft("ppo_gtm")).command  # noqa: B018
+        Deployment.load(tmp_path / "ppo_gtm.toml").on(aircraft("ppo_gtm")).command  # noqa: B018
