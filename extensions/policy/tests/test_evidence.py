@@ -291,5 +291,6 @@ def test_a_missing_normalizer_file_is_refused(tmp_path):
     """A deployment file whose normalizer does not exist is refused, with the normalizer's name."""
     for file in ("ppo_gtm.toml", "ppo_gtm.zip"):
         shutil.copy(FOLDER / file, tmp_path)
-        Deployed(Deployment.load(tmp_path / "ppo_gtm.toml"), aircraft("ppo_gtm")).command  # noqa: B018
-        Deployment.load(tmp_path / "ppo_gtm.toml").on(aircraft("ppo_gtm")).command  # noqa: B018
+    deployment = Deployment.load(tmp_path / "ppo_gtm.toml")
+    with pytest.raises(ValueError, match=r"ppo_gtm\.pkl: cannot be read"):
+        Deployed(deployment, aircraft("ppo_gtm")).command  # noqa: B018
