@@ -4,11 +4,10 @@ closed loop."""
 from .critic.critic_file import critic_in as critic_in
 from .critic.critic_history import critics_over_time as critics_over_time
 from .game.basis import basis as basis
-from .hfa_files import load_game  # noqa: F401  # its place in 0.3, for one version
+from .hfa_files import load_game as load_game
 from .learning.recording import Stack as Stack, random_pool as random_pool, record as record
 from .learning.ticks import run as run
 from .riccati.frequency_response import bounded_real_gain as bounded_real_gain
 from .riccati.game_batch import solve_games as solve_games
-from .riccati.gare import solve as solve
 from .riccati.margins import disk_margin as disk_margin
 from .riccati.smallest_delta import minimum_delta as minimum_delta

@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.game.names import PlantNames, names_of_linear
+from controller.game.linear_game import names_of_linear
 from controller.game.weights import nominal_weights
-from controller.game.zero_sum import LARGEST, Game, checked_matrix
+from controller.game.zero_sum import Game
 from hfa_aircraft.model import Model
+from hfa_aircraft.names import PlantNames
 from hfa_model.published_data import published_data
 from hfa_model.vectors import INPUTS, LINEAR_STATES
+from hfa_support.matrices import LARGEST, checked_matrix
 from hfa_support.units import si_factor
 
 if TYPE_CHECKING:

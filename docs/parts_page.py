@@ -11,21 +11,13 @@ from hfa_support.entry_points import CRITICS, PARTS, loaded, offered
 _HEAD = """# Parts of commands
 
 A part of `hfa.parts` is a function with a signature listed below. Its types belong to the package that
-uses the part. `controllers`, `notebook.responses` and `policies` are modules with these functions.
+uses the part. `controllers` and `policies` are modules with these functions.
 `about.NAME` is the help of the part NAME. `results.NAME` is a tuple of texts, like
 `CommandEntry.results`, that declares the results of the part. The entry points `nonlinear` and
 `nonlinear.steps` of `hfa.critics` judge a critic that is not a matrix.
 """
 #: Part that is a module -> functions in it that the core calls.
 MODULES = {
-    "notebook.responses": (
-        "bode",
-        "draw_poles",
-        "nyquist",
-        "response",
-        "simulated",
-        "transfer_function",
-    ),
     "controllers": (
         "c_controller_texts",
         "controller_steering",

@@ -10,9 +10,9 @@ from controller.critic.critic_file import read_critic as read_critic
 from controller.critic.weights import from_weights as from_weights
 from controller.game.linear_game import game as game
 from controller.game.zero_sum import Game as Game
-from controller.hfa_files import load_game as load_game
 from controller.learning.certified import learn as learn
 from controller.riccati.gare import Solution as Solution, solve as solve
+from controller.riccati.loop_margins import margins as margins
 from controller.riccati.lqr import lqr as lqr
 from hfa_aircraft.loading import load_model as load_model
 from hfa_aircraft.model import Model as Model
@@ -23,8 +23,8 @@ from hfa_flight.turbulence import Turbulence as Turbulence
 from hfa_identify.estimation import identify as identify
 from hfa_model.choice import aircraft as aircraft
 from hfa_networks.files.network import from_network as from_network
-from hfa_optimal.best_flight import BestFlight as BestFlight, optimize as optimize
-from hfa_optimal.quickest import quickest_flight as quickest_flight
+from hfa_optimal.best_flight import BestFlight as BestFlight
+from hfa_optimal.optimize import optimize as optimize
 from hfa_policy.assess import assess as assess
 from hfa_policy.assessment_report import Assessment as Assessment
 from hfa_policy.deployment import Deployment as Deployment

@@ -26,19 +26,6 @@ if TYPE_CHECKING:
     from hfa_support.reporting.report import Report
 
 
-class UsualTrim(dict[str, float]):
-    """Default condition of a trim, variable -> imposed value. A call trims the model."""
-
-    model: Any
-
-    def __call__(self, *condition: Any, **held: Any) -> Any:
-        """Return the trim of the model under a condition, as in model.trim(speed=60.0).
-
-        The arguments are those of `trim` after the model.
-        """
-        return self.model.trim(*condition, **held)
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Model(Reported):
     """Aircraft model x' = f(x, u, p, w), y = h(x, u, p, w).
@@ -109,9 +96,7 @@ class Model(Reported):
                 raise BadInputError(
                     f"{self.name}: trim imposes {name} = {value}; give a finite number"
                 )
-        usual = UsualTrim(self.trim)
-        usual.model = self
-        vars(self)["trim"] = usual
+        vars(self)["trim"] = dict(self.trim)
         if self.extras.made_by is None:
             self.layout.refuse_broken()
 

@@ -144,6 +144,17 @@ def is_finite(value: object) -> bool:
         return False
 
 
+def no_attribute(value: object, name: str) -> AttributeError:
+    """Return the AttributeError for an unknown attribute of a result, with the nearest attributes.
+
+    If the class has a property of this name, the error that the property raises is raised here.
+    """
+    if hasattr(type(value), name):
+        object.__getattribute__(value, name)
+    known = [each for each in dir(value) if each[0] != "_"]
+    return AttributeError(f"{type(value).__name__} has no attribute {name!r}{advice(name, known)}")
+
+
 def refuse_unless_positive(what: str, value: float, unit: str = "") -> None:
     """Raise BadInputError unless the value is a finite positive number.
 
@@ -188,10 +199,14 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
     values: nested lists or an array of any shape
 
     Raises BadInputError unless the values are real numbers in rows of equal length, without masked
-    entries.
+    entries, and for an array of pandas or xarray, whose labels would be ignored.
     """
     import numpy as np  # loaded after the command has set the number of threads
 
+    if hasattr(type(values), "loc"):
+        raise BadInputError(
+            f"{what} has labels; give {what}.to_numpy() in the order of the states and inputs"
+        )
     try:
         array = np.asarray(values)
     except ValueError:  # rows that differ in length

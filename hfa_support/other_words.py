@@ -22,12 +22,21 @@ elevator: elevator_center elevator_outer
 fpa: path_angle gamma
 gamma: path_angle flight_path_angle delta
 h: altitude
+find_operating_point: trim
+findop: trim
 hinf: solve
 hinfsyn: solve
+solve_game: solve
+check_critic: verify
+best_flight: optimize
+quickest_flight: optimize
+load_critic: read_critic
+load_game: game
+gain: k
+functions: basis
 interp: at
 load_aircraft: load_model
 make_env: environment
-margins: loop_margins margin
 p: roll_rate
 phi: roll bank
 pitch: theta
@@ -47,7 +56,12 @@ theta: pitch
 to_csv: save
 v: speed
 velocity: speed
+x0: initial
+initial_state: initial
+initial_states: initial
+start: initial
 vt: speed
+zeta: damping
 """
 #: Word of another tool -> names in this project that it may mean.
 MEANINGS = {

@@ -51,9 +51,11 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         if name == "__all__":
             return installed()
         if name not in modules():
-            from hfa_support.unknown import unknown_name
+            from hfa_support.errors import advice
 
-            return unknown_name(package, name, get, modules())
+            raise AttributeError(
+                f"module {package!r} has no attribute {name!r}{advice(name, modules())}"
+            )
         module_name, name_there = modules()[name]
         try:
             module = import_module(module_name, package)

@@ -15,9 +15,10 @@ import casadi as ca
 import numpy as np
 
 from controller.game.basis import Basis
-from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, shape_text
-from hfa_support.arguments import ArrayLike, checks_arguments
+from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
+from hfa_support.arguments import ArrayLike, checks_arguments, need
 from hfa_support.errors import BadInputError, numbers_in
+from hfa_support.matrices import shape_text
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import Matrix
 
@@ -161,6 +162,18 @@ class Critic(Reported):
         z = self.symbols
         return ca.Function("gradient", [z], [ca.densify(ca.gradient(self.value(z), z))])
 
+    def u(self, z: ArrayLike) -> np.ndarray:
+        """Return the inputs u(z), (m,) or (N, m), at deviations z of the state, (n,) or (N, n).
+
+        Raises BadInputError for another shape.
+        """
+        rows = numbers_in("z", z)
+        n = self.K.shape[1]
+        if rows.ndim not in (1, 2) or rows.shape[-1] != n:
+            raise BadInputError(f"z has shape {rows.shape}; give ({n},) or (N, {n})")
+        columns = self.policy(np.atleast_2d(rows).T).full()
+        return np.asarray(columns.T.reshape(*rows.shape[:-1], -1))
+
     def _beyond_quadratic(self, z: ca.SX) -> ca.SX:
         """Return W'ψ(z) without the monomials z_i z_j, as an expression of z.
 
@@ -196,6 +209,7 @@ def from_gain(game: Game, K: ArrayLike) -> Critic:
     >>> hfa.verify(game, hfa.from_gain(game, [[0.5]])).ok
     False
     """
+    need(game, Game, "from_gain: game", Game.how_to_make)
     return Critic(game.checked_gain(K))
 
 
@@ -213,6 +227,7 @@ def from_value(game: Game, P: ArrayLike) -> Critic:
     >>> hfa.from_value(game, [[3.0]]).K.tolist()
     [[3.0]]
     """
+    need(game, Game, "from_value: game", Game.how_to_make)
     P = numbers_in("P", P)
     if P.shape != game.A.shape:
         n = len(game.A)
@@ -223,7 +238,7 @@ def from_value(game: Game, P: ArrayLike) -> Critic:
 def from_parts(
     game: Game,
     parts: Mapping[str, np.ndarray],
-    functions: Basis | ca.Function | str = "quadratic",
+    basis: Basis | ca.Function | str = "quadratic",
 ) -> Critic:
     """Return the critic defined by weights W, a value matrix P, a gain K, or several of them.
 
@@ -232,7 +247,7 @@ def from_parts(
 
     game: the game whose solution the critic approximates
     parts: "W", "P" and "K" -> array, at least one of them
-    functions: basis ψ of W
+    basis: ψ of W
 
     Raises BadInputError if no part is given, if a shape is wrong, or if W and P define different
     values.
@@ -244,7 +259,7 @@ def from_parts(
     if "W" in parts:
         from controller.critic.weights import from_weights, refuse_different_values
 
-        weighted = from_weights(game, parts["W"], functions)
+        weighted = from_weights(game, parts["W"], basis)
         if "P" in parts and weighted.P is not None:
             refuse_different_values(parts["P"], weighted.P)
         critic = weighted

@@ -16,13 +16,14 @@ from controller.critic.critic import Critic, from_parts
 from controller.game.array_file import read_arrays
 from controller.game.basis import Basis, basis
 from controller.game.file_entries import file_scales, found_in
-from controller.game.names import PlantNames
 from controller.game.one_matrix_files import UNKNOWN
-from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix
+from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
+from hfa_aircraft.names import PlantNames
 from hfa_support.arguments import checks_arguments
 from hfa_support.entry_points import CRITICS, offered, part
 from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors
 from hfa_support.files import MATRIX_FILES
+from hfa_support.matrices import checked_matrix
 
 #: Array of a critic -> number of its dimensions.
 DIMENSIONS = {"W": 1, "P": 2, "K": 2}

@@ -11,22 +11,23 @@ import numpy as np
 
 from controller.critic.critic import Critic, from_parts
 from controller.critic.critic_file import DIMENSIONS, Reading, in_plant_units
-from controller.game.basis import Basis, basis
+from controller.game.basis import Basis, basis as named_basis
 from controller.game.file_entries import file_scales, words
-from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix, shape_text
+from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in
+from hfa_support.matrices import checked_matrix, shape_text
 
 
 @checks_arguments
 def critics_over_time(
-    game: Game, times: np.ndarray, functions: str = "quadratic", **parts: np.ndarray | None
+    game: Game, times: np.ndarray, basis: str = "quadratic", **parts: np.ndarray | None
 ) -> tuple[Critic, ...]:
     """Return the critic at each time of a learner's history.
 
     game: the game whose solution the critics approximate
     times: (N,), s, increasing, the first at least 0
-    functions: name of the basis of W
+    basis: name of the basis of W
     parts: W (N, M), P (N, n, n) or K (N, m, n), at least one of them. A single W (M,), P (n, n) or
         K (m, n) applies to the last time.
 
@@ -64,7 +65,7 @@ def critics_over_time(
             raise BadInputError(
                 f"{name} has {len(array)} rows, but time has {len(times)}; give one row per time"
             )
-    psi = basis(functions, len(game.A))
+    psi = named_basis(basis, len(game.A))
     critics = []
     for index, time in enumerate(times.tolist()):
         parts_then = {name: array[index] for name, array in rows.items()}
@@ -111,7 +112,7 @@ def rows_over_time(
         )
     times = np.ravel(numbers_in("time", entries["time"]))
     n, m = game.B.shape
-    psi = basis(reading.basis or "quadratic", n)
+    psi = named_basis(reading.basis or "quadratic", n)
     sizes = {"W": (psi.size,), "P": (n, n), "K": (m, n)}
     rows = {
         name: _stacked(name, entries[name], len(times), size, psi)

@@ -6,9 +6,9 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.game.basis import Basis, basis
+from controller.game.basis import Basis, basis as named_basis
 from controller.game.zero_sum import Game
-from hfa_support.arguments import ArrayLike, checks_arguments
+from hfa_support.arguments import ArrayLike, checks_arguments, need
 from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
 
 #: Largest relative difference between W and P of one critic: the rounding of six printed digits.
@@ -19,7 +19,7 @@ _TOGETHER = 1e-6
 def from_weights(
     game: Game,
     weights: ArrayLike,
-    functions: Basis | str | ca.Function = "quadratic",
+    basis: Basis | str | ca.Function = "quadratic",
     constant: float = 0.0,
     precision: str = "float64",
 ) -> Critic:
@@ -29,7 +29,7 @@ def from_weights(
 
     game: the game whose solution the critic approximates
     weights: W, (M,)
-    functions: a basis, its name, or a CasADi Function z (n,) -> ψ(z) (M,)
+    basis: a basis, its name, or a CasADi Function z (n,) -> ψ(z) (M,)
     constant: constant term of V, which is V(0) if ψ(0) = 0
     precision: floating-point type of the numbers in the critic's file
 
@@ -42,13 +42,14 @@ def from_weights(
     >>> hfa.from_weights(game, [3.0]).K.tolist()
     [[3.0]]
     """
+    need(game, Game, "from_weights: game", Game.how_to_make)
     weights = numbers_in("W", weights)
     n = len(game.A)
     if not is_finite(constant):
         raise BadInputError(f"constant is {shown(constant)}; give a finite number, V(0)")
-    if isinstance(functions, ca.Function):
-        count = functions.numel_out(0)
-        if functions.numel_in(0) != n or weights.shape != (count,):
+    if isinstance(basis, ca.Function):
+        count = basis.numel_out(0)
+        if basis.numel_in(0) != n or weights.shape != (count,):
             raise BadInputError(
                 f"W has {weights.size} weights and the plant has {n} states; give a basis of "
                 f"{weights.size} functions of {n} states"
@@ -56,9 +57,9 @@ def from_weights(
         from controller.critic.expressions import from_functions
 
         z = ca.SX.sym("z", n)
-        V = ca.DM(weights).T @ ca.vec(functions(z)) + constant
+        V = ca.DM(weights).T @ ca.vec(basis(z)) + constant
         return from_functions(game, z, {"V": V}, "weights of a list of functions", precision)
-    psi = basis(functions, n) if isinstance(functions, str) else functions
+    psi = named_basis(basis, n) if isinstance(basis, str) else basis
     if weights.shape != (psi.size,):
         raise BadInputError(
             f"W has {weights.size} weights, but basis {psi.name!r} of {psi.states} states has "

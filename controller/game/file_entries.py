@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.names import PlantNames
-from controller.game.zero_sum import LARGEST, checked_matrix, shape_text
+from hfa_aircraft.names import PlantNames
 from hfa_support.errors import BadInputError, numbers_in, shortened, shown
+from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 from hfa_support.units import conversion
 
 #: Entries with names and units.

@@ -7,19 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.names import names_of_linear
-from controller.game.weights import nominal_weights
 from controller.game.zero_sum import Game
-from hfa_support.arguments import ArrayLike, checks_arguments
-from hfa_support.errors import BadInputError, refuse_unknown, shown
+from hfa_aircraft.names import PlantNames
+from hfa_support.arguments import ArrayLike, checks_arguments, need
+from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, shown
+from hfa_support.labels import in_order, labels_of
 from trim.linear.linear_model import LinearModel
 
 
 @checks_arguments
 def game(
     linear: LinearModel,
-    Q: ArrayLike | Mapping[str, float] | None = None,
-    R: ArrayLike | Mapping[str, float] | None = None,
+    Q: ArrayLike | Mapping[str, float],
+    R: ArrayLike | Mapping[str, float],
     delta: float = np.inf,
     E: ArrayLike | None = None,
     N: ArrayLike | None = None,
@@ -29,55 +29,55 @@ def game(
     The plant is z' = A z + B u + E d. The game keeps the names and units of the model.
 
     linear: the linear model, with A and B
-    Q: (n, n), or its diagonal, (n,), or state -> weight, with 0 for all other states; by default
-        diag(1/nominal²)
-    R: (m, m), or its diagonal, (m,), or input -> weight, for every input; by default
-        diag(1/nominal²)
+    Q: (n, n), or its diagonal, (n,), or state -> weight, with 0 for all other states
+    R: (m, m), or its diagonal, (m,), or input -> weight, for every input
     delta: > 0; inf for LQR, without a disturbance
     E: (n, k), disturbance matrix; by default the matrix of the model's disturbances, or the
         identity if it has none
     N: (n, m), cross weights; by default 0
 
+    Rows and columns of tables of pandas are put into the order of the states and inputs.
+
     Raises BadInputError if a name is unknown or the weight of an input is missing, and as `Game`
     does.
 
-    >>> import hfa
+    >>> import hfa, numpy as np
     >>> model = hfa.aircraft()
     >>> linear = hfa.linearize(model, hfa.trim(model))
-    >>> hfa.game(linear, Q={"speed": 0.01}).Q.diagonal().tolist()
+    >>> hfa.game(linear, Q={"speed": 0.01}, R=np.ones(5)).Q.diagonal().tolist()
     [0.01, 0.0, 0.0, 0.0, 0.0, 0.0]
     """
+    need(linear, LinearModel, "game: linear", LinearModel.how_to_make)
+    if Q is None or R is None:
+        raise BadInputError("game: Q or R is None; give weights: hfa.game(linear, Q, R, delta)")
     if E is None:
         E = linear.E if linear.disturbances else np.eye(len(linear.A))
     return Game(
         A=linear.A,
         B=linear.B,
-        E=E,
-        Q=_weights("Q", Q, linear, linear.states),
-        R=_weights("R", R, linear, linear.inputs),
+        E=in_order("E", E, linear.states, ()),
+        Q=_weights("Q", Q, linear.states),
+        R=_weights("R", R, linear.inputs),
         delta=delta,
-        N=N,
+        N=in_order("N", N, linear.states, linear.inputs),
         names=names_of_linear(linear),
     )
 
 
-def _weights(matrix: str, given: Any, linear: LinearModel, names: tuple[str, ...]) -> np.ndarray:
-    """Return Q or R as an array, diag(1/nominal²) for None.
-
-    A given matrix or diagonal keeps its shape.
+def _weights(matrix: str, given: Any, names: tuple[str, ...]) -> np.ndarray:
+    """Return Q or R as an array. A given matrix or diagonal keeps its shape.
 
     matrix: "Q" or "R", for messages
-    given: a matrix, its diagonal, name -> weight, or None
-    linear: linear model with the nominal values
+    given: a matrix, its diagonal, or name -> weight
     names: names of the states or inputs
 
     Raises BadInputError for an unknown name, a weight that is not a number, or an input without a
     weight.
     """
-    if given is None:
-        return nominal_weights(linear.model, names)
+    if len(labels_of(given)) == 1:
+        given = dict(given)
     if not isinstance(given, Mapping):
-        return np.asarray(given)
+        return numbers_in(matrix, in_order(matrix, given, names, names))
     for name, weight in given.items():
         refuse_unknown(f"{matrix} weights an unknown name", name, names)
         if not isinstance(weight, (int, float, np.number)):
@@ -88,3 +88,12 @@ def _weights(matrix: str, given: Any, linear: LinearModel, names: tuple[str, ...
             f"R has no weight for {', '.join(missing)}; give a weight for each input"
         )
     return np.diag([float(given.get(name, 0.0)) for name in names])
+
+
+def names_of_linear(linear: LinearModel) -> PlantNames:
+    """Return the names and units of a linear model's states and inputs.
+
+    The `origin` of the result names the model and its flight condition.
+    """
+    origin = f"{linear.model.title} {linear.point.at_scheduled}".rstrip()
+    return PlantNames(linear.states, linear.inputs, linear.state_units, linear.input_units, origin)

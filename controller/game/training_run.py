@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.game.basis import basis
-from controller.game.names import UNNAMED, PlantNames
 from controller.game.settling import settled_at
+from hfa_aircraft.names import UNNAMED, PlantNames
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
 from hfa_support.reporting.rows_made import RowsMade

@@ -20,8 +20,8 @@ from controller.game.file_entries import (
     plant_names,
     words,
 )
-from controller.game.names import PlantNames
 from controller.game.zero_sum import Game
+from hfa_aircraft.names import PlantNames
 from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, prefix_errors, shortened
 

@@ -35,14 +35,14 @@ def weights_line(
         given game
     N: cross weights, (n, m), or None for 0
     """
-    texts = {"Q": _matrix_text(Q), "R": _matrix_text(R), "delta": f"{delta:g}"}
+    texts = {"Q": matrix_text(Q), "R": matrix_text(R), "delta": f"{delta:g}"}
     if N is not None and N.any():
-        texts["N"] = _matrix_text(N)
+        texts["N"] = matrix_text(N)
     whose = whose or dict.fromkeys(texts, "of the game")
     return ", ".join(f"{name} {text} ({whose[name]})" for name, text in texts.items())
 
 
-def _matrix_text(matrix: np.ndarray) -> str:
+def matrix_text(matrix: np.ndarray) -> str:
     """Return a weight matrix as one line of text: "diag(1, 2)" or "[1 0; 3 2]".
 
     If more than `_SHOWN` numbers would be listed, the text contains their count and range instead.

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from controller.game.names import UNNAMED, PlantNames
+from hfa_aircraft.names import UNNAMED, PlantNames
+from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, shown
+from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
 
-#: Larger numbers (or numbers below its inverse) overflow in products and are meaningless in a
-#: model.
-LARGEST = 1e100
 #: Larger entries of a critic overflow when P S P is squared, and are meaningless.
 LARGEST_CRITIC_ENTRY = 1e50
 #: Magnitude of a negative scaled eigenvalue that counts as rounding.
@@ -49,7 +48,7 @@ class Game(ByValue, Reported):
     """
 
     how_to_make: ClassVar[str] = (
-        "hfa.game(linear, Q, R), hfa.Game(A, B, Q=Q, R=R) or hfa.load_game(FILE)"
+        "hfa.game(linear, Q, R, delta) or hfa.Game(A=A, B=B, Q=Q, R=R, delta=delta)"
     )
 
     A: np.ndarray
@@ -67,10 +66,10 @@ class Game(ByValue, Reported):
             self,
             A: ArrayLike,
             B: ArrayLike,
-            E: ArrayLike,
-            Q: ArrayLike,
-            R: ArrayLike,
-            delta: float,
+            E: ArrayLike | None = None,
+            Q: ArrayLike | None = None,
+            R: ArrayLike | None = None,
+            delta: float = np.inf,
             N: ArrayLike | None = None,
             names: PlantNames = UNNAMED,
         ) -> None: ...
@@ -81,6 +80,10 @@ class Game(ByValue, Reported):
 
         Raises BadInputError, as described for the class.
         """
+        if isinstance(self.A, StatesAndInputs):
+            raise BadInputError(
+                "Game takes arrays A and B; of a linear model write hfa.game(linear, Q, R, delta)"
+            )
         if self.Q is None or self.R is None:
             raise BadInputError(
                 "Q or R is missing; write Q=..., R=..., because the third argument is E"
@@ -257,31 +260,6 @@ def _with_diagonal(name: str, weights: Any) -> Any:
     return np.diag(numbers_in(f"the diagonal of {name}", weights)) if is_row else weights
 
 
-def checked_matrix(name: str, value: Any, largest: float, ndim: int | None = 2) -> np.ndarray:
-    """Return a matrix, given by the user, as a read-only array of floats.
-
-    name: name of the matrix in messages
-    value: the given value
-    largest: largest permitted magnitude of an entry
-    ndim: required number of dimensions, or None for any
-
-    Raises BadInputError if the value does not consist of real numbers, if an entry is not finite or
-    too large, or if the number of dimensions is not `ndim`.
-    """
-    array = numbers_in(name, value)
-    if ndim not in (None, array.ndim):
-        raise BadInputError(f"the number of dimensions of {name} is {array.ndim}; give {ndim}")
-    for index in np.argwhere(~(np.abs(array) <= largest))[:1]:
-        entry = array[tuple(index)]
-        rule = "give finite entries"
-        if np.isfinite(entry):
-            rule = f"give entries of at most {largest:g} in magnitude"
-        where = "".join(f"[{i}]" for i in index)
-        raise BadInputError(f"{name}{where} is {entry:g}; {rule}")
-    array.setflags(write=False)
-    return array
-
-
 def _checked_delta(delta: float) -> float:
     least = LARGEST**-0.5
     most = LARGEST**0.5
@@ -361,8 +339,3 @@ def least_scaled_eigenvalue(matrix: np.ndarray) -> float:
     if not np.isfinite(scaled).all():  # M_ij² > M_ii M_jj by far
         return -np.inf
     return float(np.linalg.eigvalsh((scaled + scaled.T) / 2.0)[0])
-
-
-def shape_text(shape: tuple[int, ...]) -> str:
-    """Return a shape as text, (5, 6) as "5 x 6", () as "a number"."""
-    return " x ".join(map(str, shape)) or "a number"

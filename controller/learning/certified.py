@@ -17,7 +17,7 @@ import numpy as np
 
 from controller.game.basis import Basis, basis
 from controller.game.training_run import TrainingRun
-from controller.game.zero_sum import Game, checked_matrix
+from controller.game.zero_sum import Game
 from controller.learning import recording
 from controller.learning.bellman_equations import (
     GAME,
@@ -29,13 +29,14 @@ from controller.learning.bellman_equations import (
 )
 from controller.learning.recording import Stack
 from controller.learning.ticks import Run, run, training_run
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import (
     BadInputError,
     NoSolutionError,
     refuse_unknown,
     refuse_unless_positive,
 )
+from hfa_support.matrices import checked_matrix
 from hfa_support.progress import Progress
 
 
@@ -677,6 +678,9 @@ def learn(
     >>> hfa.learn(game, seed=1).K.round(4).tolist()
     [[3.0972]]
     """
+    need(game, Game, "learn: game", "a game: hfa.game(linear, Q, R, delta)")
+    if pool is not None:
+        need(pool, Stack, "learn: pool", Stack.how_to_make)
     refuse_unknown("unknown law", law, ("certified",))
     settings_of_law = [field.name for field in fields(CertifiedSettings)]
     for name in options:

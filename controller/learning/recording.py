@@ -9,9 +9,10 @@ import numpy as np
 
 from controller.game.basis import Basis
 from controller.game.training_run import Excitation
-from controller.game.zero_sum import LARGEST, Game, checked_matrix
+from controller.game.zero_sum import Game
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole
+from hfa_support.matrices import LARGEST, checked_matrix
 from hfa_support.reporting.report import Reported
 
 #: Singular values of the unit rows below this fraction of the largest count as 0. The weights can

@@ -9,11 +9,12 @@ from itertools import chain
 
 import numpy as np
 
-from controller.game.zero_sum import LARGEST, Game
+from controller.game.zero_sum import Game
 from controller.riccati.certificate import carefully_certified, certified_stack
 from controller.riccati.normal_form import NormalForm
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.matrices import LARGEST
 from hfa_support.reporting.report import Reported
 
 #: Games of one stack: enough to forget the cost of a call, few enough for the cache.

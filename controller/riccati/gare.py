@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controller.game.names import PlantNames
 from controller.game.zero_sum import Game
 from controller.riccati.certificate import (
     Certificate,
@@ -21,7 +20,8 @@ from controller.riccati.margins import DiskMargin, disk_margin
 from controller.riccati.meaning import meaning_checks
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin, smallest_delta_of, why_refused
-from hfa_support.arguments import ArrayLike, checks_arguments
+from hfa_aircraft.names import PlantNames
+from hfa_support.arguments import ArrayLike, checks_arguments, need
 from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check
@@ -189,6 +189,7 @@ def solve(game: Game, progress: Progress | None = None) -> Solution:
     >>> solution.K.round(4).tolist(), round(solution.delta_min, 4)
     ([[3.0972]], 1.0)
     """
+    need(game, Game, "solve: game", "a game: hfa.game(linear, Q, R, delta)")
     form = NormalForm.of(game)
     solved = certified(form, progress)
     meaning = meaning_checks(solved.form.game(), solved.X, np.ones(len(solved.X)))
@@ -205,6 +206,7 @@ def unconfirmed_solution(game: Game, progress: Progress | None = None) -> Soluti
 
     For searches and sweeps that solve many games. The arguments and errors are those of `solve`.
     """
+    need(game, Game, "unconfirmed_solution: game", "a game: hfa.game(linear, Q, R, delta)")
     form = NormalForm.of(game)
     return solution_of(form, certified(form, progress), game)
 

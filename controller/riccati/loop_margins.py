@@ -7,17 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from controller.game.names import PlantNames
 from controller.game.zero_sum import Game
 from controller.riccati.gain_sweep import frequency_grid
 from controller.riccati.margins import ClosedLoop, disk_of, disk_sizes, loop_at_inputs
-
-if TYPE_CHECKING:
-    from controller.riccati.certificate import Certified
+from hfa_support.arguments import ArrayLike, checks_arguments, need
+from trim.linear.linear_model import LinearModel
 
 #: A gain below this, or above its inverse, is a crossover at infinite frequency, or none, that
 #: rounding moved.
@@ -82,14 +80,28 @@ def loop_margins(game: Game, K: np.ndarray) -> tuple[LoopMargin, ...]:
     return tuple(single_margin(loop, i) for i in range(game.B.shape[1]))
 
 
-def margins_of_inputs(names: PlantNames, solved: Certified) -> dict[str, dict[str, float]]:
-    """Return the stability margins of the exact gain, input -> name of the margin -> value.
+@checks_arguments
+def margins(linear: LinearModel, K: ArrayLike) -> dict[str, LoopMargin]:
+    """Return the stability margins of u = -K x at each input, with the other loops closed.
 
-    names: names of the plant's states and inputs
-    solved: certified solution of the game
+    linear: the linear model, with A and B
+    K: (m, n)
+
+    Returns input -> `LoopMargin`.
+
+    Raises BadInputError if K is not m x n, and NoSolutionError if A - B K is not Hurwitz.
+
+    >>> import hfa
+    >>> linear = hfa.LinearModel.of([[0.0]], [[1.0]])
+    >>> round(hfa.margins(linear, [[2.0]])["u1"].phase, 4)
+    90.0
     """
-    balanced = solved.form.game()
-    return named_margins(names.inputs, loop_margins(balanced, balanced.gain(solved.X)))
+    need(linear, LinearModel, "margins: linear", LinearModel.how_to_make)
+    n = len(linear.states)
+    m = len(linear.inputs)
+    plant = Game(A=linear.A, B=linear.B, Q=np.eye(n), R=np.eye(m))
+    found = loop_margins(plant, plant.checked_gain(K))
+    return dict(zip(linear.inputs, found, strict=True))
 
 
 def named_margins(

@@ -15,7 +15,7 @@ from controller.riccati.frequency_response import square_root, system_gain
 from controller.riccati.gain_sweep import swept_gain
 from controller.riccati.normal_form import RANK, NormalForm
 from controller.riccati.reach import loses_rank, not_decaying, on_axis
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
@@ -104,6 +104,7 @@ def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
     >>> round(minimum_delta(game).value, 4)
     1.0
     """
+    need(game, Game, "minimum_delta: game", "a game: hfa.game(linear, Q, R, delta)")
     return smallest_delta_of(NormalForm.of(game), progress)
 
 

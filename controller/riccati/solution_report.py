@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from controller.game.weights import matrix_text
 from controller.riccati.balancing import is_hurwitz
 from controller.riccati.certificate import NOTICEABLE, TEST_OF_SENSITIVITY
 from hfa_support.reporting.checks import checks_block
@@ -40,6 +41,7 @@ def solution_report(solution: Solution) -> Report:
             f"{doubt}, margin {solution.delta_margin:.4g}"
         ),
         parts=(
+            "\n".join(_weights(solution)),
             matrix_table("P", states, states, solution.P),
             *controller_tables(
                 {"K": (inputs, states, solution.K)},
@@ -78,3 +80,11 @@ def _margins_table(solution: Solution) -> Table:
         gain = f"{loop.gain_low:.3g} to {loop.gain_high:.3g}"
         rows.append((name, gain, f"{loop.phase:.4g}", f"{loop.disk:.4g}"))
     return Table(("margins at the input", "gain", "phase deg", "disk"), rows)
+
+
+def _weights(solution: Solution) -> Iterator[str]:
+    """Yield a line for each weight matrix of the game."""
+    yield f"Q {matrix_text(solution.game.Q)}"
+    yield f"R {matrix_text(solution.game.R)}"
+    if solution.game.N.any():
+        yield f"N {matrix_text(solution.game.N)}"

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from hfa_support.errors import refuse_unknown
+from hfa_support.errors import no_attribute, refuse_unknown
+
+if TYPE_CHECKING:
+    import pandas
 
 Named = TypeVar("Named", covariant=True)
 
@@ -19,19 +23,13 @@ class ByName(tuple[Named, ...]):
         refuse_unknown("unknown name", index, self.keys())
         return self[self.keys().index(index)]
 
-    def __call__(self) -> ByName[Named]:
-        """Return this tuple: modes() is modes."""
-        return self
-
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Return an attribute that an extension adds, for example modes.damping."""
+            """Raise AttributeError with the nearest attributes."""
             if name.startswith("__"):
                 raise AttributeError(name)
-            from hfa_support.unknown import attribute_of
-
-            return attribute_of(self, name)
+            raise no_attribute(self, name)
 
     def keys(self) -> list[str]:
         """Return the names of the entries.
@@ -47,3 +45,24 @@ class ByName(tuple[Named, ...]):
     def items(self) -> Any:
         """Return the pairs (name, entry), as the view of a dictionary."""
         return dict(self).items()
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a `pandas.DataFrame` with one row for each entry, indexed by its name."""
+        import pandas
+
+        rows = [
+            {name: value for name, value in _fields(entry).items() if not isinstance(value, dict)}
+            for entry in self
+        ]
+        return pandas.DataFrame(rows).set_index("name")
+
+    def _repr_html_(self) -> str | None:
+        """Return a table for notebooks, or None without entries or without pandas."""
+        if not self or find_spec("pandas") is None:
+            return None
+        return str(self.to_pandas().to_html())
+
+
+def _fields(entry: Any) -> dict[str, Any]:
+    """Return the fields of an entry, name -> value."""
+    return dict(entry._asdict() if hasattr(entry, "_asdict") else vars(entry))

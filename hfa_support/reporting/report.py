@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from hfa_support.errors import BadInputError
+from hfa_support.errors import no_attribute
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.text import Table, columns, printable, wrapped
 
@@ -150,18 +149,10 @@ class Reported:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Return an entry of the result by its name: point.alpha is point["alpha"].
-
-            If there is no such entry, an attribute that an extension adds is returned
-            (`attribute_of`).
-            """
+            """Raise AttributeError with the nearest attributes."""
             if name[0] == "_":
                 raise AttributeError(name)
-            with suppress(BadInputError, TypeError):
-                return self[name]
-            from hfa_support.unknown import attribute_of
-
-            return attribute_of(self, name)
+            raise no_attribute(self, name)
 
 
 def _text(part: Any, color: bool, width: int | None) -> str:

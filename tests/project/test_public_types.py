@@ -23,6 +23,9 @@ WRONG = (
     "hfa.solve(model)",
     "hfa.game(linear, Q=1, R='a', delta='b')",
     "hfa.from_derivatives(3)",
+    "hfa.LinearModel([[1.0]], [[1.0]])",
+    "hfa.verify(game, [[1.0]])",
+    "hfa.fly(model, point, x0=point.states)",
     "point.states = 1",
 )
 #: Line numbers of the wrong lines.

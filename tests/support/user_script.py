@@ -55,9 +55,9 @@ print(hfa.trim(model), hfa.solve, hfa.verify, hfa.optimize, hfa.prove_solution, 
 game: hfa.Game = hfa.game(linear, [1.0, 2.0], [[3.0]], delta=30.0)
 game = hfa.game(linear, {"speed": 1.0}, {"thrust": 2.0})
 game = hfa.Game([[1.0]], np.eye(1), [[1.0]], [1.0], [1.0], delta=2.0)
-game = hfa.load_game("plant.npz", delta=20.0)
 solution: hfa.Solution = hfa.solve(game)
-print(hfa.lqr(linear, [1.0, 2.0], [3.0]).delta_min, hfa.prove_critic)
+print(hfa.lqr([[1.0]], [[1.0]], [1.0], [3.0]).delta_min, hfa.prove_critic)
+print(hfa.margins(linear, solution.K)["thrust"].phase, hfa.LinearModel.of([[1.0]], [[1.0]]).B)
 run = hfa.learn(game, "normalized", 0)
 critic: hfa.Critic = hfa.from_weights(game, run.weights[-1], run.basis)
 for critic in (
@@ -65,19 +65,17 @@ for critic in (
     hfa.from_value(game, solution.P),
     hfa.from_network(game, "critic.onnx"),
     hfa.read_critic("K.npz", game),
-    hfa.read_critic("K.npz", game),
 ):
     verdict: hfa.Verdict = hfa.verify(game, critic)
     if not verdict.ok:
         print(verdict.report().text())
-verdict = hfa.verify(game, [[1.0]])
 
 # Flights.
 turbulence: hfa.Turbulence = hfa.Turbulence("light", 1000.0)
 flight: hfa.Flight = hfa.fly(model, point, [[1.0, 2.0]], 10.0)
 figure = flight.plot()
 best: hfa.BestFlight = hfa.optimize(model, point, {"speed": 1.0}, Q=[1.0, 1.0], R=[1.0])
-quickest = hfa.quickest_flight(model, point, {"speed": 1.0})
+seconds: float = hfa.optimize(model, point, {"speed": 1.0}, minimize="time").seconds
 found = hfa.identify(model, "record.csv", free=["mass"])
 card = hfa.Deployment(
     policy={"file": solution.K},

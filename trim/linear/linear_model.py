@@ -3,27 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from hfa_aircraft.matrices import plant_model
+from hfa_aircraft.names import PlantNames
+from hfa_aircraft.signals import Signal
 from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_support.arguments import ArrayLike, checks_arguments
-from hfa_support.entry_points import PARTS, part
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, prefix_errors
+from hfa_support.files import read_json
+from hfa_support.labels import in_order, labels_of
+from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.named_array import with_names
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
+from hfa_support.reporting.text import numbered
 
 if TYPE_CHECKING:
     import control
     from matplotlib.axes import Axes
+    from scipy.signal import StateSpace
 
     from hfa_aircraft.model import Model
     from hfa_support.reporting.by_name import ByName
     from trim.linear.mode import Mode
+    from trim.linear.reduction import Names
     from trim.point.operating_point import OperatingPoint
 
 
@@ -37,12 +46,12 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     A: (n, n), ∂f/∂X, in units of the row's rate per unit of the column; can be indexed by names:
         A["pitch_rate", "alpha"].
     B: (n, m), ∂f/∂U, can be indexed by names.
-    C: (k, n), ∂y/∂X, the identity if the outputs are the states.
+    C: (k, n), ∂y/∂X.
     D: (k, m), ∂y/∂U.
-    states: names of the states, in order; by default x1, x2, ...
-    inputs: names of the inputs, in order; by default u1, u2, ...
-    point: operating point, whose values are the offsets X0, U0; by default the origin.
-    outputs: names of the outputs y, in order; by default the states.
+    states: names of the states, in order.
+    inputs: names of the inputs, in order.
+    point: operating point, whose values are the offsets X0, U0.
+    outputs: names of the outputs y, in order.
     E: (n, l), ∂f/∂w; without columns if there are no disturbances.
     F: (k, l), ∂y/∂w.
     output_offsets: Y0, (k,).
@@ -54,11 +63,9 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     >>> linear = hfa.linearize(model, hfa.trim(model))
     >>> type(linear) is hfa.LinearModel, linear.A.shape, linear.B.shape
     (True, (6, 6), (6, 5))
-    >>> hfa.LinearModel([[0.0, 1.0], [-4.0, -0.4]], [[0.0], [1.0]], states=("x", "v")).A["v", "x"]
-    np.float64(-4.0)
     """
 
-    how_to_make: ClassVar[str] = "linearize(model, point), or of matrices hfa.LinearModel(A, B)"
+    how_to_make: ClassVar[str] = "linearize(model, point), or of matrices hfa.LinearModel.of(A, B)"
     schema = "hfa.linear-model/1"
     made_by = "hfa linearize"
     json_keys = (
@@ -70,7 +77,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     A: Matrix
     B: Matrix
-    C: Matrix = None  # type: ignore[assignment]  # completed with point
+    C: Matrix = None  # type: ignore[assignment]
     D: Matrix = None  # type: ignore[assignment]
     states: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
@@ -82,15 +89,82 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     disturbances: tuple[str, ...] = ()
     kinks: tuple[str, ...] = ()
 
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            A: Matrix,
+            B: Matrix,
+            C: Matrix,
+            D: Matrix,
+            states: tuple[str, ...],
+            inputs: tuple[str, ...],
+            point: OperatingPoint,
+            outputs: tuple[str, ...],
+            E: Matrix,
+            F: Matrix,
+            output_offsets: Vector,
+            disturbances: tuple[str, ...],
+            kinks: tuple[str, ...],
+        ) -> None: ...
+
     def __post_init__(self) -> None:
-        """Complete missing names and matrices, and make A and B indexable by names."""
+        """Make A and B indexable by names. Raises BadInputError without an operating point."""
         if self.point is None:
-            completed = part(PARTS, "linear.matrices", "LinearModel(A, B)")
-            vars(self).update(completed(self))
+            raise BadInputError(
+                "a LinearModel needs an operating point; of matrices write "
+                "hfa.LinearModel.of(A, B, C, D)"
+            )
         vars(self).update(
             A=with_names(self.A, self.states, self.states),
             B=with_names(self.B, self.states, self.inputs),
         )
+
+    @classmethod
+    def of(
+        cls,
+        A: ArrayLike,
+        B: ArrayLike,
+        C: ArrayLike | None = None,
+        D: ArrayLike | None = None,
+        *,
+        states: Sequence[str] = (),
+        inputs: Sequence[str] = (),
+        outputs: Sequence[str] = (),
+        name: str = "linear plant",
+    ) -> LinearModel:
+        """Return x' = A x + B u, y = C x + D u about the origin.
+
+        A: (n, n)
+        B: (n, m)
+        C: (k, n), by default the identity
+        D: (k, m), by default 0
+        states, inputs: names in order, by default the labels of A and B if these are tables of
+            pandas, otherwise x1, x2, ... and u1, u2, ...
+        outputs: names in order, by default the states, or y1, y2, ... if C is given
+        name: name of the plant in reports
+
+        Rows and columns of labelled tables are put into the order of the names.
+
+        Raises BadInputError if a matrix does not consist of finite numbers, or if shapes, labels or
+        numbers of names disagree.
+
+        >>> import hfa
+        >>> A, B = [[0.0, 1.0], [-4.0, -0.4]], [[0.0], [1.0]]
+        >>> hfa.LinearModel.of(A, B, states=("x", "v")).A["v", "x"]
+        np.float64(-4.0)
+        """
+        return _of_matrices(A, B, C, D, tuple(states), tuple(inputs), tuple(outputs), name)
+
+    @staticmethod
+    def load(path: str | Path) -> LinearModel:
+        """Return the linear model in a JSON file that `save` or `hfa linearize -o` wrote.
+
+        The result has the matrices, names and units of the file. Its operating point is the origin.
+
+        Raises BadInputError if the file is not a linear model.
+        """
+        return _loaded(path)
 
     @property
     def model(self) -> Model:
@@ -217,8 +291,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """True if the outputs show every mode, within rounding: [A - λ I; C] has rank n."""
         return not self.zeros(inputs=()).size
 
-    @checks_arguments
-    def zeros(self, inputs: Any = None, outputs: Any = None) -> np.ndarray:
+    def zeros(self, inputs: Names = None, outputs: Names = None) -> np.ndarray:
         """Return the transmission zeros from named inputs to named outputs, complex, 1/s.
 
         By default all inputs and outputs are used. With outputs=(), the zeros are the eigenvalues
@@ -230,9 +303,8 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
         return zeros_of(chosen(self, inputs, outputs))
 
-    @checks_arguments
     def step(
-        self, time: float | ArrayLike | None = None, inputs: Any = None, outputs: Any = None
+        self, time: float | ArrayLike | None = None, inputs: Names = None, outputs: Names = None
     ) -> control.TimeResponseData:
         """Return the responses of the outputs to a unit step of each input, (outputs, inputs, N).
 
@@ -241,11 +313,12 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         time: (N,), or the final time, s; by default chosen by python-control
         inputs, outputs: names; by default all
         """
-        return _responses().response(self, "step", time, inputs, outputs)
+        from trim.linear.responses import response
 
-    @checks_arguments
+        return response(self, "step", time, inputs, outputs)
+
     def impulse(
-        self, time: float | ArrayLike | None = None, inputs: Any = None, outputs: Any = None
+        self, time: float | ArrayLike | None = None, inputs: Names = None, outputs: Names = None
     ) -> control.TimeResponseData:
         """Return the responses of the outputs to a unit impulse of each input, (outputs, inputs,
         N).
@@ -254,9 +327,10 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
         time, inputs, outputs: as for `step`
         """
-        return _responses().response(self, "impulse", time, inputs, outputs)
+        from trim.linear.responses import response
 
-    @checks_arguments
+        return response(self, "impulse", time, inputs, outputs)
+
     def simulate(
         self, u: Any = None, time: Any = None, *, initial: Any = None, dt: float | None = None
     ) -> control.TimeResponseData:
@@ -267,32 +341,55 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         initial: state -> initial deviation, or all deviations (n,); by default 0
         dt: sample time of u or of the result, s; None if `time` is an array
         """
-        return _responses().simulated(self, u, time, initial, dt)
+        from trim.linear.responses import simulated
 
-    @checks_arguments
-    def transfer_function(self, inputs: Any, outputs: Any) -> control.TransferFunction:
+        return simulated(self, u, time, initial, dt)
+
+    def transfer_function(self, inputs: str, outputs: str) -> control.TransferFunction:
         """Return the python-control transfer function from one input to one output.
 
         Common poles and zeros are canceled. Raises BadInputError for several inputs or outputs.
         """
-        return _responses().transfer_function(self, inputs, outputs)
+        from trim.linear.responses import transfer_function
 
-    @checks_arguments
-    def bode(self, inputs: Any = None, outputs: Any = None) -> np.ndarray:
+        return transfer_function(self, inputs, outputs)
+
+    def bode(self, inputs: Names = None, outputs: Names = None) -> np.ndarray:
         """Draw the Bode plots of the named inputs and outputs with pyplot, and return the Axes.
 
         Raises BadInputError if no input affects an output.
         """
-        return _responses().bode(self, inputs, outputs)
+        from trim.linear.responses import bode
+
+        return bode(self, inputs, outputs)
 
     def plot(self) -> Axes:
         """Draw the poles and zeros with pyplot, and return the Axes."""
-        return _responses().draw_poles(self)
+        from trim.linear.responses import draw_poles
 
-    @checks_arguments
-    def nyquist(self, inputs: Any = None, outputs: Any = None) -> Axes:
+        return draw_poles(self)
+
+    def nyquist(self, inputs: Names = None, outputs: Names = None) -> Axes:
         """Draw the Nyquist plot from one input to one output with pyplot, and return the Axes."""
-        return _responses().nyquist(self, inputs, outputs)
+        from trim.linear.responses import nyquist
+
+        return nyquist(self, inputs, outputs)
+
+    def closed_loop(self, K: ArrayLike) -> control.StateSpace:
+        """Return the loop x' = (A - B K) x + B v, y = (C - D K) x + D v as a python-control system.
+
+        K: (m, n), gain of u = -K x + v
+
+        Raises BadInputError if K is not m x n.
+        """
+        gain = checked_matrix("K", K, LARGEST)
+        shape = (len(self.inputs), len(self.states))
+        if gain.shape != shape:
+            raise BadInputError(
+                f"K is {shape_text(gain.shape)}; give {shape_text(shape)}, inputs x states"
+            )
+        looped = replace(self, A=self.A - self.B @ gain, C=self.C - self.D @ gain)
+        return looped.to_control()
 
     def report(self) -> Report:
         """Return a report of the linear model, with A, B, the offsets and the modes."""
@@ -306,13 +403,116 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
         return state_space(self)
 
-    def __dir__(self) -> list[str]:
-        return [*object.__dir__(self), *dir(self.to_control())]
+    def to_scipy(self) -> StateSpace:
+        """Return the linear model as a `scipy.signal.StateSpace`."""
+        from scipy.signal import StateSpace
+
+        return StateSpace(*self)
 
 
-def _responses() -> Any:
-    """Return the module that computes and draws responses, from the package that supplies it.
+def _of_matrices(
+    A: Any,
+    B: Any,
+    C: Any,
+    D: Any,
+    states: tuple[str, ...],
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    name: str,
+) -> LinearModel:
+    """Return the linear model of matrices (`LinearModel.of`)."""
+    from trim.point.operating_point import origin
 
-    Raises BadInputError if this package is not installed.
-    """
-    return part(PARTS, "notebook.responses", "a response of a linear model")
+    labels_of_A = labels_of(A)
+    labels_of_B = labels_of(B)
+    states = states or (labels_of_A[0] if labels_of_A else ())
+    inputs = inputs or (labels_of_B[1] if len(labels_of_B) > 1 else ())
+    A = checked_matrix("A", in_order("A", A, states, states), LARGEST)
+    B = checked_matrix("B", in_order("B", B, states, inputs), LARGEST)
+    n = len(A)
+    m = B.shape[1]
+    for matrix_name, matrix, shape in (("A", A, (n, n)), ("B", B, (n, m))):
+        if matrix.shape != shape or not matrix.size:
+            raise BadInputError(
+                f"{matrix_name} is {shape_text(matrix.shape)}; give {shape_text(shape)}, with at "
+                "least one state and one input"
+            )
+    names = PlantNames(states, inputs).completed(n, m)
+    usual = names.states
+    if C is not None:
+        labels_of_C = labels_of(C)
+        outputs = outputs or (labels_of_C[0] if labels_of_C else ())
+        C = checked_matrix("C", in_order("C", C, outputs, names.states), LARGEST)
+        usual = numbered("y", len(C))
+    else:
+        C = np.eye(n)
+    outputs = outputs or usual
+    if D is None:
+        D = np.zeros((len(C), m))
+    D = checked_matrix("D", in_order("D", D, outputs, names.inputs), LARGEST)
+    for matrix_name, matrix, width in (("C", C, n), ("D", D, m)):
+        if matrix.shape != (len(C), width):
+            wanted = shape_text((len(C), width))
+            raise BadInputError(f"{matrix_name} is {shape_text(matrix.shape)}; give {wanted}")
+    if len(outputs) != len(C):
+        raise BadInputError(
+            f"outputs has {len(outputs)} names, but C has {len(C)} rows; give a name for each row"
+        )
+    rows = dict(zip(outputs, zip(C, D, strict=True), strict=True))
+    return LinearModel(
+        A,
+        B,
+        C,
+        D,
+        names.states,
+        names.inputs,
+        origin(plant_model(name, names, A, B, rows)),
+        outputs,
+        np.zeros((n, 0)),
+        np.zeros((len(C), 0)),
+        np.zeros(len(C)),
+        (),
+        (),
+    )
+
+
+def _loaded(path: str | Path) -> LinearModel:
+    """Return the linear model in a JSON file (`LinearModel.load`)."""
+    try:
+        data: Any = read_json(Path(path))
+    except OSError as error:
+        raise BadInputError(f"{path} cannot be read ({error.strerror})") from error
+    is_model = isinstance(data, dict) and data.get("schema") == LinearModel.schema
+    if not is_model or not {"A", "B"} <= {*data}:
+        raise BadInputError(
+            f"{path} is not a linear model of schema {LinearModel.schema}; write it with "
+            "hfa linearize -o FILE.json"
+        )
+    with prefix_errors(path):
+        linear = LinearModel.of(
+            data["A"],
+            data["B"],
+            data.get("C"),
+            data.get("D"),
+            states=data.get("states", ()),
+            inputs=data.get("inputs", ()),
+            outputs=data.get("outputs", ()),
+            name=f"linear model of {Path(path).name}",
+        )
+        units = {
+            kind: [str(unit) for unit in data.get(f"{kind}_units", ())]
+            for kind in ("state", "input")
+        }
+        model = replace(
+            linear.model,
+            states=_with_units(linear.states, units["state"]),
+            inputs=_with_units(linear.inputs, units["input"]),
+        )
+    return replace(linear, point=replace(linear.point, model=model))
+
+
+def _with_units(names: tuple[str, ...], units: list[str]) -> dict[str, Signal]:
+    """Return name -> signal. Raises BadInputError unless there is one unit for each name."""
+    if len(units) != len(names):
+        raise BadInputError(f"there are {len(units)} units for {len(names)} names")
+    return {name: Signal(unit) for name, unit in zip(names, units, strict=True)}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from hfa_support.errors import no_attribute
 from hfa_support.reporting.results import Result
 
 
@@ -38,11 +39,7 @@ class Mode(Result):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Return a quantity of the mode under a name that another tool uses: mode.zeta is
-            mode.damping.
-            """
+            """Raise AttributeError with the nearest attributes: of mode.zeta, damping."""
             if name[0] == "_":
                 raise AttributeError(name)
-            from hfa_support.unknown import attribute_of
-
-            return attribute_of(self, name)
+            raise no_attribute(self, name)

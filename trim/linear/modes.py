@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError
+from hfa_support.arguments import checks_arguments, need
+from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.reporting.named_array import NamedArray
 from hfa_support.reporting.text import Table, eigenvalue_text
 from trim.linear.mode import Mode
@@ -59,7 +59,8 @@ def modes_of(
     >>> round(mode.damping, 3)
     0.1
     """
-    A = np.asarray(A, dtype=float)
+    A = numbers_in("A", A)
+    need(states, (list, tuple), "modes_of: states", "the names of the states in a tuple")
     n = len(states)
     if A.shape != (n, n):
         raise BadInputError(f"A has shape {A.shape}; give shape {(n, n)}, one row for each state")

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from hfa_support.errors import BadInputError, refuse_unknown
 
 
@@ -18,10 +16,11 @@ def positions(what: str, names: Sequence[str] | None, known: tuple[str, ...]) ->
 
     Raises BadInputError for an unknown name, and for a repeated name.
     """
-    chosen = np.atleast_1d(known if names is None else names).tolist()
+    chosen = known if names is None else names
+    chosen = [chosen] if isinstance(chosen, str) else list(chosen)
     positions = {name: index for index, name in enumerate(known)}
     for index, name in enumerate(chosen):
-        if name not in positions:
+        if not isinstance(name, str) or name not in positions:
             refuse_unknown(f"unknown {what}", name, known)
         if name in chosen[:index]:
             raise BadInputError(f"{what} {name} is named twice; remove one {name}")

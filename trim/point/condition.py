@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
 from hfa_support.linear_table import LinearTable
 from trim.limits import Limits
@@ -289,6 +289,7 @@ def release(
     Raises BadInputError for an unknown name, for a name that is both set free and held, and as
     `TrimCondition` does.
     """
+    need(condition, TrimCondition, "release: condition", TrimCondition.how_to_make)
     hold = hold or {}
     for name in (*free, *hold):
         condition.model.refuse_unheld("unknown trim variable", name)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hfa_aircraft.model import Model
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from trim.linear.linear_model import LinearModel
 from trim.point.condition import usual_condition
 from trim.point.solve import trim
@@ -24,5 +24,6 @@ def level_model(model: Model, scheduled: float) -> LinearModel:
     >>> hfa.paper.level_model(hfa.aircraft(), 0.2).states
     ('speed', 'alpha', 'pitch', 'pitch_rate', 'dihedral', 'dihedral_rate')
     """
+    need(model, Model, "level_model: model", Model.how_to_make)
     condition = usual_condition(model).at(hold={model.schedule: scheduled})
     return trim(model, condition).linearize()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from trim.linear.kinks import linearization_at
 from trim.linear.linear_model import LinearModel
 from trim.linear.positions import positions
@@ -43,6 +43,11 @@ def linearize(
     >>> hfa.linearize(hfa.aircraft(), point).A.shape
     (6, 6)
     """
+    need(model, Model, "linearize: model", Model.how_to_make)
+    need(point, OperatingPoint, "linearize: point", "a trim: hfa.trim(model)")
+    for what, names in (("outputs", outputs), ("disturbances", disturbances)):
+        if names is not None:
+            need(names, (list, tuple), f"linearize: {what}", "a list or tuple of names")
     point.refuse_other(model)
     every_state = tuple(model.states)
     states = every_state if full else model.linear

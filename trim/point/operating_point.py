@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_aircraft.signals import record
 from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.files import write_text
@@ -313,6 +314,17 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         from trim.point.saved_point import loaded_point
 
         return loaded_point(path, model)
+
+
+def origin(model: Model) -> OperatingPoint:
+    """Return the operating point of a linear plant at which all states and inputs are 0."""
+    return OperatingPoint(
+        record(tuple(model.states))(*np.zeros(len(model.states)).tolist()),
+        record(tuple(model.inputs))(*np.zeros(len(model.inputs)).tolist()),
+        {},
+        Status.TRIMMED,
+        model,
+    )
 
 
 def beyond_range(model: Model, values: Mapping[str, float]) -> list[str]:

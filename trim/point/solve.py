@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, NoSolutionError
 from trim.point.condition import TrimCondition, refuse_unfit, release, usual_condition
 from trim.point.operating_point import OperatingPoint
@@ -94,6 +94,11 @@ def trim(
     >>> round(point["throttle"], 2)
     40.27
     """
+    need(model, Model, "trim: model", Model.how_to_make)
+    if condition is not None:
+        need(condition, TrimCondition, "trim: condition", TrimCondition.how_to_make)
+    if start is not None:
+        need(start, OperatingPoint, "trim: start", "a trim: hfa.trim(model)")
     condition = condition or usual_condition(model)
     refuse_unfit(condition, model)
     held = {**(hold or {}), **held}

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown_unit, shown_value
@@ -101,6 +101,9 @@ def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -
     condition: condition of the trim
     point: the trim or the nearest point
     """
+    need(model, Model, "trim_report: model", Model.how_to_make)
+    need(condition, TrimCondition, "trim_report: condition", TrimCondition.how_to_make)
+    need(point, OperatingPoint, "trim_report: point", "a trim: hfa.trim(model)")
     margins = point.margins_under(condition)
     # Variables whose limits matter: free ones, and held inputs.
     limited = [

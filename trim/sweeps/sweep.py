@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -10,8 +10,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.states_and_inputs import StatesAndInputs
-from hfa_support.arguments import checks_arguments
-from hfa_support.entry_points import PARTS, part
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from hfa_support.reporting.by_name import ByName
@@ -39,8 +38,10 @@ from trim.sweeps.points import (
     trim_points,
 )
 from trim.sweeps.sweep_plan import SweepPlan
+from trim.tables import draw_curves
 
 if TYPE_CHECKING:
+    import pandas
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -263,16 +264,18 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         """Return a new figure with the root locus of the sweep."""
         return self._draw_locus(new_figure(*_LOCUS_INCHES))
 
-    def plot(self, *names: Any) -> np.ndarray:
+    def plot(self, *names: str) -> np.ndarray:
         """Draw the root locus over the last variable with pyplot, and return the Axes.
 
         names: values that are drawn instead of the root locus: plot("alpha", "elevator")
 
-        Raises BadInputError if the root locus is drawn and no point has a trim.
+        Raises BadInputError if the root locus is drawn and no point has a trim, for an unknown
+        name, and if curves are drawn of points that do not form complete lines.
         """
         if names:
-            drawn: np.ndarray = part(PARTS, "notebook.curves", "plot of names")(self, *names)
-            return drawn
+            x = self.variables[-1]
+            across = (x, self.model.unit(x), self[x])
+            return draw_curves(self.model, across, self._columns(names), self._lines())
         return np.array(self._draw_locus(pyplot_figure(*_LOCUS_INCHES)).axes)
 
     def _draw_locus(self, figure: Figure) -> Figure:
@@ -508,12 +511,43 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
         return column(self, index) if isinstance(index, str) else linear_model_at(self, index)
 
-    def to_pandas(self) -> Any:
-        """Return a `pandas.DataFrame` with one named row for each point.
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a `pandas.DataFrame` with one row for each point.
 
-        The columns are the swept values, states, inputs, and damping and frequency of each mode.
+        The columns are the swept values, states, inputs, damping and frequency of each mode, and
+        the reason if there is no trim.
         """
-        return part(PARTS, "notebook.frame", "to_pandas")(self)
+        import pandas
+
+        names = dict.fromkeys((*self.variables, *self.model.states, *self.model.inputs))
+        columns = {**self._columns(names), **self._mode_columns(), "reason": list(self.reasons)}
+        return pandas.DataFrame(columns)
+
+    def _columns(self, names: Iterable[str]) -> dict[str, np.ndarray]:
+        """Return name -> values (N,) of swept variables, states, inputs and mode columns."""
+        of_modes = self._mode_columns()
+        return {name: of_modes[name] if name in of_modes else self[name] for name in names}
+
+    def _mode_columns(self) -> dict[str, np.ndarray]:
+        """Return damping and frequency of each mode, "phugoid damping" -> (N,)."""
+        columns = {}
+        for mode in self.modes:
+            columns[f"{mode.name} damping"] = mode.damping[:, 0]
+            columns[f"{mode.name} frequency"] = mode.frequency[:, 0]
+        return columns
+
+    def _lines(self) -> list[slice]:
+        """Return a slice of the points for each line along the last variable.
+
+        Raises BadInputError if the points do not form complete lines.
+        """
+        size = self.plan.sizes[-1]
+        if len(self) % size:
+            raise BadInputError(
+                "the points of the sweep do not form complete lines along the last variable; sweep "
+                "a full grid"
+            )
+        return [slice(first, first + size) for first in range(0, len(self), size)]
 
     def at(self, **values: float) -> LinearModel:
         """Return the linear model at one value of each swept variable, as in sweep.at(speed=46.0).
@@ -586,6 +620,11 @@ def sweep(
     >>> hfa.sweep(hfa.aircraft(), {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0]}).A.shape
     (4, 6, 6)
     """
+    need(model, Model, "sweep: model", Model.how_to_make)
+    if condition is not None:
+        need(condition, TrimCondition, "sweep: condition", TrimCondition.how_to_make)
+    if start is not None:
+        need(start, OperatingPoint, "sweep: start", "a trim: hfa.trim(model)")
     grid = {**(grid or {}), **columns}
     if at is not None:
         if model.schedule in grid:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from functools import lru_cache
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controller.critic.critic import Critic
+from controller.critic.critic import Critic, from_parts
+from controller.game.training_run import TrainingRun
 from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
@@ -19,7 +18,7 @@ from controller.riccati.cost import SIGNLESS, FlightCost, flight_cost
 from controller.riccati.gare import Solution, unconfirmed_solution
 from controller.riccati.margins import DiskMargin, disk_margin
 from controller.riccati.normal_form import NormalForm
-from hfa_support.arguments import ArrayLike, checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.entry_points import CRITICS, PARTS, offered, part
 from hfa_support.errors import NoSolutionError, refuse_unless_positive
 from hfa_support.reporting.checks import Check, at_least, at_most, below
@@ -29,21 +28,21 @@ from verification.critic.scope import LIMIT, Scope
 from verification.critic.verdict import Details, Section, Verdict, explained
 from verification.hfa_box import usual_box
 
-if TYPE_CHECKING:
-    from controller.game.training_run import TrainingRun
+#: What is given as a critic.
+_CRITICS = (
+    "hfa.from_gain(game, K), hfa.from_value(game, P), hfa.from_weights(game, W, basis=...), "
+    "hfa.from_network(game, NETWORK) or hfa.read_critic(FILE, game)"
+)
 
 
 @checks_arguments
 def verify(
     game: Game,
-    critic: Critic | Solution | TrainingRun | ArrayLike | str | Path | None = None,
+    critic: Critic | Solution | TrainingRun,
     *,
     limit: float = LIMIT,
     scope: Scope | None = None,
     run: TrainingRun | None = None,
-    K: ArrayLike | None = None,
-    P: ArrayLike | None = None,
-    W: ArrayLike | None = None,
 ) -> Verdict:
     """Return the verdict on a critic, compared with the exact solution of its game.
 
@@ -58,29 +57,31 @@ def verify(
     from states in the box. For a network, a bound on its errors is proved if possible.
 
     game: the game
-    critic: the critic, a solution, a training run, or a file; an array is the gain K of u = -K z,
-        (m, n)
+    critic: the critic, from `hfa.from_gain`, `from_value`, `from_weights`, `from_network` or
+        `hfa.read_critic`; or a solution, or a training run
     limit: limit of the errors and the residual
     scope: further data for the checks; by default `Scope()`
     run: the training run that ends with the critic, or None. The rank of its data and its settling
         time are checked.
-    K, P, W: instead of the critic, its gain, value matrix, or weights of the basis "quadratic"
 
-    Raises NoSolutionError if the game has no certified solution, and BadInputError if no critic is
-    given, the critic does not fit the game, or the limit is not positive.
+    Raises NoSolutionError if the game has no certified solution, and BadInputError if `game` is not
+    a game, `critic` is not a critic, or the limit is not positive.
 
     >>> import hfa
     >>> game = hfa.paper.published_game(hfa.paper.level_model(hfa.aircraft(), 0.2))
     >>> K = hfa.solve(game).K
-    >>> hfa.verify(game, 1.01 * K).reason
+    >>> hfa.verify(game, hfa.from_gain(game, 1.01 * K)).reason
     'every entry of K is 1.01 times the exact one'
     """
+    need(game, Game, "verify: game", "a game: hfa.game(linear, Q, R, delta)")
     refuse_unless_positive("limit", limit)
     scope = scope or Scope()
-    if not isinstance(critic, Critic):
-        from verification.critic.given import critic_given
-
-        critic, run = critic_given(game, critic, {"K": K, "P": P, "W": W}, run)
+    if isinstance(critic, TrainingRun):
+        run = critic
+        critic = run.critic(game)
+    if isinstance(critic, Solution):
+        critic = from_parts(game, {"P": critic.P, "K": critic.K})
+    need(critic, Critic, "verify: critic", _CRITICS)
     exact = unconfirmed_solution(game)
     box = scope.box or usual_box(game)
     lost = _flight_cost(game, exact, critic.K)

@@ -16,9 +16,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.game.names import PlantNames
 from controller.game.zero_sum import Game
 from controller.riccati.normal_form import NormalForm
+from hfa_aircraft.names import PlantNames
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.checks import Check, at_most

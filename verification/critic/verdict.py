@@ -106,7 +106,7 @@ class Verdict(Checked, Result, Reported):
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
-    >>> verdict = hfa.verify(game, hfa.solve(game).K)
+    >>> verdict = hfa.verify(game, hfa.solve(game))
     >>> type(verdict) is hfa.Verdict, verdict.ok
     (True, True)
     """

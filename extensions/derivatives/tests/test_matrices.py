@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import control
 import numpy as np
 import pytest
@@ -18,7 +20,7 @@ def test_matrices_alone_define_a_linear_model() -> None:
 
     Linearizing its nonlinear model gives the same A and B.
     """
-    linear = hfa.LinearModel(A, B)
+    linear = hfa.LinearModel.of(A, B)
     assert (linear.states, linear.inputs, linear.outputs) == (("x1", "x2"), ("u1",), ("x1", "x2"))
     assert linear.modes[0].eigenvalue in np.linalg.eigvals(A)
     assert not linear.is_stable
@@ -31,13 +33,13 @@ def test_matrices_alone_define_a_linear_model() -> None:
 
 
 def test_linear_models_accept_a_b_c_d() -> None:
-    """LinearModel(A, B, C, D) has the order of arguments and the response of `control.ss`.
+    """LinearModel.of(A, B, C, D) has the order of arguments and the response of `control.ss`.
 
     Linearizing its nonlinear model gives the same C and D.
     """
     C = [[1.0, 2.0]]
     D = [[3.0]]
-    linear = hfa.LinearModel(A, B, C, D, states=("q", "v"), inputs=("f",))
+    linear = hfa.LinearModel.of(A, B, C, D, states=("q", "v"), inputs=("f",))
     assert linear.to_control()(2j) == pytest.approx(control.ss(A, B, C, D)(2j))
     again = hfa.linearize(linear.model, linear.point, outputs=linear.outputs)
     assert np.array_equal(again.C, C)
@@ -46,24 +48,88 @@ def test_linear_models_accept_a_b_c_d() -> None:
 
 
 def test_lqr_of_matrices_equals_python_control() -> None:
-    """lqr accepts matrices or a linear model and returns the gain that python-control returns."""
+    """lqr, and the game of a linear model, give the gain that python-control returns."""
     expected, _, _ = control.lqr(A, B, np.eye(2), np.eye(1))
     for found in (
         hfa.lqr(A, B, np.eye(2), np.eye(1)),
         hfa.lqr(A, B, Q=np.eye(2), R=[1.0]),
-        hfa.lqr(hfa.LinearModel(A, B), np.eye(2), np.eye(1)),
+        hfa.solve(hfa.game(hfa.LinearModel.of(A, B), np.eye(2), np.eye(1))),
     ):
         assert pytest.approx(expected) == found.K
 
 
-def test_lqr_of_matrices_refuses_a_disturbance() -> None:
-    """lqr refuses a delta, which would define a game, and a missing B."""
-    with pytest.raises(BadInputError, match="the arguments are linear, Q, R, N"):
-        hfa.lqr(A, B, np.eye(2), np.eye(1), None, 100.0)
-    with pytest.raises(BadInputError, match="N is 0; give 2"):
-        hfa.lqr(A, B, np.eye(2), np.eye(1), 100.0)
-    with pytest.raises(BadInputError, match="B is missing"):
-        hfa.lqr(A)
+def test_lqr_needs_all_matrices() -> None:
+    """lqr refuses missing weights, a delta, which would define a game, and a plant."""
+    for call in (
+        lambda: hfa.lqr(A, B, np.eye(2), np.eye(1), None, 100.0),  # type: ignore[call-arg]
+        lambda: hfa.lqr(A, B),  # type: ignore[call-arg]
+        lambda: hfa.lqr(A, B, np.eye(2)),  # type: ignore[call-arg]
+    ):
+        with pytest.raises(BadInputError, match="the arguments are A, B, Q, R, N"):
+            call()
+    linear = hfa.LinearModel.of(A, B)
+    with pytest.raises(BadInputError, match=r"hfa.game\(linear, Q, R, delta\)"):
+        hfa.lqr(linear, B, np.eye(2), np.eye(1))  # type: ignore[arg-type]
+    with pytest.raises(BadInputError, match=r"write hfa.LinearModel.of\(A, B, C, D\)"):
+        hfa.LinearModel(A, B)  # type: ignore[call-arg]
+
+
+def test_a_linear_model_is_read_from_its_file(tmp_path: Path) -> None:
+    """A saved linear model is loaded with its matrices, names and units. Another file is refused."""
+    model = hfa.aircraft()
+    linear = hfa.linearize(model, hfa.trim(model))
+    linear.save(tmp_path / "linear.json")
+    again = hfa.LinearModel.load(tmp_path / "linear.json")
+    assert np.array_equal(again.A, linear.A)
+    assert np.array_equal(again.D, linear.D)
+    assert (again.states, again.inputs, again.outputs) == (
+        linear.states,
+        linear.inputs,
+        linear.outputs,
+    )
+    assert (again.state_units, again.input_units) == (linear.state_units, linear.input_units)
+    linear.point.save(tmp_path / "point.json")
+    with pytest.raises(BadInputError, match=r"point\.json is not a linear model"):
+        hfa.LinearModel.load(tmp_path / "point.json")
+
+
+def test_labelled_matrices_are_put_in_order() -> None:
+    """Tables of pandas name the states and inputs, in any order of rows and columns.
+
+    Wrong labels are refused, and labels where no order is known.
+    """
+    pandas = pytest.importorskip("pandas")
+    table_A = pandas.DataFrame(A, ["q", "v"], ["q", "v"])
+    table_B = pandas.DataFrame(B, ["q", "v"], ["f"])
+    linear = hfa.LinearModel.of(table_A.iloc[:, ::-1], table_B.iloc[::-1])
+    assert np.array_equal(linear.A, A)
+    assert np.array_equal(linear.B, B)
+    assert (linear.states, linear.inputs) == (("q", "v"), ("f",))
+    Q = pandas.DataFrame(np.diag([1.0, 2.0]), ["q", "v"], ["q", "v"])
+    game = hfa.game(linear, Q.iloc[::-1], pandas.Series({"f": 3.0}))
+    assert game.Q.tolist() == Q.to_numpy().tolist()
+    assert game.R.tolist() == [[3.0]]
+    with pytest.raises(BadInputError, match="Q has the labels q, w; label each of q, v once"):
+        hfa.game(linear, pandas.DataFrame(np.eye(2), ["q", "w"], ["q", "w"]), [1.0])
+    gain = pandas.DataFrame([[1.0, 2.0]], ["f"], ["q", "v"])
+    for call in (lambda: hfa.from_gain(game, gain), lambda: linear.closed_loop(gain)):
+        with pytest.raises(BadInputError, match=r"give K\.to_numpy\(\) in the order"):
+            call()
+
+
+def test_a_gain_closes_the_loop_and_has_margins() -> None:
+    """The closed loop is A - B K, C - D K, and its margins are those of python-control."""
+    linear = hfa.LinearModel.of(A, B, [[1.0, 0.0]], [[0.5]])
+    K = np.array([[5.0, 2.0]])
+    closed = linear.closed_loop(K)
+    assert np.array_equal(closed.A, A - B @ K)
+    assert np.array_equal(closed.C, linear.C - linear.D @ K)
+    _, phase, _, crossover = control.margin(control.ss(A, B, K, 0.0))
+    margin = hfa.margins(linear, K)["u1"]
+    assert (margin.phase, margin.crossover) == pytest.approx((phase, crossover), rel=1e-6)
+    assert np.array_equal(linear.to_scipy().D, linear.D)
+    with pytest.raises(BadInputError, match="K is 2 x 1; give 1 x 2"):
+        linear.closed_loop(K.T)
 
 
 @pytest.mark.parametrize(
@@ -78,12 +144,9 @@ def test_lqr_of_matrices_refuses_a_disturbance() -> None:
             "outputs has 1 names, but C has 2 rows; give a name for each row",
         ),
         ({"A": A * np.nan, "B": B}, "A.0..0. is nan"),
-        ({"A": A, "B": B, "E": B}, "cannot have disturbances"),
     ],
 )
 def test_inconsistent_matrices_are_refused(arguments: dict[str, object], said: str) -> None:
-    """Matrices and names of inconsistent sizes, an entry of nan and a disturbance matrix E are
-    refused.
-    """
+    """Matrices and names of inconsistent sizes and an entry of nan are refused."""
     with pytest.raises(BadInputError, match=said):
-        hfa.LinearModel(**arguments)  # type: ignore[arg-type]
+        hfa.LinearModel.of(**arguments)  # type: ignore[arg-type]

@@ -11,7 +11,7 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.game.weights import weights_line
-from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix, shape_text
+from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_discrete.discrete_game import DiscreteGame
 from hfa_discrete.implied_policy import discrete_critic
 from hfa_discrete.solution import (
@@ -22,6 +22,7 @@ from hfa_discrete.solution import (
 )
 from hfa_support.entry_points import CRITICS, PARTS, loaded, offered, part
 from hfa_support.errors import BadInputError, refuse_unless_positive
+from hfa_support.matrices import checked_matrix, shape_text
 from hfa_support.reporting.checks import Check, at_most, below
 from verification.critic.critic_errors import (
     error_check,

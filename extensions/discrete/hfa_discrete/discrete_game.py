@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.zero_sum import LARGEST, Game, checked_matrix, shape_text
+from controller.game.zero_sum import Game
 from hfa_support.errors import BadInputError, is_finite
+from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 from hfa_support.reporting.report import Reported
 
 

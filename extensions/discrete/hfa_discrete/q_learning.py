@@ -16,10 +16,11 @@ import numpy as np
 
 from controller.game.basis import Basis, basis
 from controller.game.training_run import SETTLED, TrainingRun
-from controller.game.zero_sum import LARGEST, LARGEST_CRITIC_ENTRY, checked_matrix
+from controller.game.zero_sum import LARGEST_CRITIC_ENTRY
 from controller.learning.recording import excitation, natural_spread, rank, refuse_poor, unit_rows
 from hfa_discrete.discrete_game import DiscreteGame
 from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.matrices import LARGEST, checked_matrix
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Reported
 

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.game.names import PlantNames
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import largest
 from controller.riccati.careful_derivations import by_refined_doubling, by_schur, unrefined
@@ -25,6 +24,7 @@ from controller.riccati.existence import existence
 from controller.riccati.normal_form import RANK
 from controller.riccati.reach import loses_rank
 from controller.riccati.smallest_delta import TOLERANCE, DeltaMin, dependence
+from hfa_aircraft.names import PlantNames
 from hfa_discrete.discrete_game import DiscreteGame
 from hfa_discrete.step_form import NoValueError, StepForm
 from hfa_support.arguments import checks_arguments

@@ -18,8 +18,7 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.critic.critic_file import entries_in, is_network, read_critic, single_parts
-from controller.game.linear_game import game
-from controller.game.names import names_of_linear
+from controller.game.linear_game import names_of_linear
 from hfa_flight.policies import (
     GainPolicy,
     Measurements,
@@ -30,7 +29,7 @@ from hfa_flight.policies import (
 )
 from hfa_flight.scenario import Scenario
 from hfa_flight.signals import CommandSteps
-from hfa_support.entry_points import CRITICS, PARTS, loaded, offered, part
+from hfa_support.entry_points import PARTS, loaded, offered, part
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, refuse_unknown, shown
 from trim.point.operating_point import OperatingPoint
 
@@ -58,9 +57,6 @@ def policy_and_scenario(
         given = _policy_of_file(Path(given), point)
     if isinstance(given, Policy):
         return given, scenario
-    if hasattr(given, "state_dict"):  # a PyTorch network with output u
-        read = part(CRITICS, "module", "a network")
-        given = read(game(point.linearize()), given, network="policy")
     if given is None:
         return OpenLoop("none", held=np.zeros((1, len(inputs)))), scenario
     if isinstance(given, Mapping):

@@ -52,8 +52,7 @@ from hfa_flight.own_steps import (
 from hfa_flight.policies import GainPolicy
 from hfa_flight.scenario import MOST_STEPS, Scenario, Uncertainty, with_errors
 from hfa_flight.simulation import CompiledLoop
-from hfa_support.arguments import checks_arguments
-from hfa_support.entry_points import PARTS, part
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check, verdict_text
@@ -65,6 +64,7 @@ from hfa_support.reporting.text import Table, short_number, shown_unit
 from hfa_support.user_warning import warn
 from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint
+from trim.tables import draw_curves
 
 if TYPE_CHECKING:
     import pandas
@@ -129,6 +129,8 @@ def fly(
     >>> hfa.fly(model, point, solution, 1.0, initial={"alpha": 0.01}).states.shape
     (1001, 7)
     """
+    need(model, Model, "fly: model", Model.how_to_make)
+    need(point, OperatingPoint, "fly: point", "a trim: hfa.trim(model)")
     refuse_method(model, method, step)
     happens = _scenario_of_flight(
         model, Scenario() if scenario is None else scenario, seconds, initial
@@ -493,15 +495,15 @@ class Flight(StatesAndInputs, Result, Reported):
             lines += self.loop.scenario.gust.left_out(self.model)
         return "\n".join(lines)
 
-    def plot(self, *names: Any) -> np.ndarray:
+    def plot(self, *names: str) -> np.ndarray:
         """Draw states and inputs over time in a new pyplot figure and return its Axes.
 
         names: variables to be drawn, such as plot("alpha", "pitch"). By default, all states that
             move and all inputs
         """
         if names:
-            drawn: np.ndarray = part(PARTS, "notebook.curves", "plot of names")(self, *names)
-            return drawn
+            across = ("time", self.model.time_unit, self.time)
+            return draw_curves(self.model, across, {name: self[name] for name in names})
         from matplotlib import pyplot
 
         from hfa_flight.flight_figure import drawn_flight

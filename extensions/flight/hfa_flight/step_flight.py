@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.game.zero_sum import LARGEST
 from hfa_discrete.discrete_game import DiscreteGame
 from hfa_support.errors import NoSolutionError
+from hfa_support.matrices import LARGEST
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result

@@ -27,7 +27,9 @@ def test_the_figure_shows_differences_of_random_flights() -> None:
     start[list(model.states).index("alpha")] = 0.05
     scenario = Scenario(duration=1.0, initial=start)
     gain = GainPolicy("none", np.zeros((len(model.inputs), len(model.linear))))
-    limits = flight_envelope(model, point, {"alpha": (point.alpha - 0.02, point.alpha + 0.06)})
+    limits = flight_envelope(
+        model, point, {"alpha": (point["alpha"] - 0.02, point["alpha"] + 0.06)}
+    )
     plan = MonteCarlo(8, 0, model, point, gain, scenario, limits, spread)
     itself = hfa.fly(model, point, None, 1.0, initial=start, envelope=limits)
     axes = drawn_figure(plan).axes

@@ -32,7 +32,7 @@ from hfa_identify.records import Record, columns_of_table, read_record, record_o
 from hfa_identify.response import Responses
 from hfa_identify.search import Search, begin_of
 from hfa_identify.sensors import sensor_errors
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, NoSolutionError, is_finite, refuse_unknown, shown
 
 #: Record, dictionary of arrays, or path of a file.
@@ -93,6 +93,7 @@ def identify(
     >>> import hfa
     >>> found = hfa.identify(model, "flight.csv", ["Cm_q"])  # doctest: +SKIP
     """
+    need(model, Model, "identify: model", Model.how_to_make)
     held = dict(hold or {})
     for name in held:
         refuse_unknown(

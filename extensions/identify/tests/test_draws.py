@@ -307,7 +307,7 @@ def test_unstable_loops_of_random_aircraft_fail(folder, capsys):
     """
     model = hfa.load_model(written())
     linear = hfa.linearize(model, hfa.trim(model))
-    K = -hfa.lqr(linear, np.ones(8), np.ones(4)).K
+    K = -hfa.solve(hfa.game(linear, np.ones(8), np.ones(4))).K
     np.savez("K.npz", K=K)
     np.savez("net.npz", **{"0.weight": -K})
     words = ["fly", "--aircraft", "found.toml", "--draws", "2", "--duration", "0.1", "--weights"]

@@ -81,7 +81,7 @@ def test_a_sequential_equals_its_state_dict(folder: Any) -> None:
     named = {f"{2 * i}.{name}": a for i, pair in enumerate(arrays) for name, a in _named(pair)}
     np.savez("policy.npz", **named)
     of_file = hfa.verify(GAME, hfa.read_critic("policy.npz", GAME, activation="tanh"))
-    assert hfa.verify(GAME, network).cost_lost == of_file.cost_lost
+    assert hfa.verify(GAME, critic).cost_lost == of_file.cost_lost
     other = hfa.from_network(GAME, _network(_module("ReLU")))
     assert np.asarray(other.policy(POINTS[0])) != pytest.approx(
         np.asarray(critic.policy(POINTS[0])), rel=1e-3
@@ -100,16 +100,18 @@ def test_a_sequential_is_simulated_as_a_policy() -> None:
     """
     model = hfa.aircraft()
     point = hfa.trim(model)
-    K = hfa.lqr(point, np.eye(6), np.eye(5)).K
+    game = hfa.game(hfa.linearize(model, point), np.eye(6), np.eye(5))
+    K = hfa.solve(game).K
     network = _sequential(_linear(np.eye(6), None), _module("Tanh"), _linear(-K, None))
     initial = {"alpha": 0.02}
-    flown = hfa.fly(model, point, network, 0.1, initial=initial)
+    critic = hfa.from_network(game, network, network="policy")
+    flown = hfa.fly(model, point, critic, 0.1, initial=initial)
     z = flown.states[:, [list(model.states).index(name) for name in model.linear]]
     z = z - [point[name] for name in model.linear]
     u = flown.inputs - [point[name] for name in model.inputs]
     assert u == pytest.approx(-np.tanh(z) @ K.T, rel=1e-6, abs=1e-9)
     with pytest.raises(BadInputError, match="the network has 1 outputs"):
-        hfa.fly(model, point, _sequential(_linear(np.ones((1, 6)), None)), 0.1)
+        hfa.from_network(game, _sequential(_linear(np.ones((1, 6)), None)), network="policy")
 
 
 def test_unsupported_modules_and_settings_are_refused() -> None:
@@ -133,7 +135,7 @@ def test_unsupported_modules_and_settings_are_refused() -> None:
         (_sequential(_linear(np.ones((9, 2)), None)), "9 outputs"),
     ):
         with pytest.raises(BadInputError, match=said):
-            hfa.verify(GAME, network)
+            hfa.from_network(GAME, network)
     with pytest.raises(BadInputError, match="function, but only torch"):
         hfa.from_network(GAME, lambda z: z)
 

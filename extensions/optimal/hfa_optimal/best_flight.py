@@ -3,28 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_aircraft.model import Model
 from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_flight.envelope import limits_text
 from hfa_optimal.flights import SimulatedFlight
-from hfa_optimal.problem import FlightProblem, OfProblem, flight_problem, named_initial
-from hfa_optimal.search import MESHES_AGREE, BestFlights, Found
+from hfa_optimal.problem import FlightProblem, OfProblem
+from hfa_optimal.search import MESHES_AGREE, Found
 from hfa_optimal.smooth import has_kinks
 from hfa_policy.best_costs import Bracket, bracket_sentence, deviations_in_words
-from hfa_support.arguments import ArrayLike, checks_arguments
-from hfa_support.errors import refuse_unless_positive
 from hfa_support.reporting.named_array import with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
 from hfa_support.reporting.text import Table, shown_unit
-from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -369,67 +364,3 @@ def limits_table(problem: FlightProblem) -> Table:
         unit = model.unit(name)
         rows.append((name, limits_text(float(lowest), float(highest), unit), shown_unit(unit)))
     return Table(("limits of flights", "from, to", "unit"), rows)
-
-
-@checks_arguments
-def optimize(
-    model: Model,
-    point: OperatingPoint,
-    initial: Mapping[str, float] | OperatingPoint | None = None,
-    Q: ArrayLike | Mapping[str, float] | None = None,
-    R: ArrayLike | Mapping[str, float] | None = None,
-    *,
-    start: Mapping[str, float] | OperatingPoint | None = None,
-    seconds: float | None = None,
-    inputs: Sequence[str] | None = None,
-    limits: Mapping[str, Any] | None = None,
-    bound: str | Path | None = None,
-) -> BestFlight:
-    """Return the cheapest flight that was found from an initial condition to a trim.
-
-    The cost is ∫ z'Qz + v'Rv dt, where z and v are the deviations from the trim. Collocation
-    proposes the flight. The proposal is accepted if a simulation confirms it. Otherwise the result
-    is the cheapest simulated flight, with the reason in `.reason`.
-
-    model: the aircraft
-    point: trim at which the flight ends
-    initial: state of the linear model -> deviation from the trim, in the units of the model, or
-        another trim
-    Q, R: weights, as `hfa.game` accepts them, by default diag(1/nominal²). R is the weight of the
-        moving inputs.
-    start: earlier name of `initial`, accepted for one version. Exactly one of the two is required.
-    seconds: horizon, s; by default long enough for a negligible cost after it
-    inputs: inputs that move, by default all. The others are constant.
-    limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
-    bound: certificate of `hfa prove cost`, or None. The certificate is verified, and its bound is
-        `.lower_bound` of the result.
-
-    Raises BadInputError for unknown names, an initial condition outside the limits, a horizon that
-    is too short, and a certificate about other flights. Raises NoSolutionError if no simulated
-    flight within the limits converges, or if the certificate does not prove its bound.
-
-    >>> import hfa
-    >>> cart = hfa.Model(
-    ...     "cart",
-    ...     {"position": hfa.Signal("m"), "velocity": hfa.Signal("m/s")},
-    ...     {"force": hfa.Signal("N", min=-1.0, max=1.0)},
-    ...     lambda x, u, p, w: ({"position": x.velocity, "velocity": u.force}, {}),
-    ...     trim={"position": 0.0},
-    ... )
-    >>> point = hfa.trim(cart)
-    >>> round(hfa.optimize(cart, point, {"position": 0.1}).cost, 4)  # sqrt(3) position²
-    0.0173
-    """
-    if seconds is not None:
-        refuse_unless_positive("seconds", seconds, " s")
-    problem = flight_problem(model, point, Q, R, inputs, limits)
-    z = problem.deviations(named_initial(initial, start))
-    proved = None
-    if bound is not None:
-        from hfa_optimal.bound import lower_bound
-
-        proved = lower_bound(Path(bound), problem)
-    best = BestFlight(problem, BestFlights(problem).found(z, seconds))
-    if proved is None:
-        return best
-    return replace(best, bracket=bracket_of(proved, z, best.start, best.cost))

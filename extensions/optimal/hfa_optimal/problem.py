@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from controller.game.linear_game import game
+from controller.game.weights import nominal_weights
 from controller.riccati.gare import unconfirmed_solution
 from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
@@ -313,26 +314,11 @@ def flight_problem(
         for name in inputs:
             refuse_unknown("there is no input", name, linear.inputs)
         linear = linear.select(inputs=tuple(inputs))
-    lqr = game(linear, Q, R)
+    lqr = game(
+        linear,
+        nominal_weights(model, linear.states) if Q is None else Q,
+        nominal_weights(model, linear.inputs) if R is None else R,
+    )
     solution = unconfirmed_solution(lqr)
     envelope = flight_envelope(model, point, limits)
     return FlightProblem(linear, lqr.Q, lqr.R, solution.P, solution.K, envelope)
-
-
-def named_initial(
-    initial: Mapping[str, float] | OperatingPoint | None,
-    start: Mapping[str, float] | OperatingPoint | None,
-) -> Mapping[str, float] | OperatingPoint:
-    """Return the initial condition given by `initial` or by `start`, the earlier name of the
-    argument.
-
-    Raises BadInputError unless exactly one of the two is given.
-    """
-    if (initial is None) == (start is None):
-        raise BadInputError(
-            "the initial condition is missing or given twice; give either initial={state: "
-            "deviation from the trim} or another trim"
-        )
-    given = start if initial is None else initial
-    assert given is not None
-    return given

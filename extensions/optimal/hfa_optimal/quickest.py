@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hfa_aircraft.model import Model
 from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_optimal.best_flight import envelope_pairs, limits_table
 from hfa_optimal.collocation import DEGREE, Proposal, adapted_mesh, collocation_points
 from hfa_optimal.flights import Flights, SimulatedFlight
-from hfa_optimal.problem import FlightProblem, OfProblem, flight_problem, named_initial
+from hfa_optimal.problem import FlightProblem, OfProblem
 from hfa_optimal.quickest_program import TimeProgram
 from hfa_optimal.search import BestFlights, difference_of_meshes
 from hfa_policy.best_costs import deviations_in_words
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.named_array import with_names
 from hfa_support.reporting.parts import Picture
@@ -235,55 +233,20 @@ def not_arrived(problem: FlightProblem, flown: SimulatedFlight, proposal: Propos
     return ""
 
 
-@checks_arguments
-def quickest_flight(
-    model: Model,
-    point: OperatingPoint,
-    initial: Mapping[str, float] | OperatingPoint | None = None,
-    Q: Any = None,
-    R: Any = None,
-    *,
-    start: Mapping[str, float] | OperatingPoint | None = None,
-    inputs: Sequence[str] | None = None,
-    limits: Mapping[str, Any] | None = None,
+def quickest_to(
+    problem: FlightProblem, begin: Mapping[str, float] | OperatingPoint
 ) -> QuickestFlight:
-    """Return the quickest flight that was found from an initial condition to a trim.
+    """Return the quickest flight that was found to the trim of a problem.
 
-    Collocation proposes the flight. The proposal is accepted if a simulation of it reaches the
-    trim.
+    begin: another trim, or state of the linear model -> deviation from the trim
 
-    model: the aircraft
-    point: trim at which the flight ends
-    initial: another trim, or state of the linear model -> deviation from the trim
-    Q, R: weights of the linear policy that follows the proposal, as `hfa.game` accepts them, by
-        default diag(1/nominal²)
-    start: earlier name of `initial`, accepted for one version. Exactly one of the two is required.
-    inputs: inputs that move, by default all; the others are constant
-    limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
-
-    Raises BadInputError for unknown names and an initial condition outside the limits. Raises
-    NoSolutionError, with the reason, if no flight was found or the simulation refutes the
-    proposals.
-
-    >>> import hfa
-    >>> cart = hfa.Model(
-    ...     "cart",
-    ...     {"position": hfa.Signal("m"), "velocity": hfa.Signal("m/s")},
-    ...     {"force": hfa.Signal("N", min=-1.0, max=1.0)},
-    ...     lambda x, u, p, w: ({"position": x.velocity, "velocity": u.force}, {}),
-    ...     trim={"position": 0.0},
-    ... )
-    >>> point = hfa.trim(cart)
-    >>> round(hfa.quickest_flight(cart, point, {"position": 4.0}).seconds, 1)  # 2 sqrt(4)
-    4.0
+    Raises NoSolutionError, with the reason, if no flight was found.
     """
-    problem = flight_problem(model, point, Q, R, inputs, limits)
     search = BestFlights(problem)
-    begin = named_initial(initial, start)
     z = problem.deviations(begin)
     v = np.zeros(len(problem.inputs))
     if isinstance(begin, OperatingPoint):
-        v = (np.array(begin.inputs) - np.array(point.inputs))[problem.moved]
+        v = (np.array(begin.inputs) - np.array(problem.point.inputs))[problem.moved]
     return quickest(search.flights, z, v, search.horizon(z))
 
 

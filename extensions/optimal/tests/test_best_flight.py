@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from nominal import nominal_game
 from scipy.integrate import solve_ivp
 
 import hfa
@@ -50,7 +51,7 @@ def test_small_deviations_cost_the_riccati_solution() -> None:
     """For a small initial deviation x, the best flight costs x'Px within 0.2 %."""
     model = hfa.load_model(GTM)
     point = hfa.trim(model)
-    P = hfa.solve(hfa.game(hfa.linearize(model, point))).P
+    P = hfa.solve(nominal_game(hfa.linearize(model, point))).P
     start = np.array([0.01, 2e-4, 1e-3, 1e-3])
     best = hfa.optimize(model, point, dict(zip(model.linear, start, strict=True)))
     assert best.cost == pytest.approx(start @ P @ start, rel=2e-3)
@@ -167,19 +168,18 @@ def test_infeasible_flights_raise_nosolutionerror() -> None:
         hfa.optimize(model, point, start)
 
 
-def test_initial_and_start_have_the_same_effect() -> None:
-    """`initial=` and its earlier name `start=` have the same effect. Both and neither are refused."""
+def test_wrong_words_of_optimize_are_refused() -> None:
+    """An unknown quantity, an unknown argument and a missing initial condition are refused."""
     model = cart()
     point = hfa.trim(model)
-    costs = [
-        hfa.optimize(model, point, **{name: {"position": 0.1}}).cost
-        for name in ("initial", "start")
-    ]
-    assert costs[0] == costs[1]
-    for wrong in ({}, {"initial": {"position": 0.1}, "start": {"position": 0.1}}):
-        with pytest.raises(
-            hfa.BadInputError, match="the initial condition is missing or given twice"
-        ):
+    begin = {"position": 0.1}
+    for wrong, said in (
+        ({}, "'initial'"),
+        ({"x0": begin}, "did you mean initial"),
+        ({"initial": begin, "minimize": "fuel"}, "give 'cost' or 'time'"),
+        ({"initial": begin, "minimize": "time", "seconds": 3.0}, "seconds and bound"),
+    ):
+        with pytest.raises(hfa.BadInputError, match=said):
             hfa.optimize(model, point, **wrong)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import complaints_about
+from nominal import nominal_game
 
 import hfa
 from hfa.main import main
@@ -58,7 +59,7 @@ def test_a_deployment_and_a_critic_are_compared(
     them.
     """
     model = hfa.load_model(GTM)
-    game = hfa.game(hfa.linearize(model, hfa.trim(model)))
+    game = nominal_game(hfa.linearize(model, hfa.trim(model)))
     K = tmp_path / "K.npz"
     np.savez(K, K=1.5 * hfa.solve(game).K)
     card = EXAMPLES / "gtm_policy" / "on_time.toml"
@@ -133,7 +134,7 @@ def test_verify_simulates_the_critic(tmp_path: Path, capsys: pytest.CaptureFixtu
     The flights with twice the optimal gain cost more than those of the linear optimum.
     """
     model = hfa.load_model(GTM)
-    game = hfa.game(hfa.linearize(model, hfa.trim(model)))
+    game = nominal_game(hfa.linearize(model, hfa.trim(model)))
     K = tmp_path / "K.npz"
     np.savez(K, K=2.0 * hfa.solve(game).K)
     words = ["verify", "--aircraft", GTM, "--weights", str(K), "--flights", "1", "--json"]

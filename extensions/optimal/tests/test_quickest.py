@@ -33,7 +33,7 @@ def cart() -> hfa.Model:
 def cart_flight() -> QuickestFlight:
     model = cart()
     begin = hfa.trim(model, hold={"position": 8.0})
-    return hfa.quickest_flight(model, hfa.trim(model), begin)
+    return hfa.optimize(model, hfa.trim(model), begin, minimize="time")
 
 
 def test_the_quickest_double_integrator_equals_closed_form(cart_flight: QuickestFlight) -> None:
@@ -51,7 +51,9 @@ def test_the_quickest_time_with_speed_limit_is_exact() -> None:
     """With a speed limit v, the quickest time over the distance d is d / v + v / u, within 0.5 %."""
     model = cart()
     point = hfa.trim(model)
-    best = hfa.quickest_flight(model, point, {"position": 8.0}, limits={"velocity": (-2.0, 2.0)})
+    best = hfa.optimize(
+        model, point, {"position": 8.0}, limits={"velocity": (-2.0, 2.0)}, minimize="time"
+    )
     assert best.seconds == pytest.approx(8.0 / 2.0 + 2.0 / 2.0, rel=5e-3)
     assert np.abs(best.states[:, 1]).max() <= 2.0
 
@@ -102,7 +104,7 @@ def test_the_hfa_changes_its_dihedral_to_15_degrees(begin: float, seconds: float
         hfa.trim(model, hold={"dihedral": np.radians(degrees)}) for degrees in (15.0, begin)
     )
     game = hfa.paper.published_game(hfa.linearize(model, end))
-    best = hfa.quickest_flight(model, end, start, game.Q, game.R)
+    best = hfa.optimize(model, end, start, game.Q, game.R, minimize="time")
     assert best.seconds == pytest.approx(seconds, rel=0.01)
     assert best.spread < 0.005
     assert best.reserve < 0.01

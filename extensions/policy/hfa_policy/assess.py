@@ -17,7 +17,7 @@ from hfa_policy.deployment import Deployment
 from hfa_policy.rough_flights import rough_flights, rough_scenario
 from hfa_policy.trims import trims_of
 from hfa_policy.variations import changes_of, variations
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import refuse_unknown, refuse_unless_positive, refuse_unless_whole
 from hfa_support.progress import Progress
 
@@ -69,6 +69,7 @@ def assess(
     >>> hfa.assess(hfa.aircraft(), card, [0.1], samples=0).points[0].holds
     True
     """
+    need(model, Model, "assess: model", Model.how_to_make)
     refuse_unless_whole("samples", samples, 0)
     refuse_unless_whole("seed", seed, 0)
     deployed = Deployed(Deployment.of(deployment), model)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_derivatives.matrices import LINEAR
+from hfa_aircraft.matrices import LINEAR
 from hfa_policy.assessment import AssessedPoint, cycle_text, scheduled_value
 from hfa_policy.best_costs import BestCosts, bracket_table
 from hfa_policy.departures import departure_text

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from controller.critic.critic_file import critic_in
-from controller.game.names import PlantNames
 from controller.game.zero_sum import Game
+from hfa_aircraft.names import PlantNames
 from hfa_policy.actor import NONE as NONE, Actor, gain_function, read_actor, stored_gain
 from hfa_policy.normalizer import Normalizer, normalizer_of, read_normalizer
 from hfa_support.arguments import checks_arguments

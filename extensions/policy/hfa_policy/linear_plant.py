@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from controller.game.array_file import read_arrays
 from controller.game.file_entries import entries_of, is_discrete, plant_matrices, plant_names
+from hfa_aircraft.matrices import plant_model
 from hfa_aircraft.model import Model
-from hfa_derivatives.matrices import plant_model
 from hfa_support.errors import BadInputError, prefix_errors
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_region.search.plant import saturated_loop
 from hfa_region.search.region import Region, RegionSearch
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
@@ -54,6 +54,8 @@ def prove_region(
     >>> import hfa
     >>> region = hfa.prove_region(model, point, K, seconds=60.0)  # doctest: +SKIP
     """
+    need(model, Model, "prove_region: model", Model.how_to_make)
+    need(point, OperatingPoint, "prove_region: point", "a trim: hfa.trim(model)")
     linear = point.linearize()
     point.refuse_other(model)
     gain = np.asarray(getattr(K, "K", K), dtype=float)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from nominal import nominal_game
 
 import hfa
 from hfa_aircraft.model import Model
@@ -15,7 +16,7 @@ def test_python_and_the_command_report_equal_regions(model: Model) -> None:
     A gain of another shape and an unstable loop are refused.
     """
     point = hfa.trim(model)
-    solution = hfa.solve(hfa.game(point.linearize()))
+    solution = hfa.solve(nominal_game(point.linearize()))
     region = hfa.prove_region(model, point, solution, seconds=0.1)
     assert region.rho > 0.0
     assert [low < 0.0 < high for low, high in region.extents.values()] == [True, True]

@@ -1,4 +1,4 @@
-"""Design of controllers with actuators, integrated outputs and weights, and calls for notebooks."""
+"""Design of controllers with actuators, integrated outputs and weights."""
 
 from hfa_support.public_names import public_names
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.names import PlantNames
 from controller.game.zero_sum import Game
 from hfa_aircraft.model import Model
+from hfa_aircraft.names import PlantNames
 from hfa_servo.design import Design, signal_unit
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError

@@ -19,7 +19,7 @@ import numpy as np
 
 from controller.game.array_file import read_arrays
 from controller.game.file_entries import entries_of, one_number
-from controller.game.zero_sum import LARGEST, Game, check_definite, checked_matrix
+from controller.game.zero_sum import Game, check_definite
 from controller.riccati.balancing import spectrum
 from controller.riccati.certificate import certified_solution
 from controller.riccati.delta_search import Answer, smallest_delta
@@ -43,6 +43,7 @@ from hfa_support.errors import (
     refuse_unless_positive,
     shortened,
 )
+from hfa_support.matrices import LARGEST, checked_matrix
 from hfa_support.reporting.checks import Check, at_most, below
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import Matrix

@@ -18,8 +18,8 @@ from controller.critic.critic_file import (
     entries_in,
     single_parts,
 )
-from controller.game.names import UNNAMED
 from hfa import BadInputError, Game
+from hfa_aircraft.names import UNNAMED
 
 #: Game with two states and one input: 3 weights, 4 entries of P, 2 of K.
 GAME = Game(

@@ -35,17 +35,11 @@ def test_lists_of_weights_are_diagonals(linear: LinearModel) -> None:
     assert hfa.Game(game.A, game.B, game.E, [1, 0, 0, 0, 0, 0], [1] * 5, 300.0).Q[0, 0] == 1.0
 
 
-def test_the_default_cost_of_nominal_deviations_is_1(linear: LinearModel) -> None:
-    """The default Q of a game is diag(1/nominal²). A deviation of nominal size then costs 1."""
-    nominal = np.array([linear.point.model.states[name].nominal for name in linear.states])
-    assert np.diag(hfa.game(linear).Q) * nominal**2 == pytest.approx(np.ones(6), rel=1e-15)
-
-
 def test_a_game_has_the_disturbances_of_the_model() -> None:
     """The game has the matrix E of its linear model."""
     model = hfa.aircraft()
     linear = hfa.linearize(model, hfa.trim(model), outputs=("speed",))
-    assert np.array_equal(hfa.game(linear).E, linear.E)
+    assert np.array_equal(hfa.game(linear, np.ones(6), np.ones(5)).E, linear.E)
 
 
 @pytest.mark.parametrize(
@@ -55,7 +49,8 @@ def test_a_game_has_the_disturbances_of_the_model() -> None:
         ({"Q": {"speed": "1"}}, "the Q weight of speed is '1'; give a number"),
         ({"R": {"throttle": 1.0}}, "R has no weight for aileron_center"),
         ({"Q": np.eye(5)}, "Q is 5 x 5"),
-        ({"Q": [1.0, "2"]}, "Q is a list; give an array of numbers"),
+        ({"Q": [1.0, "2"]}, "Q does not consist of rows of real numbers"),
+        ({"Q": None}, r"give weights: hfa.game\(linear, Q, R, delta\)"),
     ],
 )
 def test_a_wrong_weight_is_named(
@@ -63,4 +58,4 @@ def test_a_wrong_weight_is_named(
 ) -> None:
     """The message on an unknown name, a missing weight or a wrong shape names the faulty entry."""
     with pytest.raises(BadInputError, match=words):
-        hfa.game(linear, **weights)
+        hfa.game(linear, **{"Q": np.ones(6), "R": np.ones(5)} | weights)

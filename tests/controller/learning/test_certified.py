@@ -455,7 +455,7 @@ def test_a_plant_that_no_input_stabilizes_is_refused() -> None:
             {"pool_samples": 10**11},
             "pool_samples is 100000000000; give a whole number from 1 to 100000",
         ),
-        ({"pool": 40}, "pool is 40; give a Stack, made by record"),
+        ({"pool": 40}, "pool is 40; give record"),
         ({"basis": "cubic"}, "unknown basis 'cubic'"),
         (
             {"initial_weights": (1.0, 2.0)},

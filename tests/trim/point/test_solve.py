@@ -260,7 +260,7 @@ def test_contradictions_are_refused() -> None:
         TrimCondition(hfa.aircraft(), {**BASE.imposed, "pitch": 0.0})
     with pytest.raises(BadInputError, match="unknown rate 'gamma'"):
         TrimCondition(hfa.aircraft(), BASE.imposed, {"gamma": 0.0})
-    with pytest.raises(BadInputError, match="condition is 10; give a TrimCondition"):
+    with pytest.raises(BadInputError, match="condition is 10; give TrimCondition"):
         trim(hfa.aircraft(), 10)  # type: ignore[arg-type]
 
 

@@ -229,7 +229,7 @@ CALLS: dict[str, Callable[[], Verdict]] = {
     "gradient": lambda: judged(network("gradient", ca.gradient(V(), Z))),
     "policy": lambda: judged(network("policy", policy())),
     "V and policy": lambda: judged(network("V+policy", V(), policy())),
-    "file": lambda: judged(npz(basis="paper")),
+    "file": lambda: judged(hfa.read_critic(npz(basis="paper"), GAME)),
     "read": lambda: judged(hfa.read_critic(npz(), GAME, basis="paper")),
     "over time": over_time,
     "discrete": in_steps,

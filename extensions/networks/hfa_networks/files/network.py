@@ -22,7 +22,7 @@ from hfa_networks.files.network_file import NetworkFile, network_in
 from hfa_networks.files.q_function import policy_of
 from hfa_networks.files.state_dict import Squash
 from hfa_networks.files.torch_module import module_network
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, prefix_errors, shortened
 from hfa_support.user_warning import warn
 
@@ -64,6 +64,7 @@ def from_network(
     >>> hfa.from_network(game, V).P.diagonal().tolist()
     [3.0, 3.0, 3.0, 3.0, 3.0, 3.0]
     """
+    need(game, Game, "from_network: game", "a game: hfa.game(linear, Q, R, delta)")
     n, m = game.B.shape
     scales = np.ones(n) if scale is None else np.asarray(scale, dtype=float)
     if scales.shape != (n,) or not np.all(np.isfinite(scales) & (scales != 0.0)):

@@ -193,14 +193,10 @@ def optimize(request: OptimizeRequest) -> int:
 
 def _quickest(request: OptimizeRequest) -> int:
     """Search for the quickest flight, print its report, and return the exit code 0."""
-    from hfa_optimal.quickest import quickest_flight
+    from hfa_optimal.quickest import quickest_to
 
-    search, game = request.search()
-    problem = search.problem
-    start = request.begin(problem)
-    best = quickest_flight(
-        problem.model, problem.point, start, game.Q, game.R, limits=request.limits
-    )
+    search, _ = request.search()
+    best = quickest_to(search.problem, request.begin(search.problem))
     history: dict[str, Any] = {"time": best.time, "X": best.states, "U": best.inputs}
     show(best.report(), request, figure=best.figure, only_in_files={"flight": history})
     return 0

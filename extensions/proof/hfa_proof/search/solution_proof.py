@@ -42,7 +42,7 @@ from hfa_proof.search.certificate import Content, Proof
 from hfa_proof.search.family import Family, TrimSearch
 from hfa_proof.search.lines import bounds_of_modes, find_line
 from hfa_proof.search.report import SCHEMA
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
 
@@ -356,6 +356,7 @@ def prove_solution(
     >>> hfa.prove_solution(game).proved
     True
     """
+    need(game, Game, "prove_solution: game", "a game: hfa.game(linear, Q, R, delta)")
     _report(progress, "solving in doubles")
     P = unconfirmed_solution(game).P
     _report(progress, "enclosing the linear model")
@@ -430,6 +431,8 @@ def prove_critic(
     >>> hfa.prove_critic(game, hfa.from_gain(game, [[2.4]])).proved
     True
     """
+    need(game, Game, "prove_critic: game", "a game: hfa.game(linear, Q, R, delta)")
+    need(critic, Critic, "prove_critic: critic", Critic.how_to_make)
     if critic.network:
         raise BadInputError(
             "the critic is a network, which a proof of a game does not support; give W, P or K"

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from forged_regions import forgeries
+from nominal import nominal_game
 
 import hfa
 from hfa.main import main
@@ -59,7 +60,7 @@ def quickly_proved(path: Path, aircraft: str, *words: str) -> str:
 def pendulum_loop(model: Model) -> SaturatedLoop:
     """Return the closed loop of the pendulum with the LQR that `hfa prove region` uses."""
     linear = hfa.linearize(model, hfa.trim(model))
-    return saturated_loop(linear, hfa.solve(hfa.game(linear)).K)
+    return saturated_loop(linear, hfa.solve(nominal_game(linear)).K)
 
 
 def certified(path: Path, loop: SaturatedLoop, rho: float) -> Path:

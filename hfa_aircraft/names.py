@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.text import numbered
-
-if TYPE_CHECKING:
-    from trim.linear.linear_model import LinearModel
 
 
 class PlantNames(NamedTuple):
@@ -61,12 +58,3 @@ def _as_many(key: str, texts: tuple[str, ...], usual: tuple[str, ...]) -> tuple[
 
 
 UNNAMED = PlantNames()
-
-
-def names_of_linear(linear: LinearModel) -> PlantNames:
-    """Return the names and units of a linear model's states and inputs.
-
-    The `origin` of the result names the model and its flight condition.
-    """
-    origin = f"{linear.model.title} {linear.point.at_scheduled}".rstrip()
-    return PlantNames(linear.states, linear.inputs, linear.state_units, linear.input_units, origin)

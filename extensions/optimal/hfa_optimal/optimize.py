@@ -1,0 +1,119 @@
+"""Search for the cheapest or the quickest flight to a trim."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal, overload
+
+from hfa_aircraft.model import Model
+from hfa_optimal.best_flight import BestFlight, bracket_of
+from hfa_optimal.problem import flight_problem
+from hfa_optimal.quickest import QuickestFlight, quickest_to
+from hfa_optimal.search import BestFlights
+from hfa_support.arguments import ArrayLike, checks_arguments, need
+from hfa_support.errors import BadInputError, refuse_unless_positive, shown
+from trim.point.operating_point import OperatingPoint
+
+
+@overload
+def optimize(
+    model: Model,
+    point: OperatingPoint,
+    initial: Mapping[str, float] | OperatingPoint,
+    Q: ArrayLike | Mapping[str, float] | None = None,
+    R: ArrayLike | Mapping[str, float] | None = None,
+    *,
+    minimize: Literal["cost"] = "cost",
+    seconds: float | None = None,
+    inputs: Sequence[str] | None = None,
+    limits: Mapping[str, Any] | None = None,
+    bound: str | Path | None = None,
+) -> BestFlight: ...
+@overload
+def optimize(
+    model: Model,
+    point: OperatingPoint,
+    initial: Mapping[str, float] | OperatingPoint,
+    Q: ArrayLike | Mapping[str, float] | None = None,
+    R: ArrayLike | Mapping[str, float] | None = None,
+    *,
+    minimize: Literal["time"],
+    inputs: Sequence[str] | None = None,
+    limits: Mapping[str, Any] | None = None,
+) -> QuickestFlight: ...
+@checks_arguments
+def optimize(
+    model: Model,
+    point: OperatingPoint,
+    initial: Mapping[str, float] | OperatingPoint,
+    Q: ArrayLike | Mapping[str, float] | None = None,
+    R: ArrayLike | Mapping[str, float] | None = None,
+    *,
+    minimize: Literal["cost", "time"] = "cost",
+    seconds: float | None = None,
+    inputs: Sequence[str] | None = None,
+    limits: Mapping[str, Any] | None = None,
+    bound: str | Path | None = None,
+) -> BestFlight | QuickestFlight:
+    """Return the cheapest or the quickest flight found from an initial condition to a trim.
+
+    The cost is ∫ z'Qz + v'Rv dt, where z and v are the deviations from the trim. Collocation
+    proposes the flight. The proposal is accepted if a simulation confirms it. Otherwise the result
+    is the cheapest simulated flight, with the reason in `.reason`.
+
+    model: the aircraft
+    point: trim at which the flight ends
+    initial: state of the linear model -> deviation from the trim, in the units of the model, or
+        another trim
+    Q, R: weights, as `hfa.game` accepts them, by default diag(1/nominal²). R is the weight of the
+        moving inputs.
+    minimize: "cost", or "time" to the trim. For the time, Q and R weight the linear policy that
+        follows the proposal.
+    seconds: horizon, s, of the cost; by default long enough for a negligible cost after it
+    inputs: inputs that move, by default all. The others are constant.
+    limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
+    bound: certificate of `hfa prove cost` about the cost, or None. The certificate is verified, and
+        its bound is `.lower_bound` of the result.
+
+    Raises BadInputError for unknown names, an initial condition outside the limits, a horizon that
+    is too short, and a certificate about other flights. Raises NoSolutionError if no simulated
+    flight within the limits converges, if no quickest flight was found, or if the certificate does
+    not prove its bound.
+
+    >>> import hfa
+    >>> cart = hfa.Model(
+    ...     "cart",
+    ...     {"position": hfa.Signal("m"), "velocity": hfa.Signal("m/s")},
+    ...     {"force": hfa.Signal("N", min=-1.0, max=1.0)},
+    ...     lambda x, u, p, w: ({"position": x.velocity, "velocity": u.force}, {}),
+    ...     trim={"position": 0.0},
+    ... )
+    >>> point = hfa.trim(cart)
+    >>> round(hfa.optimize(cart, point, {"position": 0.1}).cost, 4)  # sqrt(3) position²
+    0.0173
+    >>> round(hfa.optimize(cart, point, {"position": 4.0}, minimize="time").seconds, 1)  # 2 sqrt(4)
+    4.0
+    """
+    need(model, Model, "optimize: model", Model.how_to_make)
+    need(point, OperatingPoint, "optimize: point", "a trim: hfa.trim(model)")
+    if minimize not in ("cost", "time"):
+        raise BadInputError(f"minimize is {shown(minimize)}; give 'cost' or 'time'")
+    if seconds is not None:
+        refuse_unless_positive("seconds", seconds, " s")
+    problem = flight_problem(model, point, Q, R, inputs, limits)
+    if minimize == "time":
+        if seconds is not None or bound is not None:
+            raise BadInputError("seconds and bound are of the cost; remove them or minimize='time'")
+        return quickest_to(problem, initial)
+    z = problem.deviations(initial)
+    proved = None
+    if bound is not None:
+        from hfa_optimal.bound import lower_bound
+
+        proved = lower_bound(Path(bound), problem)
+    best = BestFlight(problem, BestFlights(problem).found(z, seconds))
+    if proved is None:
+        return best
+    return replace(best, bracket=bracket_of(proved, z, best.start, best.cost))

@@ -1,0 +1,43 @@
+"""Labelled arrays of pandas, put into the order of the states and inputs of a plant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from hfa_support.errors import BadInputError
+
+
+def labels_of(value: Any) -> list[tuple[str, ...]]:
+    """Return the labels along each axis of an array of pandas, () for an axis numbered 0, 1, ...
+
+    Another value has no axes with labels, [].
+    """
+    axes = getattr(value, "axes", None) if hasattr(type(value), "loc") else None
+    if axes is None:
+        return []
+    return [tuple(axis) if any(isinstance(each, str) for each in axis) else () for axis in axes]
+
+
+def in_order(what: str, value: Any, *orders: Sequence[str]) -> Any:
+    """Return an array of pandas as numbers in the given order, and another value unchanged.
+
+    what: name of the array, for messages
+    orders: names along each axis, () for an axis that keeps its order
+
+    Raises BadInputError unless the labels of each axis are the names of its order, in any order.
+    """
+    labels = labels_of(value)
+    if not labels:
+        return value
+    numbers = value.to_numpy()
+    for axis, (found, wanted) in enumerate(zip(labels, orders, strict=False)):
+        if not found or not wanted:
+            continue
+        if sorted(found) != sorted(wanted):
+            raise BadInputError(
+                f"{what} has the labels {', '.join(map(str, found))}; label each of "
+                f"{', '.join(wanted)} once, or give {what}.to_numpy() in this order"
+            )
+        numbers = numbers.take([found.index(name) for name in wanted], axis=axis)
+    return numbers

@@ -1,0 +1,43 @@
+"""Matrices given by users: finite real numbers of a shape."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hfa_support.errors import BadInputError, numbers_in
+
+#: Larger numbers (or numbers below its inverse) overflow in products and are meaningless in a
+#: model.
+LARGEST = 1e100
+
+
+def checked_matrix(name: str, value: Any, largest: float, ndim: int | None = 2) -> np.ndarray:
+    """Return a matrix, given by the user, as a read-only array of floats.
+
+    name: name of the matrix in messages
+    value: the given value
+    largest: largest permitted magnitude of an entry
+    ndim: required number of dimensions, or None for any
+
+    Raises BadInputError if the value does not consist of real numbers, if an entry is not finite or
+    too large, or if the number of dimensions is not `ndim`.
+    """
+    array = numbers_in(name, value)
+    if ndim not in (None, array.ndim):
+        raise BadInputError(f"the number of dimensions of {name} is {array.ndim}; give {ndim}")
+    for index in np.argwhere(~(np.abs(array) <= largest))[:1]:
+        entry = array[tuple(index)]
+        rule = "give finite entries"
+        if np.isfinite(entry):
+            rule = f"give entries of at most {largest:g} in magnitude"
+        where = "".join(f"[{i}]" for i in index)
+        raise BadInputError(f"{name}{where} is {entry:g}; {rule}")
+    array.setflags(write=False)
+    return array
+
+
+def shape_text(shape: tuple[int, ...]) -> str:
+    """Return a shape as text, (5, 6) as "5 x 6", () as "a number"."""
+    return " x ".join(map(str, shape)) or "a number"

@@ -1,0 +1,44 @@
+"""Pyplot curves of named values, for sweeps and flights."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_support.reporting.figure import pyplot_figure
+from hfa_support.reporting.text import shown_unit, shown_values
+
+
+def draw_curves(
+    model: Model,
+    across: tuple[str, str, np.ndarray],
+    series: Mapping[str, np.ndarray],
+    lines: Sequence[Any] = (slice(None),),
+) -> np.ndarray:
+    """Draw named values in a new pyplot figure, one panel each, and return the Axes.
+
+    model: model with the units of the names; a name that it does not declare has the unit 1
+    across: name, unit and values (N,) of the horizontal axis
+    series: name -> values (N,)
+    lines: slices of the N values, each drawn as a line
+    """
+    x, x_unit, x_values = across
+    places = shown_values(x_values, x_unit)
+    axes = pyplot_figure(8.0, 1.0 + 2.0 * len(series)).subplots(len(series), sharex=True)
+    for panel, (name, values) in zip(np.ravel(axes), series.items(), strict=True):
+        unit = model.unit(name) if name in model.signals else "1"
+        shown = shown_values(values, unit)
+        for line in lines:
+            panel.plot(places[line], shown[line])
+        panel.set_ylabel(_label(name, unit))
+        panel.grid(alpha=0.3)
+    panel.set_xlabel(_label(x, x_unit))
+    return np.ravel(axes)
+
+
+def _label(name: str, unit: str) -> str:
+    """Return the label of an axis: the name with its unit, or the name alone if the unit is 1."""
+    return name if unit == "1" else f"{name}, {shown_unit(unit)}"
