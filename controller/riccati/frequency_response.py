@@ -114,7 +114,7 @@ def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> f
     """
     if not is_hurwitz(A):
         return math.inf
-    typical = float(np.linalg.norm(C) * np.linalg.norm(B) / np.linalg.norm(A))
+    typical = float(np.linalg.norm(C) * np.linalg.norm(B) / np.linalg.norm(A, 2))
     level = ZERO * typical
     while level > 0.0:
         peak = peak_gain(A, B, C, D, level)
@@ -150,3 +150,14 @@ def square_root(matrix: np.ndarray) -> np.ndarray:
     """
     values, vectors = np.linalg.eigh(matrix)
     return vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
+
+
+def scaled_root(M: np.ndarray) -> np.ndarray:
+    """Return F (n, n) with F F' = M for a positive semidefinite M.
+
+    M = diag(d) N diag(d) with d_i = sqrt(M_ii), and F = diag(d) N^½. A change of units scales the
+    rows of F. Small entries of M are not lost in the rounding of large entries.
+    """
+    d = np.sqrt(np.diag(M).clip(0.0))
+    safe = np.where(d > 0.0, d, 1.0)
+    return np.asarray(d[:, None] * square_root(M / np.outer(safe, safe)))

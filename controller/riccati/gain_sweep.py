@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,10 @@ _SAME = 1e-9
 #: Number of finer grids, and points of each, over two steps of the grid before: ten times finer,
 #: until the step is a billionth of the peak frequency.
 REFINEMENTS = 8
+#: A peak of the first grid is refined if it has at least this fraction of the largest gain there,
+RIVAL = 0.8
+#: and if it is among the largest.
+MOST_PEAKS = 8
 POINTS = 20
 
 
@@ -34,7 +39,7 @@ class SweptGain(NamedTuple):
 
 
 def swept_gain(loop: np.ndarray, E: np.ndarray, C: np.ndarray) -> SweptGain:
-    """Return the largest σ_max(C (jω I - loop)⁻¹ E) on a logarithmic grid, refined around the peak.
+    """Return the largest σ_max(C (jω I - loop)⁻¹ E) on a logarithmic grid, refined around peaks.
 
     If the loop is not Hurwitz, the gain is inf at the frequency of the pole with the largest real
     part.
@@ -48,15 +53,37 @@ def swept_gain(loop: np.ndarray, E: np.ndarray, C: np.ndarray) -> SweptGain:
     poles = spectrum(loop)
     if poles.abscissa >= 0.0:
         return SweptGain(math.inf, float(abs(poles.eigenvalues[-1].imag)))
+
+    def gains_at(frequencies: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(C @ responses(loop, E, frequencies), ord=2, axis=(1, 2))
+
     grid = frequency_grid(poles.eigenvalues)
-    for refinement in range(REFINEMENTS + 1):
-        gains = np.linalg.norm(C @ responses(loop, E, grid), ord=2, axis=(1, 2))
+    gains = gains_at(grid)
+    surrounded = np.concatenate([[-math.inf], gains, [-math.inf]])
+    is_peak = (gains >= surrounded[:-2]) & (gains >= surrounded[2:])
+    peaks = np.flatnonzero(is_peak & (gains >= RIVAL * gains.max()))
+    peaks = peaks[np.argsort(gains[peaks])[-MOST_PEAKS:]]
+    refined = [_refined(gains_at, grid, gains, int(peak)) for peak in peaks]
+    return max(refined, key=lambda each: each.gain)
+
+
+def _refined(
+    gains_at: Callable[[np.ndarray], np.ndarray], grid: np.ndarray, gains: np.ndarray, peak: int
+) -> SweptGain:
+    """Return the largest gain found on ever finer grids around one peak of a grid.
+
+    gains_at: function of frequencies, (N,)
+    grid: frequencies, (N,), rad/s
+    gains: at these frequencies, (N,)
+    peak: index of the peak
+    """
+    for _ in range(REFINEMENTS):
+        below_peak = grid[max(peak - 1, 0)]
+        above_peak = grid[min(peak + 1, len(grid) - 1)]
+        around = np.linspace(below_peak, above_peak, POINTS)
+        grid = np.unique(np.append(around, grid[peak]))
+        gains = gains_at(grid)
         peak = int(np.argmax(gains))
-        if refinement < REFINEMENTS:
-            below_peak = grid[max(peak - 1, 0)]
-            above_peak = grid[min(peak + 1, len(grid) - 1)]
-            around = np.linspace(below_peak, above_peak, POINTS)
-            grid = np.unique(np.append(around, grid[peak]))
     return SweptGain(float(gains[peak]), float(grid[peak]))
 
 

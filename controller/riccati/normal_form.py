@@ -9,7 +9,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from controller.game.zero_sum import Game
+from controller.game.zero_sum import Game, is_semidefinite
 from controller.riccati.balancing import hamiltonian, largest, largest_or_1, units_of
 from controller.riccati.double_double import (
     Pair,
@@ -20,6 +20,7 @@ from controller.riccati.double_double import (
     remainder,
     transposed,
 )
+from controller.riccati.frequency_response import scaled_root
 
 #: A cosine below this belongs to a P above its inverse, in balanced units.
 MODERATE = 1e-4
@@ -165,12 +166,16 @@ class NormalForm:
 
     def game(self) -> Game:
         """Return the game in the coordinates y, with the R, N and delta of the user."""
-        game = Game(self.A, self.inputs, self.disturbance, self.Q, self.R, self.delta)
+        Q = self.Q
+        if not is_semidefinite(Q):  # rounding of the change of coordinates
+            half = scaled_root(Q)
+            Q = half @ half.T
+        game = Game(self.A, self.inputs, self.disturbance, Q, self.R, self.delta)
         if self.F is None:
             return game
         F = np.linalg.solve(self.T.T, self.F.T).T
         RF = self.R @ F
-        return replace(game, A=self.A + self.inputs @ F, Q=self.Q + F.T @ RF, N=RF.T)
+        return replace(game, A=self.A + self.inputs @ F, Q=Q + F.T @ RF, N=RF.T)
 
     @cached_property
     def B(self) -> np.ndarray:

@@ -111,8 +111,12 @@ def rank_distance(
         rounding = 8 * n * np.finfo(float).eps * parts.max(axis=1, keepdims=True)
         vector = np.where(parts <= rounding, 0.0, vector)
         image = both @ vector
-        conjugate = weight[:, :n] ** 2 * vector.conj()
-        rate = (conjugate * image[:, :n]).sum(axis=1) / (conjugate * vector).sum(axis=1)
+        weighted = weight[:, :n] * vector
+        # The largest number is 1, so that the squares neither overflow nor all vanish.
+        factor = 1.0 / np.abs(weighted).max(axis=1, keepdims=True)
+        conjugate = factor * weighted.conj()
+        moved = (conjugate * (factor * weight[:, :n]) * image[:, :n]).sum(axis=1)
+        rate = moved / (conjugate * factor * weighted).sum(axis=1)
         at = nearest(rate)[:, :, None]
         weight = weights(at, np.abs(vector))
         image[:, :n] -= at * vector

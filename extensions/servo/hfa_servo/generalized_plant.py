@@ -27,6 +27,7 @@ from controller.riccati.existence import Found, solution_that_holds, value_found
 from controller.riccati.frequency_response import (
     peak_gain,
     responses,
+    scaled_root,
     square_root,
     system_gain,
 )
@@ -750,14 +751,3 @@ def _radius(X: np.ndarray, Y: np.ndarray) -> tuple[float, np.ndarray]:
     product = half.T @ X @ half
     values, vectors = np.linalg.eigh((product + product.T) / 2.0)
     return max(float(values[-1]), 0.0), half @ vectors[:, -1]
-
-
-def scaled_root(M: np.ndarray) -> np.ndarray:
-    """Return F (n, n) with F F' = M for a positive semidefinite M.
-
-    M = diag(d) N diag(d) with d_i = sqrt(M_ii), and F = diag(d) N^½. A change of units scales the
-    rows of F. Small entries of M are not lost in the rounding of large entries.
-    """
-    d = np.sqrt(np.diag(M).clip(0.0))
-    safe = np.where(d > 0.0, d, 1.0)
-    return np.asarray(d[:, None] * square_root(M / np.outer(safe, safe)))

@@ -61,6 +61,16 @@ def test_swept_resonance_gain_equals_closed_form(damping: float) -> None:
     assert peak.frequency == pytest.approx(math.sqrt(1.0 - 2.0 * damping**2), rel=1e-6)
 
 
+@pytest.mark.parametrize("damping", [0.3, 0.4, 0.5])
+def test_the_larger_of_two_nearly_equal_peaks_is_found(damping: float) -> None:
+    """A resonance is found beside a gain at frequency 0 that is smaller by 1e-5."""
+    highest = 1.0 / (2.0 * damping * math.sqrt(1.0 - damping**2))
+    loop = np.array([[0.0, 1.0, 0.0], [-1.0, -2.0 * damping, 0.0], [0.0, 0.0, -1.0]])
+    E = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, highest * (1.0 - 1e-5)]])
+    C = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    assert swept_gain(loop, E, C).gain == pytest.approx(highest, rel=1e-9)
+
+
 def test_gain_of_an_unstable_loop_is_infinite(first: tuple[Game, np.ndarray]) -> None:
     """Both methods return an infinite L2 gain for an unstable loop.
 

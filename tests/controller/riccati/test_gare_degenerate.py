@@ -13,11 +13,13 @@ import mpmath
 import numpy as np
 import pytest
 from copies import in_units
-from reference_riccati import reference_solution
+from reference_riccati import reference_solution, relative_error
 from tolerances import SAME_SOLUTION, TWO_BRACKETS
 
 from controller import minimum_delta
+from controller.game.zero_sum import is_semidefinite
 from controller.riccati.gare import unconfirmed_solution
+from controller.riccati.normal_form import NormalForm
 from hfa import Game, NoSolutionError, solve
 
 #: Largest error of P in units in which its diagonal is 1.
@@ -302,3 +304,30 @@ def test_the_smallest_delta_is_within_a_millionth(a: float) -> None:
     assert exact * (1.0 - 1e-6) <= smallest.refused <= exact * (1.0 + 1e-12)
     assert exact * (1.0 - 1e-12) <= smallest.value <= exact * (1.0 + 1e-6)
     assert not smallest.uncertain
+
+
+@pytest.mark.parametrize("seed", [35, 62, 117])
+def test_the_weights_of_one_output_stay_semidefinite(seed: int) -> None:
+    """Q = c'c is accepted where a barely reached mode makes the solver change its coordinates."""
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((6, 6))
+    B = rng.standard_normal((6, 1))
+    c = rng.standard_normal((1, 6))
+    values, vectors = np.linalg.eig(A.T)
+    left = vectors[:, [int(np.argmax(values.real))]].real
+    B -= left @ (left.T @ B) / (left.T @ left) * (1.0 - 1e-7)
+    game = Game(A, B, np.zeros((6, 1)), c.T @ c, np.eye(1), math.inf)
+    assert not is_semidefinite(NormalForm.of(game).turned().Q)
+    exact = reference_solution(game)
+    assert relative_error(solve(game).P, exact.P) < 1e-8
+
+
+@pytest.mark.parametrize("entry", [6.3e-191, 1e-160, 1e-300])
+def test_a_tiny_eigenvalue_that_no_input_reaches_is_decided(entry: float) -> None:
+    """An unstable mode that no input reaches is refused by name, however slow. A stable mode is
+    not.
+    """
+    game = Game([[entry]], [[0.0]], [[1.0]], [[0.0]], [[1.0]], math.inf)
+    with pytest.raises(NoSolutionError, match="not stabilizable"):
+        solve(game)
+    assert solve(replace(game, A=-game.A)).K[0, 0] == 0.0
