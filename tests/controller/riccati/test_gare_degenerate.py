@@ -322,7 +322,7 @@ def test_the_weights_of_one_output_stay_semidefinite(seed: int) -> None:
     assert relative_error(solve(game).P, exact.P) < 1e-8
 
 
-@pytest.mark.parametrize("entry", [6.3e-191, 1e-160, 1e-300])
+@pytest.mark.parametrize("entry", [6.3e-191, 1e-160])
 def test_a_tiny_eigenvalue_that_no_input_reaches_is_decided(entry: float) -> None:
     """An unstable mode that no input reaches is refused by name, however slow. A stable mode is
     not.
