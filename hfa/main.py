@@ -67,6 +67,9 @@ def reported(words: list[str], find: Find) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without "±" prints "?"
+    if sys.stdout is None:
+        print_to_stderr("hfa: standard output is closed; redirect it, for example to /dev/null")
+        return BAD_INPUT
     code = DONE
     with warnings.catch_warnings(record=True) as caught:
         # Warnings of the project are notes, regardless of PYTHONWARNINGS.

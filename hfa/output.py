@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hfa_support.errors import NoSolutionError, on_one_line
+from hfa_support.errors import NoSolutionError, on_one_line, printable
 from hfa_support.progress import print_flushed, print_to_stderr
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def show(
             save(figure(), picture, request.provenance.text())
     print_report(printed or report, request, notes=notes)
     for written in filter(None, (request.output, picture)):
-        print_to_stderr(f"wrote {written}")
+        print_to_stderr(f"wrote {printable(written)}")
     if report.failure:
         raise NoSolutionError(report.failure)
 

@@ -247,14 +247,16 @@ def shown(value: Any) -> str:
     return shortened(" ".join(repr(value).split("\n")))
 
 
+def printable(text: object) -> str:
+    """Return a text, such as the path of a file, with its control characters escaped."""
+    spelled = (each if each.isprintable() else ascii(each)[1:-1] for each in str(text))
+    return "".join(spelled)
+
+
 def on_one_line(message: str) -> str:
     """Return a message as one line.
 
     Control characters are escaped, and a long message is truncated.
     """
     words = message[: 4 * _LONGEST_LINE].split()
-    spelled = [
-        character if character.isprintable() else ascii(character)[1:-1]
-        for character in " ".join(words)
-    ]
-    return shortened("".join(spelled), _LONGEST_LINE)
+    return shortened(printable(" ".join(words)), _LONGEST_LINE)

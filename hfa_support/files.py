@@ -104,7 +104,7 @@ def all_or_none(folder: Path | None = None) -> Iterator[None]:
     """Write either all or none of the files that are written in the `with` block.
 
     The files get their final names at the end of the block. They are removed if the block raises an
-    error.
+    error. The files that two processes write into the same folder are not mixed.
 
     folder: folder of the files, or None. It is created if it does not exist, and removed again if
         it was created and remains empty.
@@ -121,7 +121,7 @@ def all_or_none(folder: Path | None = None) -> Iterator[None]:
     _WAITING = []
     try:
         yield
-        with _signals_held():
+        with _locked(folder), _signals_held():
             for temporary, target in _WAITING:
                 temporary.replace(target)
     finally:
@@ -133,6 +133,26 @@ def all_or_none(folder: Path | None = None) -> Iterator[None]:
             with suppress(OSError):  # a folder with a file remains
                 folder.rmdir()
             _MADE.discard(folder.absolute())
+
+
+@contextmanager
+def _locked(folder: Path | None) -> Iterator[None]:
+    """Exclude other processes that write into a folder, if the system can lock folders."""
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    if folder is None:
+        yield
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # some network file systems have no locks
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
 
 
 @contextmanager

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +24,58 @@ def test_a_refusal_without_streams_has_exit_code_2(tmp_path: Path, lost: str) ->
     """If standard error is closed or full, bad input still gives exit code 2."""
     done = shell(f'exec "$0" "$@" {lost}', "trim", "--dihedral", "abc", folder=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (BAD_INPUT, "", "")
+
+
+def test_a_closed_standard_output_is_refused(tmp_path: Path) -> None:
+    """If standard output is closed, the command is refused with exit code 2 and a reason."""
+    done = shell('exec "$0" "$@" >&-', "trim", "--dihedral", "15", folder=tmp_path)
+    assert (done.returncode, done.stdout) == (BAD_INPUT, "")
+    assert done.stderr == (
+        "hfa: standard output is closed; redirect it, for example to /dev/null\n"
+    )
+    done = shell('exec "$0" "$@" >/dev/null', "trim", "--dihedral", "15", folder=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_control_characters_of_a_file_name_are_escaped(tmp_path: Path) -> None:
+    """The line "wrote NAME" contains no control character of the name."""
+    name = "a\x1b[31m.json"
+    done = hfa("trim", "--dihedral", "15", "-o", str(tmp_path / name))
+    assert done.code == 0
+    assert (tmp_path / name).is_file()
+    assert "\x1b" not in done.err
+    assert "a\\x1b[31m.json" in done.err
+
+
+_WRITES = """
+from pathlib import Path
+from hfa_support.files import all_or_none, write_text
+with all_or_none(folder=Path("page")):
+    write_text("page/a", "1")
+    write_text("page/b", "1")
+"""
+
+
+def test_files_of_two_runs_are_not_mixed(tmp_path: Path) -> None:
+    """Files get their names in a folder only when no other process writes into it."""
+    import fcntl
+
+    folder = tmp_path / "page"
+    folder.mkdir()
+    handle = os.open(folder, os.O_RDONLY)
+    fcntl.flock(handle, fcntl.LOCK_EX)
+    run = subprocess.Popen([sys.executable, "-c", _WRITES], cwd=tmp_path)
+    try:
+        deadline = time.monotonic() + 60.0
+        while len(list(folder.iterdir())) < 2 and time.monotonic() < deadline:
+            time.sleep(0.02)
+        time.sleep(0.2)
+        assert not {"a", "b"} & {each.name for each in folder.iterdir()}
+        os.close(handle)
+        assert run.wait(60) == 0
+    finally:
+        run.kill()
+    assert sorted(each.name for each in folder.iterdir()) == ["a", "b"]
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ from hfa_flight.options import (
 )
 from hfa_flight.results import Exported
 from hfa_support.entry_points import PARTS, part
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, printable
 from hfa_support.files import write_text
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
@@ -193,7 +193,7 @@ def _written(
 
 def _report(written: list[Path]) -> Report:
     rows = [(str(path), path.stat().st_size) for path in written]
-    table = Table(("file", "bytes"), [(name, str(size)) for name, size in rows])
+    table = Table(("file", "bytes"), [(printable(name), str(size)) for name, size in rows])
     listed = [{"file": name, "bytes": size} for name, size in rows]
     return Report(
         f"Exported: {len(rows)} {'files' if len(rows) > 1 else 'file'}",

@@ -12,7 +12,7 @@ from hfa.options.request import OfModel, option
 from hfa.options.trims import AircraftOptions, OutputOptions, output_option, picture_option
 from hfa.output import ProgressLine, show
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.errors import BadInputError, printable, refuse_unknown
 from hfa_support.progress import print_to_stderr
 
 #: Suffix of the file of an identified aircraft.
@@ -140,7 +140,7 @@ def identify(request: IdentifyRequest) -> int:
     )
     if request.output is not None and request.output.suffix == AIRCRAFT:
         write_text(request.output, aircraft_text(found, request.output.parent))
-        print_to_stderr(f"wrote {request.output}")
+        print_to_stderr(f"wrote {printable(request.output)}")
         request = replace(request, output=None)
     show(found.report(), request, figure=found.figure)
     return 0 if found.ok else 1

@@ -21,7 +21,7 @@ from hfa_page.claims import load_claims
 from hfa_page.flights import load_flights
 from hfa_page.job_report import main_report, page, plotly_script
 from hfa_page.main_job import ASKED, MOST_ASKED, MOST_SWEPT, SWEEP, MainJob, main_job
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, printable
 from hfa_support.files import all_or_none, write_text
 from hfa_support.jsonable import jsonable
 from hfa_support.progress import print_flushed
@@ -137,7 +137,7 @@ def _written(job: MainJob, report: Report, place: Path, provenance: Provenance) 
     html = page(job, report, provenance)
     if place.suffix:
         write_text(place, html)
-        return f"wrote {place}"
+        return f"wrote {printable(place)}"
     pictures = list(report.pictures())
     numbers = json.dumps(jsonable(report.data), allow_nan=False) + "\n"
     with all_or_none(folder=place):
@@ -146,4 +146,4 @@ def _written(job: MainJob, report: Report, place: Path, provenance: Provenance) 
         write_text(place / "numbers.json", numbers)
         write_text(place / "report.html", html)
     names = ", ".join(picture.name for picture in pictures)
-    return f"wrote {place / 'report.html'}, numbers.json, {names}"
+    return f"wrote {printable(place / 'report.html')}, numbers.json, {names}"
