@@ -101,7 +101,7 @@ def verify(
         checks += findings.checks
         states = findings.states
         proof = findings.proof
-        cost_lost = max(cost_lost, findings.flown.cost_lost_flown_percent)
+        cost_lost = findings.flown.cost_lost_flown_percent
         sections.append(findings.section)
     elif critic.is_layer:
         sections.append(_polynomial_section(critic))

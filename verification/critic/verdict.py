@@ -31,9 +31,9 @@ _FAILURES = 6
 ROUNDING = 1e-9
 #: Largest cost above the optimum, percent, of a critic with grade "near".
 NEAR = 1.0
-#: Largest distance of an equilibrium from the trim, as a fraction of the box, for the grade "near":
-#: V* there is 1 % of its value on the edge of the box.
-NEAR_REST = 0.1
+#: Largest distance of an equilibrium from the trim, as a fraction of the box, with which the cost
+#: decides: from there, the cost that counts from the equilibrium is that from the trim.
+AT_TRIM = 1e-6
 #: Kinds of checks that the first lines always mention; a failed check of another kind is named.
 _IN_THE_FACTS = ("error", "rest", "stability", "game loop")
 #: Remark on a bound: CasADi simplifies constants when an expression is created, before it is
@@ -166,27 +166,34 @@ class Verdict(Checked, Result, Reported):
     def holds(self, limit_cost: float | None = None) -> bool:
         """Return whether the critic passes.
 
-        limit_cost: limit of the cost above the optimum, percent. With a limit, only the cost
-            decides. With None, all checks must pass.
+        limit_cost: limit of the cost above the optimum, percent. With a limit, the cost decides,
+            if the equilibrium is at the trim (`AT_TRIM`). With None, all checks must pass.
         """
-        return self.ok if limit_cost is None else self.cost_lost <= limit_cost
+        if limit_cost is None:
+            return self.ok
+        return self.cost_lost <= limit_cost and self._rests_at_trim
+
+    @property
+    def _rests_at_trim(self) -> bool:
+        """True unless the equilibrium of a simulated critic is off the trim."""
+        rests = [check.value for check in self.checks if check.kind == "rest"]
+        return all(distance <= AT_TRIM for distance in rests)
 
     @property
     def grade(self) -> Grade:
         """Grade of the critic: "exact", "near" or "fail".
 
         - "exact": every check passes.
-        - "near": the only failed checks are those of errors, or of an equilibrium that is off by at
-          most `NEAR_REST`, and the cost is at most `NEAR` percent above the optimum.
+        - "near": the only failed checks are those of errors, the equilibrium is at the trim
+          (`AT_TRIM`), and the cost is at most `NEAR` percent above the optimum.
         - "fail": all other cases.
         """
         if self.ok:
             return "exact"
         for check in self.checks:
-            is_small = check.kind == "error" or (check.kind == "rest" and check.value <= NEAR_REST)
-            if not (check.ok or is_small):
+            if not (check.ok or check.kind in ("error", "rest")):
                 return "fail"
-        return "near" if self.cost_lost <= NEAR else "fail"
+        return "near" if self.holds(limit_cost=NEAR) else "fail"
 
     def headline(self, limit_cost: float | None = None) -> str:
         """Return the first line of the report, with the grade on the linear game and the cost.
@@ -213,13 +220,13 @@ class Verdict(Checked, Result, Reported):
         grade = self.grade_text(limit_cost)
         line = f"{grade} on the linear game{decided}: {self._cost_text()}"
         rests = [check for check in failed if check.kind == "rest"]
-        facts = [check.reason for check in rests if check.value > NEAR_REST]
+        facts = [check.reason for check in rests if check.value > AT_TRIM]
         if not self.stabilizing:
             facts.append("not stabilizing")
         facts.append(self._exactness(failed))
         if self.stabilizing:
             facts.append("stabilizing")
-        facts += [check.reason for check in rests if check.value <= NEAR_REST]
+        facts += [check.reason for check in rests if check.value <= AT_TRIM]
         gain = next((check for check in self.checks if check.kind == "gain"), None)
         if gain is not None and math.isfinite(gain.value):
             facts.append(f"L2 gain {gain.value:.4g} (delta {gain.limit:g})")

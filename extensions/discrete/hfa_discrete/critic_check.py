@@ -182,7 +182,7 @@ def _verdict(
         checks += findings.checks
         states = findings.states
         proof = findings.proof
-        lost = max(lost, findings.flown.cost_lost_flown_percent)
+        lost = findings.flown.cost_lost_flown_percent
         where = f"Box of states: {box.about}"
         text = "L2 gain and margins apply only to continuous time and are not checked"
         sections = [Section((where, text), replace(data, box=box)), findings.section]

@@ -112,7 +112,10 @@ def test_a_policy_without_constant_names_no_constant(game: Game) -> None:
     tensors = {"0.weight": 4e-4 * np.eye(6), "2.weight": -gain(game) / 4e-4}
     critic = from_network(game, torch_file("actor.pth", tensors), activation="tanh")
     verdict = verify(game, critic, scope=replace(on_the_box(1), seconds=0.0))
-    assert verdict.reason == "it is right at the origin and wrong away from it"
+    assert (
+        verdict.reason
+        == "it solves the linear game at the origin, and differs from its solution away from it"
+    )
 
 
 def test_the_report_shows_the_network_as_read(game: Game) -> None:
@@ -360,3 +363,18 @@ def test_the_policy_of_a_value_contains_the_cross_weights() -> None:
             critic = from_network(game, function, network=kind)
             assert np.allclose(np.array(critic.policy(state)).ravel(), u)
             assert verify(game, critic).ok == (bend == 0.0)
+
+
+def test_the_value_of_a_nonlinear_plant_is_said_to_differ_from_the_linear_game() -> None:
+    """V = p z² + c z³ solves the nonlinear game to third order; the reason names the linear game.
+
+    The plant is z' = a z + e z² + u. The third order of its equation is 3 c (a - p) + 2 p e = 0.
+    """
+    a, e = 0.5, 0.8
+    game = Game([[a]], [[1.0]], [[1.0]], [1.0], [1.0], np.inf)
+    p = solve(game).P.item()
+    z = ca.SX.sym("z")
+    V = ca.Function("V", [z], [p * z**2 - 2.0 * p * e / (3.0 * (a - p)) * z**3])
+    verdict = verify(game, from_network(game, V, network="V"), scope=Scope(seconds=0.0, flights=4))
+    assert not verdict.ok
+    assert "linear game" in verdict.reason

@@ -417,7 +417,7 @@ def _of_network(
         has_constant = np.any(np.array(critic.policy(np.zeros(len(box)))))
         if has_constant and box_errors[-1] <= SMALL:
             return "it is right except for a constant in u"
-        return "it is right at the origin and wrong away from it"
+        return "it solves the linear game at the origin, and differs from its solution away from it"
     judged = slice(None) if own_policy else slice(-1)  # a K that follows from P is not judged
     causes = [_NO_CAUSE]
     for view in (*at_origin[judged], *over_box[judged]):

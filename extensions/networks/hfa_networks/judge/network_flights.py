@@ -17,11 +17,13 @@ import numpy as np
 from controller.critic.critic import Critic, symbols_for
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
+from controller.riccati.cost import SIGNLESS, loss_matrix
 from hfa_support.native.bound import BoundFunction
 from hfa_support.reporting.checks import Check, at_most
 from verification.critic.critic_errors import Exact
 
 if TYPE_CHECKING:
+    from controller.riccati.gare import Solution
     from hfa_discrete.solution import DiscreteSolution
     from verification.critic.about_trim import NonlinearPlant
 
@@ -29,6 +31,9 @@ if TYPE_CHECKING:
 _WIDE_FLIGHTS = 2
 #: A simulation ends when the exact loop has decayed to exp(-`DECAY`).
 DECAY = 5.0
+#: It ends later for a slower linear loop, but not later than this many times the time of the exact
+#: loop.
+_SLOWEST = 100.0
 #: Largest number of LSODA steps in a simulation of the linear plant, in one that is slow to
 #: evaluate (a wide network, the nonlinear plant), and of steps of a discrete loop.
 STEPS = 20_000
@@ -58,10 +63,11 @@ class FlightResults(NamedTuple):
 
     flights: number of initial conditions, or 0 if nothing was simulated.
     cost_lost_flown_percent: largest cost above V*, in percent of V*, or inf if a simulation does
-        not converge.
+        not converge. For a linear policy, it is the largest excess over all initial conditions.
     cost_lost_flown_mean_percent: mean cost above V*, in percent of V*, or inf if a simulation does
         not converge.
     rest_point: (n,), equilibrium of the policy on the linear plant, or None.
+    rest_cost: cost of the equilibrium per second, or per step in discrete time; 0 at the trim.
     reach: largest tested multiple of the box from which the loop converges on the linear plant, or
         0.
     reach_nonlinear: `reach` on the nonlinear plant, or None without such a plant.
@@ -73,6 +79,7 @@ class FlightResults(NamedTuple):
     cost_lost_flown_percent: float = math.inf
     cost_lost_flown_mean_percent: float = math.inf
     rest_point: np.ndarray | None = None
+    rest_cost: float = 0.0
     reach: float = 0.0
     reach_nonlinear: float | None = None
     reach_nonlinear_exact: float | None = None
@@ -94,11 +101,10 @@ class Loop(Protocol):
 
 
 class TimeAxis(Protocol):
-    """Plant of a critic in continuous or discrete time.
+    """Plant of a critic in continuous or discrete time."""
 
-    The disturbance is w = L* z, the worst disturbance of the exact solution. Under this
-    disturbance, a policy u has the cost J = V* + the sum over time of (u - u*)' `price` (u - u*).
-    """
+    #: Unit of the time of a cost, for reports.
+    period: str
 
     @property
     def price(self) -> np.ndarray:
@@ -107,80 +113,99 @@ class TimeAxis(Protocol):
     def is_stable(self, K: np.ndarray) -> bool:
         """Return whether the loop A - B K is stable."""
 
-    def remaining_cost(self, K: np.ndarray) -> np.ndarray | None:
-        """Return X (n, n) with J - V* = z'X z for the policy u = -K z under w = L* z.
+    def cost(self, z: np.ndarray, u: np.ndarray) -> float:
+        """Return the cost of a state and an input per second, or per step."""
 
-        The result is None if the loop is not stable.
+    def excess(self, K: np.ndarray) -> np.ndarray | None:
+        """Return X (n, n) with J - V* = z'X z for the policy u = -K z under its disturbance.
+
+        The result is None if the loop is not stable or the cost has no bound.
         """
 
-    def loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
+    def loop(self, critic: Critic, b: np.ndarray) -> Loop:
         """Return the closed loop without disturbance.
 
         b: half-widths of the box of states, (n,)
         """
 
-    def worst_loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
-        """Return the closed loop under w = L* z.
+    def worst_loop(self, critic: Critic, b: np.ndarray, X: np.ndarray) -> Loop:
+        """Return the closed loop under the disturbance of u = -K z, the critic's linear part.
 
-        The cost is the sum of v' `price` v, with v = u - u* minus its value at the equilibrium.
+        The cost is J - V*. Inputs and disturbances count from their values at the equilibrium.
 
         b: half-widths of the box of states, (n,)
+        X: (n, n), `excess` of K
         """
 
 
 class InTime:
     """Plant z' = A z + B u + E d in continuous time.
 
-    Under the worst disturbance, a policy u has the cost J = V* + ∫ (u - u*)'R (u - u*) dt.
+    A policy u has the cost J = V* + ∫ (u - u*)'R (u - u*) - δ² (d - d*)'(d - d*) dt. The worst
+    disturbance of u = -K z is d = d* + δ⁻² E'X z.
 
-    exact: exact solution of the game, with V* and u*
+    exact: exact solution of the game, with V*, u* and d*
     """
 
-    def __init__(self, game: Game, exact: Exact) -> None:
+    period = "second"
+
+    def __init__(self, game: Game, exact: Solution) -> None:
         self._game = game
         self._exact = exact
-        self._worst = game.A + game.E @ exact.disturbance_gain
-        #: Duration of a simulation, s.
-        self.duration = DECAY / abs(spectrum(game.A - game.B @ exact.K).abscissa)
         self.price = game.R
 
     def is_stable(self, K: np.ndarray) -> bool:
         """Return whether A - B K is Hurwitz."""
         return bool(spectrum(self._game.A - self._game.B @ K).abscissa < 0.0)
 
-    def remaining_cost(self, K: np.ndarray) -> np.ndarray | None:
-        """Return X with F'X + X F + (K - K*)'R (K - K*) = 0 and F = A + E L* - B K.
+    def cost(self, z: np.ndarray, u: np.ndarray) -> float:
+        """Return z'Q z + u'R u."""
+        return float(z @ self._game.Q @ z + u @ self._game.R @ u)
 
-        The result is None if F is not Hurwitz.
+    def excess(self, K: np.ndarray) -> np.ndarray | None:
+        """Return the `loss_matrix` X of u = -K z, or None if the cost has no bound."""
+        return loss_matrix(self._game, self._exact, K)
+
+    def duration(self, *loops: np.ndarray) -> float:
+        """Return the duration of a simulation, s, in which the exact loop and linear loops decay.
+
+        loops: stable matrices, (n, n)
         """
-        from scipy.linalg import solve_continuous_lyapunov
+        by_exact = abs(spectrum(self._game.A - self._game.B @ self._exact.K).abscissa)
+        slowest = min([by_exact, *(abs(spectrum(loop).abscissa) for loop in loops)])
+        return DECAY / max(slowest, by_exact / _SLOWEST)
 
-        linear = self._worst - self._game.B @ K
-        if spectrum(linear).abscissa >= 0.0:
-            return None
-        change = K - self._exact.K
-        return np.asarray(solve_continuous_lyapunov(linear.T, -change.T @ self.price @ change))
-
-    def loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
+    def loop(self, critic: Critic, b: np.ndarray) -> Loop:
         """Return the closed loop without disturbance.
 
         b: half-widths of the box of states, (n,)
         """
-        z = symbols_for([policy], len(b))
-        rates = ca.DM(self._game.A) @ z + ca.DM(self._game.B) @ policy(z)
-        return _FlowLoop(z, rates, self._exact, self.duration, b)
+        z = critic.symbols
+        rates = ca.DM(self._game.A) @ z + ca.DM(self._game.B) @ critic.policy(z)
+        duration = self.duration(self._game.A - self._game.B @ critic.K)
+        return _FlowLoop(z, rates, self._exact, duration, b)
 
-    def worst_loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
-        """Return the closed loop under the worst disturbance d = L* z.
+    def worst_loop(self, critic: Critic, b: np.ndarray, X: np.ndarray) -> Loop:
+        """Return the closed loop under d = d* + δ⁻² E'X z.
 
-        The running cost is v'R v, with v = u - u* minus its value at the equilibrium.
+        The running cost is v'R v - δ² w'w, with v = u - u* and w = d - d* minus their values at the
+        equilibrium.
         """
-        z = symbols_for([policy], len(b))
-        rates = ca.DM(self._worst) @ z + ca.DM(self._game.B) @ policy(z)
-        loop = _FlowLoop(z, rates, self._exact, self.duration, b)
+        game = self._game
+        z = critic.symbols
+        more = game.disturbance_gain(X)
+        plant = game.A + game.E @ (self._exact.disturbance_gain + more)
+        rates = ca.DM(plant) @ z + ca.DM(game.B) @ critic.policy(z)
+        duration = self.duration(game.A - game.B @ critic.K, plant - game.B @ critic.K)
+        loop = _FlowLoop(z, rates, self._exact, duration, b)
         if loop.equilibrium is None:
             return loop
-        return loop.with_cost(_cost_of(policy, self._exact.K, self.price, loop.equilibrium))
+        paid = _cost_of(critic.policy, self._exact.K, self.price, loop.equilibrium)
+        if not math.isfinite(game.delta):
+            return loop.with_cost(paid)
+        gained = ca.DM(game.delta * more)
+        rest = ca.DM(loop.equilibrium)
+        return loop.with_cost(lambda z: paid(z) - ca.sumsqr(gained @ (z - rest)))
 
 
 class InSteps:
@@ -192,20 +217,24 @@ class InSteps:
     exact: exact solution of the game, with V*, u* and P*
     """
 
+    period = "step"
+
     def __init__(self, exact: DiscreteSolution) -> None:
         step = exact.game
         self._exact = exact
         self._worst = step.A + step.E @ exact.disturbance_gain
         self.price = step.R + exact.discount * step.B.T @ exact.P @ step.B
-        decay = -math.log(min(max(exact.radius, 1e-3), 1.0 - 1e-12))
-        #: Number of steps of a simulation.
-        self.steps = min(math.ceil(DECAY / decay), _MOST_STEPS)
 
     def is_stable(self, K: np.ndarray) -> bool:
         """Return whether all eigenvalues of A - B K are inside the unit circle."""
         return _radius(self._exact.game.A - self._exact.game.B @ K) < 1.0
 
-    def remaining_cost(self, K: np.ndarray) -> np.ndarray | None:
+    def cost(self, z: np.ndarray, u: np.ndarray) -> float:
+        """Return x'Q x + 2 x'N u + u'R u."""
+        step = self._exact.game
+        return float(z @ step.Q @ z + 2.0 * z @ self._exact.problem.N @ u + u @ step.R @ u)
+
+    def excess(self, K: np.ndarray) -> np.ndarray | None:
         """Return X = α F'X F + (K - K*)'(R + α B'P*B)(K - K*) with F = A + E L* - B K.
 
         The result is None if √α F is not finite or has an eigenvalue outside the open unit disk.
@@ -218,23 +247,22 @@ class InSteps:
         change = K - self._exact.K
         return np.asarray(solve_discrete_lyapunov(moved.T, change.T @ self.price @ change))
 
-    def loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
+    def loop(self, critic: Critic, b: np.ndarray) -> Loop:
         """Return the closed loop without disturbance.
 
         b: half-widths of the box of states, (n,)
         """
-        return self._loop_of(self._exact.game.A, policy, b, 0.0 * self.price)
+        return self._loop_of(self._exact.game.A, critic, b, 0.0 * self.price)
 
-    def worst_loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
-        """Return the closed loop under the worst disturbance w = L* x.
+    def worst_loop(self, critic: Critic, b: np.ndarray, X: np.ndarray) -> Loop:
+        """Return the closed loop under the worst disturbance w = L* x of the exact solution.
 
         The cost is Σ αᵏ v'(R + α B'P*B) v, with v = u - u* minus its value at the equilibrium.
         """
-        return self._loop_of(self._worst, policy, b, self.price)
+        return self._loop_of(self._worst, critic, b, self.price)
 
-    def _loop_of(
-        self, A: np.ndarray, policy: ca.Function, b: np.ndarray, price: np.ndarray
-    ) -> Loop:
+    def _loop_of(self, A: np.ndarray, critic: Critic, b: np.ndarray, price: np.ndarray) -> Loop:
+        policy = critic.policy
         x = symbols_for([policy], len(b))
         B = self._exact.game.B
         after = ca.DM(A) @ x + ca.DM(B) @ policy(x)
@@ -242,11 +270,12 @@ class InSteps:
         paid = type(x)(0.0)
         if equilibrium is not None:
             paid = _cost_of(policy, self._exact.K, price, equilibrium)(x)
-        by_exact = np.linalg.matrix_power(A - B @ self._exact.K, self.steps)
+        slowest = max(self._exact.radius, _radius(A - B @ critic.K), 1e-3)
+        decay = -math.log(min(slowest, 1.0 - 1e-12))
+        steps = min(math.ceil(DECAY / decay), _MOST_STEPS)
+        by_exact = np.linalg.matrix_power(A - B @ self._exact.K, steps)
         discount = self._exact.discount
-        return _StepLoop(
-            (x, after, paid), self._exact.P, (discount, self.steps), equilibrium, by_exact
-        )
+        return _StepLoop((x, after, paid), self._exact.P, (discount, steps), equilibrium, by_exact)
 
 
 def _radius(matrix: np.ndarray) -> float:
@@ -464,23 +493,27 @@ def fly(
     flights: number of initial conditions. At most `_WIDE_FLIGHTS` are used for a wide network
     plant: nonlinear plant of a critic in continuous time, or None
     """
-    if not critic.finite or not axis.is_stable(critic.K):
+    if not flights or not critic.finite or not axis.is_stable(critic.K):
         return FlightResults()
     if critic.wide:
         flights = min(flights, _WIDE_FLIGHTS)
     losses = costs_above_optimum(axis, critic, exact, b, flights)
     few = min(FEW, flights)
-    loop = axis.loop(critic.policy, b)
+    loop = axis.loop(critic, b)
     reached = [_reach(loop, b, few)]
     if plant is not None:
         assert isinstance(axis, InTime)
         z = critic.symbols
         for policy in (critic.policy(z), -ca.DM(exact.K) @ z):
-            nonlinear = _FlowLoop(z, plant.closed(z, policy), exact, axis.duration, b)
+            nonlinear = _FlowLoop(z, plant.closed(z, policy), exact, axis.duration(), b)
             nonlinear.most_steps = _FEW_STEPS
             reached.append(_reach(nonlinear, b, few))
+    rest = loop.equilibrium
+    rest_cost = 0.0
+    if rest is not None:
+        rest_cost = axis.cost(rest, np.array(critic.policy(rest)).ravel())
     return FlightResults(
-        flights, float(losses.max()), float(losses.mean()), loop.equilibrium, *reached
+        flights, float(losses.max()), float(losses.mean()), rest, rest_cost, *reached
     )
 
 
@@ -489,22 +522,42 @@ def costs_above_optimum(
 ) -> np.ndarray:
     """Return the cost above V* from each initial condition, in percent of V*, (flights,).
 
-    The loop is under the worst disturbance of the exact solution. The cost after the end of a
-    simulation is computed for the linear loop. All costs are inf if a simulation does not converge,
-    or if the linear loop is unstable.
+    The first initial condition is the worst one of the linear loop. The loop is under the worst
+    disturbance of the critic's linear part; in discrete time, of the exact solution. The cost after
+    the end of a simulation is computed for the linear loop. All costs are inf if a simulation does
+    not converge, or if the linear loop is unstable.
     """
-    remaining = axis.remaining_cost(critic.K)
+    remaining = axis.excess(critic.K)
     if remaining is None:
         return np.full(flights, math.inf)
-    loop = axis.worst_loop(critic.policy, b)
+    loop = axis.worst_loop(critic, b, remaining)
+    starts = np.vstack([worst_start(remaining, exact.P, b), starts_in(b, flights - 1)])
     losses = []
-    for start in starts_in(b, flights):
+    for start in starts:
         end = loop.simulate(start)
         if end is None:
             return np.full(flights, math.inf)
         cost = end[1] + end[0] @ remaining @ end[0]
         losses.append(max(100.0 * float(cost / (start @ exact.P @ start)), 0.0))
     return np.array(losses)
+
+
+def worst_start(X: np.ndarray, P: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the state z (n,) at the edge of the box with the largest z'X z / z'P z.
+
+    States without cost, z'P z = 0, are left out.
+
+    X, P: (n, n), symmetric
+    b: half-widths of the box, (n,)
+    """
+    corner = np.outer(b, b)
+    values, vectors = np.linalg.eigh(P * corner)
+    paid = values > SIGNLESS * max(float(values[-1]), 0.0)
+    if not paid.any():
+        return b
+    root = vectors[:, paid] / np.sqrt(values[paid])
+    direction = root @ np.linalg.eigh(root.T @ (X * corner) @ root)[1][:, -1]
+    return np.asarray(b * direction / np.abs(direction).max())
 
 
 def starts_in(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:

@@ -170,7 +170,7 @@ def findings(
     flown = fly(axis, critic, exact, b, scope.flights, scope.plant)
     if flown.flights:
         checks.append(equilibrium_check(flown.rest_point, b, limit))
-    section = nonlinear_section(critic, b, worst, proof, flown)
+    section = nonlinear_section(critic, b, worst, proof, flown, axis.period)
     states = STARTS if critic.network else 0
     return Findings(errors, checks, proof, flown, section, states)
 
@@ -331,11 +331,13 @@ def nonlinear_section(
     found: tuple[Found, ...],
     proof: Proof | None,
     flown: FlightResults,
+    period: str,
 ) -> Section:
     """Return the section of the report on a critic that is not quadratic.
 
     found: largest errors in the box
     flown: results of the simulations
+    period: unit of the time of a cost, "second" or "step"
     """
     functions = critic.network
     if not functions:
@@ -377,6 +379,8 @@ def nonlinear_section(
         "value_at": value,
         **flown._asdict(),
     }
+    if flown.rest_cost > 0.0:
+        lines.append(f"The steady-state error costs {flown.rest_cost:.2g} per {period}")
     return Section((*lines, *_flight_lines(flown)), Details(network=data))
 
 
