@@ -159,8 +159,9 @@ class InTime:
         return bool(spectrum(self._game.A - self._game.B @ K).abscissa < 0.0)
 
     def cost(self, z: np.ndarray, u: np.ndarray) -> float:
-        """Return z'Q z + u'R u."""
-        return float(z @ self._game.Q @ z + u @ self._game.R @ u)
+        """Return z'Q z + 2 z'N u + u'R u."""
+        both = np.hstack([z, u])
+        return float(both @ self._game.weights @ both)
 
     def excess(self, K: np.ndarray) -> np.ndarray | None:
         """Return the `loss_matrix` X of u = -K z, or None if the cost has no bound."""
@@ -231,8 +232,8 @@ class InSteps:
 
     def cost(self, z: np.ndarray, u: np.ndarray) -> float:
         """Return x'Q x + 2 x'N u + u'R u."""
-        step = self._exact.game
-        return float(z @ step.Q @ z + 2.0 * z @ self._exact.problem.N @ u + u @ step.R @ u)
+        both = np.hstack([z, u])
+        return float(both @ self._exact.game.weights @ both)
 
     def excess(self, K: np.ndarray) -> np.ndarray | None:
         """Return X = α F'X F + (K - K*)'(R + α B'P*B)(K - K*) with F = A + E L* - B K.
