@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
@@ -11,7 +12,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from cli import answer
+from cli import hfa as run
 from game_files import stored
 from known_models import game_at
 
@@ -240,7 +241,9 @@ CALLS: dict[str, Callable[[], Verdict]] = {
 @pytest.mark.parametrize("way", COMMANDS)
 def test_a_diverging_critic_fails_on_the_command_line(way: str) -> None:
     """Each form of the diverging critic fails, also if only the cost is limited."""
-    data = answer("verify", *COMMANDS[way](), "--limit-cost", "1", code=FAILED)
+    result = run("verify", *COMMANDS[way](), "--limit-cost", "1", "--json")
+    assert result.code == FAILED
+    data = json.loads(result.out)
     assert not data["ok"]
     for critic in data.get("critics", {"": data}).values():
         assert critic["grade"] == "fail"
