@@ -32,6 +32,12 @@ BARELY = 1e-5
 _NEAR_AXIS = 1e-6
 
 
+class ModeError(NoSolutionError):
+    """Raised if a mode that no input reaches, or an undamped mode without cost, is the reason why
+    no delta has a solution.
+    """
+
+
 class DeltaMin(NamedTuple):
     """Bounds of delta_min = inf{δ : a solution exists}: refused < delta_min <= value.
 
@@ -179,7 +185,7 @@ def _some_solution(form: NormalForm) -> Certified:
     """
     (reached,) = reach_checks(form)
     if not reached.ok:
-        raise NoSolutionError(lqr_obstacle(form, reached.reason))
+        raise _without_solution(form, reached.reason)
     inside = form.turned()
     try:
         return certified_solution(inside.with_delta(math.inf), form.with_delta(math.inf))
@@ -187,7 +193,7 @@ def _some_solution(form: NormalForm) -> Certified:
         try:
             return certified_solution(inside, form)
         except NoSolutionError:
-            raise NoSolutionError(lqr_obstacle(form, str(error))) from error
+            raise _without_solution(form, str(error)) from error
 
 
 def lqr_obstacle(form: NormalForm, failure: str) -> str:
@@ -198,6 +204,11 @@ def lqr_obstacle(form: NormalForm, failure: str) -> str:
     form: normal form of the game
     failure: text of the failed test of the certificate, for the case that no other reason is found
     """
+    return str(_without_solution(form, failure))
+
+
+def _without_solution(form: NormalForm, failure: str) -> NoSolutionError:
+    """Return the error of `lqr_obstacle`: a `ModeError` if a mode is the reason."""
     unreached = (
         "within rounding (A, B) is not stabilizable: no input reaches the {}; change B or leave"
         " that mode out of A"
@@ -205,17 +216,14 @@ def lqr_obstacle(form: NormalForm, failure: str) -> str:
     hidden = (
         "within rounding (A, Q) is not detectable: the undamped {} has no cost; give it weight in Q"
     )
-    if form.F is not None:
-        hidden = (
-            "within rounding (A - B R^-1 N', Q - N R^-1 N') is not detectable: the undamped {} of"
-            " A - B R^-1 N' has no cost; give it weight in Q, or change N"
-        )
     cause = obstacle(form, unreached, hidden)
     if cause.sentence:
-        return cause.sentence
+        return ModeError(cause.sentence)
     faint = cause.faint("the inputs reach", "Q shows")
     advice = f"; {faint}; change B or Q" if faint else ""
-    return f"the problem without disturbance (delta = inf) is not certified: {failure}{advice}"
+    return NoSolutionError(
+        f"the problem without disturbance (delta = inf) is not certified: {failure}{advice}"
+    )
 
 
 class Obstacle(NamedTuple):

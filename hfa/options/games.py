@@ -15,6 +15,7 @@ import numpy as np
 from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
 from controller.hfa_game import plant_names, usual_game
+from controller.riccati.smallest_delta import ModeError
 from hfa.options.argument_types import input_file, number, one_of, whole
 from hfa.options.critics import listed_numbers
 from hfa.options.request import OfModel, Request, option
@@ -375,10 +376,13 @@ class NamedGame(Result):
         """Add a question on discrete time to a NoSolutionError that is raised in the `with` block.
 
         The question is added if the plant file does not state whether time is continuous or
-        discrete, and if the game has a solution in discrete time.
+        discrete, and if the game has a solution in discrete time. It is not added if a mode is the
+        reason: a gain for discrete time would leave this mode unstable in continuous time.
         """
         try:
             yield
+        except ModeError:
+            raise
         except NoSolutionError as failure:
             question = ""
             if not self.has_time and "time.steps" in offered(PARTS):

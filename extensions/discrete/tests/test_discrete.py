@@ -341,7 +341,8 @@ def test_the_other_time_is_suggested():
     decays = {"A": np.diag([0.5, 0.9]), "B": [[1.0], [0.0]], "Q": np.eye(2), "R": [[1.0]]}
     refused = hfa("solve", "--model", stored("decays.json", **decays))
     assert refused.code == FAILED
-    assert question in refused.err
+    assert "not stabilizable" in refused.err
+    assert question not in refused.err
 
 
 @pytest.mark.parametrize("seed", [2, 5])
@@ -472,3 +473,23 @@ def test_the_printed_gain_stabilizes(slow, is_refined):
     assert np.abs(np.linalg.eigvals(A - B @ printed)).max() < 1.0
     assert (np.abs(np.linalg.eigvals(A - B @ four_decimals)).max() > 1.0) == is_refined
     assert np.array_equal(printed, four_decimals) != is_refined
+
+
+@pytest.mark.usefixtures("folder")
+def test_no_other_time_is_suggested_for_a_mode_without_solution():
+    """An unweighted integrator is refused with its remedy, not with a question about the time.
+
+    The gain for discrete time exists and would leave the integrator unstable in continuous time.
+    """
+    A = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
+    B = np.array([[0.0], [1.0], [0.0]])
+    step = Game(A, B, np.zeros((3, 1)), np.diag([1.0, 1.0, 0.0]), np.eye(1), np.inf)
+    assert solve_discrete(DiscreteGame(step)).radius < 1.0
+    plant = stored("integrator.json", A=A, B=B, Q=step.Q, R=step.R)
+    refused = hfa("solve", "--model", plant)
+    assert refused.code == FAILED
+    assert "not detectable" in refused.err
+    assert "weight in Q" in refused.err
+    assert "discrete" not in refused.err
+    weighted = stored("weighted.json", A=A, B=B, Q=np.eye(3), R=step.R)
+    assert answer("solve", "--model", weighted)["certificate"]["ok"]
