@@ -100,12 +100,12 @@ def linearize(request: LinearizeRequest) -> int:
     if request.bode:
         from trim.linear.frequency import with_transfers
 
-        report = with_transfers(report, model)
+        report = with_transfers(report, model.system)
     # The printed matrices are in feet.
     printed = printed_at(point) if _is_printed(model) and request.units != "si" else None
     if printed is not None:
         report = with_printed_matrices(report, model, printed)
-    notes = [*report.notes, reduction_note(model, full.select(usual), follow)]
+    notes = [*report.notes, reduction_note(model.matrices, full.select(usual).matrices, follow)]
     notes = [note for note in notes if note]
     report = replace(report, notes=notes).with_data(warnings=notes)
     report = with_draws(report, request, full.select(usual))
@@ -113,7 +113,7 @@ def linearize(request: LinearizeRequest) -> int:
     def figure() -> Figure:
         from trim.linear.frequency import bode_figure
 
-        return bode_figure(model)
+        return bode_figure(model.system)
 
     show(report, request, figure=figure)
     return 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -14,18 +14,10 @@ from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result, Roots
 from hfa_support.reporting.text import Table, eigenvalue_text
 from trim.linear.modes import spectrum
-from trim.linear.transfer import (
-    ROUNDING,
-    StateSpace,
-    Transfer,
-    gain_and_roots,
-    transmission_zeros,
-)
+from trim.linear.transfer import ROUNDING, StateSpace, System, Transfer, gain_and_roots
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from trim.linear.linear_model import LinearModel
 
 #: Largest number of outputs in a Bode plot; more would be illegible.
 _MOST_PANELS = 6
@@ -45,36 +37,30 @@ class Responses(Result):
     transfers: Sequence[Transfer]
 
 
-def transfers(model: LinearModel) -> list[Transfer]:
-    """Return the transfer functions of a linear model from each input to each output.
+def transfers(system: System) -> list[Transfer]:
+    """Return the transfer functions of a system from each input to each output.
 
     All inputs of the first output come first, then those of the second output, and so on.
     """
-    system = scaled(model)
-    poles = spectrum(system.A)
-    signals = model.model.signals
+    A, B, C, D = system.scaled()
+    poles = spectrum(A)
     functions = []
-    for i, output in enumerate(model.outputs):
-        for j, name in enumerate(model.inputs):
-            part = StateSpace(system.A, system.B[:, [j]], system.C[[i]], system.D[[i]][:, [j]])
-            unit = f"({signals[output].unit})/({signals[name].unit})"
-            size = signals[output].nominal / signals[name].nominal
-            functions.append(Transfer(output, name, unit, *gain_and_roots(part, poles, size)))
+    for i, (output, to) in enumerate(system.outputs.items()):
+        for j, (name, given) in enumerate(system.inputs.items()):
+            channel = StateSpace(A, B[:, [j]], C[[i]], D[[i]][:, [j]])
+            unit = f"({to.unit})/({given.unit})"
+            size = to.nominal / given.nominal
+            functions.append(Transfer(output, name, unit, *gain_and_roots(channel, poles, size)))
     return functions
 
 
-def zeros_of(model: LinearModel) -> np.ndarray:
-    """Return the transmission zeros of a linear model from all inputs to all outputs, 1/s."""
-    return transmission_zeros(scaled(model))[0]
+def bode_figure(system: System) -> Figure:
+    """Return a new figure with the Bode plots of a system (`draw_bode`)."""
+    return draw_bode(system, new_figure(6.0, 5.2))
 
 
-def bode_figure(model: LinearModel) -> Figure:
-    """Return a new figure with the Bode plots of a linear model (`draw_bode`)."""
-    return draw_bode(model, new_figure(6.0, 5.2))
-
-
-def draw_bode(model: LinearModel, figure: Figure) -> Figure:
-    """Draw the Bode plots of a linear model, and return the figure.
+def draw_bode(system: System, figure: Figure) -> Figure:
+    """Draw the Bode plots of a system, and return the figure.
 
     Each output has a panel for the magnitude (dB) and one for the phase (deg), with a line for each
     input. At most `_MOST_PANELS` outputs that an input affects are drawn. The names of all other
@@ -82,15 +68,16 @@ def draw_bode(model: LinearModel, figure: Figure) -> Figure:
 
     figure: an empty figure, which is resized
 
-    Raises BadInputError if the model has no inputs, or no input affects an output.
+    Raises BadInputError if the system has no inputs, or no input affects an output.
     """
     from matplotlib.ticker import MaxNLocator
 
-    if not model.inputs:
+    if not system.inputs:
         raise BadInputError(
             "the model has no inputs, so no Bode plot exists; choose at least one input"
         )
-    response = model.to_control().frequency_response(bode_frequencies(model))
+    frequencies = bode_frequencies(system.matrices.A)
+    response = system.to_control().frequency_response(frequencies)
     values = np.moveaxis(response.frdata, 2, 0)
     size = np.abs(values)
     if not size.any():
@@ -107,9 +94,11 @@ def draw_bode(model: LinearModel, figure: Figure) -> Figure:
     axes = figure.subplots(
         2 * lines, columns, sharex=True, squeeze=False, height_ratios=[3, 2] * lines
     )
-    units = dict(zip(model.inputs, model.input_units, strict=True))
-    labels = [name if unit == "1" else f"{name}, {unit}" for name, unit in units.items()]
-    output_units = model.model.units(model.outputs)
+    labels = [
+        name if signal.unit == "1" else f"{name}, {signal.unit}"
+        for name, signal in system.inputs.items()
+    ]
+    outputs = list(system.outputs)
     handles = {}
     for panel, i in enumerate(drawn):
         line, column = divmod(panel, columns)
@@ -119,7 +108,7 @@ def draw_bode(model: LinearModel, figure: Figure) -> Figure:
             decibels = 20 * np.log10(size[:, i, j])
             (handles[labels[j]],) = above.semilogx(response.omega, decibels, color=f"C{j}")
             below.semilogx(response.omega, phase[:, i, j], color=f"C{j}")
-        above.set_title(f"{model.outputs[i]}, {output_units[i]}", fontsize=9)
+        above.set_title(f"{outputs[i]}, {system.outputs[outputs[i]].unit}", fontsize=9)
         above.grid(alpha=0.3)
         below.yaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 1.8, 3.6, 9, 10]))
         below.tick_params(labelbottom=True)
@@ -133,21 +122,23 @@ def draw_bode(model: LinearModel, figure: Figure) -> Figure:
         axes[2 * line, column].set_axis_off()
         axes[2 * line + 1, column].set_axis_off()
     figure.legend([*handles.values()], [*handles], loc="outside upper center", ncols=5, fontsize=8)
-    others = [model.outputs[i] for i in range(len(model.outputs)) if i not in drawn]
+    others = [output for i, output in enumerate(outputs) if i not in drawn]
     if others:
         figure.supxlabel(f"not drawn: {', '.join(others)}", fontsize=8)
     return figure
 
 
-def bode_frequencies(model: LinearModel) -> np.ndarray:
-    """Return frequencies for the Bode plot of a linear model, rad per unit of time.
+def bode_frequencies(A: np.ndarray) -> np.ndarray:
+    """Return frequencies for the Bode plot of a system, rad per unit of time.
 
     The frequencies extend from a tenth of the smallest to ten times the largest magnitude of the
     nonzero eigenvalues of A, or from 0.01 to 100 if all eigenvalues are 0. The frequencies are
     dense near the magnitude of each eigenvalue, where the phase of lightly damped modes changes
     fast.
+
+    A: (n, n)
     """
-    frequencies = np.abs(np.linalg.eigvals(model.A))
+    frequencies = np.abs(np.linalg.eigvals(A))
     moving = frequencies[frequencies > _STILL * frequencies.max(initial=0.0)]
     if not moving.size:
         return np.geomspace(0.01, 100.0, 401)
@@ -157,13 +148,13 @@ def bode_frequencies(model: LinearModel) -> np.ndarray:
     return np.unique(np.concatenate([even, np.outer(moving, around).ravel()]))
 
 
-def with_transfers(report: Report, model: LinearModel) -> Report:
+def with_transfers(report: Report, system: System) -> Report:
     """Return the report of a linear model, with its transmission zeros and transfer functions
     added.
 
     Transfer functions that are 0 are omitted from the table.
     """
-    responses = Responses(zeros_of(model), transfers(model))
+    responses = Responses(system.zeros(), transfers(system))
     rows = []
     for transfer in responses.transfers:
         if transfer.gain:
@@ -177,33 +168,12 @@ def with_transfers(report: Report, model: LinearModel) -> Report:
                 )
             )
     sentence = (
-        f"Transmission zeros from {', '.join(model.inputs)} to {', '.join(model.outputs)}, 1/s: "
+        f"Transmission zeros from {', '.join(system.inputs)} to {', '.join(system.outputs)}, 1/s: "
         f"{_pairs_text(responses.zeros)}"
     )
     table = Table(("transfer function", "gain", "at s = 0", "zeros 1/s", "poles 1/s"), rows)
     report = replace(report, parts=(*report.parts, sentence, table))
     return report.with_data(**responses.as_data())
-
-
-def scaled(model: LinearModel) -> StateSpace:
-    """Return the matrices of a linear model with each signal in units of its nominal value.
-
-    The rows of the matrices then have similar size.
-    """
-    signals = model.model.signals
-
-    def nominal(names: Iterable[str]) -> np.ndarray:
-        return np.array([signals[name].nominal for name in names])
-
-    x = nominal(model.states)
-    u = nominal(model.inputs)
-    y = nominal(model.outputs)
-    return StateSpace(
-        model.A * x / x[:, None],
-        model.B * u / x[:, None],
-        model.C * x / y[:, None],
-        model.D * u / y[:, None],
-    )
 
 
 def _pairs_text(roots: np.ndarray) -> str:

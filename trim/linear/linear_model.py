@@ -32,7 +32,8 @@ if TYPE_CHECKING:
     from hfa_aircraft.model import Model
     from hfa_support.reporting.by_name import ByName
     from trim.linear.mode import Mode
-    from trim.linear.reduction import Names
+    from trim.linear.reduction import Matrices, Names
+    from trim.linear.transfer import System
     from trim.point.operating_point import OperatingPoint
 
 
@@ -239,7 +240,21 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """
         from trim.linear.reduction import reduced
 
-        return reduced(self, states, inputs, residualize)
+        nominal = {name: signal.nominal for name, signal in self.model.states.items()}
+        kept = reduced(self.matrices, nominal, states, inputs, residualize)
+        return replace(self, **kept._asdict())
+
+    def between(self, inputs: Names = None, outputs: Names = None) -> LinearModel:
+        """Return the linear model from named inputs to named outputs.
+
+        inputs, outputs: a name or several; by default all
+
+        Raises BadInputError if the model does not have such a name, or a name is repeated.
+        """
+        from trim.linear.reduction import with_outputs
+
+        shown = with_outputs(self.matrices, outputs)
+        return replace(self, **shown._asdict()).select(inputs=inputs)
 
     def __getitem__(self, names: tuple[Any, Any]) -> LinearModel:
         """Return the linear model from named inputs to named outputs.
@@ -250,16 +265,33 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         Raises BadInputError if the index is not a pair, the model does not have such a name, or a
         name is repeated.
         """
-        from trim.linear.reduction import chosen
-
         match names:
             case (str() | list() | tuple() as outputs, str() | list() | tuple() as inputs):
-                return chosen(self, inputs, outputs)
+                return self.between(inputs, outputs)
         raise BadInputError("the index is not a pair of names; write linear[outputs, inputs]")
 
     def __iter__(self) -> Iterator[np.ndarray]:
         """Yield A, B, C and D, for A, B, C, D = linear and control.ss(*linear)."""
         return map(np.asarray, (self.A, self.B, self.C, self.D))
+
+    @property
+    def matrices(self) -> Matrices:
+        """Matrices A to F and the names of their signals."""
+        from trim.linear.reduction import Matrices
+
+        return Matrices(*(getattr(self, name) for name in Matrices._fields))
+
+    @property
+    def system(self) -> System:
+        """A, B, C and D with the signals of the model."""
+        from trim.linear.transfer import StateSpace, System
+
+        signals = self.model.signals
+        states, inputs, outputs = (
+            {name: signals[name] for name in names}
+            for names in (self.states, self.inputs, self.outputs)
+        )
+        return System(StateSpace(self.A, self.B, self.C, self.D), states, inputs, outputs)
 
     @property
     def eigenvalues(self) -> np.ndarray:
@@ -298,10 +330,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         of the modes that no input affects. With inputs=(), the zeros are the eigenvalues of the
         modes that no output shows.
         """
-        from trim.linear.frequency import zeros_of
-        from trim.linear.reduction import chosen
-
-        return zeros_of(chosen(self, inputs, outputs))
+        return self.between(inputs, outputs).system.zeros()
 
     def step(
         self, time: float | ArrayLike | None = None, inputs: Names = None, outputs: Names = None
@@ -315,7 +344,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """
         from trim.linear.responses import response
 
-        return response(self, "step", time, inputs, outputs)
+        return response(self.between(inputs, outputs).system, "step", time)
 
     def impulse(
         self, time: float | ArrayLike | None = None, inputs: Names = None, outputs: Names = None
@@ -329,7 +358,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """
         from trim.linear.responses import response
 
-        return response(self, "impulse", time, inputs, outputs)
+        return response(self.between(inputs, outputs).system, "impulse", time)
 
     def simulate(
         self, u: Any = None, time: Any = None, *, initial: Any = None, dt: float | None = None
@@ -343,7 +372,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """
         from trim.linear.responses import simulated
 
-        return simulated(self, u, time, initial, dt)
+        return simulated(self.system, u, time, initial, dt)
 
     def transfer_function(self, inputs: str, outputs: str) -> control.TransferFunction:
         """Return the python-control transfer function from one input to one output.
@@ -352,7 +381,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """
         from trim.linear.responses import transfer_function
 
-        return transfer_function(self, inputs, outputs)
+        return transfer_function(self.between(inputs, outputs).system)
 
     def bode(self, inputs: Names = None, outputs: Names = None) -> np.ndarray:
         """Draw the Bode plots of the named inputs and outputs with pyplot, and return the Axes.
@@ -361,19 +390,20 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """
         from trim.linear.responses import bode
 
-        return bode(self, inputs, outputs)
+        return bode(self.between(inputs, outputs).system)
 
     def plot(self) -> Axes:
         """Draw the poles and zeros with pyplot, and return the Axes."""
         from trim.linear.responses import draw_poles
 
-        return draw_poles(self)
+        title = f"{self.model.title}: poles x and zeros o, 1/{self.model.time_unit}"
+        return draw_poles(self.system, title)
 
     def nyquist(self, inputs: Names = None, outputs: Names = None) -> Axes:
         """Draw the Nyquist plot from one input to one output with pyplot, and return the Axes."""
         from trim.linear.responses import nyquist
 
-        return nyquist(self, inputs, outputs)
+        return nyquist(self.between(inputs, outputs).system)
 
     def closed_loop(self, K: ArrayLike) -> control.StateSpace:
         """Return the loop x' = (A - B K) x + B v, y = (C - D K) x + D v as a python-control system.
@@ -399,9 +429,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     def to_control(self) -> control.StateSpace:
         """Return the linear model as a python-control `StateSpace`, with the same signal names."""
-        from trim.linear.exchange import state_space
-
-        return state_space(self)
+        return self.system.to_control()
 
     def to_scipy(self) -> StateSpace:
         """Return the linear model as a `scipy.signal.StateSpace`."""

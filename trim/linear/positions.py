@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 from hfa_support.errors import BadInputError, refuse_unknown
 
@@ -16,8 +17,10 @@ def positions(what: str, names: Sequence[str] | None, known: tuple[str, ...]) ->
 
     Raises BadInputError for an unknown name, and for a repeated name.
     """
-    chosen = known if names is None else names
-    chosen = [chosen] if isinstance(chosen, str) else list(chosen)
+    chosen: Any = known if names is None else names
+    if isinstance(chosen, str) or not isinstance(chosen, Iterable):
+        chosen = [chosen]
+    chosen = list(chosen)
     positions = {name: index for index, name in enumerate(known)}
     for index, name in enumerate(chosen):
         if not isinstance(name, str) or name not in positions:

@@ -4,20 +4,31 @@ delay.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from hfa_support.errors import BadInputError
 from trim.linear.positions import positions
 
-if TYPE_CHECKING:
-    from trim.linear.linear_model import LinearModel
-
 #: Condition number, in nominal units, above which a matrix counts as singular.
 _SINGULAR = 1e12
+
+
+class Matrices(NamedTuple):
+    """Matrices and names of x' = A x + B u + E w, y - Y0 = C x + D u + F w, as in `LinearModel`."""
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    E: np.ndarray
+    F: np.ndarray
+    output_offsets: np.ndarray
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
 
 
 class _Kept(NamedTuple):
@@ -36,120 +47,124 @@ class _Kept(NamedTuple):
 Names = str | tuple[str, ...] | list[str] | None
 
 
-def chosen(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
-    """Return a linear model with only the named inputs and outputs.
+def with_outputs(whole: Matrices, outputs: Names) -> Matrices:
+    """Return the matrices of a system with only the named outputs.
 
-    inputs, outputs: a name or several; None for all
+    outputs: a name or several; None for all
 
-    Raises BadInputError if the model does not have such a name, or a name is repeated.
+    Raises BadInputError if the system does not have such a name, or a name is repeated.
     """
-    rows = positions("output", outputs, model.outputs)
-    shown = replace(
-        model,
-        outputs=tuple(model.outputs[row] for row in rows),
-        C=model.C[rows],
-        D=model.D[rows],
-        F=model.F[rows],
-        output_offsets=model.output_offsets[rows],
+    rows = positions("output", outputs, whole.outputs)
+    return whole._replace(
+        C=whole.C[rows],
+        D=whole.D[rows],
+        F=whole.F[rows],
+        output_offsets=whole.output_offsets[rows],
+        outputs=tuple(whole.outputs[row] for row in rows),
     )
-    return shown.select(inputs=inputs)
 
 
 def reduced(
-    model: LinearModel,
+    whole: Matrices,
+    nominal: Mapping[str, float],
     states: Sequence[str] | None,
     inputs: Sequence[str] | None,
     residualize: Sequence[str],
-) -> LinearModel:
-    """Return a linear model with only the named states and inputs (`LinearModel.select`).
+) -> Matrices:
+    """Return the matrices of a system with only the named states and inputs.
 
+    nominal: state -> nominal value
     states, inputs, residualize: as for `LinearModel.select`
 
     Raises BadInputError as `LinearModel.select` does.
     """
     if states is None:
-        states = tuple(name for name in model.states if name not in residualize)
-    rows = positions("state", states, model.states)
-    columns = positions("input", inputs, model.inputs)
-    following = positions("state", (*states, *residualize), model.states)[len(rows) :]
+        states = tuple(name for name in whole.states if name not in residualize)
+    rows = positions("state", states, whole.states)
+    columns = positions("input", inputs, whole.inputs)
+    following = positions("state", (*states, *residualize), whole.states)[len(rows) :]
     if not rows:
         raise BadInputError(
             "residualize contains every state of the model; remove at least one state"
         )
-    outputs = list(range(len(model.outputs)))
-    if model.outputs == model.states:
+    outputs = list(range(len(whole.outputs)))
+    if whole.outputs == whole.states:
         outputs = rows
-    disturbances = list(range(len(model.disturbances)))
+    disturbances = list(range(whole.E.shape[1]))
     kept = _Kept(rows, following, outputs)
-    A, C = _reduced(model, model.A, model.C, kept, rows)
-    B, D = _reduced(model, model.B, model.D, kept, columns)
-    E, F = _reduced(model, model.E, model.F, kept, disturbances)
-    return replace(
-        model,
+    _refuse_singular(whole, nominal, following)
+    A, C = _reduced(whole, whole.A, whole.C, kept, rows)
+    B, D = _reduced(whole, whole.B, whole.D, kept, columns)
+    E, F = _reduced(whole, whole.E, whole.F, kept, disturbances)
+    return Matrices(
         A=A,
         B=B,
         C=C,
         D=D,
         E=E,
         F=F,
-        states=tuple(model.states[i] for i in rows),
-        inputs=tuple(model.inputs[i] for i in columns),
-        outputs=tuple(model.outputs[i] for i in outputs),
-        output_offsets=model.output_offsets[outputs],
+        output_offsets=whole.output_offsets[outputs],
+        states=tuple(whole.states[i] for i in rows),
+        inputs=tuple(whole.inputs[i] for i in columns),
+        outputs=tuple(whole.outputs[i] for i in outputs),
     )
 
 
+def _refuse_singular(whole: Matrices, nominal: Mapping[str, float], following: list[int]) -> None:
+    """Raise BadInputError if the block A22 of A for the following states is singular."""
+    if not following:
+        return
+    names = [whole.states[i] for i in following]
+    sizes = np.array([nominal[name] for name in names])
+    A22 = whole.A[np.ix_(following, following)]
+    if np.linalg.cond(A22 * sizes / sizes[:, None]) > _SINGULAR:
+        raise BadInputError(
+            f"{', '.join(names)} cannot be residualized, because the block A22 of A for these "
+            "states is singular; residualize fewer states"
+        )
+
+
 def _reduced(
-    model: LinearModel,
+    whole: Matrices,
     of_rates: np.ndarray,
     of_outputs: np.ndarray,
     kept: _Kept,
     columns: list[int],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return a pair of matrices of the reduced model: A and C, B and D, or E and F.
+    """Return a pair of matrices of the reduced system: A and C, B and D, or E and F.
 
     The matrices include the effect of the states that follow without delay.
 
-    model: the model with all states
-    of_rates: A, B or E of this model
-    of_outputs: C, D or F of this model
+    whole: the system with all states
+    of_rates: A, B or E of this system
+    of_outputs: C, D or F of this system
     kept: states and outputs that are kept
     columns: positions of the columns that are kept
-
-    Raises BadInputError if the block of A of the following states is singular.
     """
     rows, following, outputs = kept
     rates = of_rates[:, columns]
     shown = of_outputs[np.ix_(outputs, columns)]
     if not following:
         return rates[rows], shown
-    A22 = model.A[np.ix_(following, following)]
-    names = [model.states[i] for i in following]
-    nominal = np.array([model.model.states[name].nominal for name in names])
-    if np.linalg.cond(A22 * nominal / nominal[:, None]) > _SINGULAR:
-        raise BadInputError(
-            f"{', '.join(names)} cannot be residualized, because the block A22 of A for these "
-            "states is singular; residualize fewer states"
-        )
+    A22 = whole.A[np.ix_(following, following)]
     followed = -np.linalg.solve(A22, rates[following])
     return (
-        rates[rows] + model.A[np.ix_(rows, following)] @ followed,
-        shown + model.C[np.ix_(outputs, following)] @ followed,
+        rates[rows] + whole.A[np.ix_(rows, following)] @ followed,
+        shown + whole.C[np.ix_(outputs, following)] @ followed,
     )
 
 
-def reduction_note(
-    model: LinearModel, whole: LinearModel, residualized: tuple[str, ...] = ()
-) -> str:
-    """Return a note on the states that a reduced model omits, and on the change of the eigenvalues.
+def reduction_note(kept: Matrices, whole: Matrices, residualized: tuple[str, ...] = ()) -> str:
+    """Return a note on the states that a reduced system omits, and on the change of the
+    eigenvalues.
 
     The note is "" if all states are kept.
 
-    model: the reduced model
-    whole: the model with all states
+    kept: the reduced system
+    whole: the system with all states
     residualized: omitted states that follow the other states without delay
     """
-    truncated = tuple(name for name in whole.states if name not in (*model.states, *residualized))
+    truncated = tuple(name for name in whole.states if name not in (*kept.states, *residualized))
     clauses = []
     for names, how in (
         (truncated, "left out (truncated)"),
@@ -161,7 +176,7 @@ def reduction_note(
         return ""
     eigenvalues = np.linalg.eigvals(whole.A)
     sizes = np.maximum(np.abs(eigenvalues), 1e-12)
-    apart = [np.min(np.abs(value - eigenvalues) / sizes) for value in np.linalg.eigvals(model.A)]
+    apart = [np.min(np.abs(value - eigenvalues) / sizes) for value in np.linalg.eigvals(kept.A)]
     advice = "" if residualized else " (--residualize STATES keeps the steady effect of states)"
     return (
         f"{'; '.join(clauses)}; the eigenvalues differ by up to {100 * float(max(apart)):.2g} %"

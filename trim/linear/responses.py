@@ -9,32 +9,27 @@ import numpy as np
 
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
-from trim.linear.reduction import Names, chosen
+from trim.linear.transfer import System
 
 if TYPE_CHECKING:
     import control
     from matplotlib.axes import Axes
 
-    from trim.linear.linear_model import LinearModel
 
-
-def response(
-    model: LinearModel, kind: str, time: float | ArrayLike | None, inputs: Names, outputs: Names
-) -> control.TimeResponseData:
+def response(system: System, kind: str, time: float | ArrayLike | None) -> control.TimeResponseData:
     """Return the response of each output to each input, (outputs, inputs, N).
 
     kind: "step" or "impulse", of size 1
     time: (N,), or the last time; None for python-control's default
-    inputs, outputs: selected names, or None for all
     """
     import control
 
     respond = getattr(control, f"{kind}_response")
-    return respond(chosen(model, inputs, outputs).to_control(), time, squeeze=False)
+    return respond(system.to_control(), time, squeeze=False)
 
 
 def simulated(
-    model: LinearModel, u: Any, time: Any, initial: Any, dt: float | None
+    system: System, u: Any, time: Any, initial: Any, dt: float | None
 ) -> control.TimeResponseData:
     """Return the response of the outputs to given inputs, (outputs, N).
 
@@ -47,17 +42,17 @@ def simulated(
     """
     import control
 
-    system = model.to_control()
+    state_space = system.to_control()
     named = {} if u is None else u
     is_named = isinstance(named, Mapping)
     if callable(named):
         raise BadInputError(
             "u is a function; give the values of u at the times, or numbers by input"
         )
-    time = _times(system, time, dt, None if is_named else max(np.shape(u), default=0))
+    time = _times(state_space, time, dt, None if is_named else max(np.shape(u), default=0))
     if is_named:
-        rows = _values("input", named, model.inputs)
-        for name, row in zip(model.inputs, rows, strict=True):
+        rows = _values("input", named, tuple(system.inputs))
+        for name, row in zip(system.inputs, rows, strict=True):
             if row.shape not in ((), time.shape):
                 raise BadInputError(
                     f"input {name} has shape {row.shape}, but there are {time.size} times; give "
@@ -65,7 +60,7 @@ def simulated(
                 )
         u = np.reshape([np.broadcast_to(row, time.shape) for row in rows], (-1, time.size))
     values = np.array(u, dtype=float, ndmin=2)
-    wanted = (len(model.inputs), time.size)
+    wanted = (len(system.inputs), time.size)
     if values.shape == wanted[::-1] != wanted:
         values = values.T
     if values.shape != wanted:
@@ -75,13 +70,13 @@ def simulated(
         )
     x = initial if initial is not None else {}
     if isinstance(x, Mapping):
-        x = np.array(_values("state", x, model.states))
+        x = np.array(_values("state", x, tuple(system.states)))
     start = numbers_in("initial", x)
-    if start.shape != (len(model.states),):
+    if start.shape != (len(system.states),):
         raise BadInputError(
-            f"initial has shape {start.shape}; give an array of shape ({len(model.states)},)"
+            f"initial has shape {start.shape}; give an array of shape ({len(system.states)},)"
         )
-    return control.forced_response(system, time, values, start, squeeze=False)
+    return control.forced_response(state_space, time, values, start, squeeze=False)
 
 
 def _times(system: control.StateSpace, time: Any, dt: float | None, count: int | None) -> Any:
@@ -123,71 +118,63 @@ def _values(kind: str, named: Mapping[str, Any], names: Sequence[str]) -> list[n
     return [np.asarray(named.get(name, 0.0), dtype=float) for name in names]
 
 
-def bode(model: LinearModel, inputs: Names, outputs: Names) -> np.ndarray:
-    """Draw Bode plots of the named inputs and outputs in a new pyplot figure and return its
-    Axes.
-    """
+def bode(system: System) -> np.ndarray:
+    """Draw Bode plots in a new pyplot figure and return its Axes."""
     from matplotlib import pyplot
 
     from trim.linear.frequency import draw_bode
 
     figure = pyplot.figure(layout="constrained")
-    return np.array(draw_bode(chosen(model, inputs, outputs), figure).axes)
+    return np.array(draw_bode(system, figure).axes)
 
 
-def draw_poles(model: LinearModel) -> Axes:
-    """Draw the poles and zeros of a model in a new pyplot figure and return its Axes."""
+def draw_poles(system: System, title: str) -> Axes:
+    """Draw the poles and zeros of a system in a new pyplot figure and return its Axes."""
     import control
     from matplotlib import pyplot
 
     axes: Axes = pyplot.figure(layout="constrained").subplots()
-    control.pole_zero_plot(model.to_control(), ax=axes)
-    axes.set_title(f"{model.model.title}: poles x and zeros o, 1/{model.model.time_unit}")
+    control.pole_zero_plot(system.to_control(), ax=axes)
+    axes.set_title(title)
     return axes
 
 
-def _single(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
-    """Return a linear model reduced to one selected input and one selected output.
-
-    Raises BadInputError if the selection contains several inputs or outputs.
-    """
-    loop = chosen(model, inputs, outputs)
-    if len(loop.inputs) != 1 or len(loop.outputs) != 1:
+def _refuse_several(system: System) -> None:
+    """Raise BadInputError unless a system has one input and one output."""
+    if len(system.inputs) != 1 or len(system.outputs) != 1:
         raise BadInputError(
-            f"a single loop has one input and one output, not {len(loop.inputs)} and "
-            f"{len(loop.outputs)}; select one of each with inputs= and outputs="
+            f"a single loop has one input and one output, not {len(system.inputs)} and "
+            f"{len(system.outputs)}; select one of each with inputs= and outputs="
         )
-    return loop
 
 
-def transfer_function(
-    model: LinearModel, inputs: Names, outputs: Names
-) -> control.TransferFunction:
+def transfer_function(system: System) -> control.TransferFunction:
     """Return python-control's transfer function from one input to one output.
 
-    Raises BadInputError if several inputs or outputs are selected.
+    Raises BadInputError for several inputs or outputs.
     """
     import control
 
     from trim.linear.frequency import transfers
 
-    (found,) = transfers(_single(model, inputs, outputs))
+    _refuse_several(system)
+    (found,) = transfers(system)
     return control.zpk(found.zeros, found.poles, found.gain)
 
 
-def nyquist(model: LinearModel, inputs: Names, outputs: Names) -> Axes:
+def nyquist(system: System) -> Axes:
     """Draw the Nyquist plot from one input to one output in a new pyplot figure and return its
     Axes.
 
-    Raises BadInputError if several inputs or outputs are selected.
+    Raises BadInputError for several inputs or outputs.
     """
     import control
     from matplotlib import pyplot
 
-    loop = _single(model, inputs, outputs)
+    _refuse_several(system)
     axes: Axes = pyplot.figure(layout="constrained").subplots()
-    control.nyquist_plot(loop.to_control(), ax=axes)
-    axes.set_title(
-        f"{loop.outputs[0]} / {loop.inputs[0]}, ({loop.output_units[0]})/({loop.input_units[0]})"
-    )
+    control.nyquist_plot(system.to_control(), ax=axes)
+    ((output, to),) = system.outputs.items()
+    ((name, given),) = system.inputs.items()
+    axes.set_title(f"{output} / {name}, ({to.unit})/({given.unit})")
     return axes

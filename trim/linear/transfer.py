@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from hfa_aircraft.signals import Signal
 from hfa_support.reporting.results import Result, Roots
 from trim.linear.modes import Spectrum, fastest_first, order_fastest_first, spectrum
+
+if TYPE_CHECKING:
+    import control
 
 #: Fraction of the system's norm below which singular values count as 0 in a rank.
 ROUNDING = 1e-12
@@ -48,6 +53,49 @@ class StateSpace(NamedTuple):
     def transposed(self) -> StateSpace:
         """Return the dual system, whose transfer matrix is transposed."""
         return StateSpace(self.A.T, self.C.T, self.B.T, self.D.T)
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """System x' = A x + B u, y = C x + D u with named signals.
+
+    matrices: A, B, C and D
+    states, inputs, outputs: name -> signal, in the order of the vectors
+    """
+
+    matrices: StateSpace
+    states: Mapping[str, Signal]
+    inputs: Mapping[str, Signal]
+    outputs: Mapping[str, Signal]
+
+    def scaled(self) -> StateSpace:
+        """Return the matrices with each signal in units of its nominal value.
+
+        The rows of the matrices then have similar size.
+        """
+        A, B, C, D = self.matrices
+        x, u, y = (
+            np.array([signal.nominal for signal in signals.values()])
+            for signals in (self.states, self.inputs, self.outputs)
+        )
+        return StateSpace(
+            A * x / x[:, None], B * u / x[:, None], C * x / y[:, None], D * u / y[:, None]
+        )
+
+    def zeros(self) -> np.ndarray:
+        """Return the transmission zeros from all inputs to all outputs, 1/s."""
+        return transmission_zeros(self.scaled())[0]
+
+    def to_control(self) -> control.StateSpace:
+        """Return the system as a python-control `StateSpace`, with the names of its signals."""
+        import control
+
+        return control.ss(
+            *self.matrices,
+            states=list(self.states),
+            inputs=list(self.inputs),
+            outputs=list(self.outputs),
+        )
 
 
 def gain_and_roots(

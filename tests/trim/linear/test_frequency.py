@@ -42,7 +42,7 @@ def test_transfer_functions_equal_the_models_response(model: LinearModel) -> Non
     """
     exact = model.to_control().frequency_response(OMEGA).frdata
     reached = 0
-    for transfer in transfers(model):
+    for transfer in transfers(model.system):
         expected = exact[model.outputs.index(transfer.output), model.inputs.index(transfer.input)]
         size = np.abs(expected).max()
         if size == 0:
@@ -155,10 +155,10 @@ def test_impossible_residualization_is_refused() -> None:
     with pytest.raises(BadInputError, match="residualize contains every state of the model"):
         model.select(residualize=model.states)
     with pytest.raises(BadInputError, match="the model has no inputs, so no Bode plot exists"):
-        bode_figure(model.select(inputs=()))
+        bode_figure(model.select(inputs=()).system)
     navion = linearize(NAVION, trimmed(NAVION), outputs=("beta",)).select(inputs=("thrust",))
     with pytest.raises(BadInputError, match="no chosen input affects any chosen output"):
-        bode_figure(navion)
+        bode_figure(navion.system)
 
 
 def test_a_bode_plot_shows_at_most_six_outputs() -> None:
@@ -170,7 +170,7 @@ def test_a_bode_plot_shows_at_most_six_outputs() -> None:
     point = level_model(choice.aircraft(), 0.2).point
     states = linearize(choice.aircraft(), point)
     model = linearize(choice.aircraft(), point, outputs=(*states.states, "gamma"))
-    figure = bode_figure(model)
+    figure = bode_figure(model.system)
     panels = [axes for axes in figure.axes if axes.get_title()]
     assert [axes.get_title().partition(",")[0] for axes in panels] == list(model.states)
     assert figure.get_supxlabel() == "not drawn: gamma"
@@ -193,7 +193,7 @@ def test_the_command_reports_the_models_transfer_functions(tmp_path: Path) -> No
     si = answer(*words, "--units", "si")
     assert (tmp_path / "bode.svg").read_text().count("<svg") == 1
     point = level_model(choice.aircraft(), float(np.radians(10.0))).point
-    first = transfers(linearize(choice.aircraft(), point, outputs=("gamma", "speed")))[0]
+    first = transfers(linearize(choice.aircraft(), point, outputs=("gamma", "speed")).system)[0]
     assert data["transfers"][0]["gain"] == first.gain
     assert data["transfers"][0]["zeros"] == [[zero.real, zero.imag] for zero in first.zeros]
     for in_si, in_feet in zip(si["transfers"][:2], data["transfers"][:2], strict=True):
@@ -215,11 +215,11 @@ def test_the_command_reports_the_models_transfer_functions(tmp_path: Path) -> No
 
 def test_transfer_functions_that_are_0_are_not_shown() -> None:
     """The printed table contains exactly the transfer functions with a gain."""
-    linear = LinearModel(np.array([[-1.0, 0.0], [0.5, -2.0]]), np.eye(2))
-    found = transfers(linear)
+    linear = LinearModel.of(np.array([[-1.0, 0.0], [0.5, -2.0]]), np.eye(2))
+    found = transfers(linear.system)
     shown = {f"{each.output} / {each.input}" for each in found if each.gain}
     assert len(shown) < len(found)
-    table = with_transfers(linear.report(), linear).parts[-1]
+    table = with_transfers(linear.report(), linear.system).parts[-1]
     assert {row[0] for row in table.rows} == shown
 
 
