@@ -335,6 +335,23 @@ def test_a_state_dict_needs_its_activation() -> None:
     assert asked.err.rstrip().endswith(f"; type {line}")
 
 
+@pytest.mark.parametrize("kind", ["V", "policy"])
+def test_the_name_of_a_function_decides_on_one_input(kind: str) -> None:
+    """On a plant with one input, a function named V is the value and one named policy is u."""
+    plant = Game([[0.0, 1.0], [-1.0, -0.4]], [[0.0], [1.0]], np.eye(2), [1, 1], [1], np.inf)
+    exact = solve(plant)
+    z = ca.SX.sym("z", 2)
+    exact_outputs = {"V": ca.bilin(ca.DM(exact.P), z, z), "policy": -ca.DM(exact.K) @ z}
+    function = ca.Function(kind, [z], [exact_outputs[kind]])
+    critic = from_network(plant, function)
+    assert kind in critic.network
+    scope = Scope(seconds=0.0, flights=2)
+    assert verify(plant, critic, scope=scope).ok
+    unnamed = from_network(plant, ca.Function("f", [z], [exact_outputs[kind]]))
+    assert "read as the policy" in unnamed.origin
+    assert "read as the policy" in str(verify(plant, unnamed, scope=scope))
+
+
 def test_a_value_read_as_the_policy_is_recognized() -> None:
     """A value that was read as the policy is among the possible mistakes of the critic."""
     plant = Game([[0.0, 1.0], [-1.0, -0.4]], [[0.0], [1.0]], np.eye(2), [1, 1], [1], np.inf)

@@ -46,7 +46,8 @@ def from_network(
 
     game: the game that the critic should solve
     source: a file that `network_in` reads, a CasADi Function of the state, or a torch.nn.Sequential
-        of linear layers and activations
+        of linear layers and activations. The name "V", "gradient" or "policy" of a CasADi Function
+        is its kind, if `network` is not given
     network: the parts of a file and their kinds, such as "value", "V=value" or
         "V=value,policy=actor". Without a kind, the number of outputs decides
     activation: activation between the layers of a state dict
@@ -73,7 +74,8 @@ def from_network(
         )
     functions = basis("quadratic", n) if features is None else features
     if isinstance(source, ca.Function):
-        stored = NetworkFile({network: source}, "a CasADi function", "float64")
+        kind = network or (source.name() if source.name() in OUTPUTS else "")
+        stored = NetworkFile({kind: source}, "a CasADi function", "float64")
         return _of_states(game, stored, scales, "network", {})
     if not isinstance(source, (str, Path)):
         stored = module_network(source, network, n, m)
@@ -157,6 +159,8 @@ def _of_states(
         functions[name] = function
     sizes = {name: function.numel_out(0) for name, function in functions.items()}
     kinds = _kinds(sizes, n, m, asked)
+    if any(is_taken_as_policy(name, size, m) for name, size in sizes.items()):
+        origin = f"{origin}, its one output read as the policy u, not V"
     z = symbols_for(functions.values(), n)
     outputs = {}
     for name, function in functions.items():
