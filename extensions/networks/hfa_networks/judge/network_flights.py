@@ -276,7 +276,9 @@ class InSteps:
         steps = min(math.ceil(DECAY / decay), _MOST_STEPS)
         by_exact = np.linalg.matrix_power(A - B @ self._exact.K, steps)
         discount = self._exact.discount
-        return _StepLoop((x, after, paid), self._exact.P, (discount, steps), equilibrium, by_exact)
+        P = self._exact.P
+        largest = _FAR * float(b @ np.abs(P) @ b)
+        return _StepLoop((x, after, paid), P, (discount, steps), equilibrium, by_exact, largest)
 
 
 def _radius(matrix: np.ndarray) -> float:
@@ -395,6 +397,7 @@ class _StepLoop:
     sums: discount factor α and number of steps
     by_exact: state-transition matrix of the exact loop over all steps, (n, n)
     equilibrium: equilibrium near x = 0, or None if none is found
+    largest_value: V* above which the loop diverges
     """
 
     def __init__(
@@ -404,15 +407,19 @@ class _StepLoop:
         sums: tuple[float, int],
         equilibrium: np.ndarray | None,
         by_exact: np.ndarray,
+        largest_value: float,
     ) -> None:
         x, after, paid = expressions
         discount, steps = sums
         cost = type(x).sym("cost", 2)  # the sum so far, and αᵏ
         total = ca.vertcat(cost[0] + cost[1] * paid, discount * cost[1])
         before = ca.vertcat(x, cost)
-        step = ca.Function("step", [before], [ca.densify(ca.vertcat(after, total))])
-        self._steps = step.fold(steps)
+        value = ca.bilin(ca.DM(P), x, x)
+        step = ca.Function("step", [before], [ca.densify(ca.vertcat(after, total)), value])
+        self._step = BoundFunction(step)
+        self._steps = steps
         self._P = P
+        self._largest_value = largest_value
         self._by_exact = by_exact
         self.equilibrium = equilibrium
 
@@ -425,9 +432,14 @@ class _StepLoop:
         """
         if self.equilibrium is None:
             return None
-        end = np.array(self._steps(np.concatenate([start, [0.0, 1.0]]))).ravel()
-        if not np.all(np.isfinite(end)):
-            return None
+        end = np.concatenate([start, [0.0, 1.0]])
+        for _ in range(self._steps):
+            self._step.inputs[0][:] = end
+            self._step()
+            after, value = self._step.results
+            if not (np.isfinite(after).all() and value[0] <= self._largest_value):
+                return None
+            end = after.copy()
         x = end[:-2] - self.equilibrium
         begin = start - self.equilibrium
         by_exact = self._by_exact @ begin
