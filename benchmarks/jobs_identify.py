@@ -348,7 +348,7 @@ def _large(quick: bool) -> list[Row]:
             ends = (begin + 0.5 * np.array([0.0, 3.0, 5.0, 6.0, 7.0])).tolist()
             moves[name] = list(zip(ends, (size, -size, size, -size, 0.0), strict=True))
         flight = fly(true, point, moves, seconds=20.0)
-        columns = {"time": flight.times[::every]}
+        columns = {"time": flight.time[::every]}
         columns |= dict(zip(true.inputs, flight.inputs[::every].T, strict=True))
         for name, size in (SENSORS | _LATERAL).items():
             states = flight.states[::every, list(true.states).index(name)]

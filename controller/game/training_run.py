@@ -91,11 +91,6 @@ class TrainingRun(Result, Reported):
     names: PlantNames = UNNAMED
     clock: str = "s"
 
-    @property
-    def times(self) -> Vector:
-        """The field `time` under its name in version 0.3."""
-        return self.time
-
     def critic(self, game: Game) -> Critic:
         """Return the critic of the last weights for the given game."""
         from controller.critic.weights import from_weights

@@ -501,10 +501,8 @@ def _learned(
     )
 
     def critic_of(memory: np.ndarray) -> Critic:
-        rows = (
-            np.searchsorted(learned.times, tick * np.arange(len(memory)) + 1e-9, side="right") - 1
-        )
-        rows = np.clip(rows, 0, len(learned.times) - 1)
+        rows = np.searchsorted(learned.time, tick * np.arange(len(memory)) + 1e-9, side="right") - 1
+        rows = np.clip(rows, 0, len(learned.time) - 1)
         facts = {"status": learned.outcome, "certified": certified, "learned_from": first}
         facts |= learned.diagnostics
         functions: Basis = basis(learned.basis, _N)

@@ -24,8 +24,8 @@ def certified_gains(game: Game, learned: TrainingRun, tick: float) -> tuple[np.n
     first = np.inf
     gains = []
     row = 0
-    for index in range(int(np.ceil(learned.times[-1] / tick - 1e-9)) + 1):
-        while row < len(learned.times) and learned.times[row] <= index * tick + 1e-9:
+    for index in range(int(np.ceil(learned.time[-1] / tick - 1e-9)) + 1):
+        while row < len(learned.time) and learned.time[row] <= index * tick + 1e-9:
             P = functions.matrix(learned.weights[row])
             if _is_value(game, P):
                 current = game.gain(P)

@@ -87,7 +87,7 @@ def updraft_function(plant: str, degrees: float) -> Callable[[float, float], flo
                 scenario=Scenario(duration=20.0, step=0.005, gust=gust),
                 envelope=envelope,
             )
-            return bool(flight.within_limits)
+            return bool(flight.ok)
 
         return largest_held(held, 60.0, 0.5)
 

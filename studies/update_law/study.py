@@ -237,7 +237,7 @@ def made(reference: Reference, case: Case, chosen: PublishedSettings) -> dict[st
     ended = {
         "P_error": relative_error(result.P, exact.P),
         "K_error": relative_error(result.K, exact.K),
-        "settled": settled_at(result.times, own, SETTLED * own[0]),
+        "settled": settled_at(result.time, own, SETTLED * own[0]),
         "last_lambda_0": float(np.linalg.svd(last.regressors, compute_uv=False)[-1] ** 2),
         "stabilizing": (
             is_hurwitz(game.A - game.S @ result.P) and is_hurwitz(game.A - game.B @ result.K)

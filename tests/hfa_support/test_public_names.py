@@ -1,8 +1,16 @@
 """Public names of the packages, which are imported when they are used."""
 
+import ast
+import inspect
 import re
+import subprocess
+import sys
 from collections import Counter
+from collections.abc import Callable, Iterator
+from functools import cache
+from typing import Any
 
+import numpy as np
 import pytest
 from project import FOLDERS, PACKAGES
 
@@ -24,7 +32,6 @@ def test_an_unknown_name_suggests_the_nearest() -> None:
         trim.modes_off  # noqa: B018
     with pytest.raises(AttributeError, match="'read'; did you mean read_critic"):
         hfa.read  # noqa: B018
-    assert (hfa.trim, hfa.verify) == (hfa.trim, hfa.verify)
     assert set(dir(hfa)) >= {"linearize", "sweep"}
 
 
@@ -50,3 +57,139 @@ def test_the_version_and_inner_packages_are_public() -> None:
     """`hfa.__version__` and the subpackage `hfa.paper` are public."""
     assert hfa.__version__ == VERSION
     assert hfa.paper.__name__ == "hfa.paper"
+
+
+def stub_names() -> set[str]:
+    """Return the names that the stub of `hfa` imports."""
+    tree = ast.parse((FOLDERS["hfa"] / "__init__.pyi").read_text("utf-8"))
+    imports = [node for node in tree.body if isinstance(node, ast.ImportFrom)]
+    return {alias.asname or alias.name for node in imports for alias in node.names}
+
+
+def test_hfa_has_the_names_of_its_stub_and_no_other() -> None:
+    """`dir(hfa)` is the stub. Functions of other packages and earlier names do not exist."""
+    assert set(dir(hfa)) == stub_names()
+    for name in ("linspace", "find_operating_point", "load_critic", "load", "step", "sin"):
+        assert not hasattr(hfa, name), name
+
+
+def test_a_wrong_name_imports_no_package() -> None:
+    """The error on a wrong name loads no package: neither NumPy nor one of this project's."""
+    code = """
+import sys, hfa
+try:
+    hfa.solve_game
+except AttributeError as error:
+    print(error)
+print(sorted({"numpy", "casadi", "trim", "controller", "hfa_servo"} & {*sys.modules}))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == [
+        "module 'hfa' has no attribute 'solve_game'; did you mean solve?",
+        "[]",
+    ]
+
+
+@cache
+def plant() -> dict[str, Any]:
+    model = hfa.aircraft()
+    point = hfa.trim(model)
+    linear = hfa.linearize(model, point)
+    game = hfa.paper.published_game(linear)
+    return {
+        "model": model,
+        "point": point,
+        "linear": linear,
+        "game": game,
+        "solution": hfa.solve(game),
+    }
+
+
+#: Wrong call -> words of the message that name the right one.
+REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
+    "verify(linear, K)": (
+        lambda: hfa.verify(plant()["linear"], plant()["solution"].K),
+        "give a game: hfa.game(linear, Q, R, delta)",
+    ),
+    "verify(game, K)": (
+        lambda: hfa.verify(plant()["game"], plant()["solution"].K),
+        "give hfa.from_gain(game, K), hfa.from_value(game, P), hfa.from_weights(game, W, basis=...)",
+    ),
+    "solve(model)": (
+        lambda: hfa.solve(plant()["model"]),
+        "give a game: hfa.game(linear, Q, R, delta)",
+    ),
+    "fly(x0)": (
+        lambda: hfa.fly(plant()["model"], plant()["point"], x0=plant()["point"].states),
+        "did you mean initial?",
+    ),
+    "fly(initial_state)": (
+        lambda: hfa.fly(plant()["model"], plant()["point"], initial_state=np.zeros(6)),
+        "did you mean initial?",
+    ),
+    "lqr(A, B)": (lambda: hfa.lqr([[1.0]], [[1.0]]), "the arguments are A, B, Q, R"),
+    "lqr(A, B, Q)": (lambda: hfa.lqr([[1.0]], [[1.0]], [1.0]), "the arguments are A, B, Q, R"),
+    "game(linear)": (lambda: hfa.game(plant()["linear"]), "the arguments are linear, Q, R"),
+    "Game(linear)": (
+        lambda: hfa.Game(plant()["linear"], np.eye(6), np.eye(5)),
+        "write hfa.game(linear, Q, R, delta)",
+    ),
+    "LinearModel(A, B)": (
+        lambda: hfa.LinearModel([[1.0]], [[1.0]]),
+        "write hfa.LinearModel.of(A, B, C, D)",
+    ),
+    "from_weights(functions)": (
+        lambda: hfa.from_weights(plant()["game"], [1.0], functions="quadratic"),
+        "did you mean basis?",
+    ),
+    "solution.gain": (lambda: plant()["solution"].gain, "did you mean K?"),
+    "linear.zeta": (lambda: plant()["linear"].zeta, "LinearModel has no attribute 'zeta'"),
+    "mode.zeta": (lambda: plant()["linear"].modes[0].zeta, "did you mean damping?"),
+    "linear.dare": (lambda: plant()["linear"].dare, "LinearModel has no attribute 'dare'"),
+    "point.alpha": (lambda: plant()["point"].alpha, "OperatingPoint has no attribute 'alpha'"),
+    "model.trim()": (lambda: plant()["model"].trim(), "not callable"),
+}
+
+
+@pytest.mark.parametrize("call", REFUSED)
+def test_a_wrong_call_names_the_right_one(call: str) -> None:
+    """A wrong call is refused in one line that names the right call."""
+    wrong, words = REFUSED[call]
+    with pytest.raises((hfa.BadInputError, AttributeError, TypeError)) as refused:
+        wrong()
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_the_right_neighbours_are_accepted() -> None:
+    """The calls that the messages name give a result."""
+    linear = plant()["linear"]
+    game = hfa.game(linear, np.ones(6), np.ones(5))
+    K = hfa.lqr(game.A, game.B, game.Q, game.R).K
+    assert hfa.verify(game, hfa.from_gain(game, K)).ok
+    flight = hfa.fly(plant()["model"], plant()["point"], K, 0.1, initial={"alpha": 0.01})
+    assert not hasattr(flight, "converged")
+    assert not hasattr(flight, "success")
+    report = plant()["solution"].report().text()
+    assert "Q diag(1000, 1000, 0.01, 0.01, 1000, 0.01)" in report
+    assert "R diag(100, 400, 400, 400, 50)" in report
+    assert "delta 200" in report
+
+
+def without_signature(owner: str, member: Any) -> Iterator[str]:
+    """Yield a public function or method without a text or a type of its result."""
+    for name, function in inspect.getmembers(member, inspect.isroutine):
+        if name[0] == "_" or not getattr(function, "__module__", "").startswith(PACKAGES):
+            continue
+        signature = inspect.signature(function)
+        if signature.return_annotation is inspect.Signature.empty or not function.__doc__:
+            yield f"{owner}.{name}"
+
+
+def test_help_shows_signatures_and_results() -> None:
+    """Every public function and public method of `hfa` declares what it returns and has a text."""
+    assert list(without_signature("hfa", hfa)) == []
+    classes = {name: getattr(hfa, name) for name in dir(hfa) if inspect.isclass(getattr(hfa, name))}
+    assert len(classes) > 10
+    missing = [each for name, kind in classes.items() for each in without_signature(name, kind)]
+    assert missing == []

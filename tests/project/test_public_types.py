@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
 import sys
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from project import FOLDERS
+from project import FOLDERS, ROOT
 
 import hfa
 
@@ -47,6 +49,53 @@ def errors_of(tool: str, folder: Path, *options: str) -> list[str]:
         timeout=600,
     )
     return re.findall(r"script\.py:(\d+).*error", done.stdout)
+
+
+def scripts_of_documents() -> dict[str, str]:
+    """Return name -> Python code of each document and notebook."""
+    found = {}
+    for path in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))):
+        blocks = re.findall(r"^```python\n(.*?)^```", path.read_text("utf-8"), re.S | re.M)
+        if blocks:
+            found[f"doc_{path.stem.lower()}.py"] = "\n\n".join(blocks)
+    for path in sorted((ROOT / "examples").glob("*.ipynb")):
+        cells = json.loads(path.read_text("utf-8"))["cells"]
+        code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+        found[f"notebook_{path.stem}.py"] = re.sub(r"^%.*$", "", "\n\n".join(code), flags=re.M)
+    return found
+
+
+#: Parts of messages on documents that concern no name of this project: optional results that a
+#: document knows to exist, NumPy's declaration of savez, and scripts beside a notebook.
+ELSEWHERE = ("None", '"savez"', "train_a_network", '"Parameters"')
+
+
+def document_errors(folder: Path, scripts: Mapping[str, str]) -> list[str]:
+    """Return the errors of mypy --strict in scripts, apart from `ELSEWHERE`."""
+    for name, text in scripts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    options = ("--strict", "--follow-imports=silent", "--allow-untyped-defs")
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", *options, "--allow-untyped-calls", *scripts],
+        cwd=folder,
+        env={**os.environ, "MYPYPATH": os.pathsep.join(map(str, FOLDERS_ABOVE))},
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
+    errors = [line for line in done.stdout.splitlines() if " error: " in line]
+    return [line for line in errors if not any(words in line for words in ELSEWHERE)]
+
+
+@pytest.mark.slow
+def test_mypy_accepts_the_documents(tmp_path: Path) -> None:
+    """mypy --strict accepts every call in documents and notebooks, and reports a planted one."""
+    pytest.importorskip("mypy")
+    scripts = scripts_of_documents()
+    assert len(scripts) > 10
+    assert document_errors(tmp_path, scripts) == []
+    planted = {"doc_planted.py": "import hfa\nhfa.trim(hfa.aircraft()).zeta\n"}
+    assert len(document_errors(tmp_path, planted)) == 1
 
 
 def test_the_script_uses_every_public_name() -> None:

@@ -136,11 +136,6 @@ class Verdict(Checked, Result, Reported):
         return next((check.value for check in self.checks if check.name == name), math.nan)
 
     @property
-    def diagnosis(self) -> str:
-        """The field `reason` under its name in version 0.3."""
-        return self.reason
-
-    @property
     def P_rel_error(self) -> float:
         """Relative error |P - P*| / |P*| in Frobenius norms and the units of the game.
 

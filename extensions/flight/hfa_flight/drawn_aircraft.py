@@ -97,17 +97,15 @@ def _draw_state(axes: Any, name: str, place: int, itself: Flight, flights: list[
     unit = itself.point.model.unit(name)
     left, right = axes
     own = shown_values(itself.states[:, place], unit)
-    left.plot(itself.times, own, color="black", linewidth=1.2, label="the aircraft itself")
+    left.plot(itself.time, own, color="black", linewidth=1.2, label="the aircraft itself")
     differences = np.full((len(flights), len(own)), np.nan)
     for row, flight in zip(differences, flights, strict=True):
         common = min(len(own), len(flight.states))  # a flight ends outside the envelope
         row[:common] = shown_values(flight.states[:common, place], unit) - own[:common]
-        right.plot(
-            itself.times, row, color="C0", linewidth=0.5, alpha=0.5, label="a drawn aircraft"
-        )
+        right.plot(itself.time, row, color="C0", linewidth=0.5, alpha=0.5, label="a drawn aircraft")
     band = np.nanpercentile(differences, _BAND, axis=0)
     right.fill_between(
-        itself.times, *band, color="C0", alpha=0.2, linewidth=0.0, label="95 % of them"
+        itself.time, *band, color="C0", alpha=0.2, linewidth=0.0, label="95 % of them"
     )
     left.set_ylabel(f"{name}, {shown_unit(unit)}")
     right.set_ylabel(f"Δ {name}, {shown_unit(unit)}")

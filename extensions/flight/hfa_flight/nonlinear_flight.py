@@ -55,7 +55,7 @@ from hfa_flight.simulation import CompiledLoop
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 from hfa_support.progress import Progress
-from hfa_support.reporting.checks import Check, verdict_text
+from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.named_array import with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Part, Report, Reported
@@ -276,7 +276,7 @@ class Flight(StatesAndInputs, Result, Reported):
         "dynamics=point.dynamics states=state_names state_units inputs=input_names input_units "
         "operating_point=point scenario envelope=envelope_limits within_limits=ok held departure "
         "limit_cycle=cycle decay? exceeded flown final largest_deviation rms_error "
-        "share_beyond_control_limits checks policy method largest_difference_from_linear? "
+        "share_beyond_control_limits policy method largest_difference_from_linear? "
         "commanded? cost? warnings"
     )
 
@@ -304,11 +304,6 @@ class Flight(StatesAndInputs, Result, Reported):
     @property
     def time(self) -> np.ndarray:
         """Times (N,), s."""
-        return self.flight.times
-
-    @property
-    def times(self) -> np.ndarray:
-        """Alias of `time`, its name in version 0.3."""
         return self.flight.times
 
     @property
@@ -356,11 +351,6 @@ class Flight(StatesAndInputs, Result, Reported):
         The limits are the envelope of the states and the control limits of the inputs.
         """
         return self.departure is None and not self.exceeded and self.cycle is None
-
-    @property
-    def within_limits(self) -> bool:
-        """Alias of `ok`, its name in version 0.3."""
-        return self.ok
 
     def __bool__(self) -> bool:
         return self.ok
@@ -417,11 +407,6 @@ class Flight(StatesAndInputs, Result, Reported):
         """Fraction of the time during which each input exceeds its control limits."""
         beyond = ~control_limits(self.model).within(self.inputs)
         return _by_name(self.model.inputs, beyond.mean(axis=0))
-
-    @property
-    def checks(self) -> Sequence[Check]:
-        """Empty list, kept since version 0.3 for readers of schema version 1."""
-        return ()
 
     @property
     def policy(self) -> Mapping[str, Any]:

@@ -277,8 +277,6 @@ def _turbulence(text: str) -> Turbulence:
     Raises BadInputError if the text has another form.
     """
     word, *typed = text.split(":")
-    if not word[:1].isalpha() and len(typed) == 1:  # the form of version 0.3
-        raise BadInputError(f"is {text!r}; for turbulence of this intensity, give own:{text}")
     spectrum, _, level = word.rpartition("-")
     least, most = (2, 3) if level == "own" else (0, 2)
     known = level in (*LEVELS, "own") and spectrum in ("", *SPECTRA)

@@ -40,7 +40,7 @@ def test_the_figure_shows_differences_of_random_flights() -> None:
     ends = []
     for member, line in enumerate(lines):
         flown = fly_member(plan, member)
-        end = min(len(flown.times), len(itself.times)) - 1
+        end = min(len(flown.time), len(itself.time)) - 1
         difference = np.degrees(flown["alpha"][end] - itself["alpha"][end])
         drawn = line.get_ydata()
         assert drawn[end] == pytest.approx(difference, abs=1e-9)

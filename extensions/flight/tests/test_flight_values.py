@@ -24,9 +24,9 @@ POINT = hfa.trim(CART)
 def test_steps_of_an_input_give_the_step_response() -> None:
     """A step of an input gives the analytical step response, and outputs follow the states."""
     flight = hfa.fly(CART, POINT, {"force": [(0.0, 1.0)]}, 2.0)
-    np.testing.assert_allclose(flight["speed"], 1.0 - np.exp(-flight.times), atol=1e-10)
+    np.testing.assert_allclose(flight["speed"], 1.0 - np.exp(-flight.time), atol=1e-10)
     np.testing.assert_allclose(flight["twice"], 2.0 * flight["speed"], atol=1e-12)
-    assert flight.times[-1] == pytest.approx(2.0)
+    assert flight.time[-1] == pytest.approx(2.0)
     assert (flight["force"] == 1.0).all()
 
 

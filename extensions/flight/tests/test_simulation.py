@@ -357,7 +357,7 @@ def test_a_delayed_loop_ends_in_limit_cycle() -> None:
         scenario = Scenario(duration=20.0, step=0.01, initial=start, actuators=slow, delay=delay)
         result = fly(NAVION, point, law, scenario=scenario, envelope=flight_envelope(NAVION, point))
         assert result.departure is None
-        assert (result.cycle is None, result.within_limits) == (settles, settles)
+        assert (result.cycle is None, result.ok) == (settles, settles)
         assert result.report().data["held"] == settles
         assert ("limit cycle: pitch_rate ±" in result.report().title) == (not settles)
         plan = MonteCarlo(1, 0, NAVION, point, law, scenario, flight_envelope(NAVION, point))
@@ -384,7 +384,7 @@ def test_limit_cycles_are_found_without_a_policy() -> None:
         oscillator, point, policy, scenario=scenario, envelope=flight_envelope(oscillator, point)
     )
     assert flight.cycle is not None
-    assert not flight.within_limits
+    assert not flight.ok
     assert flight.cycle.frequency == pytest.approx(2.0 * math.pi / 6.3807, rel=1e-3)
 
 

@@ -270,7 +270,7 @@ def test_disturbances_of_a_flight_equal_the_random_ones() -> None:
         ("fly --turbulence calm:3", "give LEVEL[:ALTITUDE[:SPAN]] with light, moderate, severe"),
         (
             "fly --turbulence 3:1750",
-            "is '3:1750'; for turbulence of this intensity, give own:3:1750",
+            "is '3:1750'; give LEVEL[:ALTITUDE[:SPAN]]",
         ),
         ("fly --turbulence own:3", "or own:SIGMA:SCALE[:SPAN]"),
         ("fly --turbulence light:-3", "is '-3'; give a finite number above 0"),

@@ -126,7 +126,7 @@ def test_the_command_reads_a_log(folder, capsys):
     moves = [(0.5, 0.04), (1.5, -0.04), (2.2, 0.04), (2.6, -0.04), (3.0, 0.0)]
     flight = hfa.fly(model, point, {"elevator": moves}, seconds=8)
     states = dict(zip(model.states, flight.states[::20].T, strict=True))
-    stamps = 10_000 + np.round(1e6 * flight.times[::20]).astype(int)
+    stamps = 10_000 + np.round(1e6 * flight.time[::20]).astype(int)
     noise = np.random.default_rng(0).standard_normal((2, len(stamps)))
     rates = states["pitch_rate"] + 0.01 * noise[0]
     half = 0.5 * (states["pitch"] + 0.003 * noise[1])

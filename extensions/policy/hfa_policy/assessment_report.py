@@ -74,8 +74,7 @@ class Assessment(Result, Reported):
         "dt=deployed.deployment.dt delay=deployed.deployment.delay "
         "history=deployed.deployment.history "
         "network=deployed.deployment.actor.chain commanded=deployed.commanded "
-        "states=deployed.model.linear notes points unmet warnings variations? "
-        "card=deployed.deployment.origin"  # the name of 0.3
+        "states=deployed.model.linear notes points unmet warnings variations?"
     )
 
     deployed: Deployed

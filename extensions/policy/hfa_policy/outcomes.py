@@ -152,13 +152,10 @@ class Outcome(Result):
     departure: departure of the flight that leaves the envelope first, or None if no flight leaves.
     """
 
-    #: The last two lines contain the names of version 0.3, for one version.
     json_keys = (
         "flights=starts converged=returned left_envelope=lost worst_initial=worst_start "
         "worst_outcome slowest_convergence=slowest converged_elsewhere=elsewhere "
-        "other_equilibrium=elsewhere_at limit_cycle=cycle moving seconds departure "
-        "starts returned lost worst_start worst_ends slowest_return=slowest "
-        "rest_elsewhere=elsewhere elsewhere=elsewhere_at"
+        "other_equilibrium=elsewhere_at limit_cycle=cycle moving seconds departure"
     )
 
     starts: int
@@ -173,12 +170,6 @@ class Outcome(Result):
     moving: int
     seconds: float
     departure: Departure | None
-
-    @property
-    def worst_ends(self) -> str:
-        """`worst_outcome` in the words of version 0.3: "lost", "is not back" or "returns"."""
-        words = {LEAVES: "lost", DOES_NOT_CONVERGE: "is not back", CONVERGES: "returns"}
-        return words[self.worst_outcome]
 
 
 def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[Any, Any]:

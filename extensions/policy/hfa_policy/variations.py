@@ -35,8 +35,7 @@ class Variation(Result):
     json_keys = (
         "name value holds=assessed.holds spectral_radius=assessed.radius "
         "equilibrium=assessed.equilibrium_states flights=assessed.flights "
-        "disturbed=assessed.disturbed findings=assessed.findings "
-        "rest=assessed.equilibrium_states"  # the name of 0.3
+        "disturbed=assessed.disturbed findings=assessed.findings"
     )
 
     name: str

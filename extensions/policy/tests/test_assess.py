@@ -78,8 +78,9 @@ def test_the_json_contains_the_documented_keys(passing_assessment):
         assert {"worst", "mean", "sampled_worst"} <= point["cost_lost"].keys()
         flown = point["flights"]
         assert {"left_envelope", "worst_initial", "converged_elsewhere"} <= flown.keys()
-        assert flown["converged"] == flown["returned"] == flown["flights"] == 16
-        assert (flown["worst_outcome"], flown["worst_ends"]) == ("converges", "returns")
+        assert flown["converged"] == flown["flights"] == 16
+        assert flown["worst_outcome"] == "converges"
+        assert not {"returned", "lost", "worst_ends"} & flown.keys()
 
 
 @pytest.mark.parametrize(

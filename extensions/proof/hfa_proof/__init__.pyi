@@ -5,6 +5,3 @@ from .checker.checker import check_certificate as check_certificate
 from .search.family import Family as Family
 from .search.models_grid import prove_models as prove_models
 from .search.schedule_proof import prove_schedule as prove_schedule
-
-# The names of 0.3, for one version.
-from .search.solution_proof import prove_critic, prove_solution  # noqa: F401

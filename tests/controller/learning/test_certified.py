@@ -60,10 +60,10 @@ def test_published_games_are_learned_by_predefined_times(
     result = learn(game, predefined_time=predefined_time, tick=tick, initial_weights=start)
     assert_exact(result, exact, limit=1e-11)
     if tick != 0.001:  # with smaller ticks, rows are omitted
-        assert result.times == pytest.approx(
+        assert result.time == pytest.approx(
             np.append(np.arange(0.0, predefined_time - 1e-9, tick), predefined_time)
         )
-    assert result.times[-1] == predefined_time
+    assert result.time[-1] == predefined_time
     assert result.weights[0] == pytest.approx(np.full(21, start))
 
 

@@ -100,12 +100,12 @@ def test_the_default_number_of_samples_is_enough() -> None:
 def test_stored_rows_include_first_and_last(monkeypatch: pytest.MonkeyPatch) -> None:
     """If a history is too long, evenly spaced rows are stored, with the first and the last row."""
     every = short_run()
-    assert every.times == pytest.approx(0.1 * np.arange(81))
+    assert every.time == pytest.approx(0.1 * np.arange(81))
     # Reaching the real number of rows would take a run of minutes.
     monkeypatch.setattr(ticks, "MOST_ROWS", 30)
     kept = short_run()
     rows = [*range(0, 80, 3), 80]
-    assert np.array_equal(kept.times, every.times[rows])
+    assert np.array_equal(kept.time, every.time[rows])
     assert np.array_equal(kept.weights, every.weights[rows])
 
 
@@ -121,7 +121,7 @@ def test_a_run_of_poor_data_is_not_settled() -> None:
     assert run.settled
     assert not poor.settled
     assert poor.outcome == "the data have rank 20 of 21"
-    late = replace(run, settling_residual=np.ones_like(run.times))
+    late = replace(run, settling_residual=np.ones_like(run.time))
     assert "does not settle: 1 at the end" in late.outcome
 
 

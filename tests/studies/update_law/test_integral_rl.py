@@ -69,7 +69,7 @@ def test_a_stable_plant_is_learned_from_zero(seed: int) -> None:
     errors = [relative_error(QUADRATIC.matrix(w), exact.P) for w in result.weights]
     assert 15 <= int(np.flatnonzero(np.array(errors) < 1e-3)[0]) <= 25
     assert result.diagnostics["iterations_to_1e-3"] <= 26
-    assert result.times[0] == pytest.approx(8.0)
+    assert result.time[0] == pytest.approx(8.0)
 
 
 def test_an_unstable_plant_needs_a_stabilizing_start() -> None:

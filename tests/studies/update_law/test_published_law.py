@@ -223,7 +223,7 @@ def test_stored_policies_converge_within_the_theorems_time(kind: str) -> None:
     assert 0.1 < relative_error(result.P, exact.P) < 1.0
     assert not result.settled
     own = result.law_residual_norm
-    assert own[result.times >= 0.9 * 5.0 / 2.0].max() < 1e-8 * own[0]
+    assert own[result.time >= 0.9 * 5.0 / 2.0].max() < 1e-8 * own[0]
 
 
 def test_reevaluated_policies_converge_from_a_stabilizing_start() -> None:
@@ -286,4 +286,4 @@ def test_a_flight_equals_explicit_euler_steps() -> None:
     assert not result.settled
     assert result.diagnostics["alpha2"] == 2.0
     assert result.diagnostics["lambda_0"] == law.theorem.lambda_0
-    assert result.times == pytest.approx([0.0, 0.01, 0.02, 0.03, 0.04, 0.05])
+    assert result.time == pytest.approx([0.0, 0.01, 0.02, 0.03, 0.04, 0.05])

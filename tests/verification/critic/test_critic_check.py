@@ -578,7 +578,7 @@ def test_settling_time_of_a_history_equals_the_runs(game: Game) -> None:
     """
     result = learn(game, predefined_time=2.0, tick=0.1)
     told: list[tuple[int, int]] = []
-    history = critics_over_time(game, result.times, W=result.weights, K=result.K)
+    history = critics_over_time(game, result.time, W=result.weights, K=result.K)
     check = check_history(
         game, history, predefined_time=2.0, progress=lambda *now: told.append(now)
     )

@@ -28,7 +28,7 @@ def noisy_columns(
     sensors: state -> standard deviation of its noise.
     """
     generator = np.random.default_rng(seed)
-    columns = {"time": flight.times[::every]}
+    columns = {"time": flight.time[::every]}
     for place, name in enumerate(model.inputs):
         columns[name] = flight.inputs[::every, place]
     for name, size in sensors.items():
