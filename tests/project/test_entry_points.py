@@ -233,7 +233,10 @@ def test_the_page_on_parts_contains_every_part() -> None:
     page = runpy.run_path(str(ROOT / "docs" / "parts_page.py"))
     shown = page["parts_page"]()
     assert "\nsolve.steps(request: GameRequest, named: NamedGame) -> int\n" in shown
-    assert "\npolicies.exported_loop(policy: DeployedPolicy) -> ExportedLoop\n" in shown
+    assert (
+        "\npolicies.flown_card(path: Path, model: Model, point: OperatingPoint) -> DeployedPolicy\n"
+        in shown
+    )
     parts = page["functions"]()
     assert all(f"\n{name}(" in shown for name in parts)
     assert not [name for name, part in parts.items() if "_empty" in page["signature_of"](part)]

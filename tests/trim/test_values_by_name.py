@@ -1,4 +1,4 @@
-"""Calls in notebooks on models, trims, linear models and sweeps."""
+"""Names of states, inputs and modes as keys of trims, linear models and sweeps."""
 
 from __future__ import annotations
 
