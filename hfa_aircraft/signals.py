@@ -23,6 +23,7 @@ class Signal(NamedTuple):
     start: value of a parameter, or initial value of a state or an input in a trim search
     rate: typical magnitude of a state's rate, by default the nominal
     moving: note on omitted dynamics between an input and the motion
+    assumed: whether min and max are assumptions of a reader, which the aircraft's data do not state
 
     >>> import hfa
     >>> hfa.Signal("ft/s", nominal=100.0, min=0.0).max
@@ -36,6 +37,7 @@ class Signal(NamedTuple):
     start: float = 0.0
     rate: float | None = None
     moving: str = ""
+    assumed: bool = False
 
 
 #: Field names -> class of named tuples.

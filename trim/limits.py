@@ -49,6 +49,13 @@ class Limits:
         pairs = [(name, *ends) for name, ends in (changes or {}).items()]
         return _limits(model, tuple(names), tuple(pairs))
 
+    @property
+    def assumed(self) -> np.ndarray:
+        """Mask (k,) of the limits that no data of the aircraft and no user states."""
+        signals = [self.model.signals[name] for name in self.names]
+        ends = zip(signals, self.lowest, self.highest, strict=True)
+        return np.array([s.assumed and (s.min, s.max) == (low, high) for s, low, high in ends])
+
     def within(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
         """Return the mask of the values (..., k) that are within their limits, up to `SLACK`.
 

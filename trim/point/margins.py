@@ -26,9 +26,10 @@ class Margin(Result):
     highest: upper limit, inf if the variable has none
     unit: unit of value, lowest, highest and scale
     scale: nominal size of the variable
+    assumed: whether the limits are assumptions of the reader of the aircraft
     """
 
-    json_keys = "value unit role lowest highest margin=distance nearer at_limit"
+    json_keys = "value unit role lowest highest margin=distance nearer at_limit assumed"
 
     name: str
     value: float
@@ -37,6 +38,7 @@ class Margin(Result):
     highest: float
     unit: str
     scale: float
+    assumed: bool = False
 
     @property
     def distance(self) -> float:
@@ -86,7 +88,8 @@ class Margin(Result):
         margin = degrees(self.distance, self.unit)[0] if self.nearer else ""
         role = "imposed" if self.role == "held" else self.role
         value, unit = degrees(self.value, self.unit)
-        return self.name, value, unit, role, lowest, highest, margin, self.nearer
+        nearer = f"{self.nearer}, assumed" if self.nearer and self.assumed else self.nearer
+        return self.name, value, unit, role, lowest, highest, margin, nearer
 
 
 def all_margins(
@@ -116,9 +119,10 @@ def all_margins(
     margins = {}
     for name, (lowest, highest) in limits.items():
         signal = model.signals[name]
+        assumed = signal.assumed and (lowest, highest) == (signal.min, signal.max)
         role = roles.get(name, "follows")
         margins[name] = Margin(
-            name, values[name], role, lowest, highest, signal.unit, signal.nominal
+            name, values[name], role, lowest, highest, signal.unit, signal.nominal, assumed
         )
     return margins
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -111,7 +112,7 @@ def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -
         for name, margin in margins.items()
         if margin.nearer and (margin.role != "held" or name in model.inputs)
     ]
-    nearest = sorted(limited, key=lambda margin: margin.share)
+    nearest = sorted(limited, key=_rank)
     nearest = [
         margin for index, margin in enumerate(nearest) if index < _NEAREST or margin.at_limit
     ]
@@ -159,6 +160,15 @@ def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -
     return report if described is None else described(point, report)
 
 
+def _rank(margin: Margin) -> tuple[bool, bool, bool, float]:
+    """Return the key that sorts limits: those that bind, then declared ones, then assumed ones.
+
+    Variables with only one limit, and thus without a range, come after those with two.
+    """
+    has_no_range = math.isinf(margin.highest - margin.lowest)
+    return not margin.at_limit, margin.assumed, has_no_range, margin.share
+
+
 def _outputs_table(outputs: dict[str, float], units: dict[str, str]) -> Table:
     rows = [
         (name, short_number(value, units[name]), shown_unit(units[name]))
@@ -176,7 +186,7 @@ def _nearest_row(margin: Margin) -> tuple[str, ...]:
     if margin.at_limit:
         verdict = "held there" if margin.role == "held" else Cell("BINDS", "far")
     return (
-        f"{margin.name}, {margin.nearer}",
+        f"{margin.name}, {margin.nearer}" + ", assumed" * margin.assumed,
         shown_value(margin.nearer_limit, margin.unit),
         degrees(margin.distance, margin.unit)[0],
         shown_unit(margin.unit),

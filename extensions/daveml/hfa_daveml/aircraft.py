@@ -41,6 +41,9 @@ from hfa_support.errors import BadInputError, shortened
 _GRAVITY = GRAVITY["english"]
 #: Angle of attack, rad, at which the lift equals the weight at the default speed.
 _ALPHA = math.radians(5.0)
+#: Largest angle of attack and sideslip without a table that depends on them, rad.
+_WIDEST_ALPHA = 0.6
+_WIDEST_BETA = 0.5
 #: An input whose name contains one of these words is an input of the model, even if it has an
 #: initial value.
 _MOVED = ("deflection", "powerlever", "throttle", "pilotcontrol")
@@ -134,15 +137,18 @@ class _Files:
         parameters = {name: _start(*each) for name, each in self.parameters.items()}
         constants = self._values(_standing(), inputs, SimpleNamespace(**parameters))
         self._refuse_not_positive(constants)
-        low, high = self._range("angleOfAttack", 0.6)
+        low, high = self._range("angleOfAttack", _WIDEST_ALPHA)
+        sideslip = self._range("angleOfSideslip", _WIDEST_BETA)
+        alpha = Signal("rad", 0.1, low, high, min(_ALPHA, high), assumed=high == _WIDEST_ALPHA)
+        beta = Signal("rad", 0.1, *sideslip, assumed=sideslip[1] == _WIDEST_BETA)
         return rigid_aircraft(
             self._documents[0].title or Path(self._documents[0].path).stem,
             self._equations,
             system="english",
             speed=self._usual_speed(constants),
             altitude=0.0,
-            alpha=(low, min(_ALPHA, high), high),
-            beta=self._range("angleOfSideslip", 0.5),
+            alpha=alpha,
+            beta=beta,
             inputs={name: self._signal(*each) for name, each in self.inputs.items()},
             parameters={name: self._signal(*each) for name, each in self.parameters.items()},
             outputs={},

@@ -85,8 +85,8 @@ def _model(table: Table) -> Model:
         system=table.system,
         speed=table.values["speed"],
         altitude=table.values.get("altitude", 0.0),
-        alpha=(alpha - _WIDEST, alpha, alpha + _WIDEST),
-        beta=(-_WIDEST, _WIDEST),
+        alpha=Signal("rad", 0.1, alpha - _WIDEST, alpha + _WIDEST, alpha, assumed=True),
+        beta=Signal("rad", 0.1, -_WIDEST, _WIDEST, assumed=True),
         inputs={
             THRUST_INPUT: Signal(FORCE[table.system], usual, *table.thrust, start=usual),
             **surfaces,

@@ -27,6 +27,7 @@ class Departure(NamedTuple):
     time: s
     value: value at that time, in `unit`
     limit: the exceeded limit, in `unit`
+    assumed: whether the limit is an assumption of the reader of the aircraft
     """
 
     state: str
@@ -34,10 +35,12 @@ class Departure(NamedTuple):
     value: float
     limit: float
     unit: str
+    assumed: bool = False
 
     def text(self) -> str:
         """Return the departure as a sentence, with angles in degrees."""
         beyond = _beyond(self.value, self.limit, self.unit)
+        beyond += " (assumed limit)" * self.assumed
         return f"left the envelope: {self.state} first, at {self.time:.4g} s, {beyond}"
 
 
@@ -65,14 +68,17 @@ def _beyond(value: float, limit: float, unit: str) -> str:
     return f"{short_number(value, unit)}{suffix} beyond {short_number(limit, unit)}"
 
 
-def limits_text(lowest: float, highest: float, unit: str) -> str:
+def limits_text(lowest: float, highest: float, unit: str, assumed: bool = False) -> str:
     """Return limits as text such as "-20 to 20", with angles in degrees.
 
     The text is "none" if both limits are infinite.
+
+    assumed: whether the limits are assumptions of the reader of the aircraft
     """
     if np.isinf([lowest, highest]).all():
         return "none"
-    return f"{short_number(lowest, unit)} to {short_number(highest, unit)}"
+    text = f"{short_number(lowest, unit)} to {short_number(highest, unit)}"
+    return f"{text}, assumed" if assumed else text
 
 
 @checks_arguments
@@ -156,7 +162,8 @@ def departure(
     limits = envelope.lowest if value < envelope.lowest[index] else envelope.highest
     unit = envelope.model.unit(envelope.names[index])
     name = limited_names(envelope.model, moving_air)[index]
-    return Departure(name, float(times[row]), value, float(limits[index]), unit)
+    assumed = bool(envelope.assumed[index])
+    return Departure(name, float(times[row]), value, float(limits[index]), unit, assumed)
 
 
 def refuse_start(envelope: Limits, limited: np.ndarray, moving_air: bool = False) -> None:

@@ -579,9 +579,13 @@ class Flight(StatesAndInputs, Result, Reported):
         largest = self.largest_deviation
         errors = self.rms_error
         rows = []
-        for index, state in enumerate(model.states):
+        assumed = self.envelope.assumed.tolist()
+        pairs = zip(self.envelope.lowest, self.envelope.highest, assumed, strict=True)
+        for index, (state, (low, high, is_assumed)) in enumerate(
+            zip(model.states, pairs, strict=True)
+        ):
             unit = model.unit(state)
-            limits = limits_text(self.envelope.lowest[index], self.envelope.highest[index], unit)
+            limits = limits_text(low, high, unit, is_assumed)
             names = (state, ANGLE_OF_ATTACK) if state == ALPHA and moving else (state,)
             for name in names:
                 cells = [name, shown_unit(unit)]

@@ -301,7 +301,7 @@ class _Declaration:
             "yaw": Signal("rad", 0.1),
             "altitude": Signal("ft", 10000.0, -1000.0, 150000.0, 5000.0),
         }
-        ordered = {name: signals[name] for name in STATES}
+        ordered = {name: signals[name]._replace(assumed=True) for name in STATES}
         for file in self.parts.engines:
             if file.has_propeller:
                 ordered[f"rpm{file.number}"] = self._rpm(file, len(self.parts.engines) == 1)

@@ -360,7 +360,10 @@ def limits_table(problem: FlightProblem) -> Table:
     signals = model.inputs
     pairs |= {name: (signals[name].min, signals[name].max) for name in problem.inputs}
     rows = []
+    assumed = dict(zip(problem.envelope.names, problem.envelope.assumed.tolist(), strict=True))
     for name, (lowest, highest) in pairs.items():
         unit = model.unit(name)
-        rows.append((name, limits_text(float(lowest), float(highest), unit), shown_unit(unit)))
+        is_assumed = assumed.get(name, model.signals[name].assumed)
+        text = limits_text(float(lowest), float(highest), unit, is_assumed)
+        rows.append((name, text, shown_unit(unit)))
     return Table(("limits of flights", "from, to", "unit"), rows)

@@ -23,7 +23,8 @@ def departure_text(left: Departure) -> str:
         return f"{left.state} is not a number {when}"
     suffix = "" if left.unit == "1" else f" {shown_unit(left.unit)}"
     side = "below" if left.value < left.limit else "above"
-    return f"{left.state} {side} {short_number(left.limit, left.unit)}{suffix} {when}"
+    limit = f"{short_number(left.limit, left.unit)}{suffix}" + " (assumed)" * left.assumed
+    return f"{left.state} {side} {limit} {when}"
 
 
 def departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:

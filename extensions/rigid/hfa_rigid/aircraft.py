@@ -99,8 +99,8 @@ def rigid_aircraft(
     system: str,
     speed: float,
     altitude: float,
-    alpha: tuple[float, float, float],
-    beta: tuple[float, float],
+    alpha: Signal,
+    beta: Signal,
     inputs: Mapping[str, Signal],
     parameters: Mapping[str, Signal],
     outputs: Mapping[str, Signal],
@@ -113,8 +113,8 @@ def rigid_aircraft(
     equations: (x, u, p, w) -> (rates, outputs).
     system: system of units, english or si.
     speed, altitude: values of the default trim.
-    alpha: lowest, initial and highest angle of attack, rad.
-    beta: lowest and highest sideslip, rad.
+    alpha, beta: signals of the angle of attack and the sideslip, rad. The limits of the other
+        states are assumed.
     inputs: name -> signal.
     parameters: name -> signal.
     outputs: name -> signal, for the outputs in addition to those of `Motion`.
@@ -123,21 +123,26 @@ def rigid_aircraft(
     """
     length = LENGTH[system]
     foot = 1.0 if system == "english" else FT_TO_M
-    low, start, high = alpha
     lowest, highest = (foot * each for each in ALTITUDES)
-    angle = Signal("rad", 0.1, -3.1, 3.1)
+    roll = Signal("rad", 0.1, -3.1, 3.1, assumed=True)
     rate = Signal("rad/s", 0.1, rate=1.0)
     states = {
         "speed": Signal(
-            f"{length}/s", speed, _SLOWEST * speed, _FASTEST * speed, speed, rate=GRAVITY[system]
+            f"{length}/s",
+            speed,
+            _SLOWEST * speed,
+            _FASTEST * speed,
+            speed,
+            rate=GRAVITY[system],
+            assumed=True,
         ),
-        "alpha": Signal("rad", 0.1, low, high, start),
-        "beta": Signal("rad", 0.1, *beta),
+        "alpha": alpha,
+        "beta": beta,
         **dict.fromkeys(("roll_rate", "pitch_rate", "yaw_rate"), rate),
-        "roll": angle,
-        "pitch": Signal("rad", 0.1, -1.5, 1.5, start),
+        "roll": roll,
+        "pitch": Signal("rad", 0.1, -1.5, 1.5, alpha.start, assumed=True),
         "yaw": Signal("rad", 0.1),
-        "altitude": Signal(length, 10000.0 * foot, lowest, highest),
+        "altitude": Signal(length, 10000.0 * foot, lowest, highest, assumed=True),
     }
     trim = {"speed": speed, "altitude": altitude, "yaw": 0.0, "gamma": 0.0, "turn_rate": 0.0}
     if holds_beta:

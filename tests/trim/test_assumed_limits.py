@@ -1,0 +1,53 @@
+"""Limits that no data of an aircraft state are marked and ranked after declared ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from project import ROOT
+
+import hfa
+from trim.limits import Limits
+from trim.point.condition import usual_condition
+from trim.point.trim_report import trim_report
+
+
+@pytest.mark.parametrize("name", [f"{ROOT}/examples/uav.toml", "jsbsim:c172p"])
+def test_assumed_limits_are_marked_and_ranked_last(name: str) -> None:
+    """Among the nearest limits, declared ones come before assumed ones, which are marked."""
+    model = hfa.load_model(name)
+    condition = usual_condition(model)
+    point = hfa.trim(model, condition)
+    report = trim_report(model, condition, point)
+    margins = report.data["variables"]
+    nearest = report.data["nearest_limits"]
+    marks = [bool(margins[each]["assumed"]) for each in nearest]
+    assert marks == sorted(marks)
+    assert not marks[0]
+    assert margins["alpha"]["assumed"]
+    text = report.text()
+    (row,) = [line for line in text.splitlines() if line.startswith("alpha ")][:1]
+    assert row.endswith("assumed")
+
+
+def test_a_limit_of_the_user_is_not_assumed() -> None:
+    """A limit that the user gives, or that the model declares, is not marked as assumed."""
+    model = hfa.load_model(f"{ROOT}/examples/uav.toml")
+    names = ("alpha", "beta")
+    assert Limits.of(model, names).assumed.all()
+    given = Limits.of(model, names, {"alpha": (-0.1, 0.2)})
+    assert given.assumed.tolist() == [False, True]
+    assert not Limits.of(hfa.aircraft(), ("alpha", "pitch")).assumed.any()
+
+
+def test_flights_name_an_assumed_limit() -> None:
+    """The table of a flight and its departure mark assumed limits."""
+    model = hfa.load_model(f"{ROOT}/examples/uav.toml")
+    point = hfa.trim(model)
+    calm = hfa.fly(model, point, None, 0.1)
+    assert "assumed" in calm.report().text()
+    beyond = float(np.radians(17.0))
+    left = hfa.fly(model, point, None, 20.0, initial={"beta": beyond, "yaw_rate": -3.0})
+    assert left.departure is not None
+    assert left.departure.assumed
+    assert "(assumed limit)" in left.report().title
