@@ -1,0 +1,95 @@
+"""Usual spellings of units in tables of derivatives, on the command line and in flight records."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import hfa as run
+from project import ROOT
+
+import hfa
+from hfa_identify.records import read_record
+
+UAV = str(ROOT / "examples" / "uav.toml")
+NOT_YET = pytest.mark.xfail(strict=True, reason="these spellings of units are not read yet")
+
+
+@NOT_YET
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("speed = 35.0", 'speed = "68.0346 kt"'),
+        ("speed = 35.0", 'speed = "68.0346 knots"'),
+        ("speed = 35.0", 'speed = "6889.76 ft/min"'),
+        ("CL_alpha = 3.45", 'CL_alpha = "3.45 1/rad"'),
+        ("CL_alpha = 3.45", 'CL_alpha = "0.0602139 1/deg"'),
+    ],
+)
+def test_units_of_an_entry_of_a_table(old: str, new: str, tmp_path: Path) -> None:
+    """Each entry of a table may have its own unit. The trim is that of the table in SI units."""
+    text = Path(UAV).read_text()
+    assert old in text
+    path = tmp_path / "uav.toml"
+    path.write_text(text.replace(old, new))
+    found = hfa.trim(hfa.load_model(str(path))).states
+    np.testing.assert_allclose(found, hfa.trim(hfa.load_model(UAV)).states, rtol=1e-4, atol=1e-6)
+
+
+@NOT_YET
+@pytest.mark.parametrize("typed", ["58.3153kt", "58.3153 knots", "108km/h", "5905.51ft/min"])
+def test_units_of_a_held_value(typed: str) -> None:
+    """--hold accepts a value with a unit: each text is 30 m/s."""
+    result = run("trim", "--aircraft", UAV, "--hold", f"speed={typed}", "--json")
+    assert result.code == 0, result.err
+    states = json.loads(result.out)["operating_point"]["states"]
+    assert states["speed"] == pytest.approx(30.0, rel=1e-4)
+
+
+#: Times, s, angles of attack, rad, and speeds, m/s, of a record.
+TIME = 0.02 * np.arange(12)
+ALPHA = 0.1 + 0.01 * np.arange(12)
+SPEED = 30.0 + np.arange(12)
+
+
+def read_as_written(folder: Path, head: str, columns: list[np.ndarray], separator: str) -> None:
+    """Write the columns with this first row, and compare the record that is read with them."""
+    path = folder / "record.csv"
+    rows = [separator.join(f"{value:.9g}" for value in row) for row in np.transpose(columns)]
+    decimal = "," if separator == ";" else "."
+    text = "\n".join([head, *(row.replace(".", decimal) for row in rows)])
+    path.write_text(text, encoding="utf-8")
+    model = hfa.load_model(UAV)
+    record = read_record(str(path), model, dict.fromkeys(model.inputs, 0.0))
+    np.testing.assert_allclose(record.time, TIME, atol=1e-9)
+    np.testing.assert_allclose(record.measured["alpha"], ALPHA, rtol=1e-6)
+    np.testing.assert_allclose(record.measured["speed"], SPEED, rtol=1e-6)
+
+
+@NOT_YET
+@pytest.mark.parametrize(
+    ("head", "factors", "separator"),
+    [
+        ("time,alpha [°],speed", (1.0, np.degrees(1.0), 1.0), ","),
+        ("time,alpha [degrees],speed", (1.0, np.degrees(1.0), 1.0), ","),
+        ("time,alpha,speed [kt]", (1.0, 1.0, 1.0 / 0.514444444), ","),
+        ("time,alpha,speed [km/h]", (1.0, 1.0, 3.6), ","),
+        ("time [ms],alpha,speed", (1e3, 1.0, 1.0), ","),
+        ("time [us],alpha,speed", (1e6, 1.0, 1.0), ","),
+        ("time;alpha;speed", (1.0, 1.0, 1.0), ";"),
+        ("time\talpha\tspeed", (1.0, 1.0, 1.0), "\t"),
+    ],
+)
+def test_units_and_separators_of_a_record(
+    head: str, factors: tuple[float, float, float], separator: str, tmp_path: Path
+) -> None:
+    """Columns of a record are converted from usual units, and usual separators are recognized."""
+    columns = [each * factor for each, factor in zip((TIME, ALPHA, SPEED), factors, strict=True)]
+    read_as_written(tmp_path, head, columns, separator)
+
+
+def test_units_of_a_record_that_are_read(tmp_path: Path) -> None:
+    """A record in deg and with commas is read."""
+    read_as_written(tmp_path, "time,alpha [deg],speed", [TIME, np.degrees(ALPHA), SPEED], ",")
