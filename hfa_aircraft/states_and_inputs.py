@@ -4,11 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from hfa_support.entry_points import PARTS, part
-
-if TYPE_CHECKING:
-    import xarray
-
 
 class StatesAndInputs:
     """Base class of results that have a `model`: names and units of its states and inputs."""
@@ -38,7 +33,3 @@ class StatesAndInputs:
     def input_units(self) -> tuple[str, ...]:
         """Unit of each input."""
         return self.model.units(self.input_names)
-
-    def to_xarray(self) -> xarray.Dataset:
-        """Return the result as an `xarray.Dataset` with names and units. This needs xarray."""
-        return part(PARTS, "dataset.xarray", "to_xarray")(self)

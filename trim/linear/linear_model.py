@@ -26,6 +26,7 @@ from hfa_support.reporting.text import numbered
 
 if TYPE_CHECKING:
     import control
+    import xarray
     from matplotlib.axes import Axes
     from scipy.signal import StateSpace
 
@@ -430,6 +431,27 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     def to_control(self) -> control.StateSpace:
         """Return the linear model as a python-control `StateSpace`, with the same signal names."""
         return self.system.to_control()
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return A, B, C, D, X0, U0 and Y0 with the names and units of signals. Requires xarray."""
+        from trim.tables import dataset
+
+        matrices = {
+            "A": (("rate", "state"), self.A),
+            "B": (("rate", "input"), self.B),
+            "C": (("output", "state"), self.C),
+            "D": (("output", "input"), self.D),
+            "X0": ("state", self.state_offsets),
+            "U0": ("input", self.input_offsets),
+            "Y0": ("output", self.output_offsets),
+        }
+        names = {
+            "state": ("state", list(self.states), {"units": list(self.state_units)}),
+            "input": ("input", list(self.inputs), {"units": list(self.input_units)}),
+            "output": ("output", list(self.outputs), {"units": list(self.output_units)}),
+            "rate": ("rate", list(self.states)),
+        }
+        return dataset(matrices, names, self.model.title)
 
     def to_scipy(self) -> StateSpace:
         """Return the linear model as a `scipy.signal.StateSpace`."""

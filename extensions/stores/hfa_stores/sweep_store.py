@@ -11,7 +11,6 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.states_and_inputs import StatesAndInputs
-from hfa_stores.sweep_arrays import ARRAYS, labels_of
 from hfa_stores.zarr_store import RowJob, array_of_rows, fill_store
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
@@ -20,6 +19,7 @@ from hfa_support.reporting.text import Table
 from trim.point.system import TrimSystem
 from trim.sweeps.points import STATUS
 from trim.sweeps.sweep import run_points, slow_note, trimmed_words
+from trim.sweeps.sweep_arrays import ARRAYS, labels_of
 from trim.sweeps.sweep_plan import SweepPlan
 
 #: Number of points in a chunk: at least half a second of work, about 90 MB of results.
