@@ -508,16 +508,14 @@ class Assessment(Result, Reported):
         if with_actions:
             worst = min(with_actions, key=_most_reversed)
             parts.append(
-                f"actions in the linear loop {self._where([worst])}: decrease of the sum of the "
-                "eigenvalues, 1/s"
+                f"actions {self._where([worst])}: lowering of the sum of the eigenvalues, 1/s"
             )
             parts.append(actions_table(worst.actions))
         with_observations = [point for point in self.points if point.observations]
         if with_observations:
             worst = max(with_observations, key=_farthest)
             parts.append(
-                f"observations in flight {self._where([worst])}, before a normalizer, and in "
-                "training (mean, standard deviation):"
+                f"observations {self._where([worst])} before a normalizer, in flight and training:"
             )
             parts.append(observations_table(worst.observations))
         return parts
@@ -616,7 +614,7 @@ def observations_table(observations: Sequence[ObservationRange]) -> Table:
         numbers = (each.lowest, each.highest, each.mean, each.spread, each.farthest)
         cells = [f"{number:.3g}" if math.isfinite(number) else "-" for number in numbers]
         rows.append((each.observation, *cells))
-    header = ("observation", "lowest", "highest", "mean", "deviation", "farthest, deviations")
+    header = ("observation", "lowest", "highest", "mean", "deviation", "farthest/deviation")
     return Table(header, rows)
 
 
