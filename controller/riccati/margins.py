@@ -23,8 +23,11 @@ from hfa_support.errors import NoSolutionError
 #: Relative distance of the level above the largest bound found. Values below the level everywhere
 #: are proved,
 ABOVE = 1e-8
-#: It is multiplied by 10 after each such number of frequencies; twenty frequencies are usual.
+#: It is multiplied by 10 after each such number of frequencies, divided by the square of the number
+#: of inputs, as the time of one frequency grows; twenty frequencies are usual,
 MANY = 200
+#: until it is this, the largest relative error of the margin.
+WIDEST = 1e-3
 #: Rounds of balancing for the initial scaling, which the search at each frequency improves.
 SWEEPS = 20
 #: Largest number of steps of this search, and of trial lengths of one step: at a kink no length is
@@ -48,8 +51,8 @@ class DiskMargin(NamedTuple):
     The loop remains stable if each input is multiplied by a factor f = (2 + αε)/(2 - αε), with any
     complex |ε| < 1.
 
-    disk: α, a lower bound of the margin; for more than three inputs the true margin may be slightly
-        larger
+    disk: α, a lower bound of the margin, within .1 % for up to three inputs; for more inputs the
+        true margin may be slightly larger
     gain: (2 + α)/(2 - α); real factors f are between 1/gain and gain
     phase: 2 arctan(α/2), deg, the phase of factors f with |f| = 1
     frequency: rad/s, at which the margin is smallest; possibly inf
@@ -168,6 +171,7 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
     first.append(near or first[-1])
     frequency = math.inf
     highest = float(scaled_norm(loop.D, best_scaling(loop.D)))
+    many = max(MANY // len(loop.D) ** 2, 1)
     looked = 0
     while pieces:
         looked += 1
@@ -180,7 +184,7 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
         if bound > highest:
             highest = bound
             frequency = point
-        level = highest * (1.0 + ABOVE * 10.0 ** (looked // MANY))
+        level = highest * (1.0 + min(ABOVE * 10.0 ** (looked // many), WIDEST))
         pieces = list(_above(loop, scaling, level, pieces, point))
     alpha = 1.0 / level
     return DiskMargin(alpha, *disk_sizes(alpha), float(loop.rate(np.array(frequency))))

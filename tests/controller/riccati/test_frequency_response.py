@@ -13,7 +13,7 @@ from tolerances import TWO_GAINS
 
 from controller import bounded_real_gain, minimum_delta
 from controller.riccati.existence import existence
-from controller.riccati.frequency_response import closed_loop
+from controller.riccati.frequency_response import closed_loop, peak_gain, system_gain
 from controller.riccati.gain_sweep import SweptGain, swept_gain
 from controller.riccati.meaning import gain_checks
 from controller.riccati.normal_form import NormalForm
@@ -69,6 +69,15 @@ def test_the_larger_of_two_nearly_equal_peaks_is_found(damping: float) -> None:
     E = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, highest * (1.0 - 1e-5)]])
     C = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     assert swept_gain(loop, E, C).gain == pytest.approx(highest, rel=1e-9)
+
+
+def test_a_gain_at_infinite_frequency_is_found() -> None:
+    """The gain of D - 0.5 / (s + 1) has its largest value, |D|, at infinite frequency."""
+    for D in (1.0, 3.0):
+        loop = ([[-1.0]], [[1.0]], [[-0.5]], [[D]])
+        matrices = [np.array(each) for each in loop]
+        assert system_gain(*matrices) == pytest.approx(D, rel=1e-6)
+        assert peak_gain(*matrices, D) == D  # the Hamiltonian of this level does not exist
 
 
 def test_gain_of_an_unstable_loop_is_infinite(first: tuple[Game, np.ndarray]) -> None:
