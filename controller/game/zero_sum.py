@@ -257,6 +257,8 @@ def _with_diagonal(name: str, weights: Any) -> Any:
         is_row = weights.ndim == 1
     else:
         is_row = isinstance(weights, (list, tuple)) and np.ndim(weights[:1]) == 1
+    if isinstance(weights, (int, float, np.number)):
+        raise BadInputError(f"{name} is the number {weights:g}; give a matrix, or its diagonal")
     return np.diag(numbers_in(f"the diagonal of {name}", weights)) if is_row else weights
 
 
