@@ -10,18 +10,18 @@ STUDIES := $(patsubst studies/%/__main__.py,%,$(wildcard studies/*/__main__.py))
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
 	@echo "Installing the $$(grep -c == requirements-report.lock) packages that the report needs into .venv"
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --disable-pip-version-check -r requirements-report.lock
+	$(BIN)/python -m pip install --disable-pip-version-check --require-hashes -r requirements-report.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
 
 .venv/tests: .venv/report requirements-test.lock
 	@echo "Installing the $$(grep -c == requirements-test.lock) packages that the tests need into .venv"
-	$(BIN)/python -m pip install --disable-pip-version-check -r requirements-test.lock
+	$(BIN)/python -m pip install --disable-pip-version-check --require-hashes -r requirements-test.lock
 	@touch $@
 
 .venv/ready: .venv/tests requirements.lock
 	@echo "Installing the $$(grep -c == requirements.lock) packages of documents, linters and other tools into .venv"
-	$(BIN)/python -m pip install --disable-pip-version-check -r requirements.lock
+	$(BIN)/python -m pip install --disable-pip-version-check --require-hashes -r requirements.lock
 	@touch $@
 
 report: .venv/report
@@ -85,13 +85,16 @@ EXECUTE = import sys, nbformat, nbclient; [nbformat.write(nbclient.NotebookClien
 notebooks: .venv/ready
 	$(BIN)/python -c "$(EXECUTE)" examples/*.ipynb
 
-# Rewrites the exact versions from the lower bounds in pyproject.toml: of everything, then of what tests and the report need.
-FREEZE = .venv-lock/bin/python -m pip freeze --all --exclude pip --exclude hfa-toolchain
-INSTALL = rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock && .venv-lock/bin/python -m pip install --quiet --disable-pip-version-check
+# Rewrites the exact versions, with the hashes of their files, from the lower bounds in pyproject.toml: of everything, then
+# of what tests and the report need. Takes minutes.
+COMPILE = .venv-lock/bin/pip-compile --quiet --generate-hashes --allow-unsafe --strip-extras --no-header --no-annotate \
+	--no-emit-index-url --no-emit-trusted-host --no-emit-find-links --build-deps-for wheel
 lock:
-	$(INSTALL) "setuptools>=68" ".[dev]" && $(FREEZE) > requirements.lock
-	$(INSTALL) -c requirements.lock "setuptools>=68" ".[test]" && $(FREEZE) > requirements-test.lock
-	$(INSTALL) -c requirements.lock "setuptools>=68" ".[page]" && $(FREEZE) > requirements-report.lock
+	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
+	.venv-lock/bin/python -m pip install --quiet --disable-pip-version-check pip-tools
+	$(COMPILE) --upgrade --extra dev --extra test -o requirements.lock pyproject.toml
+	$(COMPILE) --upgrade -c requirements.lock --extra test -o requirements-test.lock pyproject.toml
+	$(COMPILE) --upgrade -c requirements.lock --extra page -o requirements-report.lock pyproject.toml
 	rm -rf .venv-lock
 
 clean:

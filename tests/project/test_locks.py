@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import re
 import tomllib
 
 import pytest
@@ -15,9 +16,14 @@ from project import ROOT
 PYTHONS = ("3.11.0", "3.12.0", "3.13.0", "3.14.0")
 
 
+def entries(lock: str) -> list[str]:
+    """Return the entries of a lock file, each a requirement followed by hashes, on one line."""
+    lines = (ROOT / lock).read_text("utf-8").replace("\\\n", "").splitlines()
+    return [line for line in lines if line and not line.startswith("#")]
+
+
 def pins(lock: str) -> list[Requirement]:
-    lines = (ROOT / lock).read_text("utf-8").splitlines()
-    return [Requirement(line) for line in lines if line]
+    return [Requirement(line.partition("--hash")[0]) for line in entries(lock)]
 
 
 def without(pythons: str) -> list[str]:
@@ -58,9 +64,7 @@ def test_each_lock_extends_the_previous_one() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     extras = project["optional-dependencies"]
     needed = {"requirements-report.lock": extras["page"], "requirements-test.lock": extras["test"]}
-    needed["requirements.lock"] = [
-        requirement for requirement in extras["dev"] if "[test]" not in requirement
-    ]
+    needed["requirements.lock"] = [*extras["dev"], *extras["test"]]
     smaller: set[str] = set()
     for lock in LOCKS:
         pinned = {str(pin) for pin in pins(lock)}
@@ -71,6 +75,24 @@ def test_each_lock_extends_the_previous_one() -> None:
             wanted = Requirement(line)
             (exact,) = versions[canonicalize_name(wanted.name)].specifier
             assert wanted.specifier.contains(exact.version), (lock, line)
+
+
+@pytest.mark.parametrize("lock", LOCKS)
+def test_every_pin_has_hashes_and_names_no_host(lock: str) -> None:
+    """Each entry is one exact version with SHA-256 hashes, and the file names no index or path.
+
+    A version has the same hashes in all lock files.
+    """
+    whole = {each.partition("==")[0]: each.split("--hash")[1:] for each in entries(LOCKS[-1])}
+    for entry in entries(lock):
+        name, _, rest = entry.partition("==")
+        requirement, *hashes = rest.split("--hash")
+        assert re.fullmatch(r"[\w.]+( ; [^;]+)?\s*", requirement), entry
+        assert hashes, name
+        assert all(re.fullmatch(r"=sha256:[0-9a-f]{64}\s*", each) for each in hashes), name
+        assert sorted(map(str.strip, hashes)) == sorted(map(str.strip, whole[name])), name
+    text = (ROOT / lock).read_text("utf-8")
+    assert not re.search("://|--(extra-)?index-url|--find-links|--trusted-host", text)
 
 
 def test_a_pin_that_needs_a_patch_is_reported() -> None:
