@@ -8,7 +8,7 @@ from controller.game.zero_sum import Game
 from controller.hfa_game import ORDINARY_DEVIATIONS
 from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.units import si_factor, si_unit
-from verification.critic.critic_errors import Box, balanced_box
+from verification.critic.critic_errors import Box, balanced_box, limited_box
 
 _SI_UNITS = tuple(si_unit(unit) for unit in LINEAR_UNITS)
 
@@ -38,8 +38,12 @@ def ordinary_box(
 def usual_box(game: Game) -> Box:
     """Return the box in which critics of a game are compared if no box is given.
 
-    It is the box of typical deviations for the paper's aircraft, and `balanced_box` otherwise.
+    - the paper's aircraft: the box of typical deviations
+    - a linear model whose states have limits: the largest box within them
+    - otherwise: `balanced_box`
     """
     names = game.names
     box = ordinary_box(names.states, names.inputs, names.state_units)
+    if box is None and game.half_widths is not None:
+        box = limited_box(game.half_widths)
     return balanced_box(game) if box is None else box

@@ -12,6 +12,7 @@ from hfa_aircraft.names import PlantNames
 from hfa_support.arguments import ArrayLike, checks_arguments, need
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, shown
 from hfa_support.labels import in_order, labels_of
+from trim.limits import Limits
 from trim.linear.linear_model import LinearModel
 
 
@@ -61,6 +62,7 @@ def game(
         delta=delta,
         N=in_order("N", N, linear.states, linear.inputs),
         names=names_of_linear(linear),
+        half_widths=widths_within_limits(linear),
     )
 
 
@@ -88,6 +90,20 @@ def _weights(matrix: str, given: Any, names: tuple[str, ...]) -> np.ndarray:
             f"R has no weight for {', '.join(missing)}; give a weight for each input"
         )
     return np.diag([float(given.get(name, 0.0)) for name in names])
+
+
+def widths_within_limits(linear: LinearModel) -> np.ndarray | None:
+    """Return the half-widths (n,) of the largest box of states within their limits about the trim.
+
+    The result is None if a state has no limits, or the trim is at or beyond a limit.
+    """
+    limits = Limits.of(linear.model, linear.states)
+    trim = linear.point.states._asdict()
+    at_trim = np.array([trim[name] for name in linear.states], dtype=float)
+    half_widths = np.minimum(at_trim - limits.lowest, limits.highest - at_trim)
+    if not np.all(np.isfinite(half_widths) & (half_widths > 0.0)):
+        return None
+    return half_widths
 
 
 def names_of_linear(linear: LinearModel) -> PlantNames:

@@ -37,6 +37,8 @@ class Game(ByValue, Reported):
     delta: δ > 0; by default inf (LQR without a disturbance)
     N: (n, m), cross weights; by default 0. [[Q, N], [N', R]] must be positive semidefinite.
     names: names of the states and inputs in reports; by default x1, x2, ... and u1, u2, ...
+    half_widths: (n,), largest box of states about the trim within the limits of the model, in which
+        critics are compared; None if unknown
 
     Raises BadInputError if a matrix has a wrong shape, is not definite as required, or contains a
     number that is not finite or is too large.
@@ -59,6 +61,7 @@ class Game(ByValue, Reported):
     delta: float = np.inf
     N: np.ndarray = None  # type: ignore[assignment]  # becomes 0
     names: PlantNames = field(default=UNNAMED, compare=False)
+    half_widths: np.ndarray | None = field(default=None, compare=False)
 
     if TYPE_CHECKING:
 
@@ -72,6 +75,7 @@ class Game(ByValue, Reported):
             delta: float = np.inf,
             N: ArrayLike | None = None,
             names: PlantNames = UNNAMED,
+            half_widths: np.ndarray | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:

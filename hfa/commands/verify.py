@@ -28,7 +28,6 @@ from hfa_support.progress import with_progress
 from verification.critic import critic_check
 from verification.critic.scope import LIMIT, SECONDS, Nearby, Scheduled, Scope
 from verification.critic.verdict import NEAR, Verdict
-from verification.hfa_box import ordinary_box
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -207,22 +206,11 @@ def about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list[
 
 
 def _scope(request: VerifyRequest, named: NamedGame) -> Scope:
-    """Return the scope of the checks: the box of states, and other games for comparison.
-
-    - a plant with the paper's states, inputs and units: the box of their ordinary ranges
-    - other states of a linear model: the largest box within their limits, or None
-      (`box_within_limits`)
-    - otherwise: no box (None)
-
-    The critic is compared with other games only if a dihedral angle is given.
+    """Return the scope of the checks. The critic is compared with other games only if a dihedral
+    angle is given.
     """
-    names = named.game.names
-    box = ordinary_box(names.states, names.inputs, names.state_units)
-    if box is None and named.linear is not None and names.states == named.linear.states:
-        from verification.critic.about_trim import box_within_limits
-
-        box = box_within_limits(named.linear)
-    return Scope(box, None if request.at is None else partial(_nearby, request, named.game))
+    nearby = None if request.at is None else partial(_nearby, request, named.game)
+    return Scope(nearby=nearby)
 
 
 def _nearby(request: VerifyRequest, game: Game) -> Nearby:

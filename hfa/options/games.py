@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controller.game.linear_game import widths_within_limits
 from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
 from controller.hfa_game import plant_names, usual_game
@@ -102,7 +103,8 @@ class WeightOptions(Request):
         """
         changes = self.changed_weights()
         names = plant_names(linear)
-        return usual_game(linear.model, linear.A, linear.B, names, **changes)
+        game = usual_game(linear.model, linear.A, linear.B, names, **changes)
+        return replace(game, half_widths=widths_within_limits(linear))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -7,9 +7,10 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from controller.game.linear_game import widths_within_limits
 from trim.limits import Limits
 from trim.linear.linear_model import LinearModel
-from verification.critic.critic_errors import Box
+from verification.critic.critic_errors import Box, limited_box
 
 
 class NonlinearPlant(NamedTuple):
@@ -53,15 +54,6 @@ def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
 
 
 def box_within_limits(linear: LinearModel) -> Box | None:
-    """Return the largest box of a linear model's states within their limits, symmetric about the
-    trim.
-
-    The result is None if a state has no limits, or the trim is at or beyond a limit.
-    """
-    limits = Limits.of(linear.model, linear.states)
-    trim = linear.point.states._asdict()
-    at_trim = np.array([trim[name] for name in linear.states], dtype=float)
-    half_widths = np.minimum(at_trim - limits.lowest, limits.highest - at_trim)
-    if not np.all(np.isfinite(half_widths) & (half_widths > 0.0)):
-        return None
-    return Box(half_widths, "within the limits of the states that the model declares")
+    """Return the box of `widths_within_limits`, or None."""
+    half_widths = widths_within_limits(linear)
+    return None if half_widths is None else limited_box(half_widths)

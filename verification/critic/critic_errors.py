@@ -66,6 +66,11 @@ def balanced_box(game: Game) -> Box:
     return Box(NormalForm.of(game).units, about)
 
 
+def limited_box(half_widths: np.ndarray) -> Box:
+    """Return the box with these half-widths, the largest within the limits of the states."""
+    return Box(half_widths, "within the limits of the states that the model declares")
+
+
 @checks_arguments
 def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
     """Return the relative error |value - exact| / |exact| in Frobenius norms.

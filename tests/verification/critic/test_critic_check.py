@@ -30,6 +30,7 @@ from hfa import (
     from_gain,
     from_value,
     from_weights,
+    game as game_on,
     learn,
     linearize,
     read_critic,
@@ -310,12 +311,16 @@ def test_the_box_extends_to_the_nearer_limit(speed: float, half_width: float | N
     inputs = {"throttle": Signal("", min=0.0, max=500.0)}
     model = Model("toy", states, inputs, equations, trim={"speed": 120.0})
     condition = TrimCondition(model, {"speed": speed}, limits={"speed": (0.0, 300.0)})
-    box = box_within_limits(linearize(model, trim(model, condition)))
+    linear = linearize(model, trim(model, condition))
+    box = box_within_limits(linear)
+    game = game_on(linear, np.eye(2), np.eye(1))
+    compared = verify(game, from_gain(game, np.ones((1, 2)))).to_dict()["box"]["half_widths"]
     if half_width is None:
         assert box is None
     else:
         assert box is not None
         assert box.half_widths == pytest.approx([half_width, 1.0])
+        assert compared == pytest.approx([half_width, 1.0])
 
 
 def test_the_report_shows_the_farthest_entries(game: Game) -> None:
