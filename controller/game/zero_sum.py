@@ -211,12 +211,6 @@ class Game(ByValue, Reported):
         """
         return self.without_cross_weights.A - self.S @ P
 
-    def cost_rate(self, K: np.ndarray) -> np.ndarray:
-        """Return Q - N K - K'N' + K'R K, (n, n), the matrix of the cost rate of u = -K z."""
-        plain = self.without_cross_weights
-        of_v = K - self.F
-        return plain.Q + of_v.T @ self.R @ of_v
-
     def residual(self, P: np.ndarray) -> np.ndarray:
         """Return the residual of the game's Riccati equation, (n, n).
 

@@ -91,7 +91,7 @@ def bounded_real_gain(game: Game, K: np.ndarray) -> float:
 def closed_loop(game: Game, K: np.ndarray) -> Triple:
     """Return the closed loop of u = -K z as (A - B K, E, C), with C'C = Q + K'R K.
 
-    C z is the output (Q^½ z, R^½ u). With cross weights N, C'C = `Game.cost_rate(K)`.
+    C z is the output (Q^½ z, R^½ u). With cross weights N, C'C = Q - N K - K'N' + K'R K.
 
     K: (m, n)
 
