@@ -1,4 +1,4 @@
-"""Loading of operating points from files."""
+"""Loading of operating points from files, and their report without a search."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from hfa_support.reporting.text import Table, degrees
 from hfa_support.schema import NUMBER, checked
 from hfa_support.units import conversion, si_unit
 from trim.point.operating_point import SCHEMA, OperatingPoint
-from trim.point.point_records import point_records
 from trim.point.status import Status
 
 #: Entries of a saved point; files of later versions may contain more.
@@ -72,6 +71,20 @@ def loaded_point(path: Path, model: Model) -> OperatingPoint:
         record(tuple(getattr(model, kind)))(**found[kind]) for kind in ("states", "inputs")
     )
     return OperatingPoint(states, inputs, found["residuals"], Status(found["status"]), model)
+
+
+def point_records(point: OperatingPoint) -> Table:
+    """Return a table of the states, inputs and residuals of an operating point.
+
+    Each row is (kind, name, value, unit). The unit of an angle is rad.
+    """
+    unit = point.model.unit
+    rows: list[tuple[str, str, float, str]] = []
+    for kind, values in (("state", point.states), ("input", point.inputs)):
+        rows += [(kind, name, value, unit(name)) for name, value in values._asdict().items()]
+    for name, value in point.residuals.items():
+        rows.append(("residual", name, value, point.equation_unit(name)))
+    return Table(("kind", "name", "value", "unit"), rows)
 
 
 def saved_report(point: OperatingPoint) -> Report:

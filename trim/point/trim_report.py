@@ -17,8 +17,8 @@ from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown
 from trim.point.condition import TrimCondition
 from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint
-from trim.point.point_records import point_records
 from trim.point.problem import STARTS, TrimProblem
+from trim.point.saved_point import point_records
 from trim.point.status import BALANCE, Status
 from trim.point.system import declared_start
 
