@@ -51,7 +51,7 @@ def test_equal_seeds_give_identical_bits() -> None:
     first = short_run()
     same = short_run()
     second = short_run(seed=2)
-    for name in ("times", "weights", "residual_norm", "law_residual_norm", "P", "K"):
+    for name in ("time", "weights", "residual_norm", "law_residual_norm", "P", "K"):
         assert getattr(first, name).tobytes() == getattr(same, name).tobytes(), name
     assert first.to_dict() == same.to_dict()
     assert first.weights.tobytes() != second.weights.tobytes()
