@@ -6,6 +6,7 @@ memory. The time excludes the start of the process and the import of the librari
 
 from __future__ import annotations
 
+import io
 import json
 import resource
 import subprocess
@@ -13,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from functools import partial
 from pathlib import Path
 
@@ -22,6 +24,7 @@ import hfa
 from benchmarks.report import Growth, Size, value_text
 from controller.hfa_files import published_game
 from controller.riccati.gare import unconfirmed_solution
+from hfa.main import main
 from hfa_flight.envelope import flight_envelope
 from hfa_flight.monte_carlo import MonteCarlo
 from hfa_flight.monte_carlo_store import stream_members
@@ -45,6 +48,8 @@ _GROWING: dict[str, tuple[str, str, tuple[int, ...]]] = {
     "points": ("sweep into a store", "points", (100, 1_000, 10_000, 100_000, 1_000_000)),
     "flights": ("flights of 0.1 s into a store", "flights", (10, 100, 1_000, 10_000, 30_000)),
     "states": ("one certified game", "states", (2, 6, 12, 25, 50, 100, 200, 400)),
+    "solve": ("`hfa.solve`, certified and confirmed", "states", (6, 24, 48, 96)),
+    "solve_command": ("`hfa solve --model`, with its margins", "states", (6, 24, 48, 96)),
     "networks": (
         "check of a network with two hidden layers",
         "units a layer",
@@ -131,6 +136,31 @@ def random_game(states: int, seed: int = 0) -> hfa.Game:
     return hfa.Game(A, B, E, np.eye(states), np.eye(inputs), 20.0)
 
 
+def _solve(count: int, folder: Path) -> Callable[[], object]:
+    """Return a function that solves a random game with `count` states, and confirms its cost."""
+    game = random_game(count)
+    return lambda: hfa.solve(game)
+
+
+def _solve_command(count: int, folder: Path) -> Callable[[], object]:
+    """Return a function that runs `hfa solve` on a plant file with `count` states.
+
+    folder: folder of the plant file
+    """
+    game = random_game(count)
+    plant = folder / "plant.npz"
+    np.savez(plant, **{name: getattr(game, name) for name in ("A", "B", "E", "Q", "R")})
+    words = ["solve", "--model", str(plant), "--delta", str(game.delta)]
+    words += ["-o", str(folder / "solution.json")]
+
+    def run() -> None:
+        with redirect_stdout(io.StringIO()):
+            code = main(words)
+        assert code == 0
+
+    return run
+
+
 def _networks(width: int, folder: Path) -> Callable[[], object]:
     """Return a function that checks a policy network in the usual box of states, without
     simulations.
@@ -159,7 +189,14 @@ def _sized(job: str, count: int) -> Size:
     job: name of the job
     count: size
     """
-    prepared = {"points": _points, "flights": _flights, "states": _states, "networks": _networks}
+    prepared = {
+        "points": _points,
+        "flights": _flights,
+        "states": _states,
+        "solve": _solve,
+        "solve_command": _solve_command,
+        "networks": _networks,
+    }
     smallest = _GROWING[job][2][0]
     with tempfile.TemporaryDirectory() as first, tempfile.TemporaryDirectory() as folder:
         prepared[job](smallest, Path(first))()

@@ -32,7 +32,7 @@ SUBJECTS = {
     "optimal": ("best_flight",),
     "identify": ("record", "records"),
     "region": ("gtm_region",),
-    "scale": ("points", "flights", "states", "networks"),
+    "scale": ("points", "flights", "states", "solve", "solve_command", "networks"),
 }
 #: A job is at its limit if its time is within this factor of the least time on this machine.
 AT_LIMIT = 1.3
