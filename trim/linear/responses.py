@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_support.arguments import ArrayLike
-from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
+from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, shown
 from trim.linear.transfer import System
 
 if TYPE_CHECKING:
@@ -21,11 +21,36 @@ def response(system: System, kind: str, time: float | ArrayLike | None) -> contr
 
     kind: "step" or "impulse", of size 1
     time: (N,), or the last time; None for python-control's default
+
+    Raises BadInputError if `time` is neither a positive number nor increasing times.
     """
     import control
 
     respond = getattr(control, f"{kind}_response")
-    return respond(system.to_control(), time, squeeze=False)
+    return respond(system.to_control(), _checked_time(time), squeeze=False)
+
+
+def _checked_time(time: Any) -> Any:
+    """Return the last time as a float, times as an array (N,), or None.
+
+    Raises BadInputError if `time` is neither a positive number nor increasing times.
+    """
+    if time is None:
+        return None
+    times = numbers_in("time", time)
+    if times.ndim == 0 and np.isfinite(times) and times > 0.0:
+        return float(times)
+    if (
+        times.ndim == 1
+        and times.size > 1
+        and np.isfinite(times).all()
+        and (np.diff(times) > 0).all()
+    ):
+        return times
+    raise BadInputError(
+        f"time is {shown(time)}; give a positive number, or increasing times such as "
+        "np.linspace(0, 10)"
+    )
 
 
 def simulated(
@@ -91,13 +116,13 @@ def _times(system: control.StateSpace, time: Any, dt: float | None, count: int |
     """
     import control
 
+    time = _checked_time(time)
     if dt is not None and time is None and count is not None:
         return dt * np.arange(count)
-    if (time is None and count is None) or (np.ndim(time) == 0 and time is not None):
-        shown = control.step_response(system, time).time
-        time = shown if dt is None else np.arange(0.0, shown[-1] + dt / 2.0, dt)
-    time = np.asarray(time, dtype=float)
-    if time.ndim != 1 or time.size < 2:
+    if (time is None and count is None) or isinstance(time, float):
+        steps = control.step_response(system, time).time
+        time = steps if dt is None else np.arange(0.0, steps[-1] + dt / 2.0, dt)
+    if time is None or time.size < 2:
         raise BadInputError(
             "time has fewer than two values; give an array such as np.linspace(0, 10)"
         )
