@@ -237,7 +237,7 @@ def _certified(form: StepForm) -> _Certified:
         X = form.refined(by_schur(form.equivalent))
         checks = _checks(form, X)
         refuse_failures(checks)
-        checks += agreement_checks(X, by_refined_doubling(form.equivalent))
+        checks += agreement_checks(X, form.refined(by_refined_doubling(form.equivalent)))
     except np.linalg.LinAlgError as error:
         raise NoSolutionError(
             "delta^2 I - discount E'P E becomes singular during the iteration"
