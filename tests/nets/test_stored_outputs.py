@@ -1,0 +1,88 @@
+"""Outputs of commands equal the stored ones: a net under changes that must leave them alone.
+
+The stored files change in a commit that changes nothing else and says what differs, and why.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from stored_outputs import OUTPUTS, cases, machine, prepare, stored
+
+#: Largest relative difference of two numbers that are called equal.
+EQUAL = 1e-6
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("inputs")
+    prepare(folder)
+    return folder
+
+
+def difference(now: Any, before: Any, path: str) -> list[str]:
+    """Return a line for each entry of a leaf that differs."""
+    if isinstance(before, list) and isinstance(now, list) and len(now) == len(before):
+        pairs = zip(now, before, strict=True)
+        return [line for one, other in pairs for line in difference(one, other, path)]
+    if isinstance(before, float) and isinstance(now, int | float):
+        if now == before or abs(now - before) <= EQUAL * max(abs(now), abs(before), 1e-6):
+            return []
+    elif now == before:
+        return []
+    return [f"{path}: {now!r} instead of {before!r}"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", cases()["json"])
+def test_json_has_the_stored_keys_and_numbers(name: str, inputs: Path) -> None:
+    """Exit code, keys and numbers of each command are the stored ones."""
+    before = stored("json")[name]
+    now = OUTPUTS["json"](cases()["json"][name], inputs)
+    assert sorted(set(now) ^ set(before)) == []
+    lines = [line for path in before for line in difference(now[path], before[path], path)]
+    assert lines == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", cases()["flights"])
+def test_a_flight_equals_the_stored_one(name: str, inputs: Path) -> None:
+    """On the machine that stored it a flight is equal bit for bit, elsewhere at its end."""
+    before = stored("flights")[name]
+    now = OUTPUTS["flights"](cases()["flights"][name], inputs)
+    assert sorted(set(now) ^ set(before)) == []
+    if machine() == stored("flights")["machine"]:
+        assert now == before
+    for array in set(before) - {"exit"}:
+        ends = zip(now[array]["last"], before[array]["last"], strict=True)
+        pairs = [(float.fromhex(one), float.fromhex(other)) for one, other in ends]
+        assert [pair for pair in pairs if pair[0] != pytest.approx(pair[1], 1e-5, 1e-5)] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", cases()["certificates"])
+def test_no_changed_certificate_is_accepted_that_was_refused(name: str, inputs: Path) -> None:
+    """A stored certificate is verified, and each copy with one changed entry is judged as stored.
+
+    Entries that were accepted leave the claim true: a wider limit of an unused variable, say.
+    """
+    assert (
+        OUTPUTS["certificates"](cases()["certificates"][name], inputs)
+        == stored("certificates")[name]
+    )
+
+
+@pytest.mark.parametrize("name", cases()["help"])
+def test_help_equals_the_stored_text(name: str, tmp_path: Path) -> None:
+    """Every help is the stored text."""
+    assert OUTPUTS["help"](cases()["help"][name], tmp_path) == stored("help")[name]
+
+
+@pytest.mark.parametrize(
+    ("now", "before"), [(1.0, 1.1), ([1.0, 2.0], [1.0, 2.1]), ("a", "b"), (None, 1.0)]
+)
+def test_a_planted_difference_is_found(now: Any, before: Any) -> None:
+    """A changed number or text is a difference."""
+    assert difference(now, before, "path") != []
