@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tempfile
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -48,7 +49,7 @@ _STATE = np.array([68.0, np.radians(2.8), np.radians(2.8), 0.0, 0.0, 0.0])
 
 
 def _start(quick: bool) -> list[Row]:
-    """Return comparisons of `hfa trim` and `hfa --help`, in new processes, with `import control`.
+    """Return comparisons of commands, in new processes, with `import control`.
 
     The first round writes the bytecode of the modules and is not counted. The limits are the
     times of Python processes in which NumPy starts no threads, as in `hfa`.
@@ -63,15 +64,19 @@ def _start(quick: bool) -> list[Row]:
     peer = (sys.executable, "-c", "import control")
     run = partial(subprocess.run, check=True, stdout=subprocess.DEVNULL, env=environment)
     rows = []
+    gain = Path(tempfile.mkdtemp()) / "K.npz"
+    run((hfa, "solve", "--dihedral", "15", "-o", str(gain)))
     for words, least, target in (
         (("trim", "--dihedral", "15"), "import casadi", 6.0),
+        (("linearize", "--dihedral", "15"), "import casadi", 1.0),
+        (("verify", "--dihedral", "15", "--weights", str(gain)), "import casadi", 1.0),
         (("--help",), "pass", 1.0),
     ):
         shortest_run = partial(run, (sys.executable, "-c", least), env=of_one_thread)
         seconds = shortest(shortest_run, repeats=repeats)
         rows.append(
             Row(
-                f"`hfa {' '.join(words)}`, new process",
+                f"`hfa {' '.join(words).replace(str(gain), gain.name)}`, new process",
                 '`python -c "import control"`',
                 in_turn(partial(run, (hfa, *words)), partial(run, peer), repeats=repeats),
                 target,
