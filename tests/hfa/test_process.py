@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from cli import SCRIPT, hfa, hfa_process
+from project import ROOT
 
 from hfa.main import BAD_INPUT, DONE, FAILED
 
@@ -71,10 +72,11 @@ def test_a_full_standard_output_is_refused() -> None:
 
 def test_progress_is_erased_at_the_end(tmp_path: Path) -> None:
     """On a pseudo-terminal, the progress line is erased at the end."""
+    printed = ROOT / "studies" / "published" / "sources" / "radp_suspension.toml"
     controller, terminal = pty.openpty()
     with os.fdopen(terminal, "wb") as stream:
         done = subprocess.run(
-            [SCRIPT, "solve", "--dihedral", "15"], stdout=subprocess.PIPE, stderr=stream, timeout=60
+            [SCRIPT, "printed", str(printed)], stdout=subprocess.PIPE, stderr=stream, timeout=60
         )
     seen = os.read(controller, 65536).decode()
     os.close(controller)
