@@ -22,19 +22,19 @@ from benchmarks.report import FOLDER, Limit, Row, in_turn
 from controller.game.basis import basis
 from controller.hfa_files import published_game
 from controller.riccati.gare import unconfirmed_solution
+from hfa_aircraft.limits import Limits
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant
 from hfa_flight.monte_carlo import MonteCarlo, fly_member
 from hfa_flight.monte_carlo_store import stream_members
 from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_flight.signals import Harmonic, Waveform, zero
 from hfa_flight.simulation import CompiledLoop
-from hfa_model.printed_matrices import published_models
+from hfa_model.published import published_models
 from hfa_model.vectors import STATES
 from hfa_support.native.machine_code import c_compiler
 from studies.section5.critic_policy import CriticPolicy
 from studies.update_law.published_law import PublishedSettings, published_law
 from trim.hfa.level_flight import level_flight
-from trim.limits import Limits
 from trim.point.solve import trim
 
 STEP = 1e-4

@@ -27,7 +27,7 @@ from scipy.optimize import least_squares
 
 from benchmarks.report import Comparison, Limit, Row, in_turn, shortest
 from hfa import fly
-from hfa_derivatives.aircraft import from_derivatives
+from hfa_aircraft.readers.derivatives.read import from_derivatives
 from hfa_identify.estimation import identify
 from hfa_identify.records import record_of
 from hfa_identify.response import Record, Responses

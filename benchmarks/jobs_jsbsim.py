@@ -22,7 +22,7 @@ from hfa_policy.deployment import Deployment
 from hfa_policy.episodes import Episodes
 from hfa_policy.gymnasium_environment import AircraftEnvironment
 from hfa_policy.held_step import parts_of_a_sample, step_of_integration
-from hfa_policy.row_code import row_code
+from hfa_support.native.row_code import row_code
 from trim.point.condition import release, usual_condition
 from trim.point.solve import trim
 from trim.sweeps.points import TRIMMED, trim_points

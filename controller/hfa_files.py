@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.game.file_entries import file_scales
 from controller.game.user_files import Defaults, stored_game
 from controller.game.zero_sum import Game
 from controller.hfa_game import paper_game, plant_names
 from hfa_aircraft.names import UNNAMED, PlantNames
-from hfa_model.published_data import published_data
+from hfa_aircraft.readers.matrices_file import file_scales
+from hfa_model.published import published_data
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unknown
@@ -75,7 +75,7 @@ def load_game(path: str | Path, **changes: Any) -> Game:
     >>> import hfa
     >>> game = controller.load_game("plant.npz", delta=20.0)  # doctest: +SKIP
     """
-    from hfa_support.user_warning import warn
+    from hfa_support.errors import warn
 
     stored = stored_game(path, defaults=paper_defaults, **changes)
     for note in stored.notes:

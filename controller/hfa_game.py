@@ -11,7 +11,7 @@ from controller.game.weights import nominal_weights
 from controller.game.zero_sum import Game
 from hfa_aircraft.model import Model
 from hfa_aircraft.names import PlantNames
-from hfa_model.published_data import published_data
+from hfa_model.published import published_data
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.matrices import LARGEST, checked_matrix
 from hfa_support.units import si_factor

@@ -22,7 +22,7 @@ PACKAGES = {
     "hfa.paper": "the paper's level flight, game and parameters",
     "hfa.extend": "what a package of your own imports",
     "hfa_model": "the flexible aircraft",
-    "hfa_air": "its unsteady dynamics",
+    "hfa_aircraft": "models of aircraft",
     "trim": "trims and linear models",
     "controller": "games, critics and learning",
     "verification": "checks",

@@ -16,8 +16,8 @@ from controller.riccati.loop_margins import margins as margins
 from controller.riccati.lqr import lqr as lqr
 from hfa_aircraft.loading import load_model as load_model
 from hfa_aircraft.model import Model as Model
+from hfa_aircraft.readers.derivatives.read import from_derivatives as from_derivatives
 from hfa_aircraft.signals import Signal as Signal
-from hfa_derivatives.aircraft import from_derivatives as from_derivatives
 from hfa_flight.nonlinear_flight import Flight as Flight, fly as fly
 from hfa_flight.turbulence import Turbulence as Turbulence
 from hfa_identify.estimation import identify as identify

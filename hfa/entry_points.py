@@ -132,7 +132,7 @@ def commands() -> dict[str, CommandEntry]:
         try:
             found.setdefault(name, command_named(name))
         except BadInputError as error:
-            from hfa_support.user_warning import warn
+            from hfa_support.errors import warn
 
             warn(str(error))
     return found
@@ -207,3 +207,12 @@ def found_in(words: list[str]) -> tuple[str, list[str]]:
             f"an option is given before the command; write hfa {later[0]} {shortened(first)} ..."
         )
     return "", words
+
+
+DAVEML = CommandEntry(
+    "model",
+    "compute the check cases of a DAVE-ML file",
+    "hfa.commands.daveml:daveml",
+    example="hfa daveml examples/uav.dml",
+    results=("hfa_aircraft.readers.daveml.check_cases:CheckedDocument",),
+)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -222,8 +223,6 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
             # CasADi issues a FutureWarning for functions of NumPy.
             returned = layout.equations(*arguments)
     except _FAILURES as error:
-        from hfa_aircraft.broken_equations import refused
-
         raise refused(error, layout, arguments) from error
     is_pair = isinstance(returned, tuple) and len(returned) == 2
     if not (is_pair and all(hasattr(part, "keys") for part in returned)):
@@ -268,3 +267,41 @@ def _scalar(layout: Layout, kind: str, name: str, value: Any) -> ca.SX:
             f"{layout.name}: the {kind} {name} has {expression.numel()} entries; return one number"
         )
     return expression
+
+
+def refused(error: Exception, layout: Layout, arguments: list[Any]) -> BadInputError:
+    """Return the error for a model whose equations raised an exception.
+
+    error: the exception
+    layout: equations and names of the model
+    arguments: x, u, p and w of the failed call
+
+    Raises BadInputError itself if the equations use an undeclared name.
+    """
+    for kind, vector, names in zip(VECTORS.values(), arguments, layout.names, strict=False):
+        if isinstance(error, AttributeError) and error.obj is vector:
+            refuse_unknown(
+                f"{layout.name}: the equations use an undeclared name of {kind},",
+                error.name,
+                names,
+            )
+    said = " ".join(str(error).split())[:200]
+    if not _takes_four(layout.equations):
+        advice = "do not accept (x, u, p, w); declare all four, also those that are not used"
+    elif "indices must be integers" in said:
+        advice = f"use x['NAME']; write x.NAME ({said})"
+    else:
+        advice = (
+            f"fail ({type(error).__name__}: {said}); use ca.if_else instead of if, and "
+            "CasADi's functions (ca.sin) instead of those of other packages"
+        )
+    return BadInputError(f"{layout.name}: the equations {advice}")
+
+
+def _takes_four(equations: Callable[..., Any]) -> bool:
+    """Return whether a function can be called with four arguments."""
+    try:
+        inspect.signature(equations).bind(*VECTORS)
+    except TypeError:
+        return False
+    return True

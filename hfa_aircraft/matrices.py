@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from hfa_aircraft.extras import Extras
 from hfa_aircraft.model import Model
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.signals import Signal
+from hfa_aircraft.source import Extras
 
 #: Note on every model made from matrices.
 LINEAR = "linear plant without limits; its trim is the origin"

@@ -5,13 +5,16 @@ The declaration and the equations are converted. All later computations are then
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from hfa_aircraft.extras import Extras
+import numpy as np
+
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import VECTORS, Signal, record
+from hfa_aircraft.source import Extras
 from hfa_support.units import si_factor, si_unit
 
 
@@ -196,3 +199,71 @@ class _Begin:
 
 def _factors(signals: Mapping[str, Signal]) -> tuple[tuple[str, float], ...]:
     return tuple((name, si_factor(signal.unit)) for name, signal in signals.items())
+
+
+def native_of(model: Model) -> Model:
+    """Return the model in its declared units.
+
+    The result is the original of a model that `in_si` converted, and otherwise the model itself.
+    """
+    return model if model.extras.native is None else model.extras.native
+
+
+def native_values(model: Model, names: tuple[str, ...], values: Any) -> np.ndarray:
+    """Return values of signals in the units that the original model declares.
+
+    model: the model, possibly converted to SI
+    names: names of the signals
+    values: values in the units of `model`, (..., names)
+    """
+    array = np.asarray(values, dtype=float)
+    native = model.extras.native
+    return array if native is None else array / [si_factor(native.unit(name)) for name in names]
+
+
+def in_units_of(model: Model, value: Any, unit: str) -> Any:
+    """Return a value in the unit system of a model.
+
+    model: the model, possibly converted to SI
+    value: value in the English unit `unit`
+    """
+    return value if model.extras.native is None else value * si_factor(unit)
+
+
+def unit_of(model: Model, unit: str) -> str:
+    """Return the unit of a value that `in_units_of` returns.
+
+    model: the model, possibly converted to SI
+    unit: the English unit
+    """
+    return unit if model.extras.native is None else si_unit(unit)
+
+
+#: Ending of a name -> factor on the unit of the name without it.
+_ENDS = {
+    "_command_end": "",
+    "_rate": "/s",
+    "_command": "",
+    "_estimate": "",
+    "_integral": " s",
+    "_position": "",
+}
+
+
+def signal_unit(model: Model, name: str) -> str:
+    """Return the unit of a controller signal, derived from its name, or "" if the unit is unknown.
+
+    Examples are ft/s for speed_estimate, and ft/s^2 s for the integral of an acceleration.
+    """
+    without_lag = re.sub(r"_lag_\d+$", "", name).removeprefix("model_")
+    whole, _ = model.part(without_lag)
+    if whole in model.signals:
+        return model.unit(whole)
+    for ending, times in _ENDS.items():
+        if without_lag.endswith(ending):
+            unit = signal_unit(model, without_lag.removesuffix(ending))
+            if not unit:
+                return ""
+            # "(ft/s)/s" instead of "ft/s/s".
+            return re.sub(r"^(.*/.*)/s$", r"(\1)/s", unit + times)
+    return ""

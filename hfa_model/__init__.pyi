@@ -6,11 +6,15 @@ from .declaration import (
     parameters_of as parameters_of,
     variant_of as variant_of,
 )
-from .parameter_files import save_parameters as save_parameters
-from .parameter_samples import sample_parameters as sample_parameters
-from .parameters import Parameters as Parameters, load_parameters as load_parameters
-from .printed_matrices import published_models as published_models
+from .parameters import (
+    Parameters as Parameters,
+    load_parameters as load_parameters,
+    sample_parameters as sample_parameters,
+    save_parameters as save_parameters,
+)
+from .published import published_models as published_models
 from .trim_loads import loads as loads
+from .unsteady import UNSTEADY as UNSTEADY
 from .variants import VARIANTS as VARIANTS
 from .vectors import (
     DEGREE as DEGREE,

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_aircraft.extras import Extras
 from hfa_aircraft.model import Model
-from hfa_aircraft.native_units import native_of
 from hfa_aircraft.signals import Signal
+from hfa_aircraft.source import Extras
+from hfa_aircraft.units import native_of
 from hfa_model.atmosphere import refuse_beyond_the_atmosphere
 from hfa_model.kinematics import DISTURBANCES, winds_named
 from hfa_model.outputs import OUTPUTS, moment_of, outputs_of
 from hfa_model.parameters import FIELDS, Parameters
-from hfa_model.published_data import published_data
+from hfa_model.published import published_data
 from hfa_model.variants import VARIANTS, Variant, variant_named
 from hfa_model.vectors import (
     INPUT_SIGNALS,

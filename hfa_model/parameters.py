@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -10,10 +11,12 @@ from typing import Any, Generic, NamedTuple
 import numpy as np
 
 from hfa_model.vectors import T
+from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError
+from hfa_support.files import write_text
 from hfa_support.provenance import Change
-from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import ByValue
 from hfa_support.reporting.text import Table
 from hfa_support.schema import NUMBER, POSITIVE, read_named
 
@@ -92,7 +95,6 @@ FIELDS = Parameters(
     thrust_per_throttle=Field("lbf", "total thrust per unit of throttle"),
     gravity=Field("ft/s^2", "acceleration of gravity"),
 )
-
 #: Magnitude of a negative eigenvalue of a correlation matrix that counts as rounding.
 _ROUNDING = 1e-10
 #: Possible sources of a value.
@@ -256,3 +258,53 @@ def changed_parameters(parameters: ParameterSet) -> dict[str, Change]:
         if value != usual:
             changes[name] = Change(value, usual, field_of_name.unit)
     return changes
+
+
+def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
+    """Write a parameter file, from which `load_parameters` restores the exact values.
+
+    An error leaves no partial file.
+
+    parameters: the set
+    path: path of the file
+    header: comment at the beginning of the file
+    """
+    lines = [f"# {line}" for line in header.splitlines()]
+    errors = parameters.standard_errors
+    for name, spec in FIELDS._asdict().items():
+        lines += [
+            "",
+            f"[{name}]",
+            f"value = {getattr(parameters.values, name)!r}",
+            f'unit = "{spec.unit}"',
+        ]
+        lines += [f'source = "{parameters.sources[name]}"']
+        if name in errors:
+            lines += [f"standard_error = {errors[name]:.3g}"]
+        if name in parameters.notes:
+            lines += [f"note = {json.dumps(parameters.notes[name])}"]  # JSON strings are valid TOML
+    if parameters.covariance.size:
+        names = ", ".join(f'"{name}"' for name in parameters.identified)
+        rows = ",\n".join(f"  {row}" for row in parameters.covariance.tolist())
+        lines += ["", "[covariance]", f"names = [{names}]", f"rows = [\n{rows},\n]"]
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[Parameters, ...]:
+    """Return random samples of the identified parameters, p_i exp(z_i) with z ~ N(0, C_ij / (p_i
+    p_j)).
+
+    All other parameters are unchanged. The samples are Gaussian in the logarithms of the
+    parameters. The printed matrices determine products and quotients of parameters much more
+    precisely than single parameters.
+
+    parameters: p and its covariance C
+    count: number of samples
+    seed: the same seed gives the same samples
+
+    Raises BadInputError if there is no covariance, an identified parameter is zero, or count or
+    seed is out of range.
+    """
+    draw = part(PARTS, "parameters.samples", "sample_parameters")
+    samples: tuple[Parameters, ...] = draw(parameters, count, seed)
+    return samples

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.native_units import in_units_of, native_of, native_values, unit_of
+from hfa_aircraft.units import in_units_of, native_of, native_values, unit_of
 from hfa_model.aerodynamics import Loads, PanelLoads, aircraft_loads
 from hfa_model.atmosphere import density, speed_of_sound
 from hfa_model.declaration import check_in_range, parameters_of, variant_of

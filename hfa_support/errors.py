@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import difflib
 import math
+import sys
+import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from numbers import Integral
@@ -260,3 +262,12 @@ def on_one_line(message: str) -> str:
     """
     words = message[: 4 * _LONGEST_LINE].split()
     return shortened(printable(" ".join(words)), _LONGEST_LINE)
+
+
+def warn(text: str) -> None:
+    """Issue a warning at the nearest caller outside the packages of the project."""
+    own = ("hfa", "controller.", "trim.", "verification.")
+    level = 1
+    while sys._getframe(level).f_globals.get("__name__", "").startswith(own):
+        level += 1
+    warnings.warn(text, stacklevel=level + 1)

@@ -23,7 +23,7 @@ from hfa_support.errors import BadInputError, shortened
 
 #: Largest size of a file in bytes, also when unpacked. Parsing needs up to ten times this memory.
 LARGEST = 2**28
-#: Suffixes of the files that `controller/game/array_file.py` reads.
+#: Suffixes of the files that `hfa_support/arrays/read.py` reads.
 MATRIX_FILES = (".json", ".npz", ".npy", ".mat", ".csv")
 _LONGEST_REASON = 200
 #: Without this flag, Windows opens a file as text.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hfa_support.errors import BadInputError
-from hfa_support.reporting.by_value import ByValue
+from hfa_support.reporting.results import ByValue
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from hfa_support.files import read_json, write_text
-from hfa_support.jsonable import json_text, jsonable
+from hfa_support.reporting.data_files import json_text, jsonable
 from hfa_support.version import VERSION
 
 

@@ -13,13 +13,13 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic, from_parts
-from controller.game.array_file import read_arrays
 from controller.game.basis import Basis, basis
-from controller.game.file_entries import file_scales, found_in
-from controller.game.one_matrix_files import UNKNOWN
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_aircraft.names import PlantNames
+from hfa_aircraft.readers.matrices_file import file_scales, found_in
 from hfa_support.arguments import checks_arguments
+from hfa_support.arrays.one_matrix import UNKNOWN
+from hfa_support.arrays.read import read_arrays
 from hfa_support.entry_points import CRITICS, offered, part
 from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors
 from hfa_support.files import MATRIX_FILES

@@ -12,8 +12,8 @@ import numpy as np
 from controller.critic.critic import Critic, from_parts
 from controller.critic.critic_file import DIMENSIONS, Reading, in_plant_units
 from controller.game.basis import Basis, basis as named_basis
-from controller.game.file_entries import file_scales, words
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
+from hfa_aircraft.readers.matrices_file import file_scales, words
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.matrices import checked_matrix, shape_text

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from controller.game.zero_sum import Game
+from hfa_aircraft.limits import Limits
 from hfa_aircraft.names import PlantNames
 from hfa_support.arguments import ArrayLike, checks_arguments, need
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, shown
 from hfa_support.labels import in_order, labels_of
-from trim.limits import Limits
 from trim.linear.linear_model import LinearModel
 
 

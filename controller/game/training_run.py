@@ -13,8 +13,7 @@ from controller.game.settling import settled_at
 from hfa_aircraft.names import UNNAMED, PlantNames
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
-from hfa_support.reporting.rows_made import RowsMade
-from hfa_support.reporting.text import Table, matrix_table
+from hfa_support.reporting.text import RowsMade, Table, matrix_table
 
 if TYPE_CHECKING:
     from controller.critic.critic import Critic

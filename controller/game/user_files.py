@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.game.array_file import read_arrays
-from controller.game.file_entries import (
+from controller.game.zero_sum import Game
+from hfa_aircraft.names import PlantNames
+from hfa_aircraft.readers.matrices_file import (
     NAME_KEYS,
     entries_of,
     is_discrete,
@@ -20,8 +21,7 @@ from controller.game.file_entries import (
     plant_names,
     words,
 )
-from controller.game.zero_sum import Game
-from hfa_aircraft.names import PlantNames
+from hfa_support.arrays.read import read_arrays
 from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, prefix_errors, shortened
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from hfa_aircraft.names import UNNAMED, PlantNames
-from hfa_aircraft.states_and_inputs import StatesAndInputs
+from hfa_aircraft.signals import StatesAndInputs
 from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, shown
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
-from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import ByValue
 
 #: Larger entries of a critic overflow when P S P is squared, and are meaningless.
 LARGEST_CRITIC_ENTRY = 1e50

@@ -44,8 +44,8 @@ def solve(request: SolveRequest) -> int:
 
     arrays = None
     if request.plant is not None:
-        from controller.game.array_file import read_arrays
-        from controller.game.file_entries import has_all
+        from hfa_aircraft.readers.matrices_file import has_all
+        from hfa_support.arrays.read import read_arrays
 
         arrays = read_arrays(request.plant)
         if has_all(arrays, "B2"):

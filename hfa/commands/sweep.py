@@ -30,9 +30,8 @@ from hfa.options.trims import (
 from hfa.options.workers import WorkersOptions
 from hfa.output import ProgressLine, print_report, show
 from hfa_support.entry_points import PARTS, about_part, offered, part
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, warn
 from hfa_support.files import regular_file
-from hfa_support.user_warning import warn
 from trim.point.condition import TrimCondition
 from trim.sweeps.sweep import MOST_POINTS, run_plan
 from trim.sweeps.sweep_plan import SweepPlan

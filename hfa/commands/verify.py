@@ -222,7 +222,7 @@ def _nearby(request: VerifyRequest, game: Game) -> Nearby:
     request: the options of `hfa verify`
     game: the game of the request
     """
-    from hfa_model.printed_matrices import published_models
+    from hfa_model.published import published_models
 
     @cache
     def game_at(degrees: float) -> Game:

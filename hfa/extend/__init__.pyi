@@ -16,8 +16,8 @@ from hfa.options.trims import (
     OutputOptions as OutputOptions,
 )
 from hfa.output import ProgressLine as ProgressLine, show as show
-from hfa_aircraft.extras import Extras as Extras
 from hfa_aircraft.loading import AircraftReader as AircraftReader
+from hfa_aircraft.source import Extras as Extras
 from hfa_support.reporting.checks import Check as Check
 from hfa_support.reporting.report import Report as Report
 from hfa_support.reporting.text import Table as Table

@@ -475,7 +475,7 @@ class TrimOptions(HfaOptions):
         condition = self.trim_condition
         by = self.model.schedule
         if self.at is not None and by in condition.free:
-            from hfa_support.user_warning import warn
+            from hfa_support.errors import warn
 
             typed = f"--{called_at(self.model)} {self.model.describe(by, self.at)}"
             begins = typed if self.start is None else "--start"

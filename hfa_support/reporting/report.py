@@ -92,7 +92,7 @@ class Report:
 
     def json(self) -> str:
         """Return the data of the report as JSON text. Numbers that are not finite become null."""
-        from hfa_support.jsonable import json_text
+        from hfa_support.reporting.data_files import json_text
 
         return json_text(self.data).rstrip()
 

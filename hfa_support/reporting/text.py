@@ -18,8 +18,6 @@ _MOST = 1e7
 MOST_DIGITS = 17
 #: Tone, from the best to the worst -> color code of a terminal.
 TONES = {"good": "32", "near": "33", "far": "35", "bad": "31"}
-
-
 #: Gap between two columns.
 _GAP = "  "
 
@@ -299,3 +297,19 @@ def wrapped(text: str, width: int | None) -> str:
         textwrap.fill(line, width, break_long_words=False, break_on_hyphens=False)
         for line in text.split("\n")
     )
+
+
+class RowsMade(Sequence[tuple[Any, ...]]):
+    """Sequence of the rows of a table, each computed when it is accessed."""
+
+    def __init__(self, count: int, row: Callable[[int], tuple[Any, ...]]) -> None:
+        self._count = count
+        self._row = row
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, index: Any) -> Any:
+        if not 0 <= index < self._count:
+            raise IndexError(index)
+        return self._row(index)

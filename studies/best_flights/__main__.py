@@ -23,7 +23,7 @@ from hfa_optimal.search import AFTER, BestFlights
 from hfa_page.flights import flights_table, limits_in_words
 from hfa_page.results import FlightsData
 from hfa_support.files import write_text
-from hfa_support.jsonable import json_text
+from hfa_support.reporting.data_files import json_text
 from hfa_support.reporting.figure import new_figure, save
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import shown_unit, shown_values

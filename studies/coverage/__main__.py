@@ -21,7 +21,7 @@ from scipy.signal import lfilter
 
 from hfa import identify, trim
 from hfa_aircraft.model import Model
-from hfa_derivatives.aircraft import from_derivatives
+from hfa_aircraft.readers.derivatives.read import from_derivatives
 from hfa_support.errors import BadInputError, NoSolutionError
 
 AIRCRAFT = "examples/uav.toml"

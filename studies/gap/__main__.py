@@ -18,7 +18,7 @@ import numpy as np
 
 from hfa.output import ProgressLine
 from hfa_support.files import write_text
-from hfa_support.jsonable import json_text
+from hfa_support.reporting.data_files import json_text
 from hfa_support.reporting.figure import new_figure, save
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table

@@ -81,7 +81,7 @@ class Run:
         from stable_baselines3.common.vec_env import VecNormalize
 
         from hfa_support.files import write_text
-        from hfa_support.jsonable import json_text
+        from hfa_support.reporting.data_files import json_text
 
         torch.set_num_threads(1)
         steps, episodes = BUDGETS[self.algorithm]

@@ -16,9 +16,8 @@ import numpy as np
 
 import hfa
 from hfa_model.declaration import Equations
-from hfa_model.parameter_files import save_parameters
-from hfa_model.parameters import FIELDS, Parameters, ParameterSet
-from hfa_model.printed_matrices import PublishedModel, published_models
+from hfa_model.parameters import FIELDS, Parameters, ParameterSet, save_parameters
+from hfa_model.published import PublishedModel, published_models
 from hfa_model.variants import Newton, Published, Variant
 from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, Input
 from hfa_support.errors import NoSolutionError

@@ -28,8 +28,8 @@ from hfa.paper import default_parameters
 from hfa_page.claims import claims_table as shown_claims
 from hfa_page.results import ClaimsData
 from hfa_support.files import write_text
-from hfa_support.jsonable import json_text
 from hfa_support.provenance import Provenance, parameter_hash
+from hfa_support.reporting.data_files import json_text
 from hfa_support.reporting.figure import save
 from hfa_support.reporting.markup import markdown_table
 from hfa_support.reporting.text import Table

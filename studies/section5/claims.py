@@ -14,10 +14,10 @@ import numpy as np
 
 from hfa.extend import Check
 from hfa_model import LINEAR_STATES, published_models
-from hfa_model.printed_matrices import published_data
+from hfa_model.published import published_data
 from hfa_support.files import read_toml
-from hfa_support.jsonable import finite_or_none
 from hfa_support.reporting.checks import checked
+from hfa_support.reporting.data_files import finite_or_none
 from studies.section5.configuration import Configuration
 from studies.section5.flights import (
     CASE_I,

@@ -12,7 +12,7 @@ import numpy as np
 from hfa_flight import Waveform
 from hfa_flight.signals import Harmonic
 from hfa_support.files import read_toml
-from hfa_support.jsonable import jsonable
+from hfa_support.reporting.data_files import jsonable
 
 SECTIONS = ("5.1", "5.2", "5.3", "5.4")
 _NONE = np.zeros(6)

@@ -32,8 +32,8 @@ from hfa_servo.servo_policy import servo_policy
 from hfa_servo.tracked import Tracked, tracked
 from hfa_support.errors import refuse_unknown
 from hfa_support.files import write_text
-from hfa_support.jsonable import json_text
 from hfa_support.provenance import Provenance
+from hfa_support.reporting.data_files import json_text
 from hfa_support.reporting.figure import new_figure, save
 from hfa_support.reporting.text import Table
 from studies.finished import finished, stamped

@@ -20,8 +20,8 @@ import numpy as np
 import hfa
 from hfa import LinearModel, Model, fly, solve
 from hfa.paper import level_model, published_game
-from hfa_air.unsteady import UNSTEADY
 from hfa_flight import GainPolicy, OneMinusCosine, Scenario, flight_envelope
+from hfa_model.unsteady import UNSTEADY
 from hfa_servo import ScheduledController, design_controller, load_design
 from hfa_servo.design import Actuator
 from hfa_servo.servo_loop import servo_loop, servo_margins, servo_plant

@@ -19,7 +19,7 @@ from typing import Any
 
 from hfa import BadInputError, NoSolutionError
 from hfa_support.files import write_text
-from hfa_support.jsonable import json_text
+from hfa_support.reporting.data_files import json_text
 from studies.finished import finished, stamped
 from studies.update_law.study import ROWS, SCHEMA, made, planned, references, summed_up
 

@@ -20,7 +20,7 @@ from controller.riccati.balancing import is_hurwitz
 from hfa import Game, NoSolutionError, from_weights, learn, verify
 from hfa.paper import published_game
 from hfa_model import published_models
-from hfa_support.jsonable import jsonable
+from hfa_support.reporting.data_files import jsonable
 from studies.update_law.published_law import PublishedSettings, published_law
 from verification import relative_error
 

@@ -150,7 +150,7 @@ REFUSED_BY_EXTENSIONS = (
         "--design paper --dihedral 0:5",
         "--dihedral is '0:5'; give start:stop:step",
     ),
-    ("hfa_air", "regenerate", "--dynamics unsteady", "more than seven states"),
+    ("hfa_model", "regenerate", "--dynamics unsteady", "more than seven states"),
 )
 
 

@@ -14,9 +14,8 @@ from controller import minimum_delta
 from hfa import BadInputError, Game, TrimCondition, linearize, solve, trim
 from hfa.paper import published_game
 from hfa_aircraft.model import Model
-from hfa_aircraft.native_units import native_of
 from hfa_aircraft.signals import Signal
-from hfa_aircraft.units import in_si
+from hfa_aircraft.units import in_si, native_of
 from hfa_support.units import si_factor
 from trim import trim_report
 from trim.point.condition import usual_condition

@@ -17,7 +17,7 @@ from hfa import BadInputError
 from hfa_aircraft.model import Model
 from hfa_model import Parameters, load_parameters, published_models, save_parameters
 from hfa_model.parameters import FIELDS, ParameterSet
-from hfa_model.printed_matrices import PublishedModel
+from hfa_model.published import PublishedModel
 
 
 def test_round_trip_is_bit_for_bit(tmp_path: Path, parameter_set: ParameterSet) -> None:

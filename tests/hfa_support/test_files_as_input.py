@@ -65,7 +65,7 @@ def test_an_archive_above_the_size_limit_is_refused(
     """An archive is refused if its unpacked size exceeds the limit."""
     import numpy as np
 
-    from controller.game import array_file
+    from hfa_support.arrays import read as array_file
 
     np.savez_compressed(tmp_path / "plant.npz", A=np.zeros(1_000_000))
     # The real limit would need a file of hundreds of megabytes.

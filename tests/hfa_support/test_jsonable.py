@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 
-from hfa_support.jsonable import json_text, jsonable
+from hfa_support.reporting.data_files import json_text, jsonable
 
 
 def test_each_row_is_one_line() -> None:

@@ -33,15 +33,15 @@ BREACHES = {
     "extensions/printed/hfa_printed/exact_answer.py": "controller.learning.certified",
     "extensions/reasons/hfa_reasons/diagnosis.py": "hfa_flight.scenario",
     "extensions/proof/hfa_proof/checker/checker.py": "hfa_proof.search.family",
-    "extensions/proof/hfa_proof/checker/riccati.py": "hfa_stores.zarr_store",
+    "extensions/proof/hfa_proof/checker/riccati.py": "hfa_support.rows.store",
     "extensions/proof/hfa_proof/search/loops.py": "hfa_model.vectors",
     "extensions/region/hfa_region/check/checker.py": "hfa_region.search.region",
     "extensions/boxes/hfa_boxes/check/checker.py": "hfa_networks.files.network",
-    "extensions/stores/hfa_stores/workers.py": "hfa_model.choice",
+    "hfa_support/rows/workers.py": "hfa_model.choice",
     # A learner that another module imports, and a package that no contract names.
     "extensions/boxes/hfa_boxes/results.py": "hfa.options.games",
     "extensions/policy/hfa_policy/equilibrium.py": "hfa_flight.options",
-    "extensions/boxes/hfa_boxes/enclosure/taylor.py": "hfa_rigid.motion",
+    "extensions/boxes/hfa_boxes/enclosure/taylor.py": "hfa_aircraft.rigid.motion",
 }
 
 

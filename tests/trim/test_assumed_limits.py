@@ -7,7 +7,7 @@ import pytest
 from project import ROOT
 
 import hfa
-from trim.limits import Limits
+from hfa_aircraft.limits import Limits
 from trim.point.condition import usual_condition
 from trim.point.trim_report import trim_report
 

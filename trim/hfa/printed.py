@@ -16,19 +16,18 @@ import numpy as np
 
 from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.model import Model
-from hfa_aircraft.native_units import native_values
+from hfa_aircraft.units import native_values
 from hfa_model.choice import aircraft
 from hfa_model.declaration import Equations
 from hfa_model.parameters import Parameters, ParameterSet, default_parameters
-from hfa_model.printed_matrices import PublishedModel, published_models
+from hfa_model.published import PublishedModel, published_models
 from hfa_model.variants import variant_named
 from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATES
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import RowFunction
-from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result
+from hfa_support.reporting.results import ByValue, Matrix, Result
 from hfa_support.reporting.text import Table, matrix_table
 from hfa_support.units import si_factor
 from trim.hfa.level_flight import level_flight

@@ -11,17 +11,15 @@ import numpy as np
 
 from hfa_aircraft.matrices import plant_model
 from hfa_aircraft.names import PlantNames
-from hfa_aircraft.signals import Signal
-from hfa_aircraft.states_and_inputs import StatesAndInputs
+from hfa_aircraft.signals import Signal, StatesAndInputs
 from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.errors import BadInputError, prefix_errors
 from hfa_support.files import read_json
 from hfa_support.labels import in_order, labels_of
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
-from hfa_support.reporting.by_value import ByValue
-from hfa_support.reporting.named_array import with_names
+from hfa_support.reporting.named import with_names
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result, Vector
+from hfa_support.reporting.results import ByValue, Matrix, Result, Vector
 from hfa_support.reporting.text import numbered
 
 if TYPE_CHECKING:
@@ -31,7 +29,7 @@ if TYPE_CHECKING:
     from scipy.signal import StateSpace
 
     from hfa_aircraft.model import Model
-    from hfa_support.reporting.by_name import ByName
+    from hfa_support.reporting.named import ByName
     from trim.linear.mode import Mode
     from trim.linear.reduction import Matrices, Names
     from trim.linear.transfer import System
@@ -205,7 +203,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     @property
     def modes(self) -> ByName[Mode]:
         """Modes of A, fastest first, which can be indexed by number or name: modes["phugoid"]."""
-        from hfa_support.reporting.by_name import ByName
+        from hfa_support.reporting.named import ByName
         from trim.linear.modes import modes_of
 
         return ByName(modes_of(self.A, self.states, self.model.modes))

@@ -11,7 +11,7 @@ import numpy as np
 
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, numbers_in
-from hfa_support.reporting.named_array import NamedArray
+from hfa_support.reporting.named import NamedArray
 from hfa_support.reporting.text import Table, eigenvalue_text
 from trim.linear.mode import Mode
 

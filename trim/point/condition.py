@@ -9,11 +9,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
 from hfa_support.linear_table import LinearTable
-from trim.limits import Limits
 
 #: Largest rounding by which a value may be outside the breakpoints of a table.
 _ROUNDING = 1e-12

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.native_units import native_of
+from hfa_aircraft.units import native_of
 from hfa_support.errors import BadInputError, prefix_errors, shown
 from hfa_support.linear_table import LinearTable
 from hfa_support.schema import NUMBER, checked, read_named

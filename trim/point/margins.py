@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from hfa_aircraft.limits import NEAR
 from hfa_aircraft.model import Model
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import degrees, shown_value
-from trim.limits import NEAR
 from trim.point.condition import TrimCondition
 
 

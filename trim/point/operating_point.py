@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.signals import record
-from hfa_aircraft.states_and_inputs import StatesAndInputs
+from hfa_aircraft.signals import StatesAndInputs, record
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.files import write_text
-from hfa_support.jsonable import json_text
+from hfa_support.reporting.data_files import json_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Record, Result
 from hfa_support.reporting.text import in_degrees

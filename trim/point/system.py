@@ -16,10 +16,10 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.layout import Layout, components
+from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_support.linear_table import LinearTable
 from hfa_support.native.bound import RowFunction
-from trim.limits import Limits
 from trim.point.condition import TrimCondition
 
 #: Norm of the scaled residuals at which one more Newton step reaches rounding.

@@ -9,19 +9,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.states_and_inputs import StatesAndInputs
+from hfa_aircraft.signals import StatesAndInputs
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
-from hfa_support.reporting.by_name import ByName
-from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.figure import new_figure, pyplot_figure
-from hfa_support.reporting.named_array import with_names
+from hfa_support.reporting.named import ByName, with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result, RootTable, Stack
-from hfa_support.reporting.rows_made import RowsMade
-from hfa_support.reporting.text import Table, eigenvalue_text, shown_unit, shown_value
+from hfa_support.reporting.results import ByValue, Matrix, Result, RootTable, Stack
+from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value
 from trim.linear.kinks import with_means_at_kinks
 from trim.linear.modes import fastest_first, modes_of
 from trim.point.condition import TrimCondition

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, numbers_in, shown
-from trim.limits import Limits
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.operating_point import OperatingPoint, beyond_range
 from trim.sweeps.points import COMPILE_FROM, condition_at

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from controller.game.linear_game import widths_within_limits
-from trim.limits import Limits
+from hfa_aircraft.limits import Limits
 from trim.linear.linear_model import LinearModel
 from verification.critic.critic_errors import Box, limited_box
 

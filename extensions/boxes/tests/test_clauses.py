@@ -15,8 +15,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from hfa_aircraft.extras import Extras
 from hfa_aircraft.model import Model, Signal
+from hfa_aircraft.source import Extras
 from hfa_boxes.check.checker import BoxWitness, check_region, read_content
 from hfa_boxes.check.cover import Boxes
 from hfa_boxes.check.equilibrium import Equilibrium

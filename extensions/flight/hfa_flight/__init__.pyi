@@ -2,7 +2,6 @@
 
 from .actuators import ActuatorBank as ActuatorBank, ActuatorFault as ActuatorFault
 from .along import models_along as models_along
-from .control_systems import from_control as from_control, to_control as to_control
 from .envelope import flight_envelope as flight_envelope
 from .export.interpolated import InterpolatedModel as InterpolatedModel
 from .gain_schedule import GainSchedule as GainSchedule

@@ -13,7 +13,7 @@ FLY = CommandEntry(
         "hfa_flight.step_flight:StepFlight",
         "hfa_flight.nonlinear_flight:Flight hfa_flight.nonlinear_flight:FlightHistory?",
         "hfa_flight.results:MemberSummary",
-        "hfa_flight.results:MemberAttributes hfa_stores.zarr_store:OfAStore",
+        "hfa_flight.results:MemberAttributes hfa_support.rows.store:OfAStore",
     ),
 )
 EXPORT = CommandEntry(

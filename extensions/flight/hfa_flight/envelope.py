@@ -1,7 +1,7 @@
 """Envelope of a flight, first departure from the envelope, and inputs beyond their control limits.
 
-An envelope consists of `trim.limits.Limits` on the states of a model. In moving air, the limits of
-alpha apply to the angle of attack relative to the air.
+An envelope consists of `hfa_aircraft.limits.Limits` on the states of a model. In moving air, the
+limits of alpha apply to the angle of attack relative to the air.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air import ALPHA, ANGLE_OF_ATTACK, limited_names
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, pair_of, refuse_unknown
 from hfa_support.reporting.text import short_number, shown_unit, with_unit
-from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint
 
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.game.array_file import read_arrays
-from controller.game.file_entries import file_scales, words
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY
 from hfa_aircraft.model import Model
 from hfa_aircraft.names import PlantNames
+from hfa_aircraft.readers.matrices_file import file_scales, words
 from hfa_support.arguments import checks_arguments
+from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors
 from hfa_support.linear_table import LinearTable
 from hfa_support.matrices import checked_matrix

@@ -19,9 +19,9 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_aircraft.rigid.motion import flow_rates, rotation, wind_axes
 from hfa_aircraft.signals import Signal
 from hfa_flight.air import UPDRAFT
-from hfa_rigid.motion import flow_rates, rotation, wind_axes
 
 #: Component of a gust -> disturbance that `in_gusts` adds for it.
 ADDED = {

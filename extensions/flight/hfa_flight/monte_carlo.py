@@ -13,9 +13,10 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.layout import components
+from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_aircraft.signals import VECTORS
-from hfa_aircraft.states_and_inputs import StatesAndInputs
+from hfa_aircraft.signals import VECTORS, StatesAndInputs
+from hfa_aircraft.uncertain import ParameterSpread
 from hfa_flight.air import (
     ALPHA,
     limited_names,
@@ -27,11 +28,9 @@ from hfa_flight.per_thread import cached_per_thread
 from hfa_flight.policies import Policy
 from hfa_flight.scenario import Scenario, with_errors
 from hfa_flight.simulation import CompiledLoop
-from hfa_identify.parameter_spread import ParameterSpread
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unless_whole
 from hfa_support.reporting.report import Reported
-from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint
 
 #: Stored result of a member -> its meaning, and its axis or, for a single number, its unit.

@@ -11,10 +11,10 @@ import numpy as np
 from hfa_flight.air import limited_names
 from hfa_flight.monte_carlo import KEPT, MonteCarlo, fly_members
 from hfa_flight.results import MemberAttributes
-from hfa_stores.workers import open_workers
-from hfa_stores.zarr_store import RowJob, array_of_rows, fill_store
 from hfa_support.arguments import checks_arguments
 from hfa_support.progress import Progress
+from hfa_support.rows.store import RowJob, array_of_rows, fill_store
+from hfa_support.rows.workers import open_workers
 
 #: Steps in a chunk. At 0.8 µs or more a step, a chunk takes at least half a second.
 CHUNK_STEPS = 1_000_000

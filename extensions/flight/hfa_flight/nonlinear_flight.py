@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa_aircraft.limits import Limits
+from hfa_aircraft.march.cost import cost_of_flight
 from hfa_aircraft.model import Model
-from hfa_aircraft.states_and_inputs import StatesAndInputs
+from hfa_aircraft.signals import StatesAndInputs
 from hfa_flight.air import (
     ALPHA,
     ANGLE_OF_ATTACK,
@@ -31,7 +33,6 @@ from hfa_flight.envelope import (
     outside,
     refuse_start,
 )
-from hfa_flight.flight_cost import cost_of_flight
 from hfa_flight.flight_history import Deviations
 from hfa_flight.flown_policy import policy_and_scenario
 from hfa_flight.gust_equations import in_gusts
@@ -53,16 +54,14 @@ from hfa_flight.policies import GainPolicy
 from hfa_flight.scenario import MOST_STEPS, Scenario, Uncertainty, with_errors
 from hfa_flight.simulation import CompiledLoop
 from hfa_support.arguments import checks_arguments, need
-from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
+from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, warn
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import verdict_text
-from hfa_support.reporting.named_array import with_names
+from hfa_support.reporting.named import with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.results import Result, Vector
 from hfa_support.reporting.text import Table, short_number, shown_unit
-from hfa_support.user_warning import warn
-from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint
 from trim.tables import draw_curves
 

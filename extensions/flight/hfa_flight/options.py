@@ -22,6 +22,7 @@ from hfa.options.games import (
 )
 from hfa.options.request import OfModel, option
 from hfa.options.trims import TrimOptions
+from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
 from hfa_flight.actuators import ActuatorBank, ActuatorFault
@@ -36,10 +37,8 @@ from hfa_flight.scenario import Scenario, Uncertainty, with_errors
 from hfa_flight.signals import CommandedStates, CommandSteps, Waveform
 from hfa_flight.turbulence import LEVELS, SPECTRA, Turbulence
 from hfa_support.entry_points import PARTS, part
-from hfa_support.errors import BadInputError, NoSolutionError, choice_of, refuse_unknown
+from hfa_support.errors import BadInputError, NoSolutionError, choice_of, refuse_unknown, warn
 from hfa_support.files import MATRIX_FILES
-from hfa_support.user_warning import warn
-from trim.limits import Limits
 from trim.linear.linear_model import LinearModel
 from trim.point.linearize import linearize
 from trim.point.operating_point import OperatingPoint

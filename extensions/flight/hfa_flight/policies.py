@@ -12,12 +12,12 @@ from typing import Any, ClassVar, NamedTuple
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.flight_history import Deviations
 from hfa_flight.signals import CommandSteps
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 from hfa_support.reporting.report import Reported
-from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from hfa_rigid.tables import Interpolator, lines_of_cells
+from hfa_aircraft.rigid.tables import Interpolator, lines_of_cells
 from hfa_support.linear_table import LinearTable
 
 

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from hfa import BadInputError
-from hfa_flight import to_control
+from hfa_aircraft import to_control
 from hfa_flight.along import models_along
 
 

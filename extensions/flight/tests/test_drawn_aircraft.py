@@ -7,10 +7,10 @@ import pytest
 from project import ROOT
 
 import hfa
+from hfa_aircraft.uncertain import ParameterSpread
 from hfa_flight import GainPolicy, MonteCarlo, Scenario, flight_envelope
 from hfa_flight.drawn_aircraft import drawn_figure
 from hfa_flight.monte_carlo import fly_member
-from hfa_identify.parameter_spread import ParameterSpread
 
 
 def test_the_figure_shows_differences_of_random_flights() -> None:

@@ -21,7 +21,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.envelope import control_limits
 from hfa_model import LINEAR_STATES
 from hfa_servo import save_controller
-from hfa_stores.zarr_store import open_store
+from hfa_support.rows.store import open_store
 from studies.servo.simvfa import reference_servo
 
 

@@ -12,7 +12,7 @@ import pytest
 from cli import assert_refused, hfa
 from project import ROOT
 
-from hfa_stores.zarr_store import open_store
+from hfa_support.rows.store import open_store
 
 NAVION = "navion.py:NAVION"
 F16 = "f16.py:F16"

@@ -12,12 +12,12 @@ from threads import Rows, differing
 
 import hfa
 from hfa.paper import default_parameters
+from hfa_aircraft.limits import Limits
 from hfa_flight.monte_carlo import MonteCarlo, fly_members
 from hfa_flight.per_thread import cached_per_thread
 from hfa_flight.policies import GainPolicy
 from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_model.vectors import STATES
-from trim.limits import Limits
 
 PARAMETERS = default_parameters().values
 

@@ -26,6 +26,7 @@ from hfa import (
     solve,
     trim,
 )
+from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
 from hfa_flight import (
@@ -46,7 +47,6 @@ from hfa_flight.policies import OpenLoop, open_loop
 from hfa_flight.signals import Harmonic, Waveform
 from hfa_flight.simulation import CompiledLoop
 from hfa_model import STATES
-from trim.limits import Limits
 from trim.point.condition import usual_condition
 
 SPEED = STATES.index("speed")

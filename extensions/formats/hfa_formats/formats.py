@@ -8,9 +8,9 @@ from importlib import import_module
 from typing import Any, Literal
 
 from hfa.entry_points import commands
-from hfa_formats.schemas import json_schema, parts_of
 from hfa_support.entry_points import PARTS, loaded, offered
 from hfa_support.provenance import Provenance
+from hfa_support.reporting.json_schema import json_schema, parts_of
 from hfa_support.reporting.results import Result
 
 

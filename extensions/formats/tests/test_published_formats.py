@@ -17,7 +17,7 @@ from project import project_sources
 
 from hfa_aircraft.model import Model
 from hfa_formats.formats import formats
-from hfa_support.jsonable import jsonable
+from hfa_support.reporting.data_files import jsonable
 
 controllers = Extension("controllers")
 servo = Extension("hfa_servo.scheduled_controller")

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_aircraft.uncertain import ParameterSpread
 from hfa_identify.bands import WHITE
 from hfa_identify.column_errors import ColumnError
-from hfa_identify.parameter_spread import ParameterSpread
 from hfa_identify.plan import Manoeuvre
 from hfa_identify.records import Record
 from hfa_support.errors import NoSolutionError, refuse_unknown

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.array_file import read_arrays
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_identify.ulog import ulog_columns
+from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, refuse_unknown, shortened, shown
 from hfa_support.files import regular_file
 from hfa_support.units import conversion, si_unit

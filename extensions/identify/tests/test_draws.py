@@ -11,9 +11,8 @@ from project import ROOT
 import hfa
 from controller.riccati.smallest_delta import minimum_delta
 from hfa.main import main
-from hfa_identify.draws.parameters import spread_of_file
+from hfa_aircraft.uncertain import ParameterSpread, spread_of_file
 from hfa_identify.draws.spread import DrawnAircraft
-from hfa_identify.parameter_spread import ParameterSpread
 from trim.point.condition import usual_condition
 
 UAV = str(ROOT / "examples" / "uav.toml")

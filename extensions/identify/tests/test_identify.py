@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 
 import hfa
 from hfa.main import main
-from hfa_derivatives.aircraft import from_derivatives
+from hfa_aircraft.readers.derivatives.read import from_derivatives
 from hfa_identify.bands import correlations, noise_of, smooth_autocorrelation
 from hfa_identify.estimation import identify
 from hfa_identify.excitation import still_quantities

@@ -7,13 +7,13 @@ from typing import Any
 
 import casadi as ca
 
+from hfa_aircraft.rigid.motion import wind_axes
 from hfa_jsbsim.air import Motion
 from hfa_jsbsim.airframe import Metrics
 from hfa_jsbsim.functions import function_value
 from hfa_jsbsim.notes import Note
 from hfa_jsbsim.properties import Properties, Writer
 from hfa_jsbsim.xml_file import Element
-from hfa_rigid.motion import wind_axes
 from hfa_support.errors import shortened
 
 #: Axis -> component of force (0 to 2) or moment (3 to 5).

@@ -8,9 +8,9 @@ from typing import Any
 
 import casadi as ca
 
+from hfa_aircraft.rigid.atmosphere import FT_TO_M, SEA_LEVEL, SEA_LEVEL_PRESSURE, Air, air_at
+from hfa_aircraft.rigid.motion import angular_velocity, rotation, turn_rate, wind_axes
 from hfa_jsbsim.airframe import Mass, Metrics
-from hfa_rigid.atmosphere import FT_TO_M, SEA_LEVEL, SEA_LEVEL_PRESSURE, Air, air_at
-from hfa_rigid.motion import angular_velocity, rotation, turn_rate, wind_axes
 
 KNOT = 1852.0 / (3600.0 * FT_TO_M)
 _SUTHERLAND = 198.72

@@ -10,6 +10,14 @@ from typing import Any
 
 import casadi as ca
 
+from hfa_aircraft.rigid.motion import (
+    STATES,
+    acceleration,
+    angular_acceleration,
+    flow_rates,
+    state_rates,
+    turn_rate,
+)
 from hfa_jsbsim import engines as jets
 from hfa_jsbsim.aerodynamics import Aerodynamics
 from hfa_jsbsim.air import (
@@ -45,14 +53,6 @@ from hfa_jsbsim.surfaces import (
     reach_throttles,
 )
 from hfa_jsbsim.xml_file import Element
-from hfa_rigid.motion import (
-    STATES,
-    acceleration,
-    angular_acceleration,
-    flow_rates,
-    state_rates,
-    turn_rate,
-)
 from hfa_support.errors import BadInputError, shortened
 
 #: Parameters with the velocity of a steady wind toward north, east and down, ft/s. The states are

@@ -13,13 +13,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.rigid.motion import rotation
 from hfa_jsbsim.air import Motion
 from hfa_jsbsim.airframe import Mass, Tank
 from hfa_jsbsim.functions import function_value, read_table, table_value
 from hfa_jsbsim.notes import Note
 from hfa_jsbsim.properties import Properties, Writer
 from hfa_jsbsim.xml_file import Element
-from hfa_rigid.motion import rotation
 from hfa_support.errors import shortened
 
 #: Properties that engines set, except the speeds of their shafts.

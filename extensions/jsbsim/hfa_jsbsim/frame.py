@@ -17,12 +17,11 @@ import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from hfa_aircraft.rigid.motion import STATES, flow_rates, rotation, wind_axes
 from hfa_jsbsim.aircraft import WINDS, Equations
 from hfa_jsbsim.parts import Parts
 from hfa_jsbsim.surfaces import PilotInput
-from hfa_rigid.motion import STATES, flow_rates, rotation, wind_axes
-from hfa_support.errors import BadInputError, shortened
-from hfa_support.user_warning import warn
+from hfa_support.errors import BadInputError, shortened, warn
 
 #: Variables of motion in an array, and their sizes: attitude quaternion, position, velocity and
 #: angular velocity, all inertial; rotation angle of the earth; acceleration, also that of the

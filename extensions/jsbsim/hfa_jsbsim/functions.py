@@ -11,9 +11,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.rigid.tables import lines_of_cells
 from hfa_jsbsim.properties import Properties
 from hfa_jsbsim.xml_file import Element
-from hfa_rigid.tables import lines_of_cells
 from hfa_support.errors import shortened
 
 

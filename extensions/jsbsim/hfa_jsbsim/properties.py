@@ -11,9 +11,9 @@ from typing import Any
 
 import casadi as ca
 
+from hfa_aircraft.rigid.tables import Interpolator
 from hfa_jsbsim.notes import Note
 from hfa_jsbsim.xml_file import Element, number_of
-from hfa_rigid.tables import Interpolator
 from hfa_support.errors import BadInputError, shortened
 
 #: Names of the model that states of the control system may not have.

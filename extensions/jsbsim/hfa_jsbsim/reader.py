@@ -13,9 +13,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.extras import Extras
 from hfa_aircraft.model import Model
+from hfa_aircraft.rigid.atmosphere import SEA_LEVEL
+from hfa_aircraft.rigid.motion import STATES
 from hfa_aircraft.signals import Signal
+from hfa_aircraft.source import Extras
 from hfa_jsbsim.accounting import account, constant_commands
 from hfa_jsbsim.aircraft import GUSTS, WINDS, Equations
 from hfa_jsbsim.airframe import SLUG_TO_LB
@@ -28,8 +30,6 @@ from hfa_jsbsim.reasons import explain, of_files
 from hfa_jsbsim.speeds import speed_and_density
 from hfa_jsbsim.surfaces import PilotInput
 from hfa_jsbsim.xml_file import Folders
-from hfa_rigid.atmosphere import SEA_LEVEL
-from hfa_rigid.motion import STATES
 from hfa_support.errors import BadInputError, advice, choice_of, shortened
 
 #: Outputs that are surface positions: name -> property, in rad.

@@ -9,8 +9,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.rigid.atmosphere import air_at
 from hfa_jsbsim.air import KNOT, mach_of_calibrated, subsonic_mach_of_calibrated
-from hfa_rigid.atmosphere import air_at
 
 
 def speed_and_density(imposed: Mapping[str, Any], altitude: Any) -> tuple[Any, Any]:

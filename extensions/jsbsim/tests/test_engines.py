@@ -9,7 +9,7 @@ from small_aircraft import written
 
 from hfa import linearize, trim
 from hfa_aircraft.loading import load_model
-from hfa_rigid.atmosphere import air_at
+from hfa_aircraft.rigid.atmosphere import air_at
 from studies.jsbsim.constructs.airframe import driven
 from studies.jsbsim.constructs.jet import SLOTS, jet
 from studies.jsbsim.flights import difference, drawn, trimmed

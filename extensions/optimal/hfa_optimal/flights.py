@@ -10,9 +10,9 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.march.cost import cost_of_flight
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.envelope import Departure, departure
-from hfa_flight.flight_cost import cost_of_flight
 from hfa_flight.flight_history import Deviations
 from hfa_flight.policies import FunctionPolicy, Policy
 from hfa_flight.scenario import Scenario

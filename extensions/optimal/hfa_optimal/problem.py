@@ -14,12 +14,12 @@ from controller.game.linear_game import game
 from controller.game.weights import nominal_weights
 from controller.riccati.gare import unconfirmed_solution
 from hfa_aircraft.layout import components
+from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.envelope import control_limits, flight_envelope
 from hfa_flight.flight_tables import series
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.reporting.results import Matrix
-from trim.limits import Limits
 from trim.linear.linear_model import LinearModel
 from trim.point.linearize import linearize
 from trim.point.operating_point import OperatingPoint

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from hfa_model.printed_matrices import PublishedModel
+from hfa_model.published import PublishedModel
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.reporting.text import TONES, Cell, Table, four_decimals
 from trim.hfa.printed import EntryRow, compare

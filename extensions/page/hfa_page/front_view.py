@@ -8,7 +8,7 @@ import numpy as np
 
 import hfa_model
 from hfa_aircraft.model import Model
-from hfa_aircraft.native_units import unit_of
+from hfa_aircraft.units import unit_of
 from hfa_support.reporting.figure import new_figure
 from trim.point.operating_point import OperatingPoint
 

@@ -17,7 +17,7 @@ from controller.riccati.gare import Solution, solve
 from hfa_aircraft.model import Model
 from hfa_model import choice
 from hfa_model.parameters import ParameterSet
-from hfa_model.printed_matrices import published_models
+from hfa_model.published import published_models
 from hfa_model.variants import variant_named
 from hfa_page.claims import Claims
 from hfa_page.flights import StoredFlights

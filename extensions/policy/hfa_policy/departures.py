@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hfa_aircraft.limits import Limits
 from hfa_flight.envelope import Departure, departure, flight_envelope
 from hfa_policy.flights import SampledFlight
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import RowFunction
 from hfa_support.reporting.text import short_number, shown_unit
-from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint
 
 

@@ -22,12 +22,12 @@ import numpy as np
 
 from controller.critic.critic import symbols_for
 from hfa_aircraft.layout import components
+from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_policy.deployment import Deployment
 from hfa_policy.formulas import Formula, read_formula
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown, shortened
-from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint
 
 #: Names in a map in addition to the names of the aircraft.

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_identify.draws.parameters import spread_of
+from hfa_aircraft.uncertain import spread_of
 from hfa_identify.draws.report import SEED
 from hfa_identify.draws.spread import Draws, band_of
 from hfa_policy.assessment import AssessedPoint, Assessor

@@ -16,8 +16,7 @@ from hfa_policy.deployment import Deployment
 from hfa_policy.episodes import SECONDS, Episodes
 from hfa_policy.trims import trims_of
 from hfa_support.arguments import ArrayLike, checks_arguments
-from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole
-from hfa_support.user_warning import warn
+from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole, warn
 
 if TYPE_CHECKING:
     import gymnasium

@@ -21,8 +21,8 @@ from hfa_policy.deployed import Deployed
 from hfa_policy.flights import SampledFlight, Steered, symbols_of_a_sample
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.outcomes import start_box
-from hfa_policy.row_code import bound_rows, row_code
 from hfa_support.errors import BadInputError, is_finite, shown
+from hfa_support.native.row_code import bound_rows, row_code
 from trim.point.operating_point import OperatingPoint
 
 #: From this number of episodes on, several threads are faster.

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hfa_aircraft.limits import Limits
 from hfa_policy.deployed import Deployed
 from hfa_support.reporting.results import Matrix
-from trim.limits import Limits
 from trim.linear.kinks import linearization_at
 from trim.linear.switches import STEP
 from trim.point.operating_point import OperatingPoint

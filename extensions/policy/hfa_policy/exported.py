@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from hfa_flight.export.c_code import c_function
 from hfa_flight.export.c_text import comment_lines, filled, positions, units_of
+from hfa_support.native.c_code import c_function
 
 if TYPE_CHECKING:
     from hfa_policy.flown import DeployedPolicy

@@ -27,8 +27,8 @@ import numpy as np
 from hfa_networks.files.row_network import RowNetwork
 from hfa_policy.deployed import Deployed
 from hfa_policy.held_step import held_step
-from hfa_policy.row_code import row_code
 from hfa_support.native.bound import RowFunction
+from hfa_support.native.row_code import row_code
 
 #: Number of samples from which on compilation to machine code is faster.
 COMPILE_FROM = 50_000

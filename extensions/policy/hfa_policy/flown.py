@@ -21,9 +21,8 @@ from hfa_policy.equilibrium import EquilibriumSearch
 from hfa_policy.file_notes import notes_on_files
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.sampled_loop import chain_of
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, warn
 from hfa_support.native.bound import BoundFunction
-from hfa_support.user_warning import warn
 from trim.point.operating_point import OperatingPoint
 
 #: Longest step of a flight in moving air or with actuators, s.

@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_aircraft.units import signal_unit
 from hfa_flight.actuators import ActuatorBank
-from hfa_flight.export.c_code import c_function
 from hfa_flight.export.c_text import (
     comment_lines,
     constant_tables,
@@ -23,10 +23,10 @@ from hfa_flight.export.c_text import (
 from hfa_flight.export.exported_loop import Argument, Channel, ExportedLoop, Steering, exported_loop
 from hfa_flight.policies import Measurements
 from hfa_flight.signals import COMMAND_FILTER, CommandSteps
-from hfa_servo.design import signal_unit
 from hfa_servo.measured_outputs import MeasuredOutputs
 from hfa_servo.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from hfa_servo.servo_policy import ServoPolicy, servo_policy
+from hfa_support.native.c_code import c_function
 from hfa_support.reporting.text import shown_value
 from trim.point.operating_point import OperatingPoint
 

@@ -27,11 +27,10 @@ from hfa_servo.loop_shaping import (
 )
 from hfa_servo.scheduled_controller import COMMAND_SIGNALS, ScheduledController, identity
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError, NoSolutionError
-from hfa_support.jsonable import finite_or_none
+from hfa_support.errors import BadInputError, NoSolutionError, warn
 from hfa_support.progress import Progress, with_progress
 from hfa_support.reporting.checks import Check
-from hfa_support.user_warning import warn
+from hfa_support.reporting.data_files import finite_or_none
 from trim.linear.linear_model import LinearModel
 from trim.point.level_model import level_model
 

@@ -7,7 +7,6 @@ unit.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
@@ -16,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.native_units import native_of
+from hfa_aircraft.units import native_of
 from hfa_flight.signals import COMMAND_FILTER
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import (
@@ -32,15 +31,6 @@ from hfa_support.schema import NUMBER, POSITIVE, Number, checked, read_named
 NAMED = {"paper": "paper.toml", "servo": "servo.toml"}
 #: Sources of the disturbance of the game, in addition to the disturbances of the model.
 DISTURBANCES = ("states", "commands")
-#: Ending of a name -> factor on the unit of the name without it.
-_ENDS = {
-    "_command_end": "",
-    "_rate": "/s",
-    "_command": "",
-    "_estimate": "",
-    "_integral": " s",
-    "_position": "",
-}
 
 
 @dataclass(frozen=True)
@@ -280,25 +270,6 @@ def _refuse_names(unknown: str, names: Sequence[str], choices: Sequence[str]) ->
         if names.count(name) > 1:
             what = unknown.replace(" unknown ", " ")
             raise BadInputError(f"{what} {name} is named twice; remove one {name}")
-
-
-def signal_unit(model: Model, name: str) -> str:
-    """Return the unit of a controller signal, derived from its name, or "" if the unit is unknown.
-
-    Examples are ft/s for speed_estimate, and ft/s^2 s for the integral of an acceleration.
-    """
-    without_lag = re.sub(r"_lag_\d+$", "", name).removeprefix("model_")
-    whole, _ = model.part(without_lag)
-    if whole in model.signals:
-        return model.unit(whole)
-    for ending, times in _ENDS.items():
-        if without_lag.endswith(ending):
-            unit = signal_unit(model, without_lag.removesuffix(ending))
-            if not unit:
-                return ""
-            # "(ft/s)/s" instead of "ft/s/s".
-            return re.sub(r"^(.*/.*)/s$", r"(\1)/s", unit + times)
-    return ""
 
 
 _WEIGHTS = {str: Number(0.0, 1e100)}

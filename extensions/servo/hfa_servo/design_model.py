@@ -12,7 +12,8 @@ import numpy as np
 from controller.game.zero_sum import Game
 from hfa_aircraft.model import Model
 from hfa_aircraft.names import PlantNames
-from hfa_servo.design import Design, signal_unit
+from hfa_aircraft.units import signal_unit
+from hfa_servo.design import Design
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Reported

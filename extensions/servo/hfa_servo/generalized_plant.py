@@ -17,8 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.array_file import read_arrays
-from controller.game.file_entries import entries_of, one_number
 from controller.game.zero_sum import Game, check_definite
 from controller.riccati.balancing import spectrum
 from controller.riccati.certificate import certified_solution
@@ -33,10 +31,12 @@ from controller.riccati.frequency_response import (
 )
 from controller.riccati.normal_form import RANK, NormalForm
 from controller.riccati.smallest_delta import DeltaMin, obstacle
+from hfa_aircraft.readers.matrices_file import entries_of, one_number
 from hfa_servo.plant_axes import Axes
 from hfa_servo.plant_side import Side
 from hfa_servo.value_error import value_error
 from hfa_support.arguments import checks_arguments
+from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import (
     BadInputError,
     NoSolutionError,

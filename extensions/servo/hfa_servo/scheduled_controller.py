@@ -14,22 +14,19 @@ from typing import Any, Literal
 
 import numpy as np
 
-from controller.game.array_file import read_arrays
 from hfa_aircraft.model import Model
-from hfa_aircraft.native_units import native_of
-from hfa_aircraft.units import in_si
+from hfa_aircraft.units import in_si, native_of, signal_unit
 from hfa_flight.gain_schedule import GainSchedule, load_gain_schedule
-from hfa_servo.design import signal_unit
 from hfa_servo.results import ControllerData, ControllerFile
 from hfa_support.arguments import checks_arguments
+from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown, shown
-from hfa_support.jsonable import jsonable
 from hfa_support.linear_table import LinearTable
 from hfa_support.provenance import parameter_hash
-from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.checks import verdict_text
-from hfa_support.reporting.data_files import save_data
+from hfa_support.reporting.data_files import jsonable, save_data
 from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import ByValue
 from hfa_support.reporting.text import Table, shown_value
 from hfa_support.schema import NUMBER, POSITIVE, checked
 from hfa_support.units import conversion

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.states_and_inputs import StatesAndInputs
-from hfa_stores.zarr_store import RowJob, array_of_rows, fill_store
+from hfa_aircraft.signals import StatesAndInputs
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
+from hfa_support.rows.store import RowJob, array_of_rows, fill_store
 from trim.point.system import TrimSystem
 from trim.sweeps.points import STATUS
 from trim.sweeps.sweep import run_points, slow_note, trimmed_words
@@ -96,7 +96,7 @@ class StoredSweep(Result, Reported):
 #: Results that a sweep writes with a store, and attributes of the store.
 RESULTS = (
     "hfa_stores.sweep_store:StoredSweep",
-    "hfa_stores.sweep_store:SweepAttributes hfa_stores.zarr_store:OfAStore",
+    "hfa_stores.sweep_store:SweepAttributes hfa_support.rows.store:OfAStore",
 )
 
 

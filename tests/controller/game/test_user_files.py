@@ -13,13 +13,13 @@ from game_files import small, stored
 from scipy.sparse import csc_matrix
 
 from controller import load_game
-from controller.game.file_entries import file_scales
 from controller.game.user_files import stored_game
 from controller.hfa_files import paper_defaults
 from hfa import BadInputError, Game
 from hfa.options.games import diagonal
 from hfa.paper import published_game
 from hfa_aircraft.names import PlantNames
+from hfa_aircraft.readers.matrices_file import file_scales
 from hfa_model import LINEAR_STATES, published_models
 
 A2 = [[0.0, 1.0], [-2.0, -3.0]]

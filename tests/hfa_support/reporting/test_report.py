@@ -18,8 +18,7 @@ from hfa_support.reporting.checks import at_least, at_most, below
 from hfa_support.reporting.data_files import save_data
 from hfa_support.reporting.figure import new_figure, save
 from hfa_support.reporting.parts import Picture
-from hfa_support.reporting.rows_made import RowsMade
-from hfa_support.reporting.text import Cell, Table
+from hfa_support.reporting.text import Cell, RowsMade, Table
 
 
 def picture(drawn: list[str]) -> Picture:

@@ -14,7 +14,7 @@ import pytest
 import hfa
 from hfa_model import INPUTS, LINEAR_STATES, Parameters, State, published_models
 from hfa_model.parameters import ParameterSet
-from hfa_model.printed_matrices import PublishedModel
+from hfa_model.published import PublishedModel
 from hfa_model.variants import Published, Variant
 from studies.identification.parameters import ALTERNATIVES, IDENTIFIED, ROUGH, Fit, fit, identify
 from trim import compare, regenerate

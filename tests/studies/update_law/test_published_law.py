@@ -13,7 +13,7 @@ from reference_riccati import reference_solution, relative_error
 from controller import basis, run
 from controller.game.training_run import TrainingRun
 from hfa import Game, NoSolutionError
-from hfa_model.published_data import published_data
+from hfa_model.published import published_data
 from studies.update_law.published_law import (
     PublishedLaw,
     PublishedSettings,

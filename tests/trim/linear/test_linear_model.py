@@ -20,7 +20,7 @@ from hfa_aircraft.model import Model
 from hfa_model import LINEAR_STATES, STATES, Parameters, published_models
 from hfa_model.kinematics import DISTURBANCES
 from hfa_model.parameters import ParameterSet
-from hfa_model.printed_matrices import PublishedModel
+from hfa_model.published import PublishedModel
 from studies.identification.parameters import IDENTIFIED
 from trim import compare, entry_bands, regenerate
 from trim.hfa.printed import (

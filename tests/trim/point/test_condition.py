@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from hfa_aircraft.extras import Extras
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
+from hfa_aircraft.source import Extras
 from trim.point.condition import with_first_alternatives, without_alternatives
 
 

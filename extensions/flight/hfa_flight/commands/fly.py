@@ -21,12 +21,11 @@ from hfa.options.trims import (
 )
 from hfa.options.workers import WorkersOptions
 from hfa.output import ProgressLine, show
+from hfa_aircraft.uncertain import spread_of
 from hfa_discrete.critic_file import critic_of_steps
 from hfa_flight.options import FlightOptions
-from hfa_identify.draws.parameters import spread_of
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, warn
 from hfa_support.files import MATRIX_FILES
-from hfa_support.user_warning import warn
 
 _MOST_MEMBERS = 10_000_000
 _MOST_STEPS = 1_000_000

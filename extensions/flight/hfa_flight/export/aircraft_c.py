@@ -13,7 +13,6 @@ import numpy as np
 
 from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
-from hfa_flight.export.c_code import c_function
 from hfa_flight.export.c_text import (
     comment_lines,
     constant_tables,
@@ -25,6 +24,7 @@ from hfa_flight.export.c_text import (
     units_of,
 )
 from hfa_flight.policies import FunctionPolicy, GainPolicy
+from hfa_support.native.c_code import c_function
 from trim.linear.linear_model import LinearModel
 
 #: Names of the header, the source and the example.

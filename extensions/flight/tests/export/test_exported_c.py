@@ -26,7 +26,6 @@ from hfa_aircraft.model import Model
 from hfa_flight import ActuatorBank, CommandSteps, GainPolicy, Scenario
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.export.aircraft_c import AIRCRAFT_FILES, c_model_texts
-from hfa_flight.export.c_code import c_function
 from hfa_flight.export.c_text import write_texts
 from hfa_flight.policies import Measurements
 from hfa_flight.signals import CommandedStates
@@ -42,6 +41,7 @@ from hfa_servo.controller_c import (
     longest_step,
 )
 from hfa_servo.servo_policy import servo_policy
+from hfa_support.native.c_code import c_function
 from trim.point.condition import usual_condition
 
 pytestmark = needs_gcc

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from cli import assert_refused, hfa
 
-from controller.game.array_file import read_arrays
 from hfa import solve
 from hfa.paper import published_game
+from hfa_support.arrays.read import read_arrays
 
 OCTAVE = shutil.which("octave-cli")
 pytestmark = pytest.mark.skipif(OCTAVE is None, reason="GNU Octave is not installed")

@@ -11,11 +11,11 @@ from known_models import exact_gain, game_at, model_at
 
 import hfa
 from hfa import Game, Model, OperatingPoint, fly
+from hfa_aircraft.limits import Limits
 from hfa_flight import GainPolicy, Policy, Scenario, Waveform, flight_envelope
 from hfa_flight.nonlinear_flight import Flight
 from hfa_flight.policies import Measurements
 from hfa_model import LINEAR_STATES, Parameters
-from trim.limits import Limits
 
 N = len(LINEAR_STATES)
 SMALL = np.array([0.2, 0.01, 5.0, 0.01, 0.02, 0.03, 0.02])

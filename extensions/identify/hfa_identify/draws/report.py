@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from hfa.output import ProgressLine
-from hfa_identify.draws.parameters import spread_of
+from hfa_aircraft.uncertain import spread_of
 from hfa_identify.draws.spread import DrawnAircraft, Draws, WithDraws
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report

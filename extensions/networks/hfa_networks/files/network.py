@@ -23,8 +23,7 @@ from hfa_networks.files.q_function import policy_of
 from hfa_networks.files.state_dict import Squash
 from hfa_networks.files.torch_module import module_network
 from hfa_support.arguments import checks_arguments, need
-from hfa_support.errors import BadInputError, prefix_errors, shortened
-from hfa_support.user_warning import warn
+from hfa_support.errors import BadInputError, prefix_errors, shortened, warn
 
 #: Kinds of outputs: V, dV/dz, u, and the vector (V, u).
 OUTPUTS = ("V", "gradient", "policy", "V+policy")

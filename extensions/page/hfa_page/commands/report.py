@@ -23,8 +23,8 @@ from hfa_page.job_report import main_report, page, plotly_script
 from hfa_page.main_job import ASKED, MOST_ASKED, MOST_SWEPT, SWEEP, MainJob, main_job
 from hfa_support.errors import BadInputError, printable
 from hfa_support.files import all_or_none, write_text
-from hfa_support.jsonable import jsonable
 from hfa_support.progress import print_flushed
+from hfa_support.reporting.data_files import jsonable
 from hfa_support.reporting.figure import save
 from hfa_support.reporting.report import Report
 

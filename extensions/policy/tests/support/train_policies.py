@@ -18,11 +18,11 @@ import stable_baselines3 as sb3
 import torch
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
+from hfa_aircraft.limits import Limits
 from hfa_aircraft.loading import load_model
 from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
 from hfa_policy.held_step import held_step, parts_of_a_sample
-from trim.limits import Limits
 from trim.point.condition import usual_condition
 from trim.point.solve import trim
 

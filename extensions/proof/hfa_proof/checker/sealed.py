@@ -10,7 +10,7 @@ from typing import Any
 from hfa_proof.checker.reading import Fields
 from hfa_support.errors import BadInputError, file_faults, on_one_line
 from hfa_support.files import regular_file, write_text
-from hfa_support.jsonable import jsonable
+from hfa_support.reporting.data_files import jsonable
 from hfa_support.version import VERSION
 
 SCHEMA = "hfa.certificate/9"

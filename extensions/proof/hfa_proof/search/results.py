@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.states_and_inputs import StatesAndInputs
+from hfa_aircraft.signals import StatesAndInputs
 from hfa_proof.checker.statement import ModelsStatement
 from hfa_support.reporting.results import Matrix, Result, Vector
 

@@ -20,9 +20,9 @@ from controller import basis
 from controller.critic.critic import from_parts
 from hfa import Game, prove_critic, prove_solution, solve
 from hfa.paper import default_parameters, published_game
-from hfa_aircraft.extras import Extras
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model, Signal
+from hfa_aircraft.source import Extras
 from hfa_model import INPUTS, LINEAR_STATES
 from hfa_proof import Family, prove_models, prove_schedule
 from hfa_proof.checker.sealed import sealed

@@ -21,7 +21,7 @@ from hfa.options.trims import (
     scheduled,
 )
 from hfa.output import ProgressLine, print_report
-from hfa_aircraft.native_units import native_of, native_values
+from hfa_aircraft.units import native_of, native_values
 from hfa_servo.design import load_design
 from hfa_servo.scheduled_controller import (
     SUFFIXES,

@@ -1,3 +1,0 @@
-"""Air with mass and memory: the `unsteady` dynamics of the highly flexible aircraft."""
-
-from .unsteady import UNSTEADY as UNSTEADY

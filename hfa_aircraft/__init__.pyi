@@ -1,0 +1,3 @@
+"""Declaration, loading and conversion of aircraft models."""
+
+from .control_systems import from_control as from_control, to_control as to_control

@@ -1,0 +1,119 @@
+"""Conversion of models to and from python-control's `NonlinearIOSystem`."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.layout import components
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import Signal
+from hfa_support.errors import BadInputError
+
+if TYPE_CHECKING:
+    import control
+
+
+def to_control(model: Model, outputs: Sequence[str] | None = None) -> control.NonlinearIOSystem:
+    """Return a model as a python-control system x' = f(x, u, p), y = outputs.
+
+    Names are kept. Disturbances are 0.
+
+    outputs: names of states and outputs of the model, by default all
+
+    >>> import hfa
+    >>> from hfa_aircraft import to_control
+    >>> to_control(hfa.aircraft()).ninputs
+    5
+    """
+    import control
+
+    seen = [*model.states, *model.outputs] if outputs is None else list(outputs)
+    vectors = model.layout.symbols("x", "u", "p")
+    f, y = model.layout.expressions(list(map(components, vectors)), seen)
+    function = ca.Function("system", vectors, [f, y])
+    names = tuple(model.parameters)
+
+    def at(x: np.ndarray, u: np.ndarray, params: dict[str, float], result: int) -> np.ndarray:
+        return np.array(function(x, u, [params[name] for name in names])[result]).ravel()
+
+    return control.nlsys(
+        lambda _, x, u, params: at(x, u, params, 0),
+        lambda _, x, u, params: at(x, u, params, 1),
+        name="".join(each if each.isalnum() else "_" for each in model.title),
+        states=list(model.states),
+        inputs=list(model.inputs),
+        outputs=seen,
+        params={name: signal.start for name, signal in model.parameters.items()},
+    )
+
+
+def from_control(
+    system: control.NonlinearIOSystem, units: Mapping[str, str | Signal], **declared: Any
+) -> Model:
+    """Return the model of a python-control system whose functions accept CasADi symbols.
+
+    units: name -> unit or `Signal`. The unit is 1 for names that are not given
+    declared: further fields of `Model`
+
+    Raises BadInputError if the system has no update function, is in discrete time, depends on time,
+    or cannot be evaluated with symbols.
+    """
+    name = str(system.name)
+    if getattr(system, "updfcn", None) is None:
+        raise BadInputError(f"{name} has no update function; give a system made by control.nlsys")
+    if system.dt:
+        raise BadInputError(
+            f"{name} is in discrete time, which is not supported; give a system in continuous time"
+        )
+    states = system.state_labels
+    inputs = system.input_labels
+    constants = dict(system.params)
+    outputs = [label for label in system.output_labels if label not in (*states, *inputs)]
+
+    def values(time: Any, x: Any, u: Any, p: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        arrays = []
+        for vector in (x, u):  # one by one, because NumPy would treat a symbol as a sequence
+            arrays.append(np.empty(len(vector), dtype=object))
+            arrays[-1][:] = list(vector)
+        arguments = (time, *arrays, {**constants, **dict(zip(constants, p, strict=True))})
+        found = [
+            list(system.updfcn(*arguments)),
+            list(system.outfcn(*arguments)) if system.outfcn else list(x),
+        ]
+        rates = dict(zip(states, found[0], strict=True))
+        seen = dict(zip(system.output_labels, found[1], strict=True))
+        return rates, {label: seen[label] for label in outputs}
+
+    def signal(label: str, start: float = 0.0) -> Signal:
+        known = units.get(label, "1")
+        return known if isinstance(known, Signal) else Signal(known, start=start)
+
+    model = Model(
+        name=name,
+        states={label: signal(label) for label in states},
+        inputs={label: signal(label) for label in inputs},
+        parameters={label: signal(label, float(value)) for label, value in constants.items()},
+        outputs={label: signal(label) for label in outputs},
+        equations=lambda x, u, p, w: values(0.0, x, u, p),
+        **declared,
+    )
+    time = ca.SX.sym("t")
+    columns = map(components, model.layout.symbols("x", "u", "p"))
+    with warnings.catch_warnings(action="ignore", category=FutureWarning):
+        rates, seen = values(time, *columns)  # CasADi warns about NumPy functions
+    if ca.depends_on(ca.vertcat(*map(ca.SX, (*rates.values(), *seen.values()))), time):
+        raise BadInputError(
+            f"{name} depends on time, which is not supported; declare the time-dependent term as "
+            "an input"
+        )
+    if model.layout.has_nan:
+        raise BadInputError(
+            f"{name} uses float or math, which cannot be evaluated with symbols; use functions "
+            "of NumPy"
+        )
+    return model

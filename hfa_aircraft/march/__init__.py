@@ -1,0 +1,1 @@
+"""Simulation of closed loops, and the cost of their flights."""

@@ -1,0 +1,103 @@
+"""Variables of a DAVE-ML file as CasADi expressions of the inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.readers.daveml.document import Document, Variable
+from hfa_aircraft.readers.daveml.mathml import expression
+from hfa_aircraft.rigid.tables import Interpolator
+from hfa_support.errors import BadInputError
+
+
+class Expressions:
+    """Values of the variables of a document, each computed once, at its first use.
+
+    The first of these values that exists is used, clipped to the limits of the variable:
+
+    - the given value,
+    - the value of a table or formula,
+    - the initial value.
+    """
+
+    def __init__(self, document: Document, given: Mapping[str, Any], table: Interpolator) -> None:
+        """Store the given values, clipped to the limits of the variables.
+
+        given: varID -> value in the file's units
+        table: interpolator shared by the files of an aircraft
+        """
+        self._document = document
+        self._values = {
+            key: _limited(document.variables[key], value) for key, value in given.items()
+        }
+        self._table = table
+        self._asked: list[str] = []
+
+    def __getitem__(self, key: str) -> Any:
+        """Return the value of the variable with this varID, in the file's units.
+
+        Raises BadInputError if the variable, or a variable on which it depends, is not defined, has
+        no value, depends on itself or has an invalid or too deeply nested formula.
+        """
+        if key in self._values:
+            return self._values[key]
+        variable = self._document.variables.get(key)
+        asked = self._asked[-1] if self._asked else key
+        if variable is None:
+            raise self._document.error(
+                f"variable {asked}", f"variable {key} is not defined; add a <variableDef>"
+            )
+        if key in self._asked:
+            circle = ", ".join(self._asked[self._asked.index(key) :])
+            raise self._document.error(
+                f"variable {key}",
+                f"the definition of the variable is circular ({circle}); remove the circular "
+                "dependence",
+            )
+        self._asked.append(key)
+        try:
+            self._values[key] = _limited(variable, self._value(variable))
+        except RecursionError as error:
+            raise self._document.error(
+                f"variable {key}", "the formula is nested too deeply; use further variables"
+            ) from error
+        finally:
+            self._asked.pop()
+        return self._values[key]
+
+    def _value(self, variable: Variable) -> Any:
+        function = self._document.functions.get(variable.key)
+        if function is not None:
+            arguments = [_between(self[axis.key], axis.least, axis.most) for axis in function.axes]
+            return function.table.value(arguments, self._table)
+        if variable.formula is not None:
+            try:
+                return expression(variable.formula, self.__getitem__)
+            except BadInputError as error:
+                if str(error).startswith(self._document.path):
+                    raise
+                raise self._document.error(f"variable {variable.key}", str(error)) from error
+        if variable.initial is None:
+            raise self._document.error(
+                f"variable {variable.key}",
+                "the variable has no table, formula or initial value; add the attribute "
+                "initialValue",
+            )
+        return variable.initial
+
+
+def _limited(variable: Variable, value: Any) -> Any:
+    """Return the value, clipped to the limits of the variable."""
+    return _between(value, variable.least, variable.most)
+
+
+def _between(value: Any, least: float, most: float) -> Any:
+    if np.isfinite(least):
+        value = ca.fmax(value, least)
+    if np.isfinite(most):
+        value = ca.fmin(value, most)
+    return value

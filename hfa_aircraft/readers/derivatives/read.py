@@ -1,0 +1,237 @@
+"""The `Model` of a table of derivatives.
+
+Forces and moments:
+
+  L, D, Y = q̄ S (C_L, C_D, C_Y),  moments = q̄ S (b C_l, c C_m, b C_n)
+
+q̄ is the dynamic pressure. S, b and c are the area, span and chord of the wing. Each coefficient is
+linear in alpha - alpha_0, beta, p b/2V, q c/2V, r b/2V, alphadot c/2V, the deflections, and the
+difference of the Mach number from the reference condition. C_D also has the term C_D,CL2 C_L².
+
+The angle of attack alpha_0 of the reference condition defines the body axes. The inertias are about
+the body axes. C_l, C_n, p and r are about the axes given by the entry `axes`. The stability axes
+are rotated from the body axes by alpha_0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+
+from hfa_aircraft.model import Model
+from hfa_aircraft.readers.derivatives.names import INDUCED, THRUST_INPUT
+from hfa_aircraft.readers.derivatives.table import Table, read_table, table_of
+from hfa_aircraft.rigid.aircraft import FORCE, GRAVITY, LENGTH, Motion, rigid_aircraft
+from hfa_aircraft.rigid.atmosphere import air_at
+from hfa_aircraft.rigid.motion import inertia_matrix, wind_axes
+from hfa_aircraft.signals import Signal
+from hfa_aircraft.source import Extras
+from hfa_support.errors import BadInputError
+
+#: Largest deviation of alpha from the reference condition, and of beta from 0, rad.
+_WIDEST = 0.3
+
+
+def read_model(text: str) -> Model:
+    """Return the aircraft of a TOML or CSV file of derivatives.
+
+    text: path of the file
+
+    Raises BadInputError if the file cannot be read or an entry is missing, unknown or invalid.
+    """
+    return _model(read_table(text))
+
+
+def from_derivatives(table: str | Path | Mapping[str, Any]) -> Model:
+    """Return the six-degree-of-freedom aircraft of a table of stability derivatives, as a `Model`.
+
+    The table contains geometry, mass, inertias and non-dimensional derivatives. The model has a
+    flat Earth and standard air. Its parameters are mass, inertias, gravity and derivatives.
+
+    table: path of a TOML or CSV file, or a dictionary with the same entries. Values are numbers in
+        the table's `units`, or texts with a unit, such as "2.4 deg". Derivatives are per rad, or
+        per deg if `per` is "deg".
+
+    Raises BadInputError if `table` is neither a path nor a dictionary, if the file cannot be read,
+    or if an entry is missing, unknown or invalid.
+
+    >>> import hfa
+    >>> uav = hfa.from_derivatives("examples/uav.toml")
+    >>> list(uav.inputs)
+    ['thrust', 'elevator', 'aileron', 'rudder']
+    """
+    if isinstance(table, (str, Path)):
+        return _model(read_table(str(table)))
+    if not isinstance(table, Mapping):
+        kind = type(table).__name__
+        raise BadInputError(
+            f"the table of derivatives is of type {kind}; give a file or a dictionary"
+        )
+    return _model(table_of(table))
+
+
+def _model(table: Table) -> Model:
+    """Return the aircraft of a table as a `Model`."""
+    surfaces = {name: Signal("rad", 0.1, *limits) for name, limits in table.surfaces.items()}
+    usual = 0.1 * _mass(table) * GRAVITY[table.system]
+    alpha = table.values.get("alpha", 0.0)
+    return rigid_aircraft(
+        table.name,
+        _Equations(table),
+        system=table.system,
+        speed=table.values["speed"],
+        altitude=table.values.get("altitude", 0.0),
+        alpha=Signal("rad", 0.1, alpha - _WIDEST, alpha + _WIDEST, alpha, assumed=True),
+        beta=Signal("rad", 0.1, -_WIDEST, _WIDEST, assumed=True),
+        inputs={
+            THRUST_INPUT: Signal(FORCE[table.system], usual, *table.thrust, start=usual),
+            **surfaces,
+        },
+        parameters=_parameters(table),
+        outputs={"lift_coefficient": Signal(), "drag_coefficient": Signal()},
+        holds_beta=_turns_both_ways(table),
+        extras=Extras(source=table.source),
+    )
+
+
+def _turns_both_ways(table: Table) -> bool:
+    """Return whether two or more control surfaces have a derivative of the roll or yaw moment.
+
+    If so, a trim can impose the sideslip.
+    """
+    lateral = {
+        meaning.argument
+        for meaning in table.meanings.values()
+        if meaning.coefficient in ("Cl", "Cn") and meaning.argument in table.surfaces
+    }
+    return len(lateral) >= 2
+
+
+def _mass(table: Table) -> float:
+    """Return the mass, slug or kg, given directly or computed from the weight."""
+    if "mass" in table.values:
+        return table.values["mass"]
+    return table.values["weight"] / GRAVITY[table.system]
+
+
+def _parameters(table: Table) -> dict[str, Signal]:
+    """Return name -> signal of the parameters: mass, inertias, gravity and derivatives."""
+    mass_unit = "slug" if table.system == "english" else "kg"
+    mass = _mass(table)
+    signals = {"mass": Signal(mass_unit, mass, 0.0, start=mass)}
+    for name in ("Ixx", "Iyy", "Izz", "Ixz"):
+        value = table.values.get(name, 0.0)
+        signals[name] = Signal(table.unit(name), abs(value) or table.values["Ixx"], start=value)
+    gravity = GRAVITY[table.system]
+    signals["gravity"] = Signal(f"{LENGTH[table.system]}/s^2", gravity, 0.0, start=gravity)
+    for name, value in table.derivatives.items():
+        signals[name] = Signal(nominal=abs(value) or 1.0, start=value)
+    return signals
+
+
+class _Equations:
+    """Equations of the aircraft of a table, (x, u, p, w) -> (rates, outputs) by name."""
+
+    def __init__(self, table: Table) -> None:
+        self._table = table
+        values = table.values
+        self._angle = values.get("thrust_angle", 0.0)
+        self._height = values.get("thrust_height", 0.0)
+        self._alpha = values.get("alpha", 0.0)
+        #: Rotation from the axes of the coefficients to body axes.
+        self._turn = wind_axes(self._alpha if table.axes == "stability" else 0.0, 0.0)
+        sound = float(air_at(values.get("altitude", 0.0), table.system).sound)
+        self._mach = values["speed"] / sound
+
+    def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the rates of the states and the outputs, each as name -> value."""
+        sizes = SimpleNamespace(**self._table.values)
+        motion = Motion(x, p.gravity, self._table.system)
+        rates = ca.mtimes(self._turn.T, motion.rates)
+        arguments = self._arguments(x, u, rates, motion.mach - self._mach)
+        lift = self._coefficient("CL", p, arguments)
+        drag = self._coefficient("CD", p, arguments) + self._value(p, INDUCED) * lift**2
+        side = self._coefficient("CY", p, arguments)
+        force = motion.pressure * sizes.wing_area
+        stability = wind_axes(x.alpha, 0.0)
+        air_force = force * ca.mtimes(stability, ca.vertcat(-drag, side, -lift))
+        thrust = u.thrust * ca.vertcat(ca.cos(self._angle), 0.0, -ca.sin(self._angle))
+        specific = (air_force + thrust) / p.mass
+        alpha_rate = self._alpha_rate(x, p, motion, specific)
+        lag = {"alphadot": alpha_rate * sizes.chord / (2.0 * x.speed)}
+        lift_lag = self._coefficient("CL", p, lag)
+        drag_lag = self._coefficient("CD", p, lag)
+        side_lag = self._coefficient("CY", p, lag)
+        lag_force = force * ca.mtimes(stability, ca.vertcat(-drag_lag, side_lag, -lift_lag))
+        arguments |= lag
+        moments = [self._coefficient(name, p, arguments) for name in ("Cl", "Cm", "Cn")]
+        arms = ca.vertcat(sizes.span, sizes.chord, sizes.span)
+        pitching = ca.vertcat(0.0, self._height * u.thrust * ca.cos(self._angle), 0.0)
+        moment = ca.mtimes(self._turn, force * arms * ca.vertcat(*moments)) - pitching
+        inertia = inertia_matrix((p.Ixx, p.Iyy, p.Izz), (0.0, p.Ixz, 0.0))
+        specific += lag_force / p.mass
+        state_rates, outputs = motion.rates_and_outputs(specific, moment, inertia)
+        coefficients = {"lift_coefficient": lift + lift_lag, "drag_coefficient": drag + drag_lag}
+        return state_rates, outputs | coefficients
+
+    def _arguments(self, x: Any, u: Any, rates: Any, mach: Any) -> dict[str, Any]:
+        """Return the variables that the derivatives multiply, suffix of the derivatives -> value.
+
+        The variable of the suffix alphadot is not included.
+
+        x: states
+        u: inputs
+        rates: angular rates about the axes of the coefficients, (3,), rad/s
+        mach: Mach number minus the Mach number of the reference condition
+        """
+        sizes = self._table.values
+        half_span = sizes["span"] / (2.0 * x.speed)
+        half_chord = sizes["chord"] / (2.0 * x.speed)
+        deflections = {name: getattr(u, name) for name in self._table.surfaces}
+        return {
+            "0": 1.0,
+            "alpha": x.alpha - self._alpha,
+            "beta": x.beta,
+            "p": rates[0] * half_span,
+            "q": rates[1] * half_chord,
+            "r": rates[2] * half_span,
+            "mach": mach,
+            **deflections,
+        }
+
+    def _coefficient(self, name: str, p: Any, arguments: Mapping[str, Any]) -> Any:
+        """Return an aerodynamic coefficient, the sum of its derivatives times the given variables.
+
+        name: the coefficient, such as CL
+        p: parameters, with the derivatives
+        arguments: suffix of the derivatives -> value of the variable
+        """
+        total: Any = 0.0
+        for derivative, meaning in self._table.meanings.items():
+            if meaning.coefficient == name and meaning.argument in arguments:
+                total = total + getattr(p, derivative) * arguments[meaning.argument]
+        return total
+
+    def _value(self, p: Any, name: str) -> Any:
+        """Return the derivative with the given name, or 0 if the table does not contain it."""
+        return getattr(p, name) if name in self._table.derivatives else 0.0
+
+    def _alpha_rate(self, x: Any, p: Any, motion: Motion, specific: Any) -> Any:
+        """Return the rate of alpha, rad/s, including the lift due to this rate.
+
+        The derivative of this lift is CL_alphadot. The drag and the side force due to the rate of
+        alpha do not change this rate.
+
+        specific: force per mass without the forces that depend on the rate of alpha, (3,)
+        """
+        sizes = self._table.values
+        forward, _, down = ca.vertsplit(motion.velocity)
+        free = motion.acceleration(specific)
+        rate = (forward * free[2] - down * free[0]) / (forward**2 + down**2)
+        lag = motion.pressure * sizes["wing_area"] * sizes["chord"] / (2.0 * x.speed * p.mass)
+        slope = self._value(p, "CL_alphadot") * lag / (x.speed * ca.cos(x.beta))
+        return rate / (1.0 + slope)

@@ -1,0 +1,350 @@
+"""Reader of a table of derivatives with units, from a TOML or CSV file or from a dictionary."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hfa_aircraft.readers.derivatives.names import (
+    ARGUMENTS,
+    COEFFICIENTS,
+    INDUCED,
+    REQUIRED,
+    THRUST_INPUT,
+    UNITS,
+    Derivative,
+    derivative_of,
+)
+from hfa_aircraft.rigid.atmosphere import ALTITUDES, FT_TO_M
+from hfa_support.errors import BadInputError, advice, file_faults, shortened, shown
+from hfa_support.files import read_toml, regular_file
+from hfa_support.units import SYSTEMS, conversion, si_unit
+
+#: Text entries: name -> permitted values, or None if any text is permitted.
+_TEXTS: dict[str, tuple[str, ...] | None] = {
+    "name": None,
+    "source": None,
+    "units": SYSTEMS,
+    "per": ("rad", "deg"),
+    "axes": ("body", "stability"),
+}
+_ANGLES = {"rad": 1.0, "deg": math.pi / 180.0}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Unchecked entry of a table.
+
+    value: a number, a text with a unit, or a list of two of these
+    where: place in the file, for messages
+    """
+
+    value: Any
+    where: str
+
+    def error(self, message: str) -> BadInputError:
+        """Return a BadInputError whose message begins with the place of the entry."""
+        return BadInputError(f"{self.where}: {message}")
+
+
+@dataclass(frozen=True)
+class Table:
+    """The checked table of an aircraft, in the table's system of units, with angles in rad.
+
+    name: name of the aircraft.
+    system: system of units, "english" or "si".
+    source: path and hash of the file, both "" for a dictionary.
+    values: geometry, mass or weight, reference condition and thrust line, name -> value.
+    derivatives: name -> value, per rad for an angle.
+    meanings: name of a derivative -> coefficient and argument.
+    surfaces: control surface -> lowest and highest deflection, rad.
+    thrust: lowest and highest thrust, lbf or N.
+    axes: axes of the rolling and yawing moments and rates, "body" or "stability".
+    """
+
+    name: str
+    system: str
+    source: tuple[str, str]
+    values: Mapping[str, float]
+    derivatives: Mapping[str, float]
+    meanings: Mapping[str, Derivative]
+    surfaces: Mapping[str, tuple[float, float]]
+    thrust: tuple[float, float]
+    axes: str
+
+    def unit(self, name: str) -> str:
+        """Return the unit of an entry that is not a derivative, in the table's system of units."""
+        return _unit(name, self.system)
+
+
+def read_table(path: str) -> Table:
+    """Return the table of a TOML file, or of a CSV file with the columns name, value and unit.
+
+    Raises BadInputError if the file cannot be read or an entry is missing, unknown or invalid.
+    """
+    with file_faults(path):
+        content = regular_file(path).read_bytes()
+        entries = _rows(path, content) if path.endswith(".csv") else _of_toml(path)
+    return _checked(entries, (path, hashlib.sha256(content).hexdigest()), Path(path).stem)
+
+
+def table_of(values: Mapping[str, Any]) -> Table:
+    """Return the table of a dictionary of entries, which may be grouped in inner dictionaries.
+
+    Raises BadInputError if an entry is missing, unknown or invalid.
+    """
+    return _checked(dict(_flat(values, "the table")), ("", ""), "aircraft")
+
+
+def _of_toml(path: str) -> dict[str, Entry]:
+    """Return name -> entry of a TOML file, including the entries of its groups."""
+    return dict(_flat(read_toml(path), path))
+
+
+def _flat(values: Mapping[str, Any], where: str) -> Iterator[tuple[str, Entry]]:
+    """Yield name and entry for each value of a dictionary and of its inner dictionaries.
+
+    Raises BadInputError if a name occurs twice.
+    """
+    seen: set[str] = set()
+    for key, value in values.items():
+        inner = value if isinstance(value, Mapping) else {key: value}
+        place = f"{where}, [{key}]" if isinstance(value, Mapping) else where
+        for name, held in inner.items():
+            if name in seen:
+                raise BadInputError(f"{place}: {shown(name)} is given twice; remove one entry")
+            seen.add(name)
+            yield name, Entry(held, place)
+
+
+def _rows(path: str, content: bytes) -> dict[str, Entry]:
+    """Return name -> entry of a CSV file with the columns name, value and unit.
+
+    The limits of an input are written low:high.
+
+    Raises BadInputError if a value is missing, a name occurs twice, or the file is not a CSV file
+    in UTF-8.
+    """
+    try:
+        rows = list(csv.reader(io.StringIO(content.decode("utf-8-sig"))))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise BadInputError(
+            f"{path} is not a CSV file in UTF-8 ({error}); save the file as CSV in UTF-8"
+        ) from error
+    entries: dict[str, Entry] = {}
+    for number, row in enumerate(rows, start=1):
+        cells = [cell.strip() for cell in row]
+        if not any(cells) or cells[0].startswith("#") or (number == 1 and cells[0] == "name"):
+            continue
+        where = f"{path}, row {number}"
+        if len(cells) < 2 or not cells[1]:
+            raise BadInputError(f"{where}: {shown(cells[0])} has no value; write name,value,unit")
+        if cells[0] in entries:
+            raise BadInputError(f"{where}: {shown(cells[0])} is given twice; remove one row")
+        unit = f" {cells[2]}" if len(cells) > 2 and cells[2] else ""
+        values = [f"{value.strip()}{unit}" for value in cells[1].split(":")]
+        entries[cells[0]] = Entry(values if len(values) > 1 else values[0], where)
+    return entries
+
+
+def _checked(entries: dict[str, Entry], source: tuple[str, str], stem: str) -> Table:
+    """Return the table of the entries after checks of names, units, limits and required entries.
+
+    source: path and hash of the file
+    stem: name of the aircraft if the table gives none
+
+    Raises BadInputError for the first fault found.
+    """
+    texts = {name: _text(name, entries) for name in _TEXTS}
+    system = texts["units"] or "si"
+    pairs = {name: each for name, each in entries.items() if isinstance(each.value, list | tuple)}
+    limits = {name: _limits(name, each, system) for name, each in pairs.items()}
+    thrust = limits.pop(THRUST_INPUT, (0.0, math.inf))
+    numbers = {
+        name: each for name, each in entries.items() if name not in pairs and name not in _TEXTS
+    }
+    values: dict[str, float] = {}
+    derivatives: dict[str, float] = {}
+    meanings: dict[str, Derivative] = {}
+    per = _ANGLES[texts["per"] or "rad"]
+    for name, entry in numbers.items():
+        meaning = derivative_of(name, limits)
+        if name in UNITS:
+            values[name] = _number(name, entry, _unit(name, system))
+        elif meaning is not None:
+            value = _number(name, entry, "1")
+            derivatives[name] = value / per if meaning.is_by_angle else value
+            meanings[name] = meaning
+        else:
+            raise _unknown(name, entry, limits)
+    _refuse_missing(values, derivatives, source[0] or "the table")
+    _refuse_sizes(values, entries)
+    _refuse_altitude(values.get("altitude", 0.0), entries, system)
+    name = texts["name"] or stem
+    axes = texts["axes"] or "body"
+    return Table(name, system, source, values, derivatives, meanings, limits, thrust, axes)
+
+
+def _text(name: str, entries: Mapping[str, Entry]) -> str:
+    """Return the text of an entry, or "" if the table does not contain it.
+
+    Raises BadInputError if the value is not a permitted text.
+    """
+    if name not in entries:
+        return ""
+    entry = entries[name]
+    allowed = _TEXTS[name]
+    if not isinstance(entry.value, str):
+        raise entry.error(f"{name} is {shown(entry.value)}; give text")
+    if allowed is not None and entry.value not in allowed:
+        known = " or ".join(allowed)
+        raise entry.error(f"{name} is {shown(entry.value)}; use {known}")
+    return entry.value
+
+
+def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
+    """Return the lowest and highest value of an input.
+
+    The values of a control surface are in rad, and those of the thrust in lbf or N.
+
+    Raises BadInputError in these cases:
+    - The name is not a valid name of an input.
+    - The entry does not have exactly two values.
+    - The lower limit is not below the upper limit.
+    """
+    unit = "rad"
+    if name == THRUST_INPUT:
+        unit = "lbf" if system == "english" else "N"
+    if not name.isidentifier() or name in UNITS or len(entry.value) != 2:
+        raise entry.error(
+            f"{shown(name)} is {shown(entry.value)}; give a single value, or the lower and upper"
+            " limit of an input"
+        )
+    low, high = (_number(name, Entry(value, entry.where), unit) for value in entry.value)
+    if low >= high:
+        raise entry.error(
+            f"{name}: the lower limit is not less than the upper limit; correct the limits"
+        )
+    return low, high
+
+
+def _number(name: str, entry: Entry, unit: str) -> float:
+    """Return the value of an entry, converted to `unit`.
+
+    A number without a unit is taken to be in `unit`. Raises BadInputError if the value is not a
+    finite number or its unit cannot be converted.
+    """
+    value: Any = entry.value
+    stated = ""
+    if isinstance(value, str):
+        match = re.fullmatch(r"\s*([-+.\deE]+)\s*(.*?)\s*", value)
+        if match is None:
+            raise entry.error(f"{name} is {shown(value)}; give a number, optionally with a unit")
+        stated = match[2]
+        value = _float(match[1])
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise entry.error(f"{name} is {shown(entry.value)}; give a finite number")
+    return float(value) * _factor(name, entry, stated, unit)
+
+
+def _float(text: str) -> float:
+    """Return the number that a text represents, or NaN if it represents none."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+def _factor(name: str, entry: Entry, stated: str, unit: str) -> float:
+    """Return the factor from the stated unit to `unit`, or 1 if no unit is stated.
+
+    Raises BadInputError if the unit cannot be converted.
+    """
+    if not stated:
+        return 1.0
+    factor = _ANGLES.get(stated) if unit == "rad" else conversion(stated, unit)
+    if factor is None:
+        known = " or ".join(_ANGLES) if unit == "rad" else f"{unit} or {si_unit(unit)}"
+        raise entry.error(f"{name} is in {shortened(stated)}; give {name} in {known}")
+    return factor
+
+
+def _unit(name: str, system: str) -> str:
+    return UNITS[name][SYSTEMS.index(system)]
+
+
+def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputError:
+    """Return the error for an unknown entry, or for an entry without the two limits it requires."""
+    arguments = (*ARGUMENTS, *surfaces)
+    derivatives = (f"{each}_{argument}" for each in COEFFICIENTS for argument in arguments)
+    known = (*UNITS, *_TEXTS, *surfaces, *derivatives, INDUCED, THRUST_INPUT)
+    if name in known:
+        return entry.error(f"{name} has a single value; give the lower and the upper limit")
+    alike = [each for each in known if each[:2] == name[:2]]  # CL is lift, Cl is roll
+    if near := advice(name, alike or known):
+        return entry.error(f"unknown entry {shown(name)}{near}")
+    coefficient, _, argument = name.partition("_")
+    if coefficient in COEFFICIENTS and argument.isidentifier():
+        return entry.error(
+            f"{name}: {argument} has no limits and is therefore not a control surface; give "
+            f'{argument} = ["-25 deg", "25 deg"], or remove the entry'
+        )
+    return entry.error(
+        f"unknown entry {shown(name)}; use {', '.join(UNITS)}, {', '.join(_TEXTS)}, derivatives"
+        " such as CL_alpha, or limits of an input"
+    )
+
+
+def _refuse_missing(
+    values: Mapping[str, float], derivatives: Mapping[str, float], where: str
+) -> None:
+    """Raise BadInputError with the names of all required entries that are missing.
+
+    where: file or table, for the message
+    """
+    missing = [name for name in REQUIRED if name not in values and name not in derivatives]
+    if "mass" not in values and "weight" not in values:
+        missing.append("mass")
+    if missing:
+        raise BadInputError(f"{where}: missing entries: {', '.join(missing)}; add these entries")
+
+
+def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> None:
+    """Raise BadInputError for impossible or conflicting data of an aircraft.
+
+    - a size, mass, weight, moment of inertia or speed that is not positive
+    - mass and weight both given
+    - Ixx Izz <= Ixz²
+    """
+    positive = ("wing_area", "span", "chord", "mass", "weight", "Ixx", "Iyy", "Izz", "speed")
+    for name in positive:
+        if name in values and values[name] <= 0.0:
+            raise entries[name].error(f"{name} is {values[name]:g}; give a positive number")
+    if {"mass", "weight"} <= set(values):
+        raise entries["weight"].error("both mass and weight are given; remove mass or weight")
+    if values["Ixx"] * values["Izz"] <= values.get("Ixz", 0.0) ** 2:
+        raise entries["Ixz"].error(
+            "Ixx Izz must exceed Ixz^2 for a rigid body; correct Ixx, Izz or Ixz"
+        )
+
+
+def _refuse_altitude(altitude: float, entries: Mapping[str, Entry], system: str) -> None:
+    """Raise BadInputError if aircraft cannot have the reference altitude.
+
+    altitude: reference altitude, in ft or m
+    system: system of units, english or si
+    """
+    foot = 1.0 if system == "english" else FT_TO_M
+    low, high = (foot * end for end in ALTITUDES)
+    if not low <= altitude <= high:
+        unit = _unit("altitude", system)
+        raise entries["altitude"].error(
+            f"altitude is {altitude:g} {unit}; give {low:g} to {high:g} {unit}"
+        )

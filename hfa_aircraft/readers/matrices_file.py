@@ -1,0 +1,236 @@
+"""Texts, names and units in plant files and critic files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hfa_aircraft.matrices import plant_model
+from hfa_aircraft.model import Model
+from hfa_aircraft.names import PlantNames
+from hfa_support.arrays.read import read_arrays
+from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shortened, shown
+from hfa_support.matrices import LARGEST, checked_matrix, shape_text
+from hfa_support.units import conversion
+
+#: Entries with names and units.
+NAME_KEYS = ("states", "inputs", "state_units", "input_units")
+#: Names of these entries in a `StateSpace` of python-control -> names in this project.
+_OF_CONTROL = {"state_labels": "states", "input_labels": "inputs"}
+
+
+def found_in(stored: Mapping[str, Any]) -> str:
+    """Return the end of an error message with the names of all entries of a file.
+
+    The text is " (found: A, B)", or " (the file is empty)".
+
+    stored: name -> value of the entries
+    """
+    if not stored:
+        return " (the file is empty)"
+    return f" (found: {shortened(', '.join(sorted(stored)), 200)})"
+
+
+def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
+    """Return the texts in one entry of a file.
+
+    The result is () if the entry is missing or contains anything but text.
+
+    stored: name -> value of the entries
+    key: name of the entry
+
+    Raises BadInputError for characters that cannot be printed.
+    """
+    # As objects, because rows of JSON may differ in length.
+    entries = np.ravel(np.asarray(stored.get(key, ()), dtype=object)).tolist()
+    if not all(isinstance(entry, str) for entry in entries):
+        return ()
+    for entry in entries:
+        if not entry.isprintable():
+            raise BadInputError(
+                f"{key} contains {shortened(ascii(entry))}, which cannot be printed; use plain text"
+            )
+    return tuple(entries)
+
+
+def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
+    """Return the factors s (n,) that convert the states from the plant's units to the file's units.
+
+    A state x in the plant's units is s x in the file's units. The entry `state_units` contains the
+    file's units. The factor of a state is 1 if its unit is unknown in the file or in the plant. All
+    factors are 1 if the file does not contain n units.
+
+    stored: name -> value of the entries of the file
+    plant: names and units of the plant
+
+    Raises BadInputError if a unit cannot be converted, or if the file lists the plant's states or
+    inputs in another order.
+    """
+    for key in ("states", "inputs"):
+        in_file = words(stored, key)
+        of_plant = getattr(plant, key)
+        if in_file != of_plant and sorted(in_file) == sorted(of_plant):
+            raise BadInputError(
+                f"the {key} are {shortened(', '.join(in_file), 200)} in the file, but in the "
+                f"plant {shortened(', '.join(of_plant), 200)}; reorder the matrices or remove "
+                f"{key}"
+            )
+    units = words(stored, "state_units")
+    scales = np.ones(len(plant.state_units))
+    if len(units) != len(scales):
+        return scales
+    for i, (unit, unit_of_plant) in enumerate(zip(units, plant.state_units, strict=True)):
+        factor = conversion(unit_of_plant, unit)
+        if factor is not None:
+            scales[i] = factor
+        elif unit and unit_of_plant:
+            raise BadInputError(
+                f"state {i + 1} is in {shortened(unit)} in the file but in {unit_of_plant} in the"
+                " plant; convert the matrices, or remove state_units from the file"
+            )
+    return scales
+
+
+def has_all(found: dict[str, Any], *names: str) -> bool:
+    """Return whether a file contains all named entries at its top level or in one structure.
+
+    found: name -> value of the entries of the file
+    names: names of the required entries
+    """
+    structures = [found, *(value for value in found.values() if isinstance(value, dict))]
+    return any(set(names) <= set(structure) for structure in structures)
+
+
+def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any], list[str]]:
+    """Return the entries of a plant file, and a list of notes for the user.
+
+    The entries named as in python-control are returned under the names of this project.
+
+    found: entries of the file, from `read_arrays`
+    needed: required entries. If none of them is at the top level, all entries are read from the
+        only structure that contains all required ones.
+
+    Raises BadInputError if the entry `dt` of python-control is neither 0 nor None.
+    """
+    notes: list[str] = []
+    if not needed & set(found):
+        plants = [
+            name
+            for name, value in found.items()
+            if isinstance(value, dict) and needed <= set(value)
+        ]
+        if len(plants) == 1:
+            found = found[plants[0]]
+            notes.append(f"{' and '.join(sorted(needed))} are read from the structure {plants[0]}")
+    stored = {_OF_CONTROL.get(key, key): value for key, value in found.items()}
+    # python-control stores 0 or None for continuous time.
+    dt = np.asarray(stored.pop("dt", None), dtype=object)
+    if np.any((dt != 0) & (dt != None)):  # noqa: E711  entry by entry
+        text = shortened(str(dt.item() if dt.size == 1 else dt.tolist()))
+        raise BadInputError(
+            f'dt = {text} denotes discrete time; set dt = 0, or replace dt with time = "discrete"'
+        )
+    return stored, notes
+
+
+def is_discrete(stored: Mapping[str, Any]) -> bool:
+    """Return whether the file of a plant contains time = "discrete".
+
+    Raises BadInputError if `time` is neither "discrete" nor "continuous".
+    """
+    time = words(stored, "time")
+    if time and time not in (("discrete",), ("continuous",)):
+        raise BadInputError(f'time is {shortened(time[0])}; give "continuous" or "discrete"')
+    return time == ("discrete",)
+
+
+def one_number(name: str, value: Any) -> float:
+    """Return the single number in an entry of a plant file.
+
+    name: name of the entry, for messages
+    value: a number, a 1 x 1 matrix (MATLAB), or the text "inf" (JSON)
+
+    Raises BadInputError for any other value.
+    """
+    if isinstance(value, str):
+        if value.strip().lower() in ("inf", "infinity"):
+            return math.inf
+        raise BadInputError(f"{name} is {shown(value)}; give a number without quotes")
+    numbers = numbers_in(name, value)
+    if numbers.size != 1:
+        raise BadInputError(f"{name} has {numbers.size} elements; give a single number")
+    return float(numbers.item())
+
+
+def plant_matrices(stored: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the matrices A (n, n) and B (n, m) in a plant file.
+
+    stored: entries of the file
+
+    Raises BadInputError if A or B is missing or not a matrix of numbers, or if the shapes disagree.
+    """
+    for key in ("A", "B"):
+        if key not in stored:
+            beside = "give A and B in one file, or in A.csv and B.csv"
+            raise BadInputError(f"there is no {key}; {beside}{found_in(stored)}")
+    A = checked_matrix("A", stored["A"], LARGEST)
+    B = checked_matrix("B", stored["B"], LARGEST)
+    n = len(A)
+    if not A.size or not B.size:
+        raise BadInputError("A or B is empty; give at least one state and one input")
+    if A.shape != (n, n):
+        raise BadInputError(f"A is {shape_text(A.shape)}; give a square matrix")
+    if len(B) != n:
+        wanted = shape_text((n, B.shape[1]))
+        raise BadInputError(f"B is {shape_text(B.shape)}; give {wanted}, to match A and B")
+    return A, B
+
+
+def plant_names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> PlantNames:
+    """Return the names and units of states and inputs in a plant file.
+
+    An entry with a wrong number of strings, or with repeated names, is ignored. A note on the
+    ignored entry is appended to `notes`.
+
+    stored: entries of the file
+    n: number of states
+    m: number of inputs
+    notes: list of notes for the user
+    """
+    names: dict[str, tuple[str, ...]] = {}
+    for key, size in zip(NAME_KEYS, (n, m, n, m), strict=True):
+        texts = words(stored, key)
+        is_unit = key.endswith("units")
+        if len(texts) == size and (is_unit or len(set(texts)) == size):
+            names[key] = texts
+        elif key in stored and is_unit:
+            notes.append(f"{key} must list a unit for each {key[:-6]}; no units are used")
+        elif key in stored:
+            letter = "u" if key == "inputs" else "x"
+            notes.append(f"{key} must list a different name for each; {letter}1, ... are used")
+    states, inputs, state_units, input_units = (names.get(key, ()) for key in NAME_KEYS)
+    return PlantNames(states, inputs, state_units, input_units)
+
+
+def linear_plant(path: str) -> Model:
+    """Return the model x' = A x + B u of a plant in a file, with its trim at the origin.
+
+    path: file with A and B, and optionally names and units of states and inputs
+
+    Raises BadInputError if the file contains no such plant or the plant is in discrete time.
+    """
+    found = read_arrays(path)
+    with prefix_errors(path):
+        stored, notes = entries_of(found, {"A", "B"})
+        if is_discrete(stored):
+            raise BadInputError(
+                "the plant is in discrete time, which is not supported; give A "
+                "and B of x' = A x + B u"
+            )
+        A, B = plant_matrices(stored)
+        n, m = B.shape
+        names = plant_names(stored, n, m, notes)
+    return plant_model(path, names.completed(n, m), A, B)

@@ -1,0 +1,169 @@
+"""The `Model` of a rigid aircraft in standard air over a flat Earth, from its forces and moments.
+
+The equations of an aircraft create a `Motion` from the state, compute forces and moments with the
+`Motion`, and return `Motion.rates_and_outputs`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import casadi as ca
+
+from hfa_aircraft.model import Model
+from hfa_aircraft.rigid.atmosphere import ALTITUDES, FT_TO_M, air_at
+from hfa_aircraft.rigid.motion import (
+    STATES,
+    acceleration,
+    angular_acceleration,
+    angular_velocity,
+    rotation,
+    state_rates,
+    turn_rate,
+    wind_axes,
+)
+from hfa_aircraft.signals import Signal
+from hfa_aircraft.source import Extras
+
+#: Standard gravity, and units of length and force, by system of units.
+GRAVITY = {"english": 9.80665 / FT_TO_M, "si": 9.80665}
+LENGTH = {"english": "ft", "si": "m"}
+FORCE = {"english": "lbf", "si": "N"}
+#: Limits of the speed relative to that of the default trim.
+_SLOWEST = 0.3
+_FASTEST = 5.0
+
+
+class Motion:
+    """Motion of a rigid aircraft at a state with the fields of `STATES`.
+
+    Quantities are in the units of the aircraft, ft, slug and lbf or SI units.
+
+    air: standard air at the altitude.
+    pressure: dynamic pressure.
+    mach: Mach number.
+    velocity: velocity relative to the air in body axes, (3,).
+    rates: angular velocity in body axes, (3,), rad/s.
+    """
+
+    def __init__(self, x: Any, gravity: Any, system: str) -> None:
+        """Compute the motion at a state.
+
+        x: state, as numbers or expressions
+        gravity: acceleration of gravity
+        system: system of units, english or si
+        """
+        self.air = air_at(x.altitude, system)
+        self.pressure = 0.5 * self.air.density * x.speed**2
+        self.mach = x.speed / self.air.sound
+        self.velocity = x.speed * wind_axes(x.alpha, x.beta)[:, 0]
+        self.rates = angular_velocity(x)
+        self._x = x
+        self._gravity = gravity
+        self._down = rotation(x.roll, x.pitch, x.yaw)[2, :].T
+
+    def acceleration(self, specific_force: Any) -> Any:
+        """Return the rate of the body-axis velocity, (3,), in body axes.
+
+        specific_force: force without weight, divided by mass, in body axes, (3,)
+        """
+        weight = self._gravity * self._down
+        return acceleration(self.velocity, self.rates, specific_force, weight)
+
+    def rates_and_outputs(
+        self, specific_force: Any, moment: Any, inertia: Any
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return name -> rate of each state, and name -> value of the common outputs.
+
+        specific_force: force without weight, divided by mass, in body axes, (3,)
+        moment: moment about the center of gravity, in body axes, (3,)
+        inertia: inertia matrix, (3, 3)
+        """
+        turning = angular_acceleration(self.rates, moment, inertia)
+        climb = -ca.dot(self._down, self.velocity)
+        velocity_rate = self.acceleration(specific_force)
+        outputs = {
+            "gamma": ca.asin(climb / self._x.speed),
+            "turn_rate": turn_rate(self._x),
+            "load_factor": -specific_force[2] / self._gravity,
+            "mach": self.mach,
+        }
+        return state_rates(self._x, self.velocity, velocity_rate, turning, climb), outputs
+
+
+def rigid_aircraft(
+    name: str,
+    equations: Callable[[Any, Any, Any, Any], tuple[dict[str, Any], dict[str, Any]]],
+    *,
+    system: str,
+    speed: float,
+    altitude: float,
+    alpha: Signal,
+    beta: Signal,
+    inputs: Mapping[str, Signal],
+    parameters: Mapping[str, Signal],
+    outputs: Mapping[str, Signal],
+    holds_beta: bool,
+    extras: Extras,
+) -> Model:
+    """Return the `Model` of a rigid aircraft, with a straight and level default trim.
+
+    name: name of the model.
+    equations: (x, u, p, w) -> (rates, outputs).
+    system: system of units, english or si.
+    speed, altitude: values of the default trim.
+    alpha, beta: signals of the angle of attack and the sideslip, rad. The limits of the other
+        states are assumed.
+    inputs: name -> signal.
+    parameters: name -> signal.
+    outputs: name -> signal, for the outputs in addition to those of `Motion`.
+    holds_beta: whether the default trim imposes the sideslip.
+    extras: fields of the model that only file readers set.
+    """
+    length = LENGTH[system]
+    foot = 1.0 if system == "english" else FT_TO_M
+    lowest, highest = (foot * each for each in ALTITUDES)
+    roll = Signal("rad", 0.1, -3.1, 3.1, assumed=True)
+    rate = Signal("rad/s", 0.1, rate=1.0)
+    states = {
+        "speed": Signal(
+            f"{length}/s",
+            speed,
+            _SLOWEST * speed,
+            _FASTEST * speed,
+            speed,
+            rate=GRAVITY[system],
+            assumed=True,
+        ),
+        "alpha": alpha,
+        "beta": beta,
+        **dict.fromkeys(("roll_rate", "pitch_rate", "yaw_rate"), rate),
+        "roll": roll,
+        "pitch": Signal("rad", 0.1, -1.5, 1.5, alpha.start, assumed=True),
+        "yaw": Signal("rad", 0.1),
+        "altitude": Signal(length, 10000.0 * foot, lowest, highest, assumed=True),
+    }
+    trim = {"speed": speed, "altitude": altitude, "yaw": 0.0, "gamma": 0.0, "turn_rate": 0.0}
+    if holds_beta:
+        trim["beta"] = 0.0
+    steady = tuple(name for name in STATES if name not in ("yaw", "altitude"))
+    return Model(
+        name,
+        {name: states[name] for name in STATES},
+        inputs,
+        equations,
+        parameters=parameters,
+        outputs={
+            "gamma": Signal("rad", 0.1),
+            "turn_rate": Signal("rad/s", 0.1),
+            "load_factor": Signal(),
+            "mach": Signal(nominal=0.1),
+            **outputs,
+        },
+        trim=trim,
+        steady=steady,
+        linear=steady,
+        schedule="speed",
+        extras=extras,
+    )

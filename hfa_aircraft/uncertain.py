@@ -1,0 +1,173 @@
+"""Uncertain parameters of an aircraft, read from its file or from the HFA's parameter set."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError, is_finite, refuse_unless_whole
+from hfa_support.files import read_toml
+from hfa_support.units import si_factor
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterSpread:
+    """Uncertain parameters whose values, or logarithms, are normally distributed.
+
+    values: name -> mean value p_i.
+    covariance: covariance C of the values, (n, n).
+    of_logarithms: if True, a random value is p_i exp(z_i), where z has the covariance C_ij / (p_i
+        p_j). Otherwise it is p_i + z_i, where z has the covariance C.
+    """
+
+    values: Mapping[str, float]
+    covariance: np.ndarray
+    of_logarithms: bool = False
+
+    def draws(self, count: int, seed: int) -> np.ndarray:
+        """Return random values of the parameters, (count, n)."""
+        center = np.array(list(self.values.values()))
+        sizes = center if self.of_logarithms else np.sqrt(np.diag(self.covariance))
+        sizes = np.where(sizes == 0.0, 1.0, sizes)  # of a parameter that is known exactly
+        variances, axes = np.linalg.eigh(self.covariance / np.outer(sizes, sizes))
+        # The symmetric square root does not depend on the signs and the order of the eigenvectors.
+        root = axes * np.sqrt(np.maximum(variances, 0.0)) @ axes.T
+        z = np.random.default_rng(seed).standard_normal((count, len(center))) @ root
+        return np.asarray(center * np.exp(z) if self.of_logarithms else center + sizes * z)
+
+    def aircraft(self, model: Model, count: int, seed: int) -> list[Model]:
+        """Return `count` models with random parameters, clipped to the limits of the model."""
+        signals = [model.parameters[name] for name in self.values]
+        ends = np.array([(signal.min, signal.max) for signal in signals]).T
+        rows = np.clip(self.draws(count, seed), *ends).tolist()
+        return [model.with_parameters(**dict(zip(self.values, row, strict=True))) for row in rows]
+
+
+_ADVICE = "give the file that `hfa identify -o FILE.toml` writes"
+
+
+def spread_of_file(path: str, model: Model) -> ParameterSpread:
+    """Return the uncertain parameters given by [covariance] in an aircraft file.
+
+    Raises BadInputError if [covariance] is missing or is not a covariance of parameters.
+    """
+    data = read_toml(path) if path.endswith(".toml") and Path(path).is_file() else {}
+    table = data.get("covariance")
+    if table is None:
+        raise BadInputError(f"{path} has no [covariance], which --draws requires; {_ADVICE}")
+    names = table.get("names", ()) if isinstance(table, Mapping) else ()
+    rows = table.get("rows", ()) if isinstance(table, Mapping) else ()
+    known = isinstance(names, list) and all(name in model.parameters for name in names)
+    if not names or not known or not _is_square(rows, len(names)):
+        raise BadInputError(
+            f"{path}: [covariance] does not consist of names of parameters and one row for each "
+            f"name; {_ADVICE}"
+        )
+    matrix = np.array(rows, dtype=float)
+    if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(_scaled(matrix)).min() < -1e-8:
+        raise BadInputError(f"{path}: [covariance] is not a covariance matrix; {_ADVICE}")
+    values = {name: model.parameters[name].start for name in names}
+    return ParameterSpread(values, matrix)
+
+
+def spread_of(request: Any) -> ParameterSpread:
+    """Return the uncertain parameters of the request's aircraft.
+
+    Parameters that the request fixes are left out. Units are SI if the request's model is in SI.
+
+    Raises BadInputError if the covariance is unknown.
+    """
+    model = request.model
+    native = model.extras.native or model
+    if request.own:
+        file = request.parameters or model.extras.source[0]
+        spread = spread_of_file(str(file), native)
+    else:
+        known = request.parameter_set
+        if not known.covariance.size:
+            raise BadInputError(
+                "--draws requires the covariance of the parameters; give --parameters FILE with "
+                "a [covariance]"
+            )
+        spread = spread_of_set(known)
+    if model.extras.native is not None:
+        spread = _in_si(spread, native)
+    held = request.held_parameters()
+    kept = [at for at, name in enumerate(spread.values) if name not in held]
+    return replace(
+        spread,
+        values={name: value for name, value in spread.values.items() if name not in held},
+        covariance=spread.covariance[np.ix_(kept, kept)],
+    )
+
+
+def spread_of_set(known: Any) -> ParameterSpread:
+    """Return the uncertain parameters of a `ParameterSet`, with normally distributed logarithms.
+
+    The uncertain parameters are those that the set identifies.
+    """
+    values = {name: getattr(known.values, name) for name in known.identified}
+    return ParameterSpread(values, known.covariance, of_logarithms=True)
+
+
+def _in_si(spread: ParameterSpread, native: Model) -> ParameterSpread:
+    """Return the uncertain parameters converted to SI units.
+
+    native: model in the units of `spread`
+    """
+    factors = np.array([si_factor(native.unit(name)) for name in spread.values])
+    values = {
+        name: value * factor
+        for (name, value), factor in zip(spread.values.items(), factors.tolist(), strict=True)
+    }
+    covariance = spread.covariance * np.outer(factors, factors)
+    return replace(spread, values=values, covariance=covariance)
+
+
+def _is_square(rows: Any, size: int) -> bool:
+    """Return True if `rows` is a list of `size` lists of `size` finite numbers."""
+    if not isinstance(rows, list) or len(rows) != size:
+        return False
+    return all(
+        isinstance(row, list) and len(row) == size and all(map(is_finite, row)) for row in rows
+    )
+
+
+def _scaled(covariance: np.ndarray) -> np.ndarray:
+    """Return the correlation matrix of a covariance matrix, both (n, n)."""
+    sizes = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    return np.asarray(covariance / sizes[:, None] / sizes)
+
+
+def samples_of_set(known: Any, count: int, seed: int) -> tuple[Any, ...]:
+    """Return `count` random samples of the parameters.
+
+    The logarithms of identified parameters are normally distributed. The other parameters are
+    constant.
+
+    Raises BadInputError if the covariance is missing, an identified parameter is zero, or `count`
+    or `seed` is out of range.
+    """
+    if not known.covariance.size:
+        raise BadInputError(
+            "the parameters have no covariance, which random samples require; use the "
+            "parameters.toml written by `python -m studies.identification`"
+        )
+    refuse_unless_whole("count", count, 1)
+    refuse_unless_whole("seed", seed, 0)
+    spread = spread_of_set(known)
+    for name, value in spread.values.items():
+        if value == 0.0:
+            raise BadInputError(
+                f"{name} is identified as 0, so the logarithm of {name} cannot be sampled; give "
+                f"{name} a fixed value"
+            )
+    samples = []
+    for row in spread.draws(count, seed).tolist():
+        samples.append(known.values._replace(**dict(zip(spread.values, row, strict=True))))
+    return tuple(samples)

@@ -1,0 +1,88 @@
+"""Reading of named arrays from .json, .npz, .npy, .mat and .csv files."""
+
+from __future__ import annotations
+
+import warnings
+import zipfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hfa_support.errors import BadInputError, shortened
+from hfa_support.files import LARGEST, MATRIX_FILES, read_json, regular_file
+
+
+def read_arrays(path: str | Path) -> dict[str, Any]:
+    """Return the entries of a data file, name -> value. A structure is a nested mapping.
+
+    - A .npy or .csv file contains one matrix, named by the file: W.npy, P.csv.
+    - With A.csv or A.npy, the other matrices of the plant (B, ...) in the same folder are also
+      read.
+    - The matrix of a .npy file that is not named after a matrix of a plant or critic is stored
+      under `one_matrix_files.UNKNOWN`.
+    - In a .csv file, the first row and the first column may contain names, with units as in "speed
+      [ft/s]".
+
+    Raises BadInputError, which names the file, if the suffix is unknown or the file cannot be read.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in _READERS:
+        raise BadInputError(
+            f"{path}: the suffix {Path(path).suffix!r} is unknown; use {', '.join(_READERS)}"
+        )
+    try:
+        # NumPy warns of headers that other programs write differently.
+        with warnings.catch_warnings(action="ignore"):
+            return _READERS[suffix](Path(path))
+    except (FileNotFoundError, IsADirectoryError) as error:
+        raise BadInputError(f"{path}: no such file; check the path") from error
+    except OSError as error:
+        raise BadInputError(
+            f"{path} cannot be read ({error.strerror}); give a readable file"
+        ) from error
+    except BadInputError:
+        raise
+    except Exception as error:  # a damaged file makes the readers raise nearly anything
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise BadInputError(
+            f"{path} cannot be read as {suffix} ({shortened(reason, 200)}); correct the file"
+        ) from error
+
+
+def _json(path: Path) -> dict[str, Any]:
+    content = read_json(path)
+    if not isinstance(content, dict):
+        raise ValueError("the content is not an object with keys such as A and B")
+    return content
+
+
+def _npz(path: Path) -> dict[str, Any]:
+    with regular_file(path).open("rb") as file, zipfile.ZipFile(file) as archive:
+        if sum(entry.file_size for entry in archive.infolist()) > LARGEST:
+            raise ValueError(f"the file unpacks to more than {LARGEST >> 20} MiB")
+        file.seek(0)
+        with np.load(file, allow_pickle=False) as arrays:
+            entries = {key: arrays[key] for key in arrays.files}
+    for array in entries.values():
+        if array.dtype.kind == "U":
+            array.tolist()  # ValueError for characters outside Unicode
+    return entries
+
+
+def _mat(path: Path) -> dict[str, Any]:
+    from hfa_support.arrays.mat_file import structures
+
+    return structures(path)
+
+
+def _named_by_file(path: Path) -> dict[str, Any]:
+    from hfa_support.arrays.one_matrix import matrices
+
+    return matrices(path)
+
+
+_READERS: Mapping[str, Callable[[Path], dict[str, Any]]] = dict(
+    zip(MATRIX_FILES, (_json, _npz, _named_by_file, _mat, _named_by_file), strict=True)
+)

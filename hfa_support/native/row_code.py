@@ -1,0 +1,240 @@
+"""CasADi Functions as machine code that evaluates several rows at a time."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_support.errors import BadInputError
+from hfa_support.native.bound import MAKING, RowFunction
+from hfa_support.native.c_code import OPERATIONS, c_function
+from hfa_support.native.machine_code import compiled, machine_code
+
+#: Number of rows per register: two for any 64-bit processor, four with AVX2. The results have
+#: identical bits.
+_LANES = 2
+_LANES_OF_AVX2 = 4
+_EXACT = ("sqrt", "fabs", "floor", "ceil")
+_OF_ONE = (*_EXACT, "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "tanh")
+_OF_TWO = ("pow", "atan2")
+#: Operation -> C expression for operands with one number for each row. A condition is 1.0 or 0.0.
+_ON_LANES = {
+    ca.OP_CONST: "(real){{}} + {0}",
+    ca.OP_FMIN: "lanes_fmin({0}, {1})",
+    ca.OP_FMAX: "lanes_fmax({0}, {1})",
+    ca.OP_LT: "truth({0} < {1})",
+    ca.OP_LE: "truth({0} <= {1})",
+    ca.OP_EQ: "truth({0} == {1})",
+    ca.OP_NE: "truth({0} != {1})",
+    ca.OP_NOT: "truth({0} == 0.0)",
+    ca.OP_AND: "truth(({0} != 0.0) & ({1} != 0.0))",
+    ca.OP_OR: "truth(({0} != 0.0) | ({1} != 0.0))",
+    ca.OP_SIGN: "chosen({0} == {0}, truth({0} > 0.0) - truth({0} < 0.0), {0})",
+    ca.OP_IF_ELSE_ZERO: "(real)(({0} != 0.0) & (mask){1})",
+}
+_FROM_MATH = {
+    operation: f"lanes_{text}"
+    for operation, text in OPERATIONS.items()
+    if text.partition("(")[0] in (*_OF_ONE, *_OF_TWO)
+}
+_OPERATIONS = {**OPERATIONS, **_FROM_MATH, **_ON_LANES}
+
+#: Expressions for one row, with scalar operands.
+_ON_ONE = {
+    **OPERATIONS,
+    ca.OP_FMIN: "lanes_fmin({0}, {1})",
+    ca.OP_FMAX: "lanes_fmax({0}, {1})",
+}
+
+_HEAD = """
+{target}
+#include <math.h>
+#define INLINE static inline __attribute__((always_inline, unused))
+"""
+_HEAD_OF_ONE = """
+#define LANES 1
+#define LANE(number, i) number
+typedef double real;
+
+INLINE real lanes_fmax(real a, real b) { return (a > b) | (b != b) ? a : b; }
+INLINE real lanes_fmin(real a, real b) { return (a < b) | (b != b) ? a : b; }
+"""
+_HEAD_OF_LANES = """
+#define LANES {lanes}
+#define LANE(number, i) number[i]
+typedef double real __attribute__((vector_size(8 * LANES)));
+typedef long long mask __attribute__((vector_size(8 * LANES)));
+#define OF_ONE(name) INLINE real lanes_##name(real a) \\
+    {{ for (int i = 0; i < LANES; i++) a[i] = name(a[i]); return a; }}
+#define OF_TWO(name) INLINE real lanes_##name(real a, real b) \\
+    {{ for (int i = 0; i < LANES; i++) a[i] = name(a[i], b[i]); return a; }}
+
+INLINE real truth(mask holds) {{ return (real)(holds & (mask)((real){{}} + 1.0)); }}
+INLINE real chosen(mask first, real a, real b)
+{{
+    return (real)((first & (mask)a) | (~first & (mask)b));
+}}
+INLINE real lanes_fmax(real a, real b) {{ return chosen((a > b) | (b != b), a, b); }}
+INLINE real lanes_fmin(real a, real b) {{ return chosen((a < b) | (b != b), a, b); }}
+"""
+
+_LOOP = """
+void {symbol}(long long count, const double *const *tables, double *const *results)
+{{
+    for (long long first = 0; first < count; first += LANES) {{
+        int rows = count - first < LANES ? (int)(count - first) : LANES;
+        {memory}
+        {read}
+        of_rows({names});
+        {write}
+    }}
+}}
+"""
+_READ = """for (int j = 0; j < {size}; j++)
+            for (int i = 0; i < LANES; i++)
+                LANE({name}[j], i) = tables[{index}][(first + (i < rows ? i : 0)) * {size} + j];"""
+_WRITE = """for (int j = 0; j < {size}; j++)
+            for (int i = 0; i < rows; i++)
+                results[{index}][(first + i) * {size} + j] = LANE({name}[j], i);"""
+
+
+class RowCode:
+    """Compiled function that is evaluated for each row of its arguments.
+
+    Several threads may call the function in parallel.
+    """
+
+    def __init__(self, function: ca.Function, symbol: str, library: Path) -> None:
+        self._call = getattr(ctypes.CDLL(str(library)), symbol)
+        self._widths = [function.numel_in(index) for index in range(function.n_in())]
+        self._sizes = [function.numel_out(index) for index in range(function.n_out())]
+
+    def __call__(self, *tables: Any) -> list[np.ndarray]:
+        """Return the results (N, size of the result) for arguments (N, size of the argument).
+
+        Raises ValueError for an argument of another shape.
+        """
+        count = len(tables[0])
+        given = [np.ascontiguousarray(table, dtype=float) for table in tables]
+        for table, width in zip(given, self._widths, strict=True):
+            if table.shape != (count, width):
+                raise ValueError(f"a table has the shape {table.shape}, not {(count, width)}")
+        results = [np.empty((count, size)) for size in self._sizes]
+        self._call(ctypes.c_longlong(count), _addresses(given), _addresses(results))
+        return results
+
+    def bound(self, table: np.ndarray, results: Sequence[np.ndarray]) -> Callable[[], Any]:
+        """Return a function without arguments that evaluates all rows of `table` into `results`.
+
+        A result may be the table itself. Raises ValueError unless all arrays are contiguous, of
+        doubles and of matching shapes.
+        """
+        for each, width in zip((table, *results), (*self._widths, *self._sizes), strict=True):
+            if each.shape != (len(table), width) or each.dtype != float or not each.data.contiguous:
+                raise ValueError(
+                    "a bound table is not a contiguous array of doubles with all rows; copy the "
+                    "table"
+                )
+        count = ctypes.c_longlong(len(table))
+        return partial(self._call, count, _addresses([table]), _addresses(results))
+
+
+def bound_rows(
+    code: RowCode | RowFunction, table: np.ndarray, results: Sequence[np.ndarray]
+) -> Callable[[], Any]:
+    """Return a function without arguments that evaluates all rows of `table` into `results`.
+
+    A result may be the table itself.
+    """
+    if isinstance(code, RowCode):
+        return code.bound(table, results)
+
+    def evaluate() -> None:
+        for result, values in zip(results, code(table), strict=True):
+            result[:] = values
+
+    return evaluate
+
+
+def row_code(function: ca.Function, one_row: bool = False) -> RowCode | RowFunction:
+    """Return a CasADi Function compiled for many rows.
+
+    Operations that cannot be written in C are compiled by CasADi if possible. If no compiler is
+    available or compilation fails, CasADi evaluates the function.
+
+    function: the Function, with dense arguments and results
+    one_row: whether one row is evaluated at a time
+    """
+    with MAKING:
+        try:
+            text = _text(function, one_row)
+        except (BadInputError, RuntimeError):
+            return RowFunction(machine_code(function))
+    code = compiled(
+        lambda symbol: text.replace("SYMBOL", symbol),
+        lambda symbol, library: RowCode(function, symbol, library),
+    )
+    return RowFunction(function) if code is None else code
+
+
+def _text(function: ca.Function, one_row: bool) -> str:
+    """Return the C source of a function.
+
+    Raises RuntimeError if CasADi cannot expand the function to scalars, and BadInputError if
+    `c_function` does not support an operation.
+    """
+    scalars = function if function.is_a("SXFunction") else function.expand()
+    arguments = tuple(f"x{index}" for index in range(function.n_in()))
+    results = tuple(f"y{index}" for index in range(function.n_out()))
+    memory = []
+    read = []
+    write = []
+    for index, name in enumerate(arguments):
+        size = function.numel_in(index)
+        memory.append(f"real {name}[{max(1, size)}];")
+        read.append(_READ.format(name=name, index=index, size=size))
+    for index, name in enumerate(results):
+        size = function.numel_out(index)
+        memory.append(f"real {name}[{max(1, size)}];")
+        write.append(_WRITE.format(name=name, index=index, size=size))
+    loop = _LOOP.format(
+        symbol="SYMBOL",
+        memory="\n        ".join(memory),
+        read="\n        ".join(read),
+        names=", ".join([*arguments, *results]),
+        write="\n        ".join(write),
+    )
+    target, lanes = _registers()
+    head = _HEAD_OF_ONE
+    operations = _ON_ONE
+    if not one_row:
+        from_math = [f"OF_ONE({name})" for name in _OF_ONE]
+        from_math += [f"OF_TWO({name})" for name in _OF_TWO]
+        head = _HEAD_OF_LANES.format(lanes=lanes) + "\n".join(from_math)
+        operations = _OPERATIONS
+    body = c_function(scalars, "of_rows", arguments, results, "real", operations)
+    return "\n".join([_HEAD.format(target=target), head, body, loop])
+
+
+def _registers() -> tuple[str, int]:
+    """Return a line of C that enables AVX2, and the number of doubles in a register.
+
+    The line is "" if AVX2 is not listed in /proc/cpuinfo.
+    """
+    try:
+        features = Path("/proc/cpuinfo").read_text(encoding="utf-8").split()
+    except OSError:  # not Linux
+        features = []
+    if "avx2" in features:
+        return '#pragma GCC target("avx2")', _LANES_OF_AVX2
+    return "", _LANES
+
+
+def _addresses(arrays: Sequence[np.ndarray]) -> Any:
+    return (ctypes.c_void_p * len(arrays))(*(array.ctypes.data for array in arrays))

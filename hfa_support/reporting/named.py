@@ -1,0 +1,116 @@
+"""Tuples that can be indexed by the names of their entries."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from hfa_support.errors import no_attribute, refuse_unknown
+
+if TYPE_CHECKING:
+    import pandas
+
+
+class NamedArray(np.ndarray):
+    """Array with names for the entries of each axis.
+
+    names: for each axis, the names of its entries, or () for an axis without names
+
+    Names index the last axes. For example, states["alpha"] of states (N, n) has the shape (N,), and
+    A["pitch_rate", "alpha"] is a number.
+    """
+
+    names: tuple[tuple[str, ...], ...] = ()
+
+    def __getitem__(self, index: Any) -> Any:
+        """Return entries by name, or by any index of a NumPy array.
+
+        Raises BadInputError for an unknown name.
+        """
+        values = np.asarray(self)
+        keys = index if isinstance(index, tuple) else (index,)
+        if str not in map(type, keys):
+            return values[index]
+        numbers = []
+        for key, names in zip(keys, self.names[-len(keys) :], strict=True):
+            if isinstance(key, str):
+                refuse_unknown("unknown name", key, names)
+                key = names.index(key)
+            numbers.append(key)
+        return values[..., *numbers][()]  # converts an array without axes to a number
+
+    def __repr__(self) -> str:
+        return repr(np.asarray(self))
+
+    def __reduce__(self) -> Any:
+        return with_names, (np.asarray(self), *self.names)
+
+
+def with_names(values: np.ndarray, *names: tuple[str, ...]) -> NamedArray:
+    """Return a view of an array, with names for the entries of each axis.
+
+    names: a tuple for each axis, () for an axis without names
+    """
+    named = values.view(NamedArray)
+    named.names = names
+    return named
+
+
+Named = TypeVar("Named", covariant=True)
+
+
+class ByName(tuple[Named, ...]):
+    """Tuple whose entries are found by number or by their `name`, as in modes["phugoid"]."""
+
+    def __getitem__(self, index: Any) -> Any:
+        """Return the entry with this number or name. Raises BadInputError for an unknown name."""
+        if not isinstance(index, str):
+            return super().__getitem__(index)
+        refuse_unknown("unknown name", index, self.keys())
+        return self[self.keys().index(index)]
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise AttributeError with the nearest attributes."""
+            if name.startswith("__"):
+                raise AttributeError(name)
+            raise no_attribute(self, name)
+
+    def keys(self) -> list[str]:
+        """Return the names of the entries.
+
+        Because of this method, dict(modes) is a dictionary from names to entries.
+        """
+        return [entry.name for entry in self]  # type: ignore[attr-defined]
+
+    def values(self) -> Any:
+        """Return this tuple, as the entries of a mapping."""
+        return self
+
+    def items(self) -> Any:
+        """Return the pairs (name, entry), as the view of a dictionary."""
+        return dict(self).items()
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a `pandas.DataFrame` with one row for each entry, indexed by its name."""
+        import pandas
+
+        rows = [
+            {name: value for name, value in _fields(entry).items() if not isinstance(value, dict)}
+            for entry in self
+        ]
+        return pandas.DataFrame(rows).set_index("name")
+
+    def _repr_html_(self) -> str | None:
+        """Return a table for notebooks, or None without entries or without pandas."""
+        if not self or find_spec("pandas") is None:
+            return None
+        return str(self.to_pandas().to_html())
+
+
+def _fields(entry: Any) -> dict[str, Any]:
+    """Return the fields of an entry, name -> value."""
+    return dict(entry._asdict() if hasattr(entry, "_asdict") else vars(entry))

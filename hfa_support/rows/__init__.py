@@ -1,0 +1,1 @@
+"""Results of many rows: Zarr stores, and the processes that fill them."""

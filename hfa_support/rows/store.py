@@ -1,0 +1,484 @@
+"""Results of many rows in a Zarr store, computed in chunks of rows.
+
+A chunk is complete when all arrays contain it and its checksum is written. A run that is killed
+loses only the chunks that are being computed. The checksum covers the request, the array, the
+chunk's number and its values, so --resume accepts no chunk of another store.
+
+A store may come from an untrusted source. Before --resume opens it, its metadata are compared as
+JSON with the metadata of a new store for the same request.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from hfa_support.errors import BadInputError, on_one_line, shown, warn
+from hfa_support.files import read_json, temporary_folder
+from hfa_support.progress import Progress
+from hfa_support.reporting.results import Result
+from hfa_support.rows.workers import open_workers
+from hfa_support.version import VERSION
+
+#: Attributes of a store that do not belong to the job.
+_OF_ONE_RUN = ("toolchain", "provenance")
+
+
+@dataclass(frozen=True)
+class OfAStore(Result):
+    """Attributes common to all stores, in addition to those of the rows.
+
+    toolchain: version that wrote the store.
+    coordinates: arrays that are coordinates, as in the CF conventions.
+    """
+
+    toolchain: str
+    coordinates: str | None = None
+
+
+#: Name of the array of checksums, with one row for each chunk and one column for each computed
+#: array, and names of its axes.
+_CHECKSUM = "checksum"
+_CHUNKS = "chunk"
+_CHECKED = "checked_array"
+_METADATA = "zarr.json"
+
+
+class RowJob(NamedTuple):
+    """Computation of N rows, in independent chunks.
+
+    what: kind of the job for messages, as in "another sweep"
+    row: name of the axis of rows, the first axis of each array
+    template: `xarray.Dataset` of the arrays (`array_of_rows`), with names and units on the other
+        axes. Its attributes contain everything that determines the results.
+    function: (*arguments) -> arrays by name, including those of the template. Workers must be able
+        to import the function.
+    arguments: (start, stop) -> arguments of the function for rows start .. stop - 1.
+    """
+
+    what: str
+    row: str
+    template: Any
+    function: Callable[..., Mapping[str, Any]]
+    arguments: Callable[[int, int], tuple[Any, ...]]
+
+    @property
+    def rows(self) -> int:
+        """Number of rows, N."""
+        return int(self.template.sizes[self.row])
+
+    @property
+    def chunk(self) -> int:
+        """Number of rows in each chunk. The last chunk may have fewer."""
+        return int(self.template.chunksizes[self.row][0])
+
+    @property
+    def arrays(self) -> list[str]:
+        """Names of the arrays that are computed."""
+        variables = self.template.variables.items()
+        return [str(name) for name, variable in variables if variable.dims[0] == self.row]
+
+    @property
+    def chunks(self) -> int:
+        """Number of chunks."""
+        return -(-self.rows // self.chunk)
+
+    @property
+    def identity(self) -> str:
+        """SHA-256 of the attributes that determine the results."""
+        return hashlib.sha256(_deciding(self.template.attrs).encode()).hexdigest()
+
+    def rows_of(self, number: int) -> slice:
+        """Return the slice of row numbers in the chunk with this number."""
+        first = number * self.chunk
+        return slice(first, min(first + self.chunk, self.rows))
+
+
+def array_of_rows(
+    axes: tuple[str, ...],
+    shape: tuple[int, ...],
+    fill: Any,
+    chunk: int,
+    attributes: Mapping[str, Any],
+) -> Any:
+    """Return a lazy `xarray.Variable` for the template of a job.
+
+    axes: names of the axes; the axis of rows is the first
+    shape: length of each axis
+    fill: value and type of entries that are not computed yet
+    chunk: number of rows in a chunk
+    attributes: units and description
+    """
+    _require_xarray()
+    import dask.array
+    import xarray
+
+    kind = np.asarray(fill).dtype
+    values = dask.array.full(shape, fill, dtype=kind, chunks=(chunk, *shape[1:]))
+    return xarray.Variable(axes, values, attributes, {"fill_value": fill})
+
+
+def fill_store(
+    job: RowJob,
+    path: Path,
+    *,
+    workers: int | str = 1,
+    resume: bool = False,
+    provenance: Mapping[str, Any] | None = None,
+    progress: Progress | None = None,
+) -> Any:
+    """Compute all rows that are missing in the store at `path`, and return the store.
+
+    The result is an `xarray.Dataset`.
+
+    workers: as in `open_workers`; the results do not depend on the workers
+    resume: True to continue an interrupted job and recompute damaged chunks; False if the store
+        does not exist
+    provenance: provenance of a new store, as JSON data
+    progress: called with (chunks done, total chunks), first at the start
+
+    Raises BadInputError if the store exists and `resume` is False, or if `resume` is True and the
+    store is missing, damaged, or of another job or version.
+    """
+    store = path.resolve()
+    chunks = job.chunks
+    with open_workers(workers) as run:
+        if resume:
+            _refuse_another(store, job)
+            missing = _missing_chunks(store, job)
+        else:
+            _create(store, job, provenance)
+            missing = list(range(chunks))
+        done = chunks - len(missing)
+        if progress is not None and missing:
+            progress(done, chunks)  # the first chunk takes longer, because code is compiled
+        # Processes on this machine write their chunks. A cluster returns the rows.
+        target = None if isinstance(workers, str) else store
+        identity = job.identity
+        tasks = ((number, _task(job, Place(number, target, identity))) for number in missing)
+        for number, results in run(_compute_chunk, tasks):
+            if results is not None:
+                _write(Place(number, store, identity), job.rows_of(number), results)
+            done += 1
+            if progress is not None:
+                progress(done, chunks)
+    return open_store(path)
+
+
+def open_store(path: Path) -> Any:
+    """Return a store as `xarray.Dataset`. Its arrays are read when they are used."""
+    _require_xarray()
+    import xarray
+
+    return xarray.open_zarr(path, consolidated=False, chunks=None, zarr_format=3)
+
+
+class Place(NamedTuple):
+    """Destination of a chunk.
+
+    number: number of the chunk
+    path: path of the store, or None if the rows are returned instead of written
+    identity: identity of the job
+    """
+
+    number: int
+    path: Path | None
+    identity: str
+
+
+def _task(job: RowJob, place: Place) -> tuple[Any, ...]:
+    """Return the arguments of `_compute_chunk` for a chunk."""
+    rows = job.rows_of(place.number)
+    return place, rows, job.arrays, job.function, job.arguments(rows.start, rows.stop)
+
+
+def _compute_chunk(
+    place: Place,
+    rows: slice,
+    names: list[str],
+    function: Callable[..., Mapping[str, Any]],
+    arguments: tuple[Any, ...],
+) -> Mapping[str, Any] | None:
+    """Compute the rows of a chunk in a worker process and write them into the store.
+
+    If `place` has no path, the rows are returned by name of the array instead. Otherwise None is
+    returned.
+
+    place: destination of the chunk
+    rows: row numbers of the chunk
+    names: names of the arrays to keep
+    function, arguments: call that computes the rows
+    """
+    computed = function(*arguments)
+    results = {name: computed[name] for name in names}
+    if place.path is None:
+        return results
+    _write(place, rows, results)
+    return None
+
+
+def _write(place: Place, rows: slice, results: Mapping[str, Any]) -> None:
+    """Write the rows of a chunk, then its checksums.
+
+    Other processes may write other chunks at the same time.
+    """
+    group = _opened(place.path, "r+")
+    checksums = []
+    for name, values in results.items():
+        # A chunk of fill values is written too. Without a file it would count as missing.
+        array = group[name].with_config({"write_empty_chunks": True})
+        written = np.ascontiguousarray(values, array.dtype)
+        array[rows] = written
+        checksums.append(_checksum(place, name, written))
+    group[_CHECKSUM][place.number] = np.array(checksums, dtype=np.uint64)
+
+
+def _zarr() -> ModuleType:
+    """Return Zarr, imported without its environment variables.
+
+    The variables could change the format of a store. All of them are removed from the process.
+    """
+    for name in [name for name in os.environ if name.startswith("ZARR_")]:
+        del os.environ[name]
+    import zarr
+
+    return zarr
+
+
+def _opened(path: Path | None, mode: Literal["r", "r+"]) -> Any:
+    return _zarr().open_group(str(path), mode=mode, zarr_format=3)
+
+
+def _checksum(place: Place, name: str, values: np.ndarray) -> int:
+    """Return the first 8 bytes of a SHA-256 as an integer.
+
+    The hash covers the job, the array's name, the chunk's number and its values in little-endian
+    order.
+    """
+    subject = [place.identity, name, place.number, values.dtype.name, values.shape]
+    digest = hashlib.sha256(json.dumps(subject).encode())
+    digest.update(values.astype(values.dtype.newbyteorder("<"), copy=False).tobytes())
+    return int.from_bytes(digest.digest()[:8], "little")
+
+
+def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> None:
+    """Create a store without results. The store becomes visible when it is complete.
+
+    Raises BadInputError if the path exists.
+    """
+    taken = BadInputError(
+        f"{path} already exists; continue this store with --resume, or give another path"
+    )
+    if path.exists():
+        raise taken
+    with temporary_folder(path.parent) as folder:
+        _write_template(folder / "store", job, provenance)
+        try:
+            (folder / "store").rename(path)
+        except OSError as error:
+            raise (taken if path.exists() else error) from None  # another run created it first
+
+
+def _write_template(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> None:
+    """Write the store of a job without results: metadata, names and units.
+
+    This thread writes all files. A signal that ends the process therefore also ends the writing.
+    Threads of Zarr could create a removed folder again.
+    """
+    from zarr.codecs import Crc32cCodec, ZstdCodec
+    from zarr.storage import MemoryStore
+
+    meaning = "first 8 bytes of a SHA-256 of the request, the array, the chunk's number and values"
+    checksums = array_of_rows(
+        (_CHUNKS, _CHECKED),
+        (job.chunks, len(job.arrays)),
+        np.uint64(0),
+        1,
+        {"long_name": meaning},
+    )
+    names = np.array(job.arrays, dtype=object)
+    template = job.template.assign({_CHECKSUM: checksums}).assign_coords({_CHECKED: names})
+    template = template.assign_attrs(**OfAStore(VERSION).as_data())
+    if provenance is not None:
+        template = template.assign_attrs(provenance=dict(provenance))
+    codecs = {"compressors": (ZstdCodec(), Crc32cCodec())}
+    encoding = {name: variable.encoding | codecs for name, variable in template.variables.items()}
+    files: dict[str, Any] = {}
+    store = MemoryStore(files)
+    template.to_zarr(store, encoding=encoding, compute=False, consolidated=False, zarr_format=3)
+    for name, content in files.items():
+        file = path / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(content.to_bytes())
+
+
+def _refuse_another(path: Path, job: RowJob) -> None:
+    """Raise BadInputError unless the store at `path` belongs to this job and this version.
+
+    The metadata are compared with those of a new store before any array is opened.
+    """
+    _require_xarray()
+    with temporary_folder() as folder:
+        _write_template(folder / "store", job, None)
+        expected = _metadata(folder / "store")
+        labels = _labels(folder / "store", job.row)
+    try:
+        attributes = read_json(path / _METADATA)["attributes"]
+        if attributes["schema"] != expected["."]["attributes"]["schema"]:
+            raise ValueError("another schema")
+        begun = str(attributes["toolchain"])
+        same_job = _deciding(attributes) == _deciding(expected["."]["attributes"])
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+        raise BadInputError(
+            f"{path} is not a {job.what} store of this version, or is damaged; give another path, "
+            "without --resume"
+        ) from error
+    if not same_job:
+        raise BadInputError(
+            f"{path} is the store of another {job.what}; give the options of that {job.what}, or "
+            "another path"
+        )
+    if begun != VERSION:
+        raise BadInputError(
+            f"{path} was started by version {on_one_line(begun)}, but this is version {VERSION}; "
+            "finish the store with the former version, or start a new store"
+        )
+    other = _first_difference(path, expected)
+    if other:
+        raise BadInputError(
+            f"{path} is damaged or has another origin: {other} differs from the store of this "
+            f"{job.what}; start a new store"
+        )
+    if not _same_labels(path, job.row, labels):
+        raise BadInputError(
+            f"{path} is damaged: the names or units differ from the names or units of this "
+            f"{job.what}; start a new store"
+        )
+
+
+def _deciding(attributes: Mapping[str, Any]) -> str:
+    """Return the attributes of a store that determine its results, as JSON text."""
+    compared = {
+        key: value for key, value in attributes.items() if key not in (*_OF_ONE_RUN, "coordinates")
+    }
+    return json.dumps(compared)
+
+
+def _metadata(store: Path) -> dict[str, Any]:
+    """Return the metadata of each array of a store by name, and those of the store itself as ".".
+
+    Attributes that differ between runs of a job are removed. Raises OSError, BadInputError,
+    LookupError or TypeError if the metadata cannot be read.
+    """
+    found = {}
+    for folder in [store, *(entry for entry in store.iterdir() if entry.name != _METADATA)]:
+        content = read_json(folder / _METADATA)
+        attributes = content["attributes"]
+        if folder == store:
+            kept = {key: attributes[key] for key in attributes if key not in _OF_ONE_RUN}
+            content = content | {"attributes": kept}
+        found[str(folder.relative_to(store))] = content
+    return found
+
+
+def _first_difference(path: Path, expected: Mapping[str, Any]) -> str:
+    """Return the path of the first file of a store that is not as expected, or "".
+
+    An unexpected file has other metadata, does not belong to the store, or is a symbolic link. If
+    the metadata cannot be read, the result is "the metadata of an array".
+
+    expected: metadata of a new store, as `_metadata` returns them
+    """
+    for folder in (path, *(path / name for name in expected if name != ".")):
+        allowed = {_METADATA, *expected} if folder == path else {_METADATA, "c"}
+        for entry in sorted(folder.iterdir()) if folder.is_dir() else []:
+            if entry.name not in allowed or entry.is_symlink():
+                return shown(str(entry.relative_to(path)))
+    try:
+        stored = _metadata(path)
+    except (OSError, ValueError, LookupError, TypeError, BadInputError):
+        return "the metadata of an array"
+    for name, content in expected.items():
+        if stored.get(name) != content:
+            return str(Path(name) / _METADATA)
+    return ""
+
+
+def _labels(path: Path, row: str) -> dict[str, list[Any]]:
+    """Return the names or units in each array without an axis of rows or chunks, by name of the
+    array.
+    """
+    stored = open_store(path)
+    return {
+        str(name): variable.values.tolist()
+        for name, variable in stored.variables.items()
+        if variable.dims[0] not in (row, _CHUNKS)
+    }
+
+
+def _same_labels(path: Path, row: str, expected: Mapping[str, list[Any]]) -> bool:
+    try:
+        return _labels(path, row) == expected
+    except (OSError, ValueError, RuntimeError, MemoryError):  # a damaged chunk
+        return False
+
+
+def _missing_chunks(path: Path, job: RowJob) -> list[int]:
+    """Return the numbers of the chunks that are damaged or missing in at least one array.
+
+    A warning states the number of damaged chunks.
+    """
+    group = _opened(path, "r")
+    missing = []
+    damaged = 0
+    for number in range(job.chunks):
+        names = (*job.arrays, _CHECKSUM)
+        if not all(_is_written(path / name, group[name], number) for name in names):
+            missing.append(number)
+        elif not _is_intact(group, job, Place(number, path, job.identity)):
+            missing.append(number)
+            damaged += 1
+    if damaged:
+        warn(f"{path}: {damaged} of {job.chunks} chunks were damaged and are computed again")
+    return missing
+
+
+def _is_intact(group: Any, job: RowJob, place: Place) -> bool:
+    """Return whether the stored chunk of each array has the stored checksum."""
+    rows = job.rows_of(place.number)
+    try:
+        stored = group[_CHECKSUM][place.number].tolist()
+        found = [_checksum(place, name, group[name][rows]) for name in job.arrays]
+    except (OSError, ValueError, RuntimeError, MemoryError):  # not the bytes of a chunk
+        return False
+    return found == stored
+
+
+def _is_written(folder: Path, array: Any, number: int) -> bool:
+    """Return whether the file of an array's chunk exists.
+
+    folder: folder of the array
+    number: number of the chunk
+    """
+    indices = (number, *(0 for _ in array.shape[1:]))
+    return (folder / array.metadata.encode_chunk_key(indices)).is_file()
+
+
+def _require_xarray() -> None:
+    try:
+        import dask.array  # noqa: F401
+        import xarray  # noqa: F401
+
+        _zarr()
+    except ImportError as error:
+        raise BadInputError(
+            'a store requires xarray, Dask and Zarr; type python -m pip install ".[distributed]"'
+        ) from error

@@ -1,0 +1,386 @@
+"""DAVE-ML files: check cases, formulas, tables, and an aircraft compared with the same aircraft
+from a table of derivatives.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from cli import assert_refused, hfa as run
+from project import ROOT
+from scipy.interpolate import LinearNDInterpolator
+
+import hfa
+from hfa_aircraft.readers.daveml.check_cases import checked_document
+from hfa_aircraft.readers.daveml.document import read_document
+from hfa_aircraft.readers.daveml.functions import Expressions
+from hfa_aircraft.rigid.tables import Interpolator
+from hfa_support.errors import BadInputError
+
+UAV = ROOT / "examples" / "uav.dml"
+TEXT = UAV.read_text(encoding="utf-8")
+_FOOT = 0.3048
+_NEWTON = 1.0 / (0.45359237 * 9.80665)
+
+_ONE = """<DAVEfunc><variableDef name="x" varID="x" units="nd"><isInput/></variableDef>
+<variableDef name="y" varID="y" units="nd">{}</variableDef>{}</DAVEfunc>"""
+
+
+def changed(folder: Path, old: str, new: str) -> str:
+    """Return the path of a copy of the example file with one replacement.
+
+    old: text in the example, which must occur
+    new: text that replaces its first occurrence
+    """
+    assert old in TEXT
+    path = folder / "changed.dml"
+    path.write_text(TEXT.replace(old, new, 1), encoding="utf-8")
+    return str(path)
+
+
+def formula(text: str, x: float, folder: Path) -> float:
+    """Return the value at x of a MathML formula in a DAVE-ML file."""
+    path = folder / "one.dml"
+    path.write_text(_ONE.format(f"<calculation><math>{text}</math></calculation>", ""))
+    values = Expressions(read_document(str(path)), {"x": ca.SX(x)}, Interpolator())
+    return float(ca.evalf(ca.SX(values["y"])))
+
+
+def test_the_example_passes_its_check_cases() -> None:
+    """The example passes its check cases and has twelve outputs."""
+    checked = checked_document(read_document(str(UAV)))
+    assert checked.ok
+    assert len(checked.outputs) == 12
+
+
+@pytest.mark.parametrize("wrong", ["-0.36", "3.45", "0.5"])
+def test_a_wrong_number_fails_a_check_case(wrong: str, tmp_path: Path) -> None:
+    """A changed coefficient, table value or input makes a check case fail."""
+    old = {
+        "-0.36": "<cn>-0.36</cn>",
+        "3.45": re.search(r"<dataTable>([-.\d]+)", TEXT)[1],
+        "0.5": "<signalValue>0.5</signalValue>",
+    }[wrong]
+    new = {"-0.36": "<cn>0.36</cn>", "3.45": "-0.5", "0.5": "<signalValue>-0.5</signalValue>"}
+    path = changed(tmp_path, old, new[wrong])
+    result = run("daveml", path)
+    assert result.code == 1
+    assert result.out.startswith("FAIL: ")
+
+
+def test_spellings_of_a_unit_are_equal(tmp_path: Path) -> None:
+    """A check case in m/s is accepted for a variable in m_s."""
+    path = changed(tmp_path, "<signalValue>35.0", "<signalUnits>m/s</signalUnits><signalValue>35.0")
+    assert checked_document(read_document(path)).ok
+
+
+def test_a_file_without_check_cases_fails(tmp_path: Path) -> None:
+    """For a file without check cases, the exit code is 1."""
+    path = tmp_path / "bare.dml"
+    path.write_text(re.sub(r"<checkData>.*</checkData>", "", TEXT, flags=re.S), encoding="utf-8")
+    result = run("daveml", str(path))
+    assert result.code == 1
+    assert "no check case" in result.out
+
+
+def test_the_dml_aircraft_equals_the_toml_aircraft() -> None:
+    """Trim, A and B of examples/uav.dml equal those of examples/uav.toml, which is in SI units."""
+    table = hfa.load_model(str(ROOT / "examples" / "uav.toml"))
+    file = hfa.load_model(str(UAV))
+    held = {"speed": 35.0, "altitude": 100.0}
+    of_table = hfa.linearize(table, hfa.trim(table, hold=held))
+    held = {name: value / _FOOT for name, value in held.items()}
+    of_file = hfa.linearize(file, hfa.trim(file, hold=held))
+    inputs = ["engineThrust", "elevatorDeflection", "aileronDeflection", "rudderDeflection"]
+    order = [of_file.inputs.index(name) for name in inputs]
+    assert of_file.point.states.alpha == pytest.approx(of_table.point.states.alpha, rel=1e-9)
+    thrust = of_table.point.inputs.thrust * _NEWTON
+    assert of_file.point.inputs.engineThrust == pytest.approx(thrust, rel=1e-9)
+    scale = np.ones(len(of_file.states))
+    scale[of_file.states.index("speed")] = 1.0 / _FOOT
+    A = scale[:, None] * of_table.A / scale
+    B = scale[:, None] * of_table.B / np.array([_NEWTON, 1.0, 1.0, 1.0])
+    np.testing.assert_allclose(of_file.A, A, rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(of_file.B[:, order], B, rtol=1e-8, atol=1e-9)
+
+
+def test_files_are_joined_by_their_names(tmp_path: Path) -> None:
+    """An aircraft in two files, with the mass in the second, equals the aircraft in one file.
+
+    A missing file for the mass, and a mass defined in two files, are refused.
+    """
+    mass = re.search(r'  <variableDef name="totalMass".*?</variableDef>\n', TEXT, re.S)[0]
+    alone = tmp_path / "aero.dml"
+    alone.write_text(TEXT.replace(mass, ""), encoding="utf-8")
+    other = tmp_path / "mass.dml"
+    other.write_text(f"<DAVEfunc>{mass}</DAVEfunc>", encoding="utf-8")
+    with pytest.raises(BadInputError, match=r"totalMass; add \+FILE"):
+        hfa.load_model(str(alone))
+    joined = hfa.load_model(f"{alone}+{other}")
+    whole = hfa.load_model(str(UAV))
+    points = [hfa.trim(model) for model in (joined, whole)]
+    np.testing.assert_allclose(points[0].states, points[1].states, rtol=1e-12)
+    with pytest.raises(BadInputError, match="is also an output of"):
+        hfa.load_model(f"{other}+{UAV}")
+
+
+POINTS = np.random.default_rng(3).uniform(-1.0, 1.0, (25, 2))
+VALUES = np.sin(3.0 * POINTS[:, 0]) + POINTS[:, 1] ** 2
+
+
+def surface(points: np.ndarray, values: np.ndarray, folder: Path) -> ca.Function:
+    """Return the function (x, z) -> y of a file in which y is an ungridded table of points.
+
+    With points (N, 1), the function x -> y is returned.
+    """
+    rows = "".join(
+        f"<dataPoint>{', '.join(map(repr, map(float, row)))}, {float(value)!r}</dataPoint>"
+        for row, value in zip(points, values, strict=True)
+    )
+    names = ("x", "z")[: points.shape[1]]
+    variables = "".join(
+        f'<variableDef name="{n}" varID="{n}"><isInput/></variableDef>' for n in names
+    )
+    arguments = "".join(f'<independentVarRef varID="{name}"/>' for name in names)
+    path = folder / "surface.dml"
+    path.write_text(
+        f'<DAVEfunc>{variables}<variableDef name="y" varID="y"/><ungriddedTableDef utID="t">{rows}'
+        f'</ungriddedTableDef><function name="f">{arguments}<dependentVarRef varID="y"/>'
+        '<functionDefn><ungriddedTableRef utID="t"/></functionDefn></function></DAVEfunc>'
+    )
+    given = {name: ca.SX.sym(name) for name in names}
+    values = Expressions(read_document(str(path)), given, Interpolator())
+    return ca.Function("y", list(given.values()), [values["y"]])
+
+
+def test_ungridded_tables_equal_scipys_linear_interpolation(tmp_path: Path) -> None:
+    """Inside the hull, an ungridded table equals SciPy's linear interpolation in value and slope.
+
+    Outside the hull, the value is that of the nearest point of the hull.
+    """
+    found = surface(POINTS, VALUES, tmp_path)
+    expected = LinearNDInterpolator(POINTS, VALUES)
+    x, z = ca.SX.sym("x"), ca.SX.sym("z")
+    slope = ca.Function("s", [x, z], [ca.jacobian(found(x, z), ca.vertcat(x, z))])
+    inside = np.array([place for place in POINTS[:-1] / 2.0 if np.isfinite(expected(place))])
+    assert len(inside) > 15
+    for place in inside:
+        assert float(found(*place)) == pytest.approx(expected(place)[0], abs=1e-12)
+        ahead, behind = (expected(place + np.array([step, 0.0]))[0] for step in (1e-7, -1e-7))
+        assert float(slope(*place)[0]) == pytest.approx((ahead - behind) / 2e-7, abs=1e-5)
+    triangulation = expected.tri
+    edges = POINTS[triangulation.convex_hull]
+    shares = np.linspace(0.0, 1.0, 20_001)[:, None]
+    border = np.concatenate([start + shares * (end - start) for start, end in edges])
+    for place in ([2.0, 0.3], [-1.5, -1.5], [0.0, 3.0]):
+        nearest = border[np.argmin(np.linalg.norm(border - place, axis=1))]
+        towards = nearest + 1e-9 * (POINTS.mean(axis=0) - nearest)
+        assert float(found(*place)) == pytest.approx(expected(towards)[0], abs=1e-3)
+
+
+def test_an_ungridded_table_of_one_argument_is_sorted(tmp_path: Path) -> None:
+    """An ungridded table of one argument is interpolated between its sorted points."""
+    found = surface(POINTS[:, :1], VALUES, tmp_path)
+    order = np.argsort(POINTS[:, 0])
+    for place in (-2.0, -0.3, 0.4, 2.0):
+        expected = np.interp(place, POINTS[order, 0], VALUES[order])
+        assert float(found(place)) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        (np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]), "all points lie on a line"),
+        (np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 0.0]]), "two points are equal"),
+        (np.eye(3), "one or two arguments, the same number for all"),
+    ],
+)
+def test_a_faulty_ungridded_table_is_refused(
+    points: np.ndarray, message: str, tmp_path: Path
+) -> None:
+    """An ungridded table with collinear or equal points, or too many arguments, is refused."""
+    with pytest.raises(BadInputError, match=f"function for y: .*{message}"):
+        surface(points, np.ones(3), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("<apply><minus/><ci>x</ci></apply>", -0.3),
+        ("<apply><power/><ci>x</ci><cn>2</cn></apply>", 0.09),
+        ("<apply><csymbol>atan2</csymbol><ci>x</ci><cn>-1</cn></apply>", np.arctan2(0.3, -1.0)),
+        ("<apply><max/><ci>x</ci><cn>1</cn><cn>2</cn></apply>", 2.0),
+        ("<cn type='e-notation'>1.5<sep/>-3</cn>", 1.5e-3),
+        (
+            "<piecewise><piece><cn>1</cn><apply><lt/><ci>x</ci><cn>0</cn></apply></piece>"
+            "<piece><cn>2</cn><apply><lt/><ci>x</ci><cn>1</cn></apply></piece>"
+            "<otherwise><cn>3</cn></otherwise></piecewise>",
+            2.0,
+        ),
+    ],
+)
+def test_formulas_have_their_analytical_values(text: str, expected: float, tmp_path: Path) -> None:
+    """Formulas in MathML have their analytical values."""
+    assert formula(text, 0.3, tmp_path) == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("body", "more", "message"),
+    [
+        ("<calculation><math><apply><floof/><ci>x</ci></apply></math></calculation>", "", "floof"),
+        ("<calculation><math><ci>z</ci></math></calculation>", "", "z is not defined"),
+        (
+            "<calculation><math><ci>y</ci></math></calculation>",
+            "",
+            "the definition of the variable is circular",
+        ),
+        ("", "", "no table, formula or initial value"),
+        ("<uncertainty/>", "", "uncertainty"),
+    ],
+)
+def test_unsupported_definitions_are_refused(
+    body: str, more: str, message: str, tmp_path: Path
+) -> None:
+    """Unknown operators, undefined variables, missing or circular definitions and uncertainties are
+    refused.
+    """
+    path = tmp_path / "one.dml"
+    path.write_text(_ONE.format(body, more))
+    with pytest.raises(BadInputError, match=message):
+        Expressions(read_document(str(path)), {"x": ca.SX(1.0)}, Interpolator())["y"]
+
+
+def checked_and_loaded(path: str) -> None:
+    checked_document(read_document(path))
+    hfa.load_model(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('extrapolate="neither"', 'extrapolate="both"', "extrapolate"),
+        ("<bpVals>-10, 0, 10", "<bpVals>-10, 10, 0", "two or more increasing numbers"),
+        ("<bpVals>-10, 0, 10", "<bpVals>-10, 10", "the breakpoints require 2"),
+        ('units="kgm2"', 'units="stone"', "stone"),
+        ("<griddedTableDef", "<ungriddedTableDef", "is not XML"),
+        ('varID="m" units="kg"', 'varID="m" units="ft_s"', "totalMass is in 'ft_s'"),
+        ('initialValue="0.55"', 'initialValue="0"', "referenceWingArea is 0; give a positive"),
+        ('varID="b"', 'varID="S"', "variable S: there are two definitions"),
+        ("<DAVEfunc", "<!DOCTYPE a [<!ENTITY b 'c'>]><DAVEfunc", "entities"),
+        (
+            "</function>",
+            '</function><function name="b"><independentVarRef varID="alpha"/>'
+            '<dependentVarRef varID="CL"/><functionDefn><griddedTableRef gtID="wing"/>'
+            "</functionDefn></function>",
+            "variable CL: the variable has both a table and a formula",
+        ),
+        ("<signalValue>35.0", "<signalUnits>ft_s</signalUnits><signalValue>35.0", "in ft_s"),
+    ],
+)
+def test_a_damaged_file_is_refused(old: str, new: str, message: str, tmp_path: Path) -> None:
+    """A file with a faulty entry is refused, and the entry is named."""
+    path = changed(tmp_path, old, new)
+    with pytest.raises(BadInputError, match=message):
+        checked_and_loaded(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("<apply><divide/><cn>1</cn><cn>0</cn></apply>", "<divide> of 1, 0"),
+        ("<apply><power/><cn>0</cn><cn>-1</cn></apply>", "<power> of 0, -1"),
+        ("<apply><power/><cn>-8</cn><cn>0.5</cn></apply>", "<power> of -8, 0.5"),
+        ("<apply><power/><cn>10</cn><cn>400</cn></apply>", "<power> of 10, 400"),
+        ("<apply><ln/><cn>0</cn></apply>", "<ln> of 0"),
+        ("<apply><exp/><cn>1000</cn></apply>", "<exp> of 1000"),
+    ],
+)
+def test_a_formula_without_a_finite_value_is_refused(
+    text: str, message: str, tmp_path: Path
+) -> None:
+    """An operator of numbers whose value is infinite, complex or undefined is refused."""
+    with pytest.raises(BadInputError, match=rf"variable y: {message} is not a finite number"):
+        formula(text, 0.5, tmp_path)
+
+
+def test_nested_formulas(tmp_path: Path) -> None:
+    """A formula of 100 nested elements is evaluated, and one of 30,000 is refused."""
+
+    def nested(count: int) -> str:
+        return "<apply><minus/>" * count + "<ci>x</ci>" + "</apply>" * count
+
+    assert formula(nested(100), 0.5, tmp_path) == 0.5
+    with pytest.raises(BadInputError, match="variable y: the formula is nested too deeply"):
+        formula(nested(30_000), 0.5, tmp_path)
+
+
+@pytest.mark.parametrize("encoding", ["unknown-9", "utf-32", "shift_jis"])
+def test_an_unsupported_encoding_is_refused(encoding: str, tmp_path: Path) -> None:
+    """A file in an unknown or multi-byte encoding is refused; Latin-1 is read."""
+    path = tmp_path / "encoded.dml"
+    head = '<?xml version="1.0" encoding="{}"?>\n'
+    path.write_bytes((head.format(encoding) + "<DAVEfunc/>").encode())
+    result = run("daveml", str(path))
+    assert_refused(result, 2, "encod")
+    path.write_bytes(
+        (head.format("iso-8859-1") + '<DAVEfunc><fileHeader name="\xe4"/></DAVEfunc>').encode(
+            "latin-1"
+        )
+    )
+    assert read_document(str(path)).title == "\xe4"
+
+
+_POINTS = (
+    '<variableDef name="z" varID="z" units="nd"><isInput/></variableDef><function name="f">'
+    '<independentVarPts varID="x" min="-0.5">-1, 0, 1</independentVarPts>'
+    '<independentVarPts varID="z">0 10</independentVarPts>'
+    '<dependentVarPts varID="y">1, 2, <!-- x = 0 --> 3, 5, 7, 11</dependentVarPts></function>'
+)
+
+
+def value_at(path: Path, x: float, z: float) -> float:
+    """Return y of a file at x and z."""
+    given = {"x": ca.SX(x), "z": ca.SX(z)}
+    values = Expressions(read_document(str(path)), given, Interpolator())
+    return float(ca.evalf(ca.SX(values["y"])))
+
+
+def test_a_function_of_points_equals_a_gridded_table(tmp_path: Path) -> None:
+    """A function of points is interpolated like a gridded table, the last argument first.
+
+    The limits of an argument apply.
+    """
+    path = tmp_path / "points.dml"
+    path.write_text(_ONE.format("", _POINTS))
+    corners = {(0.0, 0.0): 3.0, (0.0, 10.0): 5.0, (1.0, 0.0): 7.0, (1.0, 10.0): 11.0}
+    for place, value in corners.items():
+        assert value_at(path, *place) == pytest.approx(value)
+    assert value_at(path, 0.5, 5.0) == pytest.approx(6.5)
+    assert value_at(path, -1.0, 0.0) == pytest.approx(2.0)  # the value at x = -0.5
+    assert value_at(path, 9.0, 99.0) == pytest.approx(11.0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("3, 5, 7, 11", "3, 5, 7", "the table has 5 values, but the breakpoints require 6"),
+        ("-1, 0, 1", "-1, 1, 0", "breakpoints x: .* increasing"),
+        ("0 10", "0 ten", "not a number"),
+        ('varID="y">1', 'varID="w">1', "variable w is not defined"),
+        ('min="-0.5"', 'interpolate="floor"', "interpolate"),
+        ("dependentVarPts", "dependentVarPoints", "Pts> is missing"),
+    ],
+)
+def test_a_faulty_function_of_points_is_refused(
+    old: str, new: str, message: str, tmp_path: Path
+) -> None:
+    """Missing elements, wrong numbers of values and breakpoints in a wrong order are refused."""
+    assert old in _POINTS
+    path = tmp_path / "points.dml"
+    path.write_text(_ONE.format("", re.sub(rf"(?<!in){old}", new, _POINTS)))
+    with pytest.raises(BadInputError, match=message):
+        value_at(path, 0.0, 0.0)

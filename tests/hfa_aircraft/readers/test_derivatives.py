@@ -1,0 +1,547 @@
+"""Aircraft from tables of derivatives.
+
+Their modes are compared with published modes and with independent equations. Faulty tables are
+refused.
+"""
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import hfa
+from hfa import linearize, trim
+from hfa_aircraft.readers.derivatives.read import from_derivatives
+from hfa_aircraft.rigid.atmosphere import air_at
+from hfa_aircraft.rigid.motion import rotation
+
+#: R. C. Nelson, Flight Stability and Automatic Control, 2nd ed., 1998, Table B.1, without C_Lq and
+#: with C_nbeta 0.0701, as in examples 4.3 and 5.2.
+NAVION = {
+    "units": "english",
+    "geometry": {"wing_area": 184.0, "span": 33.4, "chord": 5.7},
+    "mass": {"mass": 2750.0 / 32.2, "Ixx": 1048.0, "Iyy": 3000.0, "Izz": 3530.0},
+    "condition": {"speed": 176.0, "altitude": 0.0},
+    "CL_0": 0.41, "CL_alpha": 4.44, "CL_elevator": 0.355,
+    "CD_0": 0.05, "CD_alpha": 0.33,
+    "Cm_alpha": -0.683, "Cm_q": -9.96, "Cm_alphadot": -4.36, "Cm_elevator": -0.923,
+    "CY_beta": -0.564, "CY_rudder": 0.157,
+    "Cl_beta": -0.074, "Cl_p": -0.41, "Cl_r": 0.107, "Cl_aileron": -0.134, "Cl_rudder": 0.0118,
+    "Cn_beta": 0.0701, "Cn_p": -0.0575, "Cn_r": -0.125, "Cn_aileron": 0.0035, "Cn_rudder": -0.072,
+    "thrust": [0.0, 1500.0],
+    "elevator": ["-23 deg", "23 deg"],
+    "aileron": ["-23 deg", "23 deg"],
+    "rudder": ["-23 deg", "23 deg"],
+}  # fmt: skip
+#: Printed in examples 4.3 and 5.2.
+PRINTED = {
+    "phugoid": -0.0171 + 0.213j,
+    "short period": -2.5 + 2.59j,
+    "spiral": -0.00877,
+    "roll": -8.435,
+    "dutch roll": -0.487 + 2.335j,
+}
+
+#: B. Etkin, L. D. Reid, Dynamics of Flight, 3rd ed., 1996, Sections 6.2 and 6.7: B747 at 40,000 ft,
+#: Mach 0.8. C_x and C_z of Table 6.1 are used as lift and drag, and Table 6.6 for the lateral
+#: motion. The altitude corresponds to the printed density. The book prints no drag; it only divides
+#: C_x and C_z between lift and drag. The control surfaces are assumed, and no mode depends on them.
+_DENSITY = 5.909e-4
+_ALTITUDE = 39871.6
+_MACH = 774.0 / 968.07
+_DRAG = 0.043
+B747 = {
+    "units": "english",
+    "geometry": {"wing_area": 5500.0, "span": 195.7, "chord": 27.31},
+    "mass": {"mass": 636636.0 / 32.2, "Ixx": 0.183e8, "Iyy": 0.331e8, "Izz": 0.497e8,
+             "Ixz": -0.156e7},
+    "condition": {"speed": 774.0, "altitude": _ALTITUDE},
+    "CL_0": 0.654, "CL_alpha": 4.920 - _DRAG, "CL_q": 5.921, "CL_alphadot": -5.896,
+    "CL_mach": 0.1060 / _MACH,
+    "CD_0": _DRAG, "CD_alpha": 0.654 - 0.2193, "CD_mach": (0.1080 - 2.0 * _DRAG) / _MACH,
+    "Cm_alpha": -1.023, "Cm_q": -23.92, "Cm_alphadot": -6.314, "Cm_mach": 0.1043 / _MACH,
+    "CY_beta": -0.8771,
+    "Cl_beta": -0.2797, "Cl_p": -0.3295, "Cl_r": 0.304, "Cl_aileron": 0.01,
+    "Cn_beta": 0.1946, "Cn_p": -0.04073, "Cn_r": -0.2737, "Cn_rudder": -0.1,
+    "Cm_elevator": -1.444,
+    "thrust": [0.0, 200000.0],
+    "elevator": ["-25 deg", "25 deg"],
+    "aileron": ["-25 deg", "25 deg"],
+    "rudder": ["-25 deg", "25 deg"],
+}  # fmt: skip
+#: Printed in Sections 6.2 and 6.7.
+PRINTED_747 = {
+    "phugoid": -0.003289 + 0.06723j,
+    "short period": -0.3719 + 0.8875j,
+    "spiral": -0.0072973,
+    "roll": -0.56248,
+    "dutch roll": -0.033011 + 0.94655j,
+}
+
+#: R. K. Heffley, W. F. Jewell, Aircraft Handling Qualities Data, NASA CR-2144, 1972, Tables II-1
+#: and II-2: NT-33A, power approach. Derivatives are in stability axes and moments of inertia in
+#: body axes. The thrust acts along the flight path, because the printed C_L supports the complete
+#: weight. The limits of the surfaces are assumed.
+NT33A = {
+    "units": "english",
+    "geometry": {"wing_area": 234.8, "span": 37.54, "chord": 6.72},
+    "axes": "stability",
+    "mass": {"weight": 11800.0, "Ixx": 12700.0, "Iyy": 20700.0, "Izz": 32001.0, "Ixz": 480.0},
+    "condition": {"speed": 228.0, "altitude": 0.0, "alpha": "2.2 deg"},
+    "thrust_angle": "-2.2 deg",
+    "CL_0": 0.813, "CL_alpha": 5.22, "CL_elevator": 0.34,
+    "CD_0": 0.135, "CD_alpha": 0.54,
+    "Cm_alpha": -0.401, "Cm_q": -10.0, "Cm_alphadot": -5.0, "Cm_elevator": -0.89,
+    "CY_beta": -0.72, "CY_rudder": 0.17,
+    "Cl_beta": -0.127, "Cl_p": -0.57, "Cl_r": 0.20, "Cl_aileron": 0.14, "Cl_rudder": -0.002,
+    "Cn_beta": 0.049, "Cn_p": -0.045, "Cn_r": -0.16, "Cn_aileron": -0.009, "Cn_rudder": -0.073,
+    "thrust": [0.0, 5000.0],
+    "elevator": ["-25 deg", "25 deg"],
+    "aileron": ["-25 deg", "25 deg"],
+    "rudder": ["-25 deg", "25 deg"],
+}  # fmt: skip
+#: Factors of the denominators in Tables II-4 and II-8: damping and natural frequency, rad/s, or
+#: decay rate, 1/s.
+PRINTED_NT33A = {
+    "phugoid": (0.0948, 0.172),
+    "short period": (0.622, 1.59),
+    "dutch roll": (0.0609, 1.13),
+    "spiral": (0.0318,),
+    "roll": (2.20,),
+}
+
+#: The same report, Lockheed Jetstar, power approach. It lists C_D and its slope over alpha. The
+#: speed is that at which lift and thrust support the weight. The height of the thrust line was
+#: chosen to match the phugoid. The limits, and the surfaces of the lateral motion, are assumed.
+JETSTAR = {
+    "units": "english",
+    "geometry": {"wing_area": 542.5, "span": 53.75, "chord": 10.93},
+    "axes": "stability",
+    "mass": {"weight": 23904.0, "Ixx": 42273.0, "Iyy": 126099.0, "Izz": 160104.0, "Ixz": 5470.0},
+    "condition": {"speed": 223.0, "altitude": 0.0, "alpha": "6.5 deg"},
+    "thrust_height": 0.83,
+    "CL_0": 0.737, "CL_alpha": 5.0, "CL_elevator": 0.4,
+    "CD_0": 0.095, "CD_alpha": 0.75,
+    "Cm_alpha": -0.80, "Cm_q": -8.0, "Cm_alphadot": -3.0, "Cm_elevator": -0.81,
+    "CY_beta": -0.72, "Cl_beta": -0.103, "Cl_p": -0.37, "Cl_r": 0.11, "Cl_aileron": 0.054,
+    "Cn_beta": 0.137, "Cn_p": -0.14, "Cn_r": -0.16, "Cn_rudder": -0.063,
+    "thrust": [0.0, 10000.0],
+    "elevator": ["-25 deg", "25 deg"],
+    "aileron": ["-25 deg", "25 deg"],
+    "rudder": ["-25 deg", "25 deg"],
+}  # fmt: skip
+#: Damping and natural frequency, rad/s, of the factors of the denominator.
+PRINTED_JETSTAR = {"short period": (0.528, 1.66), "phugoid": (0.0521, 0.188)}
+
+#: Ultra Stick 25e, a small unmanned aircraft: derivatives of the University of Minnesota's UAV
+#: laboratory (UltraStick25e_config.m, 2012). Their reference point is 4.5 mm ahead of the center of
+#: gravity. In that file, C_D = 0.0434 + (C_L - 0.23)² / (0.75 pi b²/S).
+_ARM = -0.0045 / 0.25
+_INDUCED = 0.3097 / (0.75 * math.pi * 1.27**2)
+ULTRA_STICK = {
+    "geometry": {"wing_area": 0.3097, "span": 1.27, "chord": 0.25},
+    "mass": {"mass": 1.959, "Ixx": 0.07151, "Iyy": 0.08636, "Izz": 0.15364, "Ixz": 0.014},
+    "condition": {"speed": 17.0, "altitude": 100.0},
+    "CL_0": 0.1086, "CL_alpha": 4.58, "CL_q": 6.1639, "CL_elevator": 0.0983,
+    "CD_0": 0.0434 + _INDUCED * (0.23**2 - 2.0 * 0.23 * 0.1086),
+    "CD_alpha": -2.0 * _INDUCED * 0.23 * 4.58, "CD_CL2": _INDUCED,
+    "Cm_0": -0.0278 + _ARM * 0.1086, "Cm_alpha": -0.7230 + _ARM * 4.58,
+    "Cm_q": -13.5664 + _ARM * 6.1639, "Cm_elevator": -0.8488 + _ARM * 0.0983,
+    "CY_beta": -0.4889, "CY_p": -0.0375, "CY_r": 0.15, "CY_rudder": 0.1913,
+    "Cl_beta": -0.0545, "Cl_p": -0.4496, "Cl_r": 0.1086, "Cl_aileron": -0.1646,
+    "Cn_beta": 0.0723, "Cn_p": 0.1180, "Cn_r": -0.1833, "Cn_rudder": -0.1811,
+    "thrust": [0.0, 40.0],
+    "elevator": ["-25 deg", "25 deg"],
+    "aileron": ["-25 deg", "25 deg"],
+    "rudder": ["-25 deg", "25 deg"],
+}  # fmt: skip
+#: Rows u, w, pitch, q of the longitudinal matrix at 17 m/s (E. A. Ahmed et al., Advances in
+#: Robotics & Automation 4:126, 2015). The altitude is not printed and is assumed. In the printed
+#: matrix, the thrust decreases with speed, and no lift depends on the rate of alpha, so its phugoid
+#: differs.
+PRINTED_ULTRA_STICK = np.array(
+    [
+        [-0.5944, 0.8008, -9.791, -0.8747],
+        [-0.744, -7.56, -0.5294, 15.72],
+        [0.0, 0.0, 0.0, 1.0],
+        [1.041, -7.406, 0.0, -15.81],
+    ]
+)
+
+#: F-104 at 305 ft/s: M. V. Cook, Flight Dynamics Principles, Example 5.1, after G. L. Teper. Mass,
+#: inertia and dimensional derivatives, in slug, ft and s, are those of a public program for this
+#: example. They are divided by assumed dimensions, which cancel. The lift exceeds the weight by 1.3
+#: %.
+_SPEED = 305.0
+_FORCE = 0.5 * float(air_at(0.0).density) * _SPEED**2 * 196.1
+_MOMENT = _FORCE * 9.55
+F104 = {
+    "units": "english",
+    "geometry": {"wing_area": 196.1, "span": 21.94, "chord": 9.55},
+    "mass": {"mass": 746.0, "Ixx": 3500.0, "Iyy": 65000.0, "Izz": 66000.0},
+    "condition": {"speed": _SPEED, "altitude": 0.0},
+    "CL_0": 159.64 * _SPEED / (2.0 * _FORCE), "CL_alpha": (328.24 - 26.26 / 2.0) * _SPEED / _FORCE,
+    "CD_0": 26.26 * _SPEED / (2.0 * _FORCE), "CD_alpha": (159.64 / 2.0 - 79.82) * _SPEED / _FORCE,
+    "Cm_alpha": -1014.0 * _SPEED / _MOMENT,
+    "Cm_alphadot": -36.4 * 2.0 * _SPEED**2 / (_MOMENT * 9.55),
+    "Cm_q": -18135.0 * 2.0 * _SPEED / (_MOMENT * 9.55), "Cm_elevator": -1.5,
+    "CY_beta": -1.0, "Cl_beta": -0.1, "Cl_p": -0.3, "Cl_aileron": 0.04,
+    "Cn_beta": 0.5, "Cn_r": -0.7, "Cn_rudder": -0.16,
+    "thrust": [0.0, 15000.0],
+    "elevator": ["-25 deg", "25 deg"],
+    "aileron": ["-25 deg", "25 deg"],
+    "rudder": ["-25 deg", "25 deg"],
+}  # fmt: skip
+#: Rows u, w, q, pitch of the matrix that follows from these derivatives by hand, without code of
+#: this project.
+_RATES = [[-26.26, 79.82, 0.0, -746.0 * 32.2], [-159.64, -328.24, 746.0 * _SPEED, 0.0],
+          [0.0, -1014.0, -18135.0, 0.0], [0.0, 0.0, 1.0, 0.0]]  # fmt: skip
+_INERTIAS = np.diag([746.0, 746.0, 65000.0, 1.0])
+_INERTIAS[2, 1] = 36.4
+F104_BY_HAND = np.linalg.solve(_INERTIAS, _RATES)
+#: Factors s² + a s + b of the characteristic polynomial, quoted from memory (one copy of Example
+#: 11.3 also has 4.884): (a, b, tolerance).
+PRINTED_F104 = {"phugoid": (0.033, 0.022, 0.02), "short period": (0.893, 4.884, 0.002)}
+
+
+def linear_model(table, **held):
+    model = from_derivatives(table).with_parameters(**held)
+    return linearize(model, trim(model))
+
+
+def eigenvalue_near(linear, value):
+    values = np.linalg.eigvals(linear.A)
+    return values[np.argmin(np.abs(values - value))]
+
+
+@pytest.mark.parametrize("mode", PRINTED)
+def test_modes_of_the_navion_agree_with_published_modes(mode):
+    """The Navion's eigenvalues are within 1 % of the printed ones.
+
+    The spiral eigenvalue, a small difference of large terms, is within 10 %.
+    """
+    printed = PRINTED[mode]
+    found = eigenvalue_near(linear_model(NAVION), printed)
+    assert abs(found - printed) < (0.1 if mode == "spiral" else 0.01) * abs(printed)
+
+
+def test_the_747s_published_density_is_reproduced():
+    """At the altitude of the 747's data, the atmosphere has the published density and speed of
+    sound.
+    """
+    assert float(air_at(_ALTITUDE).density) == pytest.approx(_DENSITY, rel=1e-6)
+    assert float(air_at(_ALTITUDE).sound) == pytest.approx(774.0 / _MACH, rel=1e-5)
+
+
+@pytest.mark.parametrize("mode", PRINTED_747)
+def test_modes_of_the_747_agree_with_published_modes(mode):
+    """The 747's eigenvalues are within 0.3 % of the printed ones, with the gravity of the book.
+
+    With wrong values of Cn_beta and Cm_q, every mode deviates by more than 0.3 %.
+    """
+    printed = PRINTED_747[mode]
+    found = eigenvalue_near(linear_model(B747, gravity=32.2), printed)
+    assert abs(found - printed) < 0.003 * abs(printed)
+    wrong = eigenvalue_near(
+        linear_model({**B747, "Cn_beta": 0.21, "Cm_q": -26.0}, gravity=32.2), printed
+    )
+    assert abs(wrong - printed) > 0.003 * abs(printed)
+
+
+@pytest.mark.parametrize("mode", PRINTED_NT33A)
+def test_modes_of_the_nt33a_agree_with_published_modes(mode):
+    """The NT-33A's modes are within 0.5 % of the printed ones.
+
+    If the derivatives are taken as in body axes, only the lateral modes change by more than 1 %.
+    """
+    printed = PRINTED_NT33A[mode]
+    (root,) = roots_of([printed])
+    found = eigenvalue_near(linear_model(NT33A), root)
+    rate = abs(found)
+    computed = (-found.real / rate, rate) if len(printed) == 2 else (-found.real,)
+    assert computed == pytest.approx(printed, rel=0.005)
+    other = eigenvalue_near(linear_model({**NT33A, "axes": "body"}), root)
+    assert (abs(other - found) > 0.01 * rate) == (mode in ("dutch roll", "roll", "spiral"))
+
+
+@pytest.mark.parametrize("mode", PRINTED_JETSTAR)
+def test_printed_modes_include_the_effect_of_thrust_line(mode):
+    """Damping and frequency of each mode are within 0.5 % of the printed ones.
+
+    The table contains the height of the thrust line. With the thrust through the center of gravity,
+    only the frequency of the phugoid deviates by more than 2 %.
+    """
+    damping, frequency = PRINTED_JETSTAR[mode]
+    (root,) = roots_of([(damping, frequency)])
+    found = eigenvalue_near(linear_model(JETSTAR), root)
+    assert (-found.real / abs(found), abs(found)) == pytest.approx((damping, frequency), rel=0.005)
+    central = eigenvalue_near(linear_model({**JETSTAR, "thrust_height": 0.0}), root)
+    assert (abs(abs(central) - frequency) > 0.02 * frequency) == (mode == "phugoid")
+
+
+def half_a_digit(value):
+    """Return half a unit of the last printed digit of a number.
+
+    For a number above 1000, such as a moment of inertia, half a unit of the third digit is
+    returned.
+    """
+    if abs(value) > 1000.0:
+        return 0.5 * 10.0 ** (math.floor(math.log10(abs(value))) - 2)
+    decimals = len(repr(value).partition(".")[2].rstrip("0"))
+    return 0.5 * 10.0**-decimals
+
+
+def rounded_otherwise(table):
+    """Yield copies of a table in which one number is increased by half a unit of its last digit.
+
+    The number is a derivative, a size or a moment of inertia.
+    """
+    for name, value in table.items():
+        if isinstance(value, float):
+            yield {**table, name: value + half_a_digit(value)}
+    for group in ("geometry", "mass"):
+        for name, value in table[group].items():
+            yield {**table, group: {**table[group], name: value + half_a_digit(value)}}
+
+
+def roots_of(printed):
+    """Yield one eigenvalue for each printed mode.
+
+    printed: each mode as an eigenvalue, as (decay rate,), or as (damping, natural frequency)
+    """
+    for mode in printed:
+        if not isinstance(mode, tuple):
+            yield complex(mode)
+        elif len(mode) == 1:
+            yield complex(-mode[0])
+        else:
+            damping, frequency = mode
+            yield frequency * complex(-damping, math.sqrt(1.0 - damping**2))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("table", "printed", "held"),
+    [(NAVION, PRINTED, {}), (B747, PRINTED_747, {"gravity": 32.2}), (NT33A, PRINTED_NT33A, {})],
+    ids=["navion", "747", "nt33a"],
+)
+def test_rounding_of_the_table_explains_mode_differences(table, printed, held):
+    """The difference of each mode from the printed one is explained by rounding of the table.
+
+    The limit is the sum of the changes of the mode when each derivative, size and moment of inertia
+    is increased by half a unit of its last digit.
+    """
+    base = linear_model(table, **held)
+    roots = list(roots_of(printed.values()))
+    found = [eigenvalue_near(base, root) for root in roots]
+    allowed = np.zeros(len(roots))
+    for other in rounded_otherwise(table):
+        rounded = linear_model(other, **held)
+        allowed += [abs(eigenvalue_near(rounded, near) - near) for near in found]
+    assert (np.abs(np.array(found) - roots) < allowed).all()
+
+
+def test_a_small_aircrafts_short_period_is_reproduced():
+    """The short-period eigenvalue is within 0.2 % of the eigenvalue of the printed matrix.
+
+    With a wrong Cm_alpha, the eigenvalue deviates by more than 1 %.
+    """
+    printed = eigenvalue_near(SimpleNamespace(A=PRINTED_ULTRA_STICK), -11.7 + 10.0j)
+    found = eigenvalue_near(linear_model(ULTRA_STICK), printed)
+    assert abs(found - printed) < 0.002 * abs(printed)
+    wrong = eigenvalue_near(linear_model({**ULTRA_STICK, "Cm_alpha": -0.723}), printed)
+    assert abs(wrong - printed) > 0.01 * abs(printed)
+
+
+@pytest.mark.parametrize("mode", PRINTED_F104)
+def test_modes_of_the_f104_agree_with_published_modes(mode):
+    """The longitudinal modes of the F-104 agree with the printed polynomials within `tolerance`.
+
+    The modes of the matrix derived by hand agree as well. With Cm_alpha 10 % too large, the short
+    period disagrees, and the phugoid agrees.
+    """
+    damping, stiffness, tolerance = PRINTED_F104[mode]
+    root = complex(-damping / 2.0, math.sqrt(stiffness - damping**2 / 4.0))
+    wrong = linear_model({**F104, "Cm_alpha": 1.1 * F104["Cm_alpha"]}, gravity=32.2)
+    for linear in (linear_model(F104, gravity=32.2), SimpleNamespace(A=F104_BY_HAND), wrong):
+        found = eigenvalue_near(linear, root)
+        polynomial = (-2.0 * found.real, abs(found) ** 2)
+        agrees = polynomial == pytest.approx((damping, stiffness), rel=tolerance)
+        assert agrees == (linear is not wrong or mode == "phugoid")
+
+
+def test_inertias_rotated_by_the_test_give_equal_modes():
+    """Moments of inertia that the test rotates from body to stability axes give the same modes."""
+    body = np.array([[12700.0, 0.0, -480.0], [0.0, 20700.0, 0.0], [-480.0, 0.0, 32001.0]])
+    turn = rotation(0.0, math.radians(2.2), 0.0).full()
+    turned = turn @ body @ turn.T
+    mass = {"weight": 11800.0, "Ixx": turned[0, 0], "Iyy": 20700.0, "Izz": turned[2, 2]}
+    mass["Ixz"] = -turned[0, 2]
+    condition = {"speed": 228.0, "altitude": 0.0}
+    alone = linear_model(
+        {**NT33A, "axes": "body", "mass": mass, "condition": condition, "thrust_angle": 0.0}
+    )
+    modes = [np.sort_complex(np.linalg.eigvals(each.A)) for each in (alone, linear_model(NT33A))]
+    np.testing.assert_allclose(modes[0], modes[1], rtol=1e-6)
+
+
+def test_modes_agree_with_the_example_equations():
+    """The Navion's fast modes agree within 0.2 % with the equations of examples/navion.py.
+
+    These equations are independent and assume small angles.
+    """
+    other = hfa.load_model("examples/navion.py:NAVION")
+    theirs = linearize(other, trim(other))
+    ours = linear_model({**NAVION, "CL_q": 3.8, "Cn_beta": 0.071})
+    for printed in (PRINTED["short period"], PRINTED["roll"], PRINTED["dutch roll"]):
+        found = eigenvalue_near(ours, printed)
+        assert abs(found - eigenvalue_near(theirs, printed)) < 2e-3 * abs(found)
+
+
+def evaluated(model, x, u):
+    """Return the rates and the outputs of a model at x and u, as two dictionaries of numbers."""
+    vectors = [dict(zip(model.states, x, strict=True)), dict(zip(model.inputs, u, strict=True))]
+    vectors.append({name: signal.start for name, signal in model.parameters.items()})
+    rates, outputs = model.equations(*(SimpleNamespace(**each) for each in vectors), None)
+    both = ({name: float(value) for name, value in each.items()} for each in (rates, outputs))
+    return tuple(both)
+
+
+def load_factor(rates, x):
+    """Return the load factor n = -(w' + p v - q u - g cos(pitch) cos(roll)) / g.
+
+    w' is computed from the rates of speed, alpha and beta.
+    """
+    gravity = 9.80665 / 0.3048
+    speed, alpha, beta, p, q, _, roll, pitch = x[:8]
+    u = speed * math.cos(alpha) * math.cos(beta)
+    v = speed * math.sin(beta)
+    w_rate = (
+        rates["speed"] * math.cos(beta) * math.sin(alpha)
+        + speed * math.cos(beta) * math.cos(alpha) * rates["alpha"]
+        - speed * math.sin(beta) * math.sin(alpha) * rates["beta"]
+    )
+    weight = gravity * math.cos(pitch) * math.cos(roll)
+    return -(w_rate + p * v - q * u - weight) / gravity
+
+
+def test_rate_of_alpha_and_its_lift_are_consistent():
+    """The rate α' and the lift that α' causes through CL_alphadot satisfy both equations.
+
+    The added lift coefficient is CL_alphadot α' c/2V. The load factor computed from the rates
+    equals the output.
+    """
+    x = [170.0, 0.1, 0.02, 0.1, 0.2, -0.1, 0.3, 0.2, 0.0, 100.0]
+    u = [300.0, 0.05, 0.0, 0.0]
+    rates, outputs = evaluated(from_derivatives({**NAVION, "CL_alphadot": 30.0}), x, u)
+    _, without = evaluated(from_derivatives(NAVION), x, u)
+    caused = outputs["lift_coefficient"] - without["lift_coefficient"]
+    assert caused == pytest.approx(30.0 * rates["alpha"] * 5.7 / (2.0 * x[0]), rel=1e-12)
+    assert load_factor(rates, x) == pytest.approx(outputs["load_factor"], rel=1e-12)
+
+
+def test_rate_of_alpha_causes_side_force():
+    """CY_alphadot adds the side force q̄ S CY_alphadot α' c/2V and does not change α'."""
+    x = [170.0, 0.1, 0.0, 0.1, 0.2, -0.1, 0.3, 0.2, 0.0, 100.0]
+    u = [300.0, 0.05, 0.0, 0.0]
+    rates, _ = evaluated(from_derivatives({**NAVION, "CY_alphadot": 2.0}), x, u)
+    before, _ = evaluated(from_derivatives(NAVION), x, u)
+    pressure = 0.5 * float(air_at(100.0).density) * x[0] ** 2
+    coefficient = 2.0 * rates["alpha"] * 5.7 / (2.0 * x[0])
+    side_acceleration = pressure * 184.0 * coefficient / (2750.0 / 32.2)
+    assert rates["alpha"] == pytest.approx(before["alpha"], rel=1e-12)
+    changed = x[0] * (rates["beta"] - before["beta"])
+    assert changed == pytest.approx(side_acceleration, rel=1e-9)
+
+
+def test_si_units_do_not_change_the_eigenvalues():
+    """The Navion in SI units has the same eigenvalues."""
+    slug = 0.45359237 * 9.80665 / 0.3048
+    inertias = {"Ixx": "1048 slug ft^2", "Iyy": "3000 slug ft^2", "Izz": "3530 slug ft^2"}
+    metric = {
+        **NAVION,
+        "units": "si",
+        "geometry": {"wing_area": "184 ft^2", "span": "33.4 ft", "chord": 5.7 * 0.3048},
+        "mass": {"mass": 2750.0 / 32.2 * slug, **inertias},
+        "condition": {"speed": "176 ft/s", "altitude": 0.0},
+        "thrust": ["0 lbf", "1500 lbf"],
+    }
+    ours = np.sort_complex(np.linalg.eigvals(linear_model(NAVION).A))
+    theirs = np.sort_complex(np.linalg.eigvals(linear_model(metric).A))
+    np.testing.assert_allclose(theirs, ours, rtol=1e-6)
+
+
+def test_a_csv_file_equals_a_dictionary(folder):
+    """A CSV file with derivatives per degree gives the same A as a dictionary with values per
+    radian.
+    """
+    flat = {name: value for name, value in NAVION.items() if not isinstance(value, dict)}
+    for group in ("geometry", "mass", "condition"):
+        flat |= NAVION[group]
+    by_angle = ("alpha", "beta", "elevator", "aileron", "rudder")
+    rows = ["name,value,unit", "per,deg"]
+    for name, value in flat.items():
+        if isinstance(value, list):
+            low, high = (str(each).removesuffix(" deg") for each in value)
+            rows.append(f"{name},{low}:{high},{'lbf' if name == 'thrust' else 'deg'}")
+        elif name.partition("_")[2] in by_angle:
+            rows.append(f"{name},{math.radians(value)!r}")
+        else:
+            rows.append(f"{name},{value}")
+    Path("navion.csv").write_text("\n".join(rows))
+    np.testing.assert_allclose(linear_model("navion.csv").A, linear_model(NAVION).A, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"Cm_aplha": -0.6}, "did you mean Cm_alpha"),
+        ({"CLalpha": 4.0}, "did you mean CL_alpha?"),
+        ({"Clbeta": 4.0}, "did you mean Cl_beta?"),
+        ({"Cm_flap": 0.1}, "flap has no limits"),
+        ({"CL_alpha": "steep"}, "CL_alpha is 'steep'; give a number"),
+        ({"CL_alpha": math.nan}, "give a finite number"),
+        ({"CL_alpha": True}, "give a finite number"),
+        ({"elevator": [1.0, -1.0]}, "lower limit is not less than the upper limit"),
+        ({"elevator": ["-20 m", "20 m"]}, "in m; give elevator in rad or deg"),
+        ({"geometry": {"span": 33.4, "chord": 5.7}}, "missing entries: wing_area"),
+        ({"mass": {"mass": -1.0, "Ixx": 1.0, "Iyy": 1.0, "Izz": 1.0}}, "give a positive number"),
+        ({"Ixz": 1e6}, "Ixx Izz must exceed Ixz^2"),
+        ({"weight": 2750.0}, "mass and weight are given"),
+        ({"per": "turn"}, "use rad or deg"),
+        ({"span": 30.0}, "'span' is given twice"),
+        ({"condition": {"speed": 176.0, "altitude": 160000.0}}, "altitude is 160000 ft; give"),
+        ({"condition": {"speed": 176.0, "altitude": "60000 m"}}, "altitude is 196850 ft; give"),
+        ({"condition": {"speed": 176.0, "altitude": -3e7}}, "altitude is -3e+07 ft; give"),
+    ],
+)
+def test_faulty_entries_are_refused(change, message):
+    """A faulty entry of a table of derivatives is refused with its name."""
+    with pytest.raises(hfa.BadInputError, match="the table") as caught:
+        from_derivatives({**NAVION, **change})
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("altitude", [-900.0, 149000.0])
+def test_altitudes_of_the_standard_atmosphere_are_accepted(altitude):
+    """A reference altitude near the lowest or highest altitude is accepted."""
+    condition = {"speed": 176.0, "altitude": altitude}
+    assert from_derivatives({**NAVION, "condition": condition}).trim["altitude"] == altitude
+
+
+def test_faulty_rows_are_refused(folder):
+    """A faulty row of a CSV file is refused with its number."""
+    Path("uav.csv").write_text("units,si\nwing_area,0.5,s\n")
+    with pytest.raises(
+        hfa.BadInputError, match=r"uav.csv, row 2: wing_area is in s; give wing_area in"
+    ):
+        from_derivatives("uav.csv")
+
+
+def test_a_larger_mass_requires_a_larger_alpha():
+    """A larger mass, set as a parameter, requires a larger angle of attack."""
+    light = linear_model("examples/uav.toml")
+    heavy = linear_model("examples/uav.toml", mass=20.0)
+    assert heavy.point.states.alpha > light.point.states.alpha + 0.02

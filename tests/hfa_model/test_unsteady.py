@@ -1,0 +1,358 @@
+"""The unsteady dynamics compared with `newton` (all effects at 0), with a derivation from energies,
+with the functions of Theodorsen, Wagner and Küssner, and with the steady limit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from random_points import random_points, rates
+from scipy import special
+from unsteady_energy import derived_unsteady
+
+import hfa_model.unsteady as source
+from hfa import linearize, trim
+from hfa.paper import level_model
+from hfa_model import STATES, VARIANTS, Input, Parameters, State
+from hfa_model.atmosphere import density
+from hfa_model.kinematics import DISTURBANCES, winds_named
+from hfa_model.unsteady import EFFECTS, KUESSNER, LAG_STATES, UNSTEADY, WAGNER, Lag
+from trim.point.condition import usual_condition
+
+DEGREES = np.pi / 180
+
+
+def points(count: int, seed: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Return random states (with lag states), inputs and winds for `count` points.
+
+    The ranges are wider than those of any trim.
+    """
+    rng, (states, inputs) = np.random.default_rng(seed), random_points(count, seed)
+    lags = rng.uniform(-0.3, 0.3, (count, len(LAG_STATES)))
+    winds = rng.uniform(-6, 6, (count, len(DISTURBANCES)))
+    return list(zip(np.hstack([states, lags]), inputs, winds, strict=True))
+
+
+def test_without_effects_rates_equal_newton(parameters: Parameters) -> None:
+    """With all effects at 0, the rates equal those of `newton`.
+
+    A change of any effect by 1e-6 (planted error) is detected.
+    """
+    plain = UNSTEADY.with_parameters(**parameters._asdict(), **dict.fromkeys(EFFECTS, 0.0))
+    as_record = plain.layout.record
+    for x, u, w in points(200, 3):
+        vectors = [
+            as_record(*vector)
+            for vector in zip(
+                "xupw", (values.tolist() for values in (x, u, plain.p, w)), strict=True
+            )
+        ]
+        computed = plain.equations(*vectors)[0]
+        winds = winds_named(tuple(DISTURBANCES), w.tolist())
+        expected = rates(
+            State(*x[:7].tolist()), Input(*u.tolist()), parameters, VARIANTS["newton"], winds
+        )
+        assert_allclose(
+            [float(computed[name]) for name in STATES], expected, rtol=1e-12, atol=1e-11
+        )
+    for name in EFFECTS:  # planted errors: a change of any effect by 1e-6 is detected
+        planted = UNSTEADY.with_parameters(
+            **parameters._asdict(), **(dict.fromkeys(EFFECTS, 0.0) | {name: 1e-6})
+        )
+        x, u, p, w = (
+            planted.layout.record(*vector)
+            for vector in zip("xupw", (*vectors[:2], planted.p, w), strict=True)
+        )
+        computed = planted.equations(x, u, p, w)[0]
+        assert (
+            max(
+                abs(float(computed[name]) - value)
+                for name, value in zip(STATES, expected, strict=True)
+            )
+            > 1e-9
+        )
+
+
+def by_name(*vectors: Any) -> tuple[Any, ...]:
+    return tuple(
+        UNSTEADY.layout.record(*vector)
+        for vector in zip("xupw", map(ca.vertsplit, vectors), strict=True)
+    )
+
+
+@cache
+def by_energies() -> ca.Function:
+    """Return the function (x, u, p, w, x₀') -> (x', [dE/dt, power]) from the second derivation.
+
+    x' are the rates with the wind w. dE/dt and the power of the loads are those without wind for
+    the given rates x₀'.
+    """
+    vectors = [*UNSTEADY.layout.symbols("x", "u", "p"), ca.SX.sym("w", len(DISTURBANCES))]
+    x, u, p, w = by_name(*vectors)
+    derived = derived_unsteady(x, u, density(x.altitude), p, winds_named(tuple(DISTURBANCES), w))
+    derived_rates = ca.vertcat(*derived.rates, *(derived.lag_rates[name] for name in LAG_STATES))
+    thin = ca.SX.sym("density")
+    still = winds_named(tuple(DISTURBANCES), [0.0] * len(DISTURBANCES))
+    energetic = derived_unsteady(x, u, thin, p, still)  # the density is constant along the path
+    moving = ca.SX.sym("moving", vectors[0].numel())
+    balance = ca.vertcat(ca.jtimes(energetic.energy, vectors[0], moving), energetic.power)
+    return ca.Function(
+        "other",
+        [*vectors, moving],
+        [derived_rates, ca.substitute(balance, thin, density(x.altitude))],
+    )
+
+
+def worst(effects: np.ndarray | None = None) -> tuple[float, float]:
+    """Return the largest relative error of a rate, and of the power, in the product's equations.
+
+    The reference is `by_energies` at 100 random points.
+
+    effects: (N, 6), values of the effects, used in turn; by default all 1
+    """
+    vectors = [*UNSTEADY.layout.symbols("x", "u", "p"), ca.SX.sym("w", len(DISTURBANCES))]
+    rates_by_name = UNSTEADY.equations(*by_name(*vectors))[0]
+    mine = ca.Function(
+        "mine", vectors, [ca.vertcat(*(rates_by_name[name] for name in UNSTEADY.states))]
+    )
+    computed = []
+    for number, (x, u, w) in enumerate(points(100, 5)):
+        p = UNSTEADY.p.copy()
+        if effects is not None:
+            p[18:24] = effects[number % len(effects)]
+        derived_rates, balance = by_energies()(x, u, p, w, mine(x, u, p, 0 * w))
+        (rates, others), (growth, power) = (
+            (np.array(mine(x, u, p, w)), np.array(derived_rates)),
+            np.array(balance).ravel(),
+        )
+        computed.append(
+            (
+                np.abs((rates - others) / (1 + np.abs(others))).max(),
+                abs(growth - power) / (1e3 + abs(power)),
+            )
+        )
+    most = np.max(computed, axis=0)
+    return float(most[0]), float(most[1])
+
+
+def test_rates_and_power_equal_those_from_energies() -> None:
+    """The rates equal those of the Euler-Lagrange equations, and dE/dt equals the power of the
+    loads.
+
+    The equations include the carried air. The test uses all effects, each effect alone, and random
+    fractions of all effects.
+    """
+    assert max(worst()) < 1e-11
+    some = np.vstack([np.eye(6), np.random.default_rng(1).uniform(0, 1, (6, 6))])
+    assert max(worst(some)) < 1e-11
+
+
+@pytest.mark.parametrize(("name", "factor"), [("mass", 1 + 1e-7), ("half_chord", 1 + 1e-4)])
+def test_comparison_with_energies_detects_a_planted_error(
+    name: str, factor: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The comparison with a derivation from energies detects plates with another mass or chord
+    (planted error).
+    """
+    plates = source._plates
+
+    def planted(p: Any, air: Any) -> tuple[Any, ...]:
+        return tuple(
+            plate._replace(**{name: factor * getattr(plate, name)}) for plate in plates(p, air)
+        )
+
+    # Planted error: plates with another mass or chord.
+    monkeypatch.setattr(source, "_plates", planted)
+    assert min(worst()) > 1e-10
+
+
+@cache
+def half_chords() -> tuple[np.ndarray, float]:
+    """Return the linear equations of the four lag states of the center wing, (4, 6), and V/b, 1/s.
+
+    The columns are A over the lag states, A over alpha, and E over the updraft. V is the speed and
+    b the half chord. The model is linearized at 10 deg.
+    """
+    point = trim(UNSTEADY, usual_condition(UNSTEADY).at(10 * DEGREES))
+    model = linearize(
+        UNSTEADY, point, full=True, outputs=("alpha_air_center",), disturbances=("updraft_center",)
+    )
+    flow = float(point.states.speed) / (UNSTEADY.parameters["chord"].start / 2)
+    rows = [model.states.index(f"{kind}_center_{i}") for kind in ("lag", "gust") for i in (1, 2)]
+    return np.hstack(
+        [model.A[rows][:, rows], model.A[rows][:, [model.states.index("alpha")]], model.E[rows]]
+    ), flow
+
+
+def response(kind: str, lag: Lag, k: np.ndarray) -> np.ndarray:
+    """Return the complex lift of the center wing per unit angle, divided by the steady lift.
+
+    The lift follows from the rows of the lag states in A and E.
+
+    kind: "lag" for a change of alpha, else for a gust
+    lag: shares of the two lag states in the lift
+    k: reduced frequencies
+    """
+    table, flow = half_chords()
+    rows, column = ([0, 1], 4) if kind == "lag" else ([2, 3], 5)
+    A = table[np.ix_(rows, rows)]
+    b = table[rows, column]
+    steady = -np.linalg.solve(A, b)
+    z = (
+        np.array([np.linalg.solve(1j * frequency * flow * np.eye(2) - A, b) for frequency in k])
+        / steady
+    )
+    return 1 - (1 - z) @ np.array(lag.shares)
+
+
+def theodorsen(k: np.ndarray) -> np.ndarray:
+    """Return Theodorsen's function C(k) = H1 / (H1 + i H0), with Hankel functions of the second
+    kind.
+    """
+    return special.hankel2(1, k) / (special.hankel2(1, k) + 1j * special.hankel2(0, k))
+
+
+def sears(k: np.ndarray) -> np.ndarray:
+    """Return Sears's function, with the phase of the gust referred to the leading edge."""
+    of_the_middle = (special.j0(k) - 1j * special.j1(k)) * theodorsen(k) + 1j * special.j1(k)
+    return of_the_middle * np.exp(-1j * k)
+
+
+def test_lags_approximate_theodorsens_function() -> None:
+    """Jones's two lags approximate Theodorsen's C(k) within 0.015 and 2.4 % from k = 0.05 to 2.
+
+    A planted error in the shares is detected.
+    """
+    k = np.linspace(0.05, 2.0, 400)
+    error = np.abs(response("lag", WAGNER, k) - theodorsen(k))
+    assert error.max() < 0.015
+    assert (error / np.abs(theodorsen(k))).max() < 0.024
+    planted = WAGNER._replace(shares=(0.185, 0.315))
+    assert np.abs(response("lag", planted, k) - theodorsen(k)).max() > 0.02
+
+
+def step(of: Callable[[np.ndarray], np.ndarray], end: float, s: np.ndarray) -> np.ndarray:
+    """Return the response to a unit step at the distances s, in half chords.
+
+    The response is end + (2/π) ∫ (Re f(k) - end) sin(k s) / k dk over k from 0 to 200. Beyond k =
+    200, f is within 0.03 of `end`.
+
+    of: frequency response f(k)
+    end: limit of f for large k
+    """
+    k = np.linspace(1e-6, 200.0, 100_001)
+    parts = (of(k).real - end) / k
+    return np.array(
+        [end + 2 / np.pi * np.trapezoid(parts * np.sin(k * distance), k) for distance in s]
+    )
+
+
+@pytest.mark.parametrize(
+    ("of", "end", "lag", "most"),
+    [(theodorsen, 0.5, WAGNER, 0.0066), (sears, 0.0, KUESSNER, 0.078)],
+    ids=["wagner", "kuessner"],
+)
+def test_step_responses_approximate_theodorsen_and_sears(
+    of: Callable[[np.ndarray], np.ndarray], end: float, lag: Lag, most: float
+) -> None:
+    """The step responses of the lags approximate those of Theodorsen and Sears.
+
+    If the first rate is doubled (planted error), the difference exceeds the limit.
+    """
+    s = np.array([0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0])
+    exact = step(of, end, s)
+
+    def off(lag: Lag) -> float:
+        approximation = 1 - sum(a * np.exp(-b * s) for a, b in zip(*lag, strict=True))
+        return float(np.abs(approximation - exact).max())
+
+    assert off(lag) < most
+    assert off(lag._replace(rates=(2 * lag.rates[0], lag.rates[1]))) > most
+
+
+@pytest.mark.parametrize("degrees", [0.0, 11.0, 20.0])
+def test_unsteady_trims_equal_quasi_steady_trims(degrees: float) -> None:
+    """The inputs of a trim equal those with quasi-steady loads, finite span and downwash.
+
+    The two lag states of each strip are equal. lag_tip_1 and gust_outer_1 are 0. Without finite
+    span, the center elevator changes by more than 0.3 deg.
+    """
+    condition = usual_condition(UNSTEADY).at(degrees * DEGREES)
+    whole = trim(UNSTEADY, condition)
+    slow = trim(
+        UNSTEADY.with_parameters(local_motion=0.0, apparent_mass=0.0, lift_lag=0.0, gust_lag=0.0),
+        condition,
+    )
+    assert_allclose(whole.inputs, slow.inputs, rtol=1e-10, atol=1e-11)
+    strips = {name: getattr(whole.states, name) for name in LAG_STATES}
+    assert all(
+        strips[f"lag_{name}_1"] == pytest.approx(strips[f"lag_{name}_2"], abs=1e-12)
+        for name in source.STRIPS
+    )
+    assert strips["lag_tip_1"] == pytest.approx(0.0, abs=1e-12)
+    assert strips["gust_outer_1"] == pytest.approx(0.0)
+    infinite = trim(UNSTEADY.with_parameters(finite_span=0.0), condition)
+    assert abs(infinite.inputs.elevator_center - whole.inputs.elevator_center) > 0.3 * DEGREES
+
+
+def test_apparent_mass_equals_the_textbook_value(parameters: Parameters) -> None:
+    """A wing without dihedral has the apparent mass of Theodorsen's plate about its quarter chord.
+
+    Mass, coupling and inertia are m, m b/2 and 3/8 m b². A tail is referred to the quarter chord of
+    the wing. Glauert's moment of the parabolic camber equivalent to the pitch rate also agrees.
+    """
+    model = level_model(
+        UNSTEADY.with_parameters(
+            **{effect: float(effect == "apparent_mass") for effect in EFFECTS}
+        ),
+        0.0,
+    )
+    p = parameters
+    x = model.point.states
+    air = density(40000.0)
+    forward = x.speed * np.cos(x.alpha)
+    t = (np.arange(2000) + 0.5) * np.pi / 2000
+    slope = (
+        np.cos(t) / 2
+    )  # of the camber line z, up: dz/dx = -q (x - c/2) / V at q c / V = 1, x = c (1 - cos t) / 2
+    A1, A2 = (2 * np.mean(slope * np.cos(n * t)) for n in (1, 2))
+    mass = np.diag([3 * p.panel_mass, 3 * p.inertia_pitch])
+    moment = 0.0
+    for chord, area, behind in (
+        (p.chord, p.panel_span * p.chord, 0.0),
+        (2.0, p.tail_area, p.boom_length),
+    ):
+        m = np.pi * air * area * chord / 4
+        b = chord / 2
+        inertia = 3 / 8 * m * b**2 + m * b * behind + m * behind**2
+        mass += 3 * np.array([[m, m * (b / 2 + behind)], [m * (b / 2 + behind), inertia]])
+        moment += 3 * air * forward**2 / 2 * area * chord * np.pi / 4 * (A2 - A1) * chord / forward
+    q, V, alpha = (model.states.index(name) for name in ("pitch_rate", "speed", "alpha"))
+    descent = np.sin(x.alpha) * model.A[V, q] + forward * model.A[alpha, q]
+    computed = mass @ [descent, model.A[q, q]]
+    assert_allclose(computed, [3 * p.panel_mass * forward, moment], rtol=1e-4)
+
+
+@pytest.mark.parametrize(("across", "share"), [(0.0, 1.71), (2 / 3, 1.52)], ids=["center", "outer"])
+def test_downwash_equals_that_of_an_elliptic_line(across: float, share: float) -> None:
+    """A lifting line with elliptic lift has `share` times the downwash 2 C_L / (π Λ) at the tail.
+
+    The downwash in the plane of the wake follows from Biot and Savart's law, with Γ = sqrt(1 - y²),
+    y = cos t and lengths in half spans. The range of `downwash_share` includes `share`.
+    """
+    ahead = UNSTEADY.parameters["boom_length"].start / (
+        1.5 * UNSTEADY.parameters["panel_span"].start
+    )
+    t = (np.arange(100_000) + 0.5) * np.pi / 100_000
+    y = np.cos(t)
+    away = np.cos(t) - across
+    bound = np.pi * np.mean(np.sin(t) ** 2 * ahead / (ahead**2 + away**2) ** 1.5)
+    sheet = 2 * np.pi + np.pi * np.mean((ahead / np.hypot(ahead, away) - 1) * y / away)
+    assert (bound + sheet) / (2 * np.pi) == pytest.approx(share, abs=0.01)
+    assert UNSTEADY.parameters["downwash_share"].max >= share

@@ -1,0 +1,61 @@
+"""Commands of the core run with `--dynamics unsteady`."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from cli import answer, hfa
+
+from hfa_model import LINEAR_STATES
+from hfa_model.unsteady import LAG_STATES, UNSTEADY
+
+UNSTEADY_11 = ("--dihedral", "11", "--dynamics", "unsteady")
+
+
+def test_trims_models_and_games_contain_the_lag_states() -> None:
+    """Trims with unsteady dynamics contain all lag states.
+
+    Linear models and games omit the lag states of gusts, unless `--states` lists them.
+    """
+    trimmed = answer("trim", *UNSTEADY_11)["operating_point"]
+    assert list(trimmed["states"])[7:] == list(LAG_STATES)
+    model = answer("linearize", *UNSTEADY_11)
+    assert model["states"] == list(UNSTEADY.linear)
+    assert "E" not in model
+    gusts = [name for name in LAG_STATES if name not in UNSTEADY.linear]
+    windy = answer("linearize", *UNSTEADY_11, "--states", ",".join([*UNSTEADY.linear, *gusts]))
+    assert np.array(windy["E"]).shape == (25, len(UNSTEADY.disturbances))
+    game = answer("solve", *UNSTEADY_11)
+    assert game["certificate"]["ok"]
+    assert game["delta_min"] == pytest.approx(141.95, abs=0.01)
+    assert game["states"] == model["states"]
+
+
+def test_the_help_lists_unsteady_dynamics() -> None:
+    """The help of `hfa trim` lists the unsteady dynamics."""
+    assert "the same air loads), unsteady" in " ".join(hfa("trim", "--help").out.split())
+
+
+def test_unsteady_effects_can_be_set_and_swept() -> None:
+    """With all effects at 0 the linear model is that of `newton`. Sweeps vary the effects."""
+    off = [
+        word
+        for name in ("local_motion", "apparent_mass", "lift_lag")
+        for word in ("--hold", f"{name}=0")
+    ]
+    off += [
+        word
+        for name in ("gust_lag", "finite_span", "downwash_share")
+        for word in ("--hold", f"{name}=0")
+    ]
+    plain = answer("linearize", *UNSTEADY_11, *off, "--states", ",".join(LINEAR_STATES))
+    newton = answer("linearize", "--dihedral", "11", "--dynamics", "newton")
+    np.testing.assert_allclose(plain["A"], newton["A"], rtol=1e-9, atol=1e-10)
+    data = answer(
+        "sweep", "--dihedral", "20", "--dynamics", "unsteady", "--hold", "apparent_mass=0,1"
+    )
+    assert data["reasons"] == [""] * 2
+    with_mass = answer(
+        "solve", "--dihedral", "20", "--dynamics", "unsteady", "--hold", "apparent_mass=1"
+    )
+    assert with_mass["delta_min"] == pytest.approx(138.72, abs=0.01)

@@ -1,0 +1,125 @@
+"""Data and JSON Schema of results, derived from the fields and docstrings of their classes."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from typing import Literal
+
+import numpy as np
+import pytest
+from jsonschema import Draft202012Validator
+
+from hfa_formats.formats import classes_of, written
+from hfa_support.provenance import Provenance
+from hfa_support.reporting.json_schema import json_schema, meaning, parts_of
+from hfa_support.reporting.results import Matrix, Result, Roots, Vector
+
+
+@dataclass(frozen=True)
+class Leaf(Result):
+    """A part.
+
+    name: name of the part.
+    roots: (k,) complex,
+        1/s."""
+
+    name: str
+    roots: Roots
+
+
+@dataclass(frozen=True)
+class Whole(Result):
+    """A result.
+
+    A: (n, n) a matrix.
+    size: a number.
+    kind: one of two words.
+    leaves: its parts.
+    by_name: numbers by name.
+    more: only sometimes there."""
+
+    schema = "hfa.whole/1"
+
+    A: Matrix
+    size: float
+    kind: Literal["one", "other"]
+    leaves: Sequence[Leaf]
+    by_name: Mapping[str, float]
+    more: int | None = None
+
+
+WHOLE = Whole(np.eye(2), math.inf, "one", (Leaf("a", np.array([1 + 2j])),), {"x": 1.0})
+
+
+def test_data_contain_the_fields() -> None:
+    """The data of a result contain its fields, with arrays as lists and nan as null."""
+    assert WHOLE.to_dict() == {
+        "schema": "hfa.whole/1",
+        "A": [[1.0, 0.0], [0.0, 1.0]],
+        "size": None,
+        "kind": "one",
+        "leaves": [{"name": "a", "roots": [[1.0, 2.0]]}],
+        "by_name": {"x": 1.0},
+    }
+
+
+def test_schema_contains_types_and_meanings() -> None:
+    """The schema contains types and descriptions, accepts valid data and rejects wrong types."""
+    schema = json_schema(Whole)
+    assert meaning(Leaf, ("roots",)) == "(k,) complex, 1/s."
+    assert schema["properties"]["size"]["description"] == "a number."
+    assert schema["required"] == ["schema", "A", "size", "kind", "leaves", "by_name"]
+    assert parts_of(Whole) == [Leaf]
+    definitions = {"Leaf": json_schema(Leaf)}
+    validator = Draft202012Validator(schema | {"$defs": definitions})
+    data = json.loads(json.dumps(WHOLE.to_dict()))
+    assert list(validator.iter_errors(data)) == []
+    for fault in ({"A": [1.0]}, {"kind": "third"}, {"leaves": [{"name": "a"}]}, {"size": "1"}):
+        assert list(validator.iter_errors(data | fault)) != []
+
+
+@dataclass(frozen=True)
+class Value(Result):
+    """A value with derived entries.
+
+    leaf: a part.
+    winds: (k,) where there are some."""
+
+    json_keys = "twice name=leaf.name roots=leaf.roots winds?"
+
+    leaf: Leaf
+    winds: Vector
+
+    @property
+    def twice(self) -> tuple[str, ...]:
+        """The name, repeated twice."""
+        return (self.leaf.name, self.leaf.name)
+
+
+def test_data_contain_properties_and_nested_fields() -> None:
+    """The data contain listed properties and the fields of a nested result, with descriptions in
+    the schema.
+    """
+    value = Value(WHOLE.leaves[0], np.zeros(0))
+    expected = {"twice": ["a", "a"], "name": "a", "roots": [[1.0, 2.0]]}
+    assert value.to_dict() == expected
+    with_winds = replace(value, winds=np.array([3.0, np.nan]))
+    assert with_winds.to_dict() == expected | {"winds": [3.0, None]}
+    schema = json_schema(Value)
+    assert schema["required"] == [*expected]
+    assert schema["properties"]["twice"]["description"] == "The name, repeated twice."
+    assert schema["properties"]["roots"]["description"] == "(k,) complex, 1/s."
+    validator = Draft202012Validator(schema)
+    assert validator.is_valid(with_winds.to_dict())
+    assert not validator.is_valid(expected | {"winds": 3.0})
+
+
+@pytest.mark.parametrize("kind", [*chain(*map(classes_of, written())), Provenance])
+def test_every_field_has_a_description(kind: type[Result]) -> None:
+    """Each field of each result has a line in the docstring of its class."""
+    for part in (kind, *parts_of(kind)):
+        json_schema(part)  # KeyError for a field whose docstring has no line
