@@ -2235,6 +2235,13 @@ class Move:
                 if path.endswith("__init__.pyi"):
                     new_text = self._stub(path, new_text)
                 new_text = renamed(new_text, renames, path)
+                deeper = target.count("/") - path.count("/")
+                if deeper:  # the root of the project from a test
+                    new_text = re.sub(
+                        r"(__file__\)(?:\.resolve\(\))?\.parents)\[([2-9])\]",
+                        lambda found: f"{found[1]}[{int(found[2]) + deeper}]",
+                        new_text,
+                    )
                 if new_text != before or target != path:
                     results[target] = new_text
             elif (

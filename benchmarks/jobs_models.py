@@ -33,9 +33,8 @@ from hfa_support.native.bound import BoundFunction, RowFunction
 from hfa_support.native.machine_code import c_compiler
 from trim.hfa.level_flight import level_flight
 from trim.point.condition import TrimCondition, usual_condition
-from trim.point.level_model import level_model
 from trim.point.linearize import linearize
-from trim.point.solve import trim
+from trim.point.solve import level_model, trim
 from trim.point.system import TrimSystem
 from trim.sweeps.machine import compiled_trim
 from trim.sweeps.mode_tracking import track_modes

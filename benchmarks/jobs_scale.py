@@ -31,8 +31,8 @@ from hfa_flight.monte_carlo_store import stream_members
 from hfa_flight.policies import GainPolicy
 from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_networks.files.network import from_network
-from hfa_stores.sweep_store import stream_sweep
-from trim.point.level_model import level_model
+from trim.point.solve import level_model
+from trim.sweeps.store import stream_sweep
 from trim.sweeps.sweep_plan import Steps, SweepPlan
 from verification.critic.critic_check import verify
 from verification.critic.scope import Scope

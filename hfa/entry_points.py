@@ -216,3 +216,4 @@ DAVEML = CommandEntry(
     example="hfa daveml examples/uav.dml",
     results=("hfa_aircraft.readers.daveml.check_cases:CheckedDocument",),
 )
+ABOUT_STORE = "store of a sweep larger than memory, or by several processes or machines (--workers)"

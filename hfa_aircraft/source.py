@@ -35,7 +35,7 @@ class Extras:
         search. Values are numbers or arrays. The first name of a group of alternatives receives its
         exact value. None for the declared initial values.
     explain: function (imposed values, solve) -> reason why no trim exists, in terms of the aircraft
-        (`trim.point.reasons`), or ""; None for no explanation
+        (`trim.point.diagnosis`), or ""; None for no explanation
     describe_trim: function (operating point, its report) -> the report with the aircraft's own
         description of the trim in place of its outputs; None for the outputs
 

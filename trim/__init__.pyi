@@ -3,8 +3,10 @@
 from .hfa.front_view import trim_figure as trim_figure
 from .hfa.level_flight import load_condition as load_condition
 from .hfa.printed import compare as compare, entry_bands as entry_bands, regenerate as regenerate
+from .linear.along import models_along as models_along
 from .linear.modes import modes_of as modes_of
 from .point.condition import release as release
 from .point.solve import TrimError as TrimError
 from .point.trim_report import trim_report as trim_report
+from .sweeps.interpolated import InterpolatedModel as InterpolatedModel
 from .sweeps.points import trim_points as trim_points

@@ -25,8 +25,7 @@ from trim.hfa.printed import (
     entries_table,
     regenerate,
 )
-from trim.linear.linear_model import LinearModel
-from trim.linear.linear_report import matrices
+from trim.linear.linear_model import LinearModel, matrices
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

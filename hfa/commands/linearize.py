@@ -24,8 +24,7 @@ from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.report import Report
 from trim.hfa.printed import entry_bands, has_bands, printed_at, with_bands, with_printed_matrices
 from trim.linear.handling_qualities import with_qualities
-from trim.linear.linear_model import LinearModel
-from trim.linear.linear_report import linear_model_report
+from trim.linear.linear_model import LinearModel, linear_model_report
 from trim.linear.reduction import reduction_note
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim

@@ -33,7 +33,7 @@ from trim.hfa.printed import (
     entries_table,
     regenerate,
 )
-from trim.point.newton import newton
+from trim.point.halving import newton
 from trim.point.system import TrimSystem
 
 #: Parameters not determined by the printed matrices: value, source and reason.

@@ -360,7 +360,7 @@ def test_the_json_contains_the_whole_condition(heavy: Path) -> None:
     assert (data["date"], data["dynamics"]) == ("2026-09-21T14:13:20Z", "published")
 
 
-@needs("hfa_stores", "hfa_flight")
+@needs("hfa_flight")
 @pytest.mark.parametrize("command", ["sweep", pytest.param("fly", marks=pytest.mark.slow)])
 def test_stores_contain_the_parameters_hash(command: str, heavy: Path, tmp_path: Path) -> None:
     """Zarr stores of sweeps and flights contain the hash of the aircraft's parameters."""

@@ -21,7 +21,11 @@ from hfa.options.command import Command
 pytestmark = pytest.mark.filterwarnings("default")
 #: The corrupted files include files of extensions.
 IN_FILES = needs(
-    "hfa_jsbsim", "hfa_networks", "hfa_printed", "hfa_proof", "hfa_servo", "hfa_stores"
+    "hfa_jsbsim",
+    "hfa_networks",
+    "hfa_printed",
+    "hfa_proof",
+    "hfa_servo",
 )
 #: Number of inputs of each kind, and number of the first one.
 INPUTS = int(os.environ.get("HOSTILE_INPUTS", "1"))

@@ -7,7 +7,6 @@ import re
 
 import pytest
 from cli import Terminal, hfa
-from extension import needs
 
 from hfa import output
 from hfa.output import ProgressLine
@@ -33,7 +32,6 @@ def test_quiet_suppresses_all_but_errors() -> None:
     assert (refused.code, refused.out, refused.err[:13]) == (1, "", "hfa: no trim:")
 
 
-@needs("hfa_stores")
 def test_a_stored_sweep_notes_its_farthest_dihedral() -> None:
     """The note of a sweep into a store names its largest dihedral angle, and is stored."""
     import zarr

@@ -18,8 +18,8 @@ PACKAGES = {*FOLDERS, "studies"}
 EXTENSIONS = {name for name, folder in FOLDERS.items() if "extensions" in folder.parts}
 #: File -> import that a contract forbids in it.
 BREACHES = {
-    "trim/point/newton.py": "trim.sweeps.sweep",
-    "trim/linear/mode.py": "trim.point.operating_point",
+    "trim/point/halving.py": "trim.sweeps.sweep",
+    "trim/linear/modes.py": "trim.point.operating_point",
     "controller/game/zero_sum.py": "hfa_flight.scenario",
     "controller/game/basis.py": "controller.riccati.gare",
     "controller/critic/critic.py": "controller.learning.certified",

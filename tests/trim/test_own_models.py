@@ -465,7 +465,6 @@ def test_commands_accept_a_users_model(tmp_path: Path) -> None:
     assert again["provenance"]["model"].startswith("examples/f16.py:F16 (SHA-256 ")
     store = str(tmp_path / "sweep.zarr")
     held = ("--hold", "speed=400:600:200", "--hold", "xcg=.3,.35")
-    pytest.importorskip("hfa_stores")
     swept = json.loads(hfa("sweep", *OWN, *held, "-o", store, "--workers", "2", "--json").out)
     assert swept["counts"]["trimmed"] == 4
     solved = hfa("solve", *OWN, "--hold", "xcg=0.3")

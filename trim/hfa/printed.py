@@ -31,11 +31,10 @@ from hfa_support.reporting.results import ByValue, Matrix, Result
 from hfa_support.reporting.text import Table, matrix_table
 from hfa_support.units import si_factor
 from trim.hfa.level_flight import level_flight
-from trim.linear.linear_model import LinearModel
-from trim.linear.linear_report import matrices
+from trim.linear.linear_model import LinearModel, matrices
 from trim.point.condition import TrimCondition
-from trim.point.level_model import level_model
 from trim.point.operating_point import OperatingPoint
+from trim.point.solve import level_model
 
 #: Relative difference below which parameters count as the packaged ones: another seed or machine
 #: changes them by less.

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -20,7 +21,8 @@ from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 from hfa_support.reporting.named import with_names
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import ByValue, Matrix, Result, Vector
-from hfa_support.reporting.text import numbered
+from hfa_support.reporting.text import Table, degrees, matrix_table, numbered
+from trim.linear.modes import modes_table
 
 if TYPE_CHECKING:
     import control
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
 
     from hfa_aircraft.model import Model
     from hfa_support.reporting.named import ByName
-    from trim.linear.mode import Mode
+    from trim.linear.modes import Mode
     from trim.linear.reduction import Matrices, Names
     from trim.linear.transfer import System
     from trim.point.operating_point import OperatingPoint
@@ -422,7 +424,6 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     def report(self) -> Report:
         """Return a report of the linear model, with A, B, the offsets and the modes."""
-        from trim.linear.linear_report import linear_model_report
 
         return linear_model_report(self)
 
@@ -564,3 +565,138 @@ def _with_units(names: tuple[str, ...], units: list[str]) -> dict[str, Signal]:
     if len(units) != len(names):
         raise BadInputError(f"there are {len(units)} units for {len(names)} names")
     return {name: Signal(unit) for name, unit in zip(names, units, strict=True)}
+
+
+#: Units of length.
+_LENGTHS = ("ft", "m", "km", "nmi", "mi", "in", "cm", "mm")
+
+
+class Block(NamedTuple):
+    """Matrix A, B, C or D in a report, with the names and units of its rows and columns.
+
+    name: name of the matrix
+    rows, columns: names of the signals
+    row_units, column_units: units of the signals, or of the rates of states
+    values: (rows, columns)
+    """
+
+    name: str
+    rows: tuple[str, ...]
+    row_units: tuple[str, ...]
+    columns: tuple[str, ...]
+    column_units: tuple[str, ...]
+    values: np.ndarray
+
+
+def linear_model_report(model: LinearModel) -> Report:
+    """Return a report of a linear model: A, B, the offsets and the modes.
+
+    C and D are included if the outputs are not the states. The data of the report also contain E
+    and F.
+    """
+    point = model.point
+    signals = point.model
+    blocks = _blocks(model)
+    names = (*model.states, *model.inputs)
+    offsets = (*model.state_offsets.tolist(), *model.input_offsets.tolist())
+    offset_rows = [
+        (name, *degrees(value, signals.unit(name)))
+        for name, value in zip(names, offsets, strict=True)
+    ]
+    matrix_names = [block.name for block in blocks]
+    equations = "x' = A x + B u, "
+    if "C" in matrix_names:
+        equations += "y = C x + D u, "
+    where = ", ".join(word for word in (point.at_scheduled, point.model.title) if word)
+    title = (
+        f"Linear model {where} ({equations}x = X - X0, u = U - U0)\n"
+        f"{', '.join(matrix_names[:-1])} and {matrix_names[-1]} in {units_in_words(model)}; the "
+        "offsets X0 and U0 in the units next to them"
+    )
+    return Report(
+        title=title,
+        parts=[
+            *matrices(model),
+            Table(("offset", "value", "unit"), offset_rows),
+            modes_table(model.modes, signals.time_unit),
+        ],
+        notes=model.warnings,
+        data=model.as_data(),
+        records=_records(model, blocks),
+    )
+
+
+def _records(model: LinearModel, blocks: list[Block]) -> Table:
+    """Return a table in full precision of the entries and offsets of a linear model.
+
+    Each row is (matrix, row name, column name, value, unit). An offset has "X0" or "U0" in place of
+    a matrix.
+
+    blocks: the reported matrices
+    """
+    rows: list[tuple[Any, ...]] = []
+    for block in blocks:
+        for i, row in enumerate(block.rows):
+            for j, column in enumerate(block.columns):
+                unit = f"({block.row_units[i]})/({block.column_units[j]})"
+                rows.append((block.name, row, column, block.values[i, j], unit))
+    unit_of = model.model.unit
+    for offset, names in (("X0", model.states), ("U0", model.inputs)):
+        for name in names:
+            rows.append((offset, name, "", model.point.values[name], unit_of(name)))
+    return Table(("matrix", "row", "column", "value", "unit"), rows)
+
+
+def units_in_words(model: LinearModel) -> str:
+    """Return the units of a linear model's matrices as text, such as "rad, ft, s, but elevator in
+    deg".
+
+    Signals in units other than the common ones are listed after "but".
+    """
+    units = model.model.units
+    length = next(
+        (unit for state in model.state_units for unit in _base_units(state) if unit in _LENGTHS), ""
+    )
+    names = dict.fromkeys((*model.states, *model.inputs, *model.outputs))
+    time = model.model.time_unit
+    common = {"rad", length, time}
+    others: dict[str, list[str]] = {}
+    present = {time}
+    for name, unit in zip(names, units(tuple(names)), strict=True):
+        bases = _base_units(unit)
+        if bases <= common:
+            present |= bases
+        else:
+            others.setdefault(unit, []).append(name)
+    words = ", ".join(unit for unit in ("rad", length, time) if unit in present)
+    if others:
+        listed = [f"{', '.join(names)} in {unit}" for unit, names in others.items()]
+        words += f", but {'; '.join(listed)}"
+    return words
+
+
+def _base_units(unit: str) -> set[str]:
+    """Return the base units in a unit: ft and s for ft/s^2."""
+    return {*re.findall(r"[A-Za-z%]+", unit)}
+
+
+def matrices(model: LinearModel) -> tuple[Table, ...]:
+    """Return tables of the matrices A and B, and of C and D if the outputs are not the states."""
+    return tuple(
+        matrix_table(block.name, block.rows, block.columns, block.values)
+        for block in _blocks(model)
+    )
+
+
+def _blocks(model: LinearModel) -> list[Block]:
+    """Return the reported matrices: A and B, and C and D if the outputs are not the states."""
+    signals = model.model
+    of_states = (model.states, model.state_units)
+    of_inputs = (model.inputs, model.input_units)
+    rates = (model.states, tuple(signals.rate_unit(name) for name in model.states))
+    blocks = [Block("A", *rates, *of_states, model.A), Block("B", *rates, *of_inputs, model.B)]
+    if model.outputs != model.states:
+        outputs = (model.outputs, signals.units(model.outputs))
+        blocks.append(Block("C", *outputs, *of_states, model.C))
+        blocks.append(Block("D", *outputs, *of_inputs, model.D))
+    return blocks

@@ -4,16 +4,54 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from hfa_support.arguments import checks_arguments, need
-from hfa_support.errors import BadInputError, numbers_in
+from hfa_support.errors import BadInputError, no_attribute, numbers_in
 from hfa_support.reporting.named import NamedArray
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, eigenvalue_text
-from trim.linear.mode import Mode
+
+
+@dataclass(frozen=True)
+class Mode(Result):
+    """Mode with a real eigenvalue, or a conjugate pair λ = -ζ ω_n ± i ω_n sqrt(1 - ζ²).
+
+    Times are in the model's unit of time, by default s.
+
+    name: name, from the states with the largest participation.
+    eigenvalue: λ, 1/s, with imaginary part >= 0; 0 within rounding.
+    damping: damping ratio ζ = -Re λ / |λ|, 0 for λ = 0.
+    frequency: natural frequency ω_n = |λ|, rad/s.
+    period: 2π / Im λ, s, inf for a real eigenvalue.
+    time_to_half: -ln 2 / Re λ, s, inf for Re λ >= 0.
+    time_to_double: ln 2 / Re λ, s, inf for Re λ <= 0.
+    stable: True if Re λ < 0.
+    participation: state -> participation; the sum is 1.
+    """
+
+    name: str
+    eigenvalue: complex
+    damping: float
+    frequency: float
+    period: float
+    time_to_half: float
+    time_to_double: float
+    stable: bool
+    participation: dict[str, float]
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise AttributeError with the nearest attributes: of mode.zeta, damping."""
+            if name[0] == "_":
+                raise AttributeError(name)
+            raise no_attribute(self, name)
+
 
 #: An eigenvalue, or its real part, up to this many times its rounding error counts as 0.
 _ZERO = 10.0

@@ -142,3 +142,32 @@ def _moved(system: TrimSystem, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray
 
 def _norm(rows: np.ndarray) -> np.ndarray:
     return np.sqrt(np.einsum("ij,ij->i", rows, rows))
+
+
+def newton(
+    system: TrimSystem,
+    z: np.ndarray,
+    c: np.ndarray,
+    moving: np.ndarray | None = None,
+    bounded: bool = False,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the unknowns (N, k) after Newton's method, and the mask (N,) of converged points.
+
+    A step J d = -r is halved until |r| or |J⁻¹ r| decreases. |J⁻¹ r| does not depend on the scales
+    of the equations. A step from a residual of at most `NEARLY` is the last one, and the point has
+    then converged. If J is singular or not square, d is the solution of least norm. A point that
+    does not converge keeps the best unknowns found.
+
+    system: the equations r(z, c)
+    z: (N, k), initial unknowns
+    c: (N, ..), constants that differ between the points
+    moving: indices of the unknowns that may change; by default all
+    bounded: whether every trial is moved to the nearest point within the limits; angles without
+        limits are then limited to 90 deg
+    """
+    if moving is not None or bounded or not system.is_quick:
+        return halving(system, z, c, moving, bounded)
+    best, settled, unsolved = system.quick_steps(z, c)
+    if unsolved.any():
+        best[unsolved], settled[unsolved] = halving(system, z[unsolved], c[unsolved])
+    return best, settled

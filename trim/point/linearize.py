@@ -8,7 +8,7 @@ from hfa_aircraft.model import Model
 from hfa_support.arguments import checks_arguments, need
 from trim.linear.kinks import linearization_at
 from trim.linear.linear_model import LinearModel
-from trim.linear.positions import positions
+from trim.linear.reduction import positions
 from trim.point.operating_point import OperatingPoint
 
 

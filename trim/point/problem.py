@@ -11,7 +11,7 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from hfa_support.linear_table import LinearTable
 from trim.point.condition import TrimCondition
-from trim.point.newton import newton
+from trim.point.halving import newton
 from trim.point.status import BALANCE
 from trim.point.system import Evaluation, TrimSystem
 

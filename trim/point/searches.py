@@ -16,7 +16,7 @@ import numpy as np
 
 from hfa_support.errors import BadInputError
 from trim.point.condition import usual_condition
-from trim.point.newton import newton
+from trim.point.halving import newton
 from trim.point.problem import TrimProblem
 from trim.point.system import Structure, declared_start, equations as equations_of
 

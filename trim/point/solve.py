@@ -10,6 +10,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, NoSolutionError
+from trim.linear.linear_model import LinearModel
 from trim.point.condition import TrimCondition, refuse_unfit, release, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import TrimProblem
@@ -42,7 +43,7 @@ def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimE
     error: error of the trim search
     condition: condition of the failed trim
     """
-    from trim.point.reasons import explanation
+    from trim.point.diagnosis import explanation
 
     reason = explanation(model, condition)
     if not reason:
@@ -176,3 +177,23 @@ def _searched(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np
 
     others = searches.of_least_effort if unknowns > equations else searches.in_balance
     yield from others(problem, guess)
+
+
+@checks_arguments
+def level_model(model: Model, scheduled: float) -> LinearModel:
+    """Return the linear model of an aircraft at the trim that its model declares.
+
+    For the flexible aircraft, this trim is the paper's level flight.
+
+    model: model of the aircraft
+    scheduled: value of the scheduling variable; for the flexible aircraft the dihedral angle, rad
+
+    Raises TrimError if the trim does not exist.
+
+    >>> import hfa
+    >>> hfa.paper.level_model(hfa.aircraft(), 0.2).states
+    ('speed', 'alpha', 'pitch', 'pitch_rate', 'dihedral', 'dihedral_rate')
+    """
+    need(model, Model, "level_model: model", Model.how_to_make)
+    condition = usual_condition(model).at(hold={model.schedule: scheduled})
+    return trim(model, condition).linearize()

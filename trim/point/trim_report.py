@@ -5,22 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_support.arguments import checks_arguments, need
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.figure import pyplot_figure
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown_unit, shown_value
 from trim.point.condition import TrimCondition
 from trim.point.margins import Margin
-from trim.point.operating_point import OperatingPoint
+from trim.point.operating_point import OperatingPoint, point_records
 from trim.point.problem import STARTS, TrimProblem
-from trim.point.saved_point import point_records
 from trim.point.status import BALANCE, Status
 from trim.point.system import declared_start
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 #: Number of nearest limits that are listed, in addition to those that bind.
 _NEAREST = 3
@@ -348,3 +352,36 @@ def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoi
         f"{name}={shown_value(other.values[name], model.unit(name))}" for name in begin
     )
     return f"Another trim exists: {values}; the initial point {typed} leads to it"
+
+
+def draw_point(point: OperatingPoint) -> Axes:
+    """Draw the variables of a trim in percent of their ranges with pyplot, and return the Axes.
+
+    The lowest limit is at 0 %, the highest at 100 %. Variables without two different limits are
+    omitted.
+
+    Raises BadInputError for a point that was not found by a search, and if all variables are
+    omitted.
+    """
+    if point.problem is None:
+        raise BadInputError(
+            "this operating point is not the result of a trim and has no limits; trim the model"
+        )
+    limited = []
+    for margin in point.margins.values():
+        if math.isfinite(margin.highest - margin.lowest) and margin.highest > margin.lowest:
+            limited.append(margin)
+    if not limited:
+        raise BadInputError(
+            "no variable has both a lower and an upper limit; declare min and max of a Signal"
+        )
+    limited.reverse()  # so that the first is at the top
+    axes = pyplot_figure(7.0, 1.2 + 0.3 * len(limited)).subplots()
+    shares = [100 * (each.value - each.lowest) / (each.highest - each.lowest) for each in limited]
+    rows = range(len(limited))
+    axes.hlines(rows, 0.0, 100.0, color="0.85", linewidth=5, zorder=1)
+    axes.scatter(shares, rows, color=["C3" if each.at_limit else "C0" for each in limited])
+    axes.set_yticks(rows, [" ".join(each.row()[:3]) for each in limited])
+    axes.set_xlabel("share of the range between the limits, %; at a limit red")
+    axes.set_title(point.title, fontsize=10)
+    return axes

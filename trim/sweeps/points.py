@@ -22,8 +22,7 @@ from trim.point.condition import (
     usual_condition,
     with_first_alternatives,
 )
-from trim.point.halving import newton_step
-from trim.point.newton import newton
+from trim.point.halving import newton, newton_step
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 from trim.point.status import BALANCE, Status

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.signals import StatesAndInputs
+from hfa_aircraft.signals import StatesAndInputs, record
 from hfa_support.arguments import checks_arguments, need
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.progress import Progress
 from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.named import ByName, with_names
@@ -20,6 +20,7 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import ByValue, Matrix, Result, RootTable, Stack
 from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value
 from trim.linear.kinks import with_means_at_kinks
+from trim.linear.linear_model import LinearModel
 from trim.linear.modes import fastest_first, modes_of
 from trim.point.condition import TrimCondition
 from trim.point.diagnosis import beyond_limits
@@ -43,9 +44,6 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from trim.linear.linear_model import LinearModel
-
 
 #: Largest number of points of a sweep in memory.
 MOST_POINTS = 1_000_000
@@ -506,7 +504,6 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         Raises NoSolutionError, with the reason, for a point without a trim. Raises IndexError for
         the number of a point that does not exist, and BadInputError for any other name.
         """
-        from trim.sweeps.sweep_points import column, linear_model_at
 
         return column(self, index) if isinstance(index, str) else linear_model_at(self, index)
 
@@ -759,3 +756,40 @@ def _neighbours(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:
         same_line = line[1:] == line[:-1]
         pairs.append(np.stack([along[:-1][same_line], along[1:][same_line]], axis=-1))
     return np.asarray(numbers[np.concatenate(pairs)])
+
+
+def linear_model_at(swept: Sweep, index: int) -> LinearModel:
+    """Return the linear model of a point of a sweep, with its operating point.
+
+    index: number of the point; negative numbers count from the end
+
+    Raises IndexError if there is no such point, and NoSolutionError, with the reason, if the point
+    has no trim.
+    """
+    count = len(swept.reasons)
+    if not -count <= index < count:
+        raise IndexError(f"point {index} does not exist; choose from {-count} to {count - 1}")
+    index %= count
+    if swept.reasons[index]:
+        raise NoSolutionError(
+            f"point {index} has no trim: {swept.reasons[index]}; choose a trimmed point"
+        )
+    values = swept.values[index]
+    model = model_at(swept.model, swept.variables, values)
+    condition = condition_at(swept.plan.condition, swept.variables, values)
+    states = record(tuple(model.states))(*swept.states[index].tolist())
+    inputs = record(tuple(model.inputs))(*swept.inputs[index].tolist())
+    found = OperatingPoint(states, inputs, {}, Status.TRIMMED, model)
+    problem = found.problem_of(condition)
+    point = OperatingPoint.of(problem, problem.unknowns(found.values), Status.TRIMMED)
+    return point.linearize()
+
+
+def column(swept: Sweep, name: str) -> np.ndarray:
+    """Return the values of a swept variable, a state or an input at all points of a sweep, (N,).
+
+    Raises BadInputError for any other name.
+    """
+    names = (*swept.variables, *swept.model.states, *swept.model.inputs)
+    refuse_unknown("unknown variable", name, names)
+    return np.hstack([swept.values, swept.states, swept.inputs])[:, names.index(name)]

@@ -1,9 +1,7 @@
 """One simulated flight: plant, policy, actuators and gusts in one loop."""
 
 from .actuators import ActuatorBank as ActuatorBank, ActuatorFault as ActuatorFault
-from .along import models_along as models_along
 from .envelope import flight_envelope as flight_envelope
-from .export.interpolated import InterpolatedModel as InterpolatedModel
 from .gain_schedule import GainSchedule as GainSchedule
 from .gusts import OneMinusCosine as OneMinusCosine
 from .monte_carlo import MonteCarlo as MonteCarlo

@@ -34,8 +34,7 @@ from trim.hfa.printed import (
     printed_at,
     with_bands,
 )
-from trim.linear.linear_model import LinearModel
-from trim.linear.linear_report import linear_model_report, matrices, units_in_words
+from trim.linear.linear_model import LinearModel, linear_model_report, matrices, units_in_words
 from trim.linear.modes import modes_table
 from trim.point.trim_report import trim_report
 from verification.critic.figures import verdict_figure

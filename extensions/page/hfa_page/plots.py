@@ -18,7 +18,10 @@ import numpy as np
 import hfa_model
 from hfa_aircraft.model import Model
 from hfa_aircraft.units import in_units_of, unit_of
-from hfa_page.front_view import (
+from hfa_page.main_job import Angle
+from hfa_support.reporting.data_files import jsonable
+from hfa_support.reporting.parts import Picture
+from trim.hfa.front_view import (
     HINGE_COLOR,
     LIFT_COLOR,
     PANEL_COLOR,
@@ -27,9 +30,6 @@ from hfa_page.front_view import (
     scale_text,
     trim_figure,
 )
-from hfa_page.main_job import Angle
-from hfa_support.reporting.data_files import jsonable
-from hfa_support.reporting.parts import Picture
 from trim.point.operating_point import OperatingPoint
 from trim.sweeps.sweep import Sweep
 

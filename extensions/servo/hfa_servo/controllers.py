@@ -32,7 +32,7 @@ from hfa_support.progress import Progress, with_progress
 from hfa_support.reporting.checks import Check
 from hfa_support.reporting.data_files import finite_or_none
 from trim.linear.linear_model import LinearModel
-from trim.point.level_model import level_model
+from trim.point.solve import level_model
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,7 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, shown_value
 from trim.linear.linear_model import LinearModel
-from trim.point.level_model import level_model
+from trim.point.solve import level_model
 
 #: Orders of the actuators for which margins are computed.
 ORDERS = (1, 2)

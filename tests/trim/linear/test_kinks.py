@@ -19,7 +19,7 @@ from hfa import Model, Signal, linearize, sweep, trim
 from hfa.paper import level_flight
 from trim.point.condition import usual_condition
 
-stores = Extension("hfa_stores.sweep_store")
+stores = Extension("trim.sweeps.store")
 
 TABLE = ca.interpolant("table", "linear", [[-1.0, 0.0, 1.0]], [1.0, 0.0, 3.0])
 SPLINE = ca.interpolant(

@@ -8,7 +8,7 @@ from own_models import F16, NAVION, trimmed
 import hfa
 from hfa import Model, Signal, linearize, trim
 from hfa.paper import level_model
-from trim.linear.linear_report import units_in_words
+from trim.linear.linear_model import units_in_words
 from trim.point.condition import usual_condition
 
 

@@ -10,8 +10,7 @@ from own_models import F16
 from hfa import Model, Signal
 from hfa_support.native.machine_code import c_compiler
 from trim.point.condition import TrimCondition, usual_condition
-from trim.point.halving import newton_step
-from trim.point.newton import newton
+from trim.point.halving import newton, newton_step
 from trim.point.system import TrimSystem
 from trim.sweeps.machine import CompiledSystem
 

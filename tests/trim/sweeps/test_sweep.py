@@ -27,7 +27,7 @@ from trim.sweeps.points import BEYOND_LIMITS, NO_TRIM, TRIMMED, condition_at, tr
 from trim.sweeps.sweep import Sweep, run_plan, run_points
 from trim.sweeps.sweep_plan import Steps, SweepPlan
 
-stores = Extension("hfa_stores.sweep_store")
+stores = Extension("trim.sweeps.store")
 
 ALPHA_FREE = release(LEVEL_FLIGHT, free=("alpha",), hold={"aileron_outer": 0.0})
 LIMITED = release(LEVEL_FLIGHT, limits={"throttle": (0.0, 40.0)})

@@ -21,7 +21,7 @@ from hfa_flight.scenario import Scenario
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
-    from hfa_flight.export.interpolated import InterpolatedModel
+    from trim.sweeps.interpolated import InterpolatedModel
 
 #: Longest step, s, of a loop whose modes are not faster than those of the aircraft.
 LONGEST_STEP = 1e-3

@@ -20,13 +20,13 @@ import casadi as ca
 
 from hfa_flight.export.c_text import braced, comment_lines
 from hfa_flight.export.exported_loop import ExportedLoop, interpolated_loop
-from hfa_flight.export.interpolated import InterpolatedModel
 from hfa_support.errors import NoSolutionError
 from hfa_support.files import temporary_folder, written_whole
 from hfa_support.native.c_code import c_function
 from hfa_support.native.machine_code import c_compiler
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.data_files import json_text
+from trim.sweeps.interpolated import InterpolatedModel
 from trim.sweeps.sweep import Sweep
 
 #: Folder and suffix of the library in the FMU, by platform.

@@ -25,13 +25,13 @@ from hfa_flight.export.exported_loop import (
     interpolated_loop,
 )
 from hfa_flight.export.fmu import description, write_fmu
-from hfa_flight.export.interpolated import InterpolatedModel
 from hfa_flight.signals import CommandedStates
 from hfa_flight.simulation import CompiledLoop
 from hfa_model import LINEAR_STATES, STATES, Input
 from hfa_servo.controller_c import controller_steering
 from hfa_servo.servo_policy import servo_policy
 from hfa_support.provenance import Provenance
+from trim.sweeps.interpolated import InterpolatedModel
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 pytest.importorskip("fmpy.validation")  # not loaded with FMPy

@@ -11,8 +11,8 @@ from units_of_outputs import assert_no_feet
 
 import hfa_model
 from hfa_aircraft.model import Model
-from hfa_page.front_view import panels_from_the_front
 from trim import trim_figure
+from trim.hfa.front_view import panels_from_the_front
 
 
 @pytest.mark.parametrize("degrees", [-20.0, 0.0, 30.0])

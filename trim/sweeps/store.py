@@ -95,8 +95,8 @@ class StoredSweep(Result, Reported):
 
 #: Results that a sweep writes with a store, and attributes of the store.
 RESULTS = (
-    "hfa_stores.sweep_store:StoredSweep",
-    "hfa_stores.sweep_store:SweepAttributes hfa_support.rows.store:OfAStore",
+    "trim.sweeps.store:StoredSweep",
+    "trim.sweeps.store:SweepAttributes hfa_support.rows.store:OfAStore",
 )
 
 

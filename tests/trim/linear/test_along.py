@@ -13,7 +13,7 @@ from scipy.linalg import expm
 
 from hfa import BadInputError
 from hfa_aircraft import to_control
-from hfa_flight.along import models_along
+from trim.linear.along import models_along
 
 
 def test_small_deviations_follow_the_linear_model() -> None:

@@ -1,1 +1,0 @@
-"""Results of many rows: Zarr stores, and the processes that fill them."""
