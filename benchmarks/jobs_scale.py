@@ -22,6 +22,7 @@ import numpy as np
 
 import hfa
 from benchmarks.report import Growth, Size, value_text
+from controller.critic.network.critic import from_network
 from controller.hfa_files import published_game
 from controller.riccati.gare import unconfirmed_solution
 from hfa.main import main
@@ -30,7 +31,6 @@ from hfa_flight.monte_carlo import MonteCarlo
 from hfa_flight.monte_carlo_store import stream_members
 from hfa_flight.policies import GainPolicy
 from hfa_flight.scenario import Scenario, Uncertainty
-from hfa_networks.files.network import from_network
 from trim.point.solve import level_model
 from trim.sweeps.store import stream_sweep
 from trim.sweeps.sweep_plan import Steps, SweepPlan

@@ -3,11 +3,22 @@ closed loop."""
 
 from .critic.critic_file import critic_in as critic_in
 from .critic.critic_history import critics_over_time as critics_over_time
+from .discrete.solution import solve_discounted as solve_discounted
 from .game.basis import basis as basis
 from .hfa_files import load_game as load_game
 from .learning.recording import Stack as Stack, random_pool as random_pool, record as record
 from .learning.ticks import run as run
+from .plant.generalized_plant import (
+    GeneralizedPlant as GeneralizedPlant,
+    solve_plant as solve_plant,
+)
 from .riccati.frequency_response import bounded_real_gain as bounded_real_gain
 from .riccati.game_batch import solve_games as solve_games
 from .riccati.margins import disk_margin as disk_margin
 from .riccati.smallest_delta import minimum_delta as minimum_delta
+from .schedule.gain_schedule import GainSchedule as GainSchedule
+from .schedule.scheduled_controller import (
+    ScheduledController as ScheduledController,
+    load_controller as load_controller,
+    save_controller as save_controller,
+)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.game.user_files import Defaults, stored_game
+from controller.game.game_file import Defaults, stored_game
 from controller.game.zero_sum import Game
 from controller.hfa_game import paper_game, plant_names
 from hfa_aircraft.names import UNNAMED, PlantNames

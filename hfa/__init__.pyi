@@ -5,9 +5,10 @@ from controller.critic.critic import (
     Critic as Critic,
     from_gain as from_gain,
     from_value as from_value,
+    from_weights as from_weights,
 )
 from controller.critic.critic_file import read_critic as read_critic
-from controller.critic.weights import from_weights as from_weights
+from controller.critic.network.critic import from_network as from_network
 from controller.game.linear_game import game as game
 from controller.game.zero_sum import Game as Game
 from controller.learning.certified import learn as learn
@@ -22,7 +23,6 @@ from hfa_flight.nonlinear_flight import Flight as Flight, fly as fly
 from hfa_flight.turbulence import Turbulence as Turbulence
 from hfa_identify.estimation import identify as identify
 from hfa_model.choice import aircraft as aircraft
-from hfa_networks.files.network import from_network as from_network
 from hfa_optimal.best_flight import BestFlight as BestFlight
 from hfa_optimal.optimize import optimize as optimize
 from hfa_policy.assess import assess as assess

@@ -101,7 +101,7 @@ CORE = {
         "hfa.commands.game:learn",
         example="hfa learn --dihedral 15 -o learned.npz",
         results=(
-            "controller.game.training_run:TrainingRun hfa.options.games:NamedGame"
+            "controller.critic.training_run:TrainingRun hfa.options.games:NamedGame"
             " hfa.commands.game:LearnedChecks",
         ),
     ),

@@ -14,10 +14,10 @@ from typing import ClassVar
 import casadi as ca
 import numpy as np
 
-from controller.game.basis import Basis
+from controller.game.basis import Basis, basis as named_basis
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_support.arguments import ArrayLike, checks_arguments, need
-from hfa_support.errors import BadInputError, numbers_in
+from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
 from hfa_support.matrices import shape_text
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import Matrix
@@ -257,8 +257,6 @@ def from_parts(
     if "P" in parts:
         critic = from_value(game, parts["P"])
     if "W" in parts:
-        from controller.critic.weights import from_weights, refuse_different_values
-
         weighted = from_weights(game, parts["W"], basis)
         if "P" in parts and weighted.P is not None:
             refuse_different_values(parts["P"], weighted.P)
@@ -289,3 +287,139 @@ def symbols_for(functions: Iterable[ca.Function], n: int) -> ca.SX:
     if all(function.is_a("SXFunction") for function in functions):
         return ca.SX.sym("z", n)
     return ca.MX.sym("z", n)  # type: ignore[return-value]
+
+
+def from_functions(
+    game: Game,
+    z: ca.SX,
+    outputs: Mapping[str, ca.SX],
+    origin: str,
+    precision: str = "float64",
+    variants: Mapping[str, Callable[[], Critic]] | None = None,
+) -> Critic:
+    """Return the critic whose functions are given as expressions of the symbols z.
+
+    K = -∂u/∂z and P = ½ ∂²V/∂z² are exact derivatives at z = 0. If only "policy" is given, P is
+    None.
+
+    game: the game; R, B and N of the game define the policy if "policy" is not in `outputs`
+    z: (n,), symbols
+    outputs: "V", "gradient" (∂V/∂z), "policy" -> expression, at least one of them
+    origin: source of the critic
+    precision: floating-point type of the numbers in the critic's file
+    variants: possible misreading of the file -> function that returns the critic for this reading;
+        None for none
+    """
+    V = outputs.get("V")
+    u = outputs.get("policy")
+    gradient = outputs.get("gradient") if V is None else ca.gradient(V, z)
+    expressions = {"V": V, "gradient": gradient, "policy": u}
+    network = {
+        name: ca.Function(name, [z], [ca.densify(expression)])
+        for name, expression in expressions.items()
+        if expression is not None
+    }
+    P = None if gradient is None else _derivative_at_0(gradient, z) / 2.0
+    if u is not None:
+        K = -_derivative_at_0(u, z)
+    else:
+        assert P is not None
+        K = game.gain(P)
+    return Critic(
+        K,
+        P,
+        origin,
+        constant=0.0 if V is None else float(network["V"](np.zeros(len(game.A)))),
+        precision=precision,
+        feedback=game.R_inverse_B_transposed if u is None else None,
+        F=game.F if u is None and game.N.any() else None,
+        network=network,
+        variants=variants or {},
+    )
+
+
+def _derivative_at_0(expression: ca.SX, z: ca.SX) -> np.ndarray:
+    """Return ∂expression/∂z at z = 0, (k, n), for an expression with k entries."""
+    weights = type(z).sym("w", expression.numel())
+    rows = ca.Function("rows", [z, weights], [ca.jtimes(expression, z, weights, True)])
+    each_row = rows(np.zeros((z.numel(), expression.numel())), np.eye(expression.numel()))
+    return np.array(each_row).T
+
+
+#: Largest relative difference between W and P of one critic: the rounding of six printed digits.
+_TOGETHER = 1e-6
+
+
+@checks_arguments
+def from_weights(
+    game: Game,
+    weights: ArrayLike,
+    basis: Basis | str | ca.Function = "quadratic",
+    constant: float = 0.0,
+    precision: str = "float64",
+) -> Critic:
+    """Return the critic V = W'ψ(z) + constant, u = -½ R⁻¹B' (∂ψ/∂z)'W (paper Eq. 28).
+
+    With cross weights N, u = -½ R⁻¹B' (∂ψ/∂z)'W - R⁻¹N'z.
+
+    game: the game whose solution the critic approximates
+    weights: W, (M,)
+    basis: a basis, its name, or a CasADi Function z (n,) -> ψ(z) (M,)
+    constant: constant term of V, which is V(0) if ψ(0) = 0
+    precision: floating-point type of the numbers in the critic's file
+
+    Raises BadInputError if W does not consist of M real numbers, if the name of the basis is
+    unknown, if the input of a CasADi Function is not a vector of n entries, or if the constant is
+    not a finite number.
+
+    >>> import hfa
+    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
+    >>> hfa.from_weights(game, [3.0]).K.tolist()
+    [[3.0]]
+    """
+    need(game, Game, "from_weights: game", Game.how_to_make)
+    weights = numbers_in("W", weights)
+    n = len(game.A)
+    if not is_finite(constant):
+        raise BadInputError(f"constant is {shown(constant)}; give a finite number, V(0)")
+    if isinstance(basis, ca.Function):
+        count = basis.numel_out(0)
+        if basis.numel_in(0) != n or weights.shape != (count,):
+            raise BadInputError(
+                f"W has {weights.size} weights and the plant has {n} states; give a basis of "
+                f"{weights.size} functions of {n} states"
+            )
+
+        z = ca.SX.sym("z", n)
+        V = ca.DM(weights).T @ ca.vec(basis(z)) + constant
+        return from_functions(game, z, {"V": V}, "weights of a list of functions", precision)
+    psi = named_basis(basis, n) if isinstance(basis, str) else basis
+    if weights.shape != (psi.size,):
+        raise BadInputError(
+            f"W has {weights.size} weights, but basis {psi.name!r} of {psi.states} states has "
+            f"{psi.size} functions; give the name of the basis of W"
+        )
+    P = psi.matrix(weights)
+    return Critic(
+        game.gain(P),
+        P,
+        "weights",
+        weights=weights,
+        basis=psi,
+        constant=constant,
+        precision=precision,
+        feedback=game.R_inverse_B_transposed,
+    )
+
+
+def refuse_different_values(P: np.ndarray, P_of_weights: np.ndarray) -> None:
+    """Raise BadInputError if a given matrix P differs from the quadratic part of W'ψ(z).
+
+    The largest permitted difference of entry ij is `_TOGETHER` times sqrt(|P_ii P_jj|).
+
+    P: (n, n), given with W
+    P_of_weights: (n, n), the quadratic part of W'ψ(z)
+    """
+    sizes = np.sqrt(np.abs(np.diag(P)))
+    if not np.all(np.abs(P - P_of_weights) <= _TOGETHER * np.outer(sizes, sizes)):
+        raise BadInputError("W and P define different value functions; leave out W or P")

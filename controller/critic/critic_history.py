@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from controller.critic.critic import Critic, from_parts
-from controller.critic.critic_file import DIMENSIONS, Reading, in_plant_units
+from controller.critic.reading import DIMENSIONS, Reading, in_plant_units
 from controller.game.basis import Basis, basis as named_basis
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_aircraft.readers.matrices_file import file_scales, words

@@ -15,6 +15,7 @@ from hfa_support.errors import BadInputError, numbers_in, shown
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import ByValue
+from hfa_support.reporting.text import matrix_table, numbered
 
 #: Larger entries of a critic overflow when P S P is squared, and are meaningless.
 LARGEST_CRITIC_ENTRY = 1e50
@@ -128,7 +129,6 @@ class Game(ByValue, Reported):
 
     def report(self) -> Report:
         """Return a report with the matrices of the game, with named rows and columns."""
-        from controller.game.game_report import game_report
 
         return game_report(self)
 
@@ -339,3 +339,39 @@ def least_scaled_eigenvalue(matrix: np.ndarray) -> float:
     if not np.isfinite(scaled).all():  # M_ij² > M_ii M_jj by far
         return -np.inf
     return float(np.linalg.eigvalsh((scaled + scaled.T) / 2.0)[0])
+
+
+#: Matrices with more rows or columns are not printed.
+_MOST = 12
+
+
+def game_report(game: Game) -> Report:
+    """Return a report with the matrices of the game, with named rows and columns.
+
+    Matrices with more than `_MOST` rows or columns are omitted from the text.
+    """
+    states = game.names.states
+    inputs = game.names.inputs
+    disturbances = numbered("d", game.E.shape[1])
+    names = {
+        "A": (states, states),
+        "B": (states, inputs),
+        "E": (states, disturbances),
+        "Q": (states, states),
+        "R": (inputs, inputs),
+    }
+    cross = ""
+    if game.N.any():
+        names["N"] = (states, inputs)
+        cross = " + 2 z'Nu"
+    tables = [
+        matrix_table(name, rows, columns, getattr(game, name))
+        for name, (rows, columns) in names.items()
+        if max(len(rows), len(columns)) <= _MOST
+    ]
+    return Report(
+        title=f"Game on {game.names.origin}, delta {game.delta:.6g}:"
+        f" z' = A z + B u + E d, cost z'Qz{cross} + u'Ru - delta^2 d'd",
+        parts=tables,
+        data={name: getattr(game, name) for name in (*names, "delta")},
+    )

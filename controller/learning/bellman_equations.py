@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from controller.critic.training_run import Excitation
 from controller.game.basis import Basis
-from controller.game.training_run import Excitation
 from controller.game.zero_sum import Game
 from controller.learning.recording import Stack, excitation
 

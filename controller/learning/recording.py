@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from controller.critic.training_run import Excitation
 from controller.game.basis import Basis
-from controller.game.training_run import Excitation
 from controller.game.zero_sum import Game
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole

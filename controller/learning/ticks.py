@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.training_run import Excitation, TrainingRun
+from controller.critic.training_run import Excitation, TrainingRun
 from controller.game.zero_sum import Game
 from controller.learning.bellman_equations import StackEquations
 from hfa_support.progress import Progress

@@ -12,8 +12,7 @@ import numpy as np
 
 from controller.riccati.balancing import is_hurwitz
 from controller.riccati.derivations import by_doubling
-from controller.riccati.normal_form import NormalForm
-from controller.riccati.schur import stable_basis
+from controller.riccati.normal_form import NormalForm, stable_basis
 from hfa_support.errors import NoSolutionError
 
 #: Largest number of Newton steps after the Schur form. Each gains about 16 digits minus those lost

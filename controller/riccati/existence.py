@@ -15,8 +15,7 @@ from controller.riccati.certificate import (
     solution_checks,
 )
 from controller.riccati.delta_search import Answer
-from controller.riccati.normal_form import BACKWARD, NormalForm
-from controller.riccati.schur import ordered_basis
+from controller.riccati.normal_form import BACKWARD, NormalForm, ordered_basis
 from hfa_support.errors import NoSolutionError
 
 #: Relative change of one entry of a Hamiltonian, or of a sum over its rows, by rounding and by a

@@ -16,7 +16,7 @@ from hfa_support.reporting.checks import Check
 from hfa_support.reporting.results import Matrix, Result
 
 if TYPE_CHECKING:
-    from controller.game.training_run import TrainingRun
+    from controller.critic.training_run import TrainingRun
     from verification.critic.verdict import Verdict
 
 

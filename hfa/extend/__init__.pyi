@@ -1,6 +1,6 @@
 """Names for a package that adds an aircraft format or a command."""
 
-from controller.critic.critic_file import CriticReader as CriticReader, Reading as Reading
+from controller.critic.reading import CriticReader as CriticReader, Reading as Reading
 from hfa.entry_points import CommandEntry as CommandEntry
 from hfa.options.argument_types import (
     input_file as input_file,

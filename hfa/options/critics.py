@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from controller.critic.critic_file import Reading, critic_suffixes
+from controller.critic.critic_file import critic_suffixes
+from controller.critic.reading import Reading
 from hfa.options.argument_types import input_file, number
 from hfa.options.request import Request, option
 from hfa_support.errors import BadInputError

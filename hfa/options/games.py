@@ -31,7 +31,7 @@ from hfa_support.reporting.results import Matrix, Result
 from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
-    from controller.game.training_run import TrainingRun
+    from controller.critic.training_run import TrainingRun
 
 DEFAULT_LAW = "certified"
 #: Default weights for an aircraft other than the HFA, for notes and helps.
@@ -281,7 +281,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         return whose | dict.fromkeys(self.changed_weights(), "given")
 
     def _game_of_file(self, plant: Path, read: dict[str, Any] | None) -> NamedGame:
-        from controller.game.user_files import stored_game
+        from controller.game.game_file import stored_game
         from controller.hfa_files import paper_defaults
 
         self.refuse_of_the_aircraft()

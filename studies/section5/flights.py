@@ -12,8 +12,8 @@ import numpy as np
 
 import hfa
 from controller import Stack, basis, random_pool
+from controller.critic.training_run import TrainingRun
 from controller.game.basis import Basis
-from controller.game.training_run import TrainingRun
 from hfa import Game, Solution, from_weights, learn, solve, verify
 from hfa.paper import published_game
 from hfa_flight import Policy, Scenario, Waveform

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from controller import basis
-from controller.game.training_run import TrainingRun
+from controller.critic.training_run import TrainingRun
 from controller.game.zero_sum import is_semidefinite
 from controller.riccati.balancing import is_hurwitz
 from hfa import Game

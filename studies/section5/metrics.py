@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from controller.critic.training_run import settled_at
 from controller.game.basis import Basis
-from controller.game.settling import settled_at
 from hfa import Game
 from hfa_flight.flight_history import Deviations
 from hfa_model import INPUTS, LINEAR_STATES

@@ -17,6 +17,7 @@ import numpy as np
 
 import hfa
 import hfa_model
+from controller import ScheduledController
 from hfa import BadInputError, OperatingPoint, linearize, solve, trim
 from hfa.extend import Report
 from hfa.paper import level_flight, published_game
@@ -25,7 +26,7 @@ from hfa_flight import ActuatorFault, CommandSteps, GainPolicy, Policy, Scenario
 from hfa_flight.nonlinear_flight import Flight, fly
 from hfa_flight.signals import CommandedStates
 from hfa_model import INPUTS, LINEAR_STATES
-from hfa_servo import ScheduledController, design_controller, load_design
+from hfa_servo import design_controller, load_design
 from hfa_servo.design import Actuator
 from hfa_servo.measured_outputs import MeasuredOutputs
 from hfa_servo.servo_policy import servo_policy

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from controller import ScheduledController
 from hfa import LinearModel
 from hfa.extend import Report
 from hfa.paper import level_model
@@ -30,7 +31,6 @@ from hfa_flight import (
 from hfa_flight.nonlinear_flight import Flight, fly
 from hfa_model import INPUTS, LINEAR_STATES, Input
 from hfa_model.vectors import CONTROL_LIMITS
-from hfa_servo import ScheduledController
 from hfa_servo.design import Actuator
 from hfa_servo.servo_loop import ServoLoop, check_margins, servo_loop, servo_plant
 from hfa_servo.servo_policy import servo_policy

@@ -18,6 +18,7 @@ import numpy as np
 
 import hfa
 import hfa_model
+from controller import ScheduledController
 from hfa import OperatingPoint, solve
 from hfa.paper import level_model
 from hfa_aircraft.model import Model
@@ -25,7 +26,7 @@ from hfa_flight import CommandSteps
 from hfa_flight.policies import Measurements, Policy
 from hfa_flight.signals import COMMAND_FILTER
 from hfa_model import INPUTS, LINEAR_STATES
-from hfa_servo import ScheduledController, load_design
+from hfa_servo import load_design
 from hfa_servo.design import Design
 from hfa_servo.design_model import DesignModel, design_model
 from hfa_servo.measured_outputs import MeasuredOutputs

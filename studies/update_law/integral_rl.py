@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from controller.critic.training_run import TrainingRun
 from controller.game.basis import Basis, basis
-from controller.game.training_run import TrainingRun
 from controller.game.zero_sum import Game
 from controller.learning import recording
 from controller.learning.bellman_equations import StackEquations

@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller import Stack, basis, random_pool
+from controller.critic.training_run import TrainingRun
 from controller.game.basis import Basis
-from controller.game.training_run import TrainingRun
 from controller.learning.bellman_equations import StackEquations
 from controller.learning.recording import choose
 from controller.learning.ticks import Run, training_run

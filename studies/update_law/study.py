@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller import random_pool, run
-from controller.game.settling import settled_at
-from controller.game.training_run import TrainingRun
+from controller.critic.training_run import TrainingRun, settled_at
 from controller.riccati.balancing import is_hurwitz
 from hfa import Game, NoSolutionError, from_weights, learn, verify
 from hfa.paper import published_game

@@ -109,7 +109,7 @@ def valid_calls_of_extensions() -> Calls:
             "envelope": envelope,
             "predict": False,
         },
-        hfa_flight.GainSchedule: {
+        controller.GainSchedule: {
             "breakpoints": np.array([0.1, 0.2]),
             "gains": np.array([K, K]),
             "model": model,

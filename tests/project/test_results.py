@@ -16,7 +16,7 @@ import hfa_model
 import hfa_proof
 import trim
 import verification
-from hfa_flight.gain_schedule import GainSchedule
+from controller.schedule.gain_schedule import GainSchedule
 
 #: Result -> a line of its report.
 SHOWN = {

@@ -168,9 +168,9 @@ def seeds() -> Mapping[str, bytes]:
     from servo_cases import SIMVFA
     from small_aircraft import glider
 
+    from controller import save_controller
     from hfa.paper import default_parameters
     from hfa_model import save_parameters
-    from hfa_servo import save_controller
 
     with tempfile.TemporaryDirectory() as name, chdir(name):
         save_parameters(default_parameters(), Path("parameters.toml"), "a copy")

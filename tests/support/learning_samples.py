@@ -11,8 +11,8 @@ from reference_riccati import Reference, reference_solution, relative_error
 from scipy.linalg import solve_continuous_lyapunov
 
 from controller import basis, random_pool
+from controller.critic.training_run import TrainingRun
 from controller.game.basis import Basis
-from controller.game.training_run import TrainingRun
 from controller.learning.bellman_equations import StackEquations
 from hfa import Game
 

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from controller.critic.critic import Critic, from_parts
-from controller.game.training_run import TrainingRun
+from controller.critic.training_run import TrainingRun
 from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controller.critic.training_run import settled_at
 from controller.game.basis import basis
-from controller.game.settling import settled_at
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
 from controller.riccati.normal_form import NormalForm
@@ -19,7 +19,7 @@ from hfa_support.reporting.results import Result, Vector, plain
 from verification.critic.critic_errors import relative_error
 
 if TYPE_CHECKING:
-    from controller.game.training_run import TrainingRun
+    from controller.critic.training_run import TrainingRun
 
 #: Relative Riccati residual, in balanced units, below which a run counts as settled.
 SETTLED = 1e-9

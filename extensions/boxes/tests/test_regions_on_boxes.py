@@ -236,7 +236,8 @@ def _same_policy(proved: Any) -> ca.Function:
 
     The certificate contains a digest of the instructions of this function.
     """
-    from controller.critic.critic_file import Reading, critic_in
+    from controller.critic.critic_file import critic_in
+    from controller.critic.reading import Reading
     from controller.game.zero_sum import Game
 
     words = proved[1]

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 from hfa.output import ProgressLine, show
-from hfa_discrete.discrete_game import DiscreteGame
 from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 #: Results that the commands write, as in `hfa.entry_points`.
 RESULTS = (
-    "hfa_discrete.report:AnalysedDiscreteGame hfa.options.games:NamedGame",
+    "controller.discrete.report:AnalysedDiscreteGame hfa.options.games:NamedGame",
     "hfa_discrete.critic_check:DiscreteVerdict verification.critic.verdict:Details"
     " hfa.options.games:Weights hfa.options.games:NamedGame",
 )
@@ -37,7 +37,7 @@ def question_of_time(game: Game) -> str:
 
     game: game without a continuous-time solution
     """
-    from hfa_discrete.solution import solve_discrete
+    from controller.discrete.solution import solve_discrete
 
     with suppress(NoSolutionError):
         solve_discrete(DiscreteGame(game))
@@ -47,7 +47,7 @@ def question_of_time(game: Game) -> str:
 
 def solve(request: GameRequest, named: NamedGame) -> int:
     """Run `hfa solve` for a discrete-time plant and return the exit code."""
-    from hfa_discrete.report import analyse_discrete, discrete_report
+    from controller.discrete.report import analyse_discrete, discrete_report
 
     request.refuse(("draws",), _CONTINUOUS)
     analysed = analyse_discrete(named.discrete, ProgressLine("solve"))
@@ -59,9 +59,9 @@ def solve(request: GameRequest, named: NamedGame) -> int:
 def learn(request: LearnRequest, named: NamedGame) -> int:
     """Run `hfa learn` for a discrete-time plant, by Q-learning, and return the exit code."""
     from controller.critic.critic import from_parts
+    from controller.learning.q_learning import learn_steps
     from hfa.commands.game import show_learned
     from hfa_discrete.critic_check import check_discrete
-    from hfa_discrete.q_learning import learn_steps
 
     problem: DiscreteGame = named.discrete
     request.refuse(("law", "set"), _CONTINUOUS)
@@ -78,9 +78,9 @@ def verify(request: VerifyRequest, named: NamedGame, paths: list[Path]) -> int:
 
     Raises BadInputError unless exactly one path is given.
     """
+    from controller.discrete.critic_file import critic_of_steps
     from hfa.commands.verify import about
     from hfa_discrete.critic_check import check_discrete
-    from hfa_discrete.critic_file import critic_of_steps
     from verification.critic.scope import Scope
 
     if len(paths) != 1:

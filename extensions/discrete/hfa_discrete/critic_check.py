@@ -10,16 +10,11 @@ from typing import Any
 import numpy as np
 
 from controller.critic.critic import Critic
+from controller.discrete.implied_policy import discrete_critic
+from controller.discrete.solution import DiscreteSolution, bellman_residual, sampled, solve_discrete
+from controller.game.discrete_game import DiscreteGame
 from controller.game.weights import weights_line
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
-from hfa_discrete.discrete_game import DiscreteGame
-from hfa_discrete.implied_policy import discrete_critic
-from hfa_discrete.solution import (
-    DiscreteSolution,
-    bellman_residual,
-    sampled,
-    solve_discrete,
-)
 from hfa_support.entry_points import CRITICS, PARTS, loaded, offered, part
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.matrices import checked_matrix, shape_text

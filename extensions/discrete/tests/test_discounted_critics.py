@@ -13,9 +13,9 @@ from known_models import game_at
 from planted_critics import gain, value
 from tolerances import SAME_FORMULA
 
+from controller import solve_discounted
 from hfa import Game, from_gain, from_value
 from hfa.main import BAD_INPUT, FAILED
-from hfa_discrete import solve_discounted
 from hfa_discrete.critic_check import check_discounted
 
 pytestmark = pytest.mark.usefixtures("folder")

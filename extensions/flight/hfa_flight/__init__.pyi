@@ -2,7 +2,6 @@
 
 from .actuators import ActuatorBank as ActuatorBank, ActuatorFault as ActuatorFault
 from .envelope import flight_envelope as flight_envelope
-from .gain_schedule import GainSchedule as GainSchedule
 from .gusts import OneMinusCosine as OneMinusCosine
 from .monte_carlo import MonteCarlo as MonteCarlo
 from .monte_carlo_store import run_monte_carlo as run_monte_carlo

@@ -560,7 +560,7 @@ class FlightOptions(ScenarioOptions):
 
         Raises BadInputError if --actuators is missing for a controller of `hfa design`.
         """
-        from hfa_flight.gain_schedule import GainSchedule
+        from controller.schedule.gain_schedule import GainSchedule
         from hfa_flight.scheduled_gains import scheduled_gains
 
         assert self.controller is not None

@@ -9,8 +9,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from controller.schedule.gain_schedule import GainSchedule
 from hfa_aircraft.model import Model
-from hfa_flight.gain_schedule import GainSchedule
 from hfa_flight.policies import Measurements, Policy
 from hfa_flight.signals import CommandSteps
 from hfa_flight.table_expression import table_expression

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hfa_discrete.discrete_game import DiscreteGame
+from controller.game.discrete_game import DiscreteGame
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import LARGEST
 from hfa_support.reporting.checks import verdict_text

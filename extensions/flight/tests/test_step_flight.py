@@ -7,10 +7,10 @@ import pytest
 from cli import answer, hfa
 from game_files import stored
 
+from controller.discrete.solution import solve_discrete
+from controller.game.discrete_game import DiscreteGame
 from hfa import Game, NoSolutionError
 from hfa.main import FAILED
-from hfa_discrete.discrete_game import DiscreteGame
-from hfa_discrete.solution import solve_discrete
 from hfa_flight.step_flight import fly_steps
 
 STEP = Game([[1.05, 0.1], [0.0, 0.9]], [[0.0], [0.1]], np.eye(2), np.eye(2), [[0.1]], np.inf)

@@ -20,7 +20,7 @@ from hfa_formats.formats import formats
 from hfa_support.reporting.data_files import jsonable
 
 controllers = Extension("controllers")
-servo = Extension("hfa_servo.scheduled_controller")
+servo = Extension("controller.schedule.scheduled_controller")
 
 
 @pytest.fixture(scope="module")

@@ -13,14 +13,13 @@ from game_samples import failed_names
 from network_files import torch_file
 
 from controller import basis
-from controller.critic.critic import Critic, from_parts
-from controller.critic.expressions import from_functions
+from controller.critic.critic import Critic, from_functions, from_parts
+from controller.discrete.implied_policy import discrete_critic, policy_of_next
+from controller.discrete.solution import DiscreteSolution, solve_discrete
+from controller.game.discrete_game import DiscreteGame
 from hfa import Game, from_gain, from_network, from_value, from_weights
 from hfa.main import DONE, FAILED
 from hfa_discrete.critic_check import check_discounted, check_discrete
-from hfa_discrete.discrete_game import DiscreteGame
-from hfa_discrete.implied_policy import discrete_critic, policy_of_next
-from hfa_discrete.solution import DiscreteSolution, solve_discrete
 from hfa_networks.judge.network_flights import InSteps, costs_above_optimum
 from verification import Scope
 from verification.critic.critic_errors import Box
@@ -214,7 +213,7 @@ def test_the_exact_network_of_a_discounted_game_passes(game: Game) -> None:
 
     The exact gain followed by a saturating tanh fails away from the origin.
     """
-    from hfa_discrete import solve_discounted
+    from controller import solve_discounted
 
     K = solve_discounted(game, 0.99, 0.01).K
     right = from_network(game, torch_file("right.pt", {"weight": -K}))

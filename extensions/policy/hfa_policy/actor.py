@@ -10,9 +10,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_networks.files.network_file import network_in
-from hfa_networks.files.row_network import RowNetwork
-from hfa_networks.files.tensors import tensors_in
+from controller.critic.network.network_file import network_in
+from controller.critic.network.row_network import RowNetwork
+from controller.critic.network.tensors import tensors_in
 from hfa_policy.stable_baselines import Zip, is_stable_baselines, read_zip
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shortened, shown
 from hfa_support.files import regular_file

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controller.discrete.solution import sampled, solve_discrete
 from controller.game.zero_sum import Game
 from controller.riccati.cost import flight_cost
 from controller.riccati.gare import unconfirmed_solution
-from hfa_discrete.solution import sampled, solve_discrete
 from hfa_policy.deployed import Deployed
 from hfa_policy.episodes import cost_weights
 from hfa_policy.equilibrium import Equilibrium

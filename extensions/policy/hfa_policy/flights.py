@@ -24,7 +24,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_networks.files.row_network import RowNetwork
+from controller.critic.network.row_network import RowNetwork
 from hfa_policy.deployed import Deployed
 from hfa_policy.held_step import held_step
 from hfa_support.native.bound import RowFunction

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_networks.files.tensors import refuse_pickle_bomb, refuse_shared
+from controller.critic.network.tensors import refuse_pickle_bomb, refuse_shared
 from hfa_support.errors import BadInputError, shortened
 
 #: Packages whose objects are read as attributes. Their code is never imported.

@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.critic.critic import symbols_for
-from controller.critic.expressions import from_functions
+from controller.critic.critic import from_functions, symbols_for
 from controller.game.zero_sum import Game
 from hfa_networks.judge.network_search import Comparison, search
 from hfa_policy.deployed import Deployed

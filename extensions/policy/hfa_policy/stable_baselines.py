@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_networks.files.tensors import checked_tensors, tensors_in, unpacked
+from controller.critic.network.tensors import checked_tensors, tensors_in, unpacked
 from hfa_policy.inert_pickle import inert
 from hfa_support.errors import BadInputError, prefix_errors, shortened, shown
 from hfa_support.files import regular_file

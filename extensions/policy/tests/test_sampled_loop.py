@@ -12,7 +12,7 @@ from policy_cases import GTM, gtm_deployment, model_of
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov, solve_lyapunov
 
 import hfa
-from hfa_discrete.solution import sampled, solve_discrete
+from controller.discrete.solution import sampled, solve_discrete
 from hfa_policy.assessment import Assessor
 from hfa_policy.cost_above_optimum import _sampled_costs, cost_above_optimum, lqr_at
 from hfa_policy.deployed import Deployed

@@ -8,7 +8,7 @@ import pytest
 from policy_cases import FOLDER, aircraft, stored_deployment, trims
 from tolerances import SAME_FORMULA
 
-from hfa_networks.files.tensors import tensors_in
+from controller.critic.network.tensors import tensors_in
 from hfa_policy.assessment import Assessor
 from hfa_policy.deployed import Deployed
 

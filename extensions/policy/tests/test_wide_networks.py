@@ -8,8 +8,8 @@ import pytest
 from policy_cases import AIRCRAFT, aircraft, gtm_deployment, stored_deployment, trims
 from tolerances import SAME_FORMULA
 
-from hfa_networks.files.activations import ACTIVATIONS
-from hfa_networks.files.row_network import ROW_ACTIVATIONS
+from controller.critic.network.activations import ACTIVATIONS
+from controller.critic.network.row_network import ROW_ACTIVATIONS
 from hfa_policy import outcomes
 from hfa_policy.assessment import Assessor
 from hfa_policy.deployed import Deployed

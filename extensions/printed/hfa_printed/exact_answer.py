@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from controller.discrete.solution import solve_discrete
+from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import largest
 from controller.riccati.gare import unconfirmed_solution
-from hfa_discrete.discrete_game import DiscreteGame
-from hfa_discrete.solution import solve_discrete
 
 #: Largest number of doublings of the horizon for an approximate value.
 _DOUBLINGS = 30

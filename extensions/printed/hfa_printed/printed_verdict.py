@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from controller.critic.critic import from_parts
+from controller.game.discrete_game import DiscreteGame
 from controller.game.weights import weights_line
 from hfa_discrete.critic_check import check_discrete
-from hfa_discrete.discrete_game import DiscreteGame
 from hfa_printed.classes import Classified, classify
 from hfa_printed.comparison import Comparison
 from hfa_printed.exact_answer import policies

@@ -8,6 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from controller.schedule.gain_schedule import load_gain_schedule
+from controller.schedule.scheduled_controller import load_controller
 from hfa.options.argument_types import number
 from hfa.options.trims import (
     AircraftOptions,
@@ -17,9 +19,7 @@ from hfa.options.trims import (
     scheduled,
 )
 from hfa_aircraft.model import Model
-from hfa_flight.gain_schedule import load_gain_schedule
 from hfa_proof.flexible_aircraft import standard_errors_of
-from hfa_servo.scheduled_controller import load_controller
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.schema import Number
 

@@ -17,13 +17,13 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import FUNCTIONS, Critic
+from controller.discrete.solution import quick_discrete
 from controller.game.basis import basis
+from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
 from controller.riccati.gare import unconfirmed_solution
 from controller.riccati.normal_form import NormalForm
-from hfa_discrete.discrete_game import DiscreteGame
-from hfa_discrete.solution import quick_discrete
 from hfa_reasons.hypotheses import (
     Hypothesis,
     View,

@@ -16,12 +16,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from controller.discrete.solution import quick_discrete, sampled
+from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 from controller.riccati.careful_derivations import unrefined
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import minimum_delta
-from hfa_discrete.discrete_game import DiscreteGame
-from hfa_discrete.solution import quick_discrete, sampled
 from hfa_reasons.hypotheses import REDUNDANT, Hypothesis, View
 from hfa_support.errors import BadInputError, NoSolutionError
 from verification.critic.scope import Nearby

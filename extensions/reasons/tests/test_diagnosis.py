@@ -40,7 +40,7 @@ from verification.hfa_box import ordinary_box
 
 network_files = Extension("network_files")
 searches = Extension("hfa_networks.judge.network_search")
-networks = Extension("hfa_networks.files.network")
+networks = Extension("controller.critic.network.critic")
 
 pytestmark = pytest.mark.usefixtures("folder")
 SLOW = pytest.mark.slow

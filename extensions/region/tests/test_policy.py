@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 from pendulum_regions import PENDULUM, certified, passes, pendulum_loop, quickly_proved
 
-from controller.critic.critic import Critic
+from controller.critic.critic import Critic, from_weights
 from controller.critic.features import features_of
-from controller.critic.weights import from_weights
 from controller.game.zero_sum import Game
 from hfa.main import main
 from hfa_aircraft.model import Model

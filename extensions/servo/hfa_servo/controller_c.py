@@ -8,6 +8,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from controller.schedule.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from hfa_aircraft.model import Model
 from hfa_aircraft.units import signal_unit
 from hfa_flight.actuators import ActuatorBank
@@ -24,7 +25,6 @@ from hfa_flight.export.exported_loop import Argument, Channel, ExportedLoop, Ste
 from hfa_flight.policies import Measurements
 from hfa_flight.signals import COMMAND_FILTER, CommandSteps
 from hfa_servo.measured_outputs import MeasuredOutputs
-from hfa_servo.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from hfa_servo.servo_policy import ServoPolicy, servo_policy
 from hfa_support.native.c_code import c_function
 from hfa_support.reporting.text import shown_value

@@ -10,8 +10,8 @@ DESIGN = CommandEntry(
     "hfa_servo.commands.design:design",
     example="hfa design --design paper --dihedral 5,10,15 -o gains.npz",
     results=(
-        "hfa_servo.results:ControllerData",
-        "hfa_servo.results:ControllerFile",
-        "hfa_servo.plant_report:OutputSolution hfa_servo.plant_report:StateSolution",
+        "controller.schedule.scheduled_controller:ControllerData",
+        "controller.schedule.scheduled_controller:ControllerFile",
+        "controller.plant.plant_report:OutputSolution controller.plant.plant_report:StateSolution",
     ),
 )

@@ -10,13 +10,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from controller.schedule.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from hfa_aircraft.model import Model
 from hfa_flight.flight_history import Deviations
 from hfa_flight.policies import Measurements, Policy
 from hfa_flight.signals import CommandSteps
 from hfa_flight.table_expression import table_expression
 from hfa_servo.measured_outputs import MeasuredOutputs
-from hfa_servo.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from hfa_servo.tracked import tracked
 from hfa_support.errors import refuse_unknown
 from hfa_support.linear_table import LinearTable

@@ -16,20 +16,20 @@ from servo_cases import A_Z, measured_servo, simvfa_design
 from tolerances import SAME_FORMULA
 
 import hfa
-from hfa import BadInputError, NoSolutionError, solve
-from hfa.paper import default_parameters
-from hfa_aircraft.model import Model
-from hfa_servo import (
+from controller import (
     GeneralizedPlant,
     ScheduledController,
     load_controller,
     save_controller,
     solve_plant,
 )
+from controller.plant.generalized_plant import closed_plant
+from hfa import BadInputError, NoSolutionError, solve
+from hfa.paper import default_parameters
+from hfa_aircraft.model import Model
 from hfa_servo.controllers import LinearController, controller_at, design_controller
 from hfa_servo.design import Design
 from hfa_servo.design_model import design_model
-from hfa_servo.generalized_plant import closed_plant
 from hfa_servo.servo_loop import ServoLoop, check_margins, servo_loop, servo_plant
 from hfa_support.reporting.text import Table
 

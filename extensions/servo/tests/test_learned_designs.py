@@ -17,10 +17,10 @@ from reference_riccati import relative_error
 from servo_cases import SIMVFA, simvfa_design
 
 import hfa
-from controller import basis
+from controller import GeneralizedPlant, basis
 from controller.learning.recording import natural_spread
 from hfa import Game, Solution, learn, solve
-from hfa_servo import GeneralizedPlant, load_design
+from hfa_servo import load_design
 from hfa_servo.design import Actuator, Design
 from hfa_servo.design_model import design_model
 

@@ -14,6 +14,7 @@ from scipy.linalg import eigvals, solve_continuous_are, solve_continuous_lyapuno
 from servo_cases import A_Z
 
 import hfa
+from controller.schedule.scheduled_controller import ScheduledController
 from hfa import BadInputError, NoSolutionError
 from hfa_aircraft.model import Model
 from hfa_servo import design_controller, load_design, loop_shaping
@@ -21,7 +22,6 @@ from hfa_servo.controllers import controller_at
 from hfa_servo.design import Actuator, Design
 from hfa_servo.design_model import design_model
 from hfa_servo.loop_shaping import output_weights, robust_check, robust_controller
-from hfa_servo.scheduled_controller import ScheduledController
 from hfa_servo.servo_loop import check_margins, servo_loop, servo_margins, servo_plant
 
 INPUTS = ("throttle", "aileron_center", "aileron_outer", "elevator_center")

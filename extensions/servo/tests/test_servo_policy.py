@@ -12,6 +12,7 @@ from known_models import model_at
 from scipy.integrate import solve_ivp
 from tolerances import SAME_FORMULA
 
+from controller import ScheduledController
 from hfa import BadInputError, OperatingPoint, fly, linearize
 from hfa_aircraft.model import Model
 from hfa_flight import ActuatorBank, CommandSteps, Scenario, Waveform, flight_envelope
@@ -20,7 +21,6 @@ from hfa_flight.nonlinear_flight import Flight
 from hfa_flight.policies import Measurements
 from hfa_flight.signals import CommandedStates, Harmonic
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Input
-from hfa_servo import ScheduledController
 from hfa_servo.measured_outputs import MeasuredOutputs
 from hfa_servo.servo_policy import servo_policy
 

@@ -11,13 +11,8 @@ from game_files import stored
 from tolerances import FEW_ROUNDINGS
 
 from controller import critic_in, critics_over_time
-from controller.critic.critic_file import (
-    Reading,
-    critic_suffixes,
-    critics_in,
-    entries_in,
-    single_parts,
-)
+from controller.critic.critic_file import critic_suffixes, critics_in, entries_in, single_parts
+from controller.critic.reading import Reading
 from hfa import BadInputError, Game
 from hfa_aircraft.names import UNNAMED
 

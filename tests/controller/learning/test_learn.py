@@ -14,7 +14,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from tolerances import FEW_ROUNDINGS
 
 from controller import minimum_delta
-from controller.game.training_run import TrainingRun
+from controller.critic.training_run import TrainingRun
 from controller.learning import ticks
 from controller.learning.bellman_equations import Riccati, control_root
 from hfa import BadInputError, Game, from_weights, learn, verify

@@ -16,10 +16,11 @@ from project import ROOT
 from servo_cases import A_Z
 
 import hfa
+from controller import save_controller
 from hfa import BadInputError
 from hfa_aircraft.model import Model
 from hfa_flight import OneMinusCosine
-from hfa_servo import design_controller, save_controller
+from hfa_servo import design_controller
 from hfa_servo.design import Actuator
 from hfa_servo.servo_loop import check_margins, servo_loop, servo_margins, servo_plant
 from studies.servo.__main__ import main

@@ -11,7 +11,7 @@ from learning_samples import PUBLISHED, QUADRATIC, published, stable_game, value
 from reference_riccati import reference_solution, relative_error
 
 from controller import basis, run
-from controller.game.training_run import TrainingRun
+from controller.critic.training_run import TrainingRun
 from hfa import Game, NoSolutionError
 from hfa_model.published import published_data
 from studies.update_law.published_law import (

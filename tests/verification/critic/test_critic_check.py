@@ -15,8 +15,8 @@ from planted_critics import gain, other_root, solved, value, weights_of
 
 from controller import basis, critics_over_time
 from controller.critic.critic import Critic
+from controller.critic.training_run import Excitation, TrainingRun
 from controller.game.basis import BASES
-from controller.game.training_run import Excitation, TrainingRun
 from controller.hfa_game import ORDINARY_DEVIATIONS
 from controller.riccati.normal_form import NormalForm
 from hfa import (

@@ -30,10 +30,10 @@ pytest.importorskip("hfa_networks", reason="a critic that is not quadratic needs
 
 from network_files import onnx_file, safetensors_file, torch_file
 
+from controller.discrete.critic_file import critic_of_steps
+from controller.discrete.solution import sampled, solve_discrete
+from controller.game.discrete_game import DiscreteGame
 from hfa_discrete.critic_check import check_discounted, check_discrete
-from hfa_discrete.critic_file import critic_of_steps
-from hfa_discrete.discrete_game import DiscreteGame
-from hfa_discrete.solution import sampled, solve_discrete
 
 pytestmark = pytest.mark.usefixtures("folder", "no_proof")
 GAME = game_at(8.0)

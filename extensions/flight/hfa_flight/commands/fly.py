@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from controller.discrete.critic_file import critic_of_steps
 from hfa.options.argument_types import input_file, whole
 from hfa.options.command import command
 from hfa.options.critics import ReadingOptions
@@ -22,7 +23,6 @@ from hfa.options.trims import (
 from hfa.options.workers import WorkersOptions
 from hfa.output import ProgressLine, show
 from hfa_aircraft.uncertain import spread_of
-from hfa_discrete.critic_file import critic_of_steps
 from hfa_flight.options import FlightOptions
 from hfa_support.errors import BadInputError, warn
 from hfa_support.files import MATRIX_FILES
@@ -140,9 +140,9 @@ def _fly_steps(request: FlyRequest, path: Path) -> int:
 
     path: file of the plant
     """
-    from controller.game.user_files import stored_game
-    from hfa_discrete.implied_policy import discrete_critic
-    from hfa_discrete.solution import solve_discrete
+    from controller.discrete.implied_policy import discrete_critic
+    from controller.discrete.solution import solve_discrete
+    from controller.game.game_file import stored_game
     from hfa_flight.step_flight import fly_steps
 
     used = {"steps", "initial", "duration", "weights", *ReadingOptions.declared()}

@@ -20,6 +20,7 @@ from project import ROOT
 from random_points import INPUT_SCALES, STATE_SCALES, rising, state_rates, symbols
 
 import hfa_model
+from controller import ScheduledController
 from hfa import BadInputError, OperatingPoint, linearize, trim
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
@@ -31,7 +32,6 @@ from hfa_flight.policies import Measurements
 from hfa_flight.signals import CommandedStates
 from hfa_flight.simulation import CompiledLoop
 from hfa_model import LINEAR_STATES, STATES as HFA_STATES, Input
-from hfa_servo import ScheduledController
 from hfa_servo.controller_c import (
     COMMANDED,
     CONTROLLER_FILES,

@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     import numpy as np
 
     from controller.critic.critic import Critic
+    from controller.discrete.solution import DiscreteSolution
     from controller.game.zero_sum import Game
     from controller.riccati.gare import Solution
-    from hfa_discrete.solution import DiscreteSolution
     from verification.critic.scope import Scope
 
 

@@ -23,8 +23,8 @@ from hfa_support.reporting.checks import Check, at_most
 from verification.critic.critic_errors import Exact
 
 if TYPE_CHECKING:
+    from controller.discrete.solution import DiscreteSolution
     from controller.riccati.gare import Solution
-    from hfa_discrete.solution import DiscreteSolution
     from verification.critic.about_trim import NonlinearPlant
 
 #: Number of initial conditions for a wide network, whose policy takes 2 to 20 ms.

@@ -138,7 +138,8 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         Raises NoSolutionError if the game has no solution. Raises BadInputError if a file is
         invalid.
         """
-        from controller.critic.critic_file import Reading, critic_in
+        from controller.critic.critic_file import critic_in
+        from controller.critic.reading import Reading
         from controller.riccati.gare import unconfirmed_solution
         from hfa_optimal.pilots import critic_pilot, deployment_pilot, gain_pilot
 

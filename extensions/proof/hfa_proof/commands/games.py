@@ -116,7 +116,8 @@ def critic(request: CriticRequest) -> int:
     uses ball arithmetic. -o FILE.json writes a certificate for `hfa prove --check FILE`.
     Exit code 0: the gain is proved to stabilize the plant. Exit code 1: stability is refuted or
     remains open. The command requires `pip install .[proof]`."""
-    from controller.critic.critic_file import Reading, critic_in
+    from controller.critic.critic_file import critic_in
+    from controller.critic.reading import Reading
     from hfa_proof.search.solution_proof import prove_critic
 
     _prepared(request)

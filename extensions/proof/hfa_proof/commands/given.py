@@ -12,9 +12,9 @@ import numpy as np
 from controller.critic.critic_file import entries_in, single_parts
 from controller.game.basis import basis
 from controller.hfa_game import usual_game
+from controller.schedule.gain_schedule import load_gain_schedule
 from hfa.options.trims import OF_THE_TRIM, called_at
 from hfa_aircraft.names import UNNAMED, PlantNames
-from hfa_flight.gain_schedule import load_gain_schedule
 from hfa_proof.checker.riccati import matrix_of_weights
 from hfa_proof.checker.statement import (
     Flight,

@@ -13,8 +13,9 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.hfa_game import usual_game
 from controller.riccati.gare import unconfirmed_solution
+from controller.schedule.gain_schedule import GainSchedule
+from controller.schedule.scheduled_controller import ScheduledController
 from hfa_aircraft.model import Model
-from hfa_flight.gain_schedule import GainSchedule
 from hfa_proof.checker.statement import (
     Actuators,
     Controller,
@@ -24,7 +25,6 @@ from hfa_proof.checker.statement import (
 )
 from hfa_proof.search.family import Box, Family
 from hfa_servo.design import Actuator
-from hfa_servo.scheduled_controller import ScheduledController
 from hfa_support.errors import BadInputError
 from trim.point.linearize import linearize
 

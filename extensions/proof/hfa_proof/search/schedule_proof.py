@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from flint import arb
 
-from hfa_flight.gain_schedule import GainSchedule
+from controller.schedule.gain_schedule import GainSchedule
 from hfa_proof.arithmetic.ball_function import Undecided
 from hfa_proof.arithmetic.balls import doubles, is_positive_definite, matrix
 from hfa_proof.arithmetic.taylor_model import TaylorModel

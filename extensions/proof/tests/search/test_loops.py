@@ -15,6 +15,7 @@ from cli import hfa
 from known_models import exact_gain, model_at
 from proof_cases import content, delayed_abscissa, family, forge, through_actuators
 
+from controller import ScheduledController
 from controller.hfa_game import usual_game
 from hfa import BadInputError, Model, Signal, linearize, solve
 from hfa_aircraft.loading import load_model
@@ -27,7 +28,6 @@ from hfa_proof.search.checked_report import checked_report
 from hfa_proof.search.family import Box, TrimSearch
 from hfa_proof.search.loops import loop_of_gains, loop_of_servo
 from hfa_proof.search.uncertain_loop import common_lyapunov, decrease
-from hfa_servo import ScheduledController
 from hfa_servo.design import Actuator
 
 SENSORS = (*LINEAR_STATES, "vertical_acceleration_short_period")

@@ -21,9 +21,9 @@ from proof_cases import (
 )
 
 import hfa
+from controller.schedule.gain_schedule import GainSchedule
 from hfa import BadInputError
 from hfa.paper import default_parameters
-from hfa_flight.gain_schedule import GainSchedule
 from hfa_proof import check_certificate, prove_models, prove_schedule
 from hfa_proof.arithmetic import PRECISION
 from hfa_proof.checker.statement import Run

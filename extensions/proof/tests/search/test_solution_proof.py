@@ -15,9 +15,9 @@ from reference_riccati import reference_solution
 
 from controller import basis, minimum_delta
 from controller.critic.critic import from_gain, from_parts
+from controller.critic.network.critic import from_network
 from controller.riccati.smallest_delta import DeltaMin
 from hfa import BadInputError, Game, NoSolutionError, prove_critic, prove_solution, solve
-from hfa_networks.files.network import from_network
 from hfa_proof import check_certificate
 from hfa_proof.arithmetic.balls import matrix, norm
 from hfa_proof.arithmetic.taylor_model import TaylorModel

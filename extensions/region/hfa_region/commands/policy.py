@@ -128,7 +128,8 @@ def loop_of(
     named = request.game()
     assert named.linear is not None
     if request.weights is not None:
-        from controller.critic.critic_file import Reading, critic_in
+        from controller.critic.critic_file import critic_in
+        from controller.critic.reading import Reading
 
         with prefix_errors(request.weights):
             critic = critic_in(request.weights, named.game, Reading(request.basis))

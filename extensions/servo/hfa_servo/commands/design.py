@@ -8,6 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from controller.schedule.scheduled_controller import (
+    SUFFIXES,
+    in_units_of,
+    load_controller,
+    save_controller,
+)
 from hfa.options.argument_types import input_file, output_file, positive
 from hfa.options.command import command
 from hfa.options.games import design_option
@@ -23,12 +29,6 @@ from hfa.options.trims import (
 from hfa.output import ProgressLine, print_report
 from hfa_aircraft.units import native_of, native_values
 from hfa_servo.design import load_design
-from hfa_servo.scheduled_controller import (
-    SUFFIXES,
-    in_units_of,
-    load_controller,
-    save_controller,
-)
 from hfa_support.errors import BadInputError
 
 #: Largest number of scheduling values. Each takes one or two seconds.

@@ -1,0 +1,295 @@
+"""Critics that are neural networks, from files or CasADi functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.critic import Critic, from_functions, from_weights, symbols_for
+from controller.critic.network.activations import COMMON
+from controller.critic.network.network_file import NetworkFile, network_in
+from controller.critic.network.q_function import policy_of
+from controller.critic.network.state_dict import Squash
+from controller.critic.network.torch_module import module_network
+from controller.critic.reading import Reading
+from controller.game.basis import Basis, basis
+from controller.game.zero_sum import Game
+from hfa_support.arguments import checks_arguments, need
+from hfa_support.errors import BadInputError, prefix_errors, shortened, warn
+
+#: Kinds of outputs: V, dV/dz, u, and the vector (V, u).
+OUTPUTS = ("V", "gradient", "policy", "V+policy")
+
+
+@checks_arguments
+def from_network(
+    game: Game,
+    source: str | Path | ca.Function | Callable[..., Any],
+    *,
+    network: str = "",
+    activation: str | None = None,
+    scale: np.ndarray | None = None,
+    features: Basis | ca.Function | None = None,
+) -> Critic:
+    """Return the critic that a network defines.
+
+    A network whose input is (x, u) is a Q function. Its policy is computed by `policy_of`.
+
+    game: the game that the critic should solve
+    source: a file that `network_in` reads, a CasADi Function of the state, or a torch.nn.Sequential
+        of linear layers and activations. The name "V", "gradient" or "policy" of a CasADi Function
+        is its kind, if `network` is not given
+    network: the parts of a file and their kinds, such as "value", "V=value" or
+        "V=value,policy=actor". Without a kind, the number of outputs decides
+    activation: activation between the layers of a state dict
+    scale: (n,), factors on the states at the inputs of the network, none of them 0
+    features: functions on which a single layer acts. The critic is then a polynomial. Default: the
+        quadratic basis
+
+    Raises a BadInputError of one line for a wrong argument or file.
+
+    >>> import casadi as ca
+    >>> import hfa
+    >>> game = hfa.paper.published_game(hfa.paper.level_model(hfa.aircraft(), 0.2))
+    >>> z = ca.SX.sym("z", 6)
+    >>> V = ca.Function("V", [z], [3 * ca.sumsqr(z)])
+    >>> hfa.from_network(game, V).P.diagonal().tolist()
+    [3.0, 3.0, 3.0, 3.0, 3.0, 3.0]
+    """
+    need(game, Game, "from_network: game", "a game: hfa.game(linear, Q, R, delta)")
+    n, m = game.B.shape
+    scales = np.ones(n) if scale is None else np.asarray(scale, dtype=float)
+    if scales.shape != (n,) or not np.all(np.isfinite(scales) & (scales != 0.0)):
+        raise BadInputError(
+            f"scale does not consist of {n} finite numbers other than 0; give one for each state"
+        )
+    functions = basis("quadratic", n) if features is None else features
+    if isinstance(source, ca.Function):
+        kind = network or (source.name() if source.name() in OUTPUTS else "")
+        stored = NetworkFile({kind: source}, "a CasADi function", "float64")
+        return _of_states(game, stored, scales, "network", {})
+    if not isinstance(source, (str, Path)):
+        stored = module_network(source, network, n, m)
+        return _of_states(game, stored, scales, f"network {stored.chain}", {})
+    count = functions.size if isinstance(functions, Basis) else functions.numel_out(0)
+    parts = _parts(network)
+    stored = network_in(source, n, activation, parts, count, m)
+    origin = f"network {Path(source).name}: {stored.chain}"
+    with prefix_errors(source):
+        if stored.on_basis is not None:
+            return _on_basis(game, stored, functions, scales, parts, origin)
+        variants: dict[str, Callable[[], Critic]] = {}
+        if activation:
+            read = partial(from_network, game, source, network=network, scale=scale)
+            for name in COMMON:
+                if name != activation.partition(",")[0]:
+                    mistake = f"the activation is {name}, not {activation}"
+                    variants[mistake] = partial(read, activation=name)
+        sizes = [function.numel_out(0) for function in stored.functions.values()]
+        if len(sizes) == 1 and is_taken_as_policy(next(iter(parts)), sizes[0], m):
+            value = f"V={parts[next(iter(parts))]}"
+            mistake = f'its output is V, not u; give network="{value}" (--network {value})'
+            variants[mistake] = partial(
+                from_network, game, source, network=value, activation=activation, scale=scale
+            )
+        return _of_states(game, stored, scales, origin, variants, ",".join(parts.values()))
+
+
+def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
+    """Return the critic of the network in a file.
+
+    Warns that a .zip file is read without its normalizer, clip and action map. Raises BadInputError
+    if an activation is given for an ONNX file.
+
+    reading: the options of the command that describe the network
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix == ".onnx" and reading.activation is not None:
+        raise BadInputError(
+            f"{path}: an ONNX file already contains the activations; remove --set activation"
+        )
+    if suffix == ".zip":
+        warn(
+            f"{path}: the network is judged without normalizer, clip and action map; "
+            "`hfa assess DEPLOYMENT.toml` assesses the policy as deployed"
+        )
+    return from_network(
+        game,
+        path,
+        network=reading.network,
+        activation=reading.activation,
+        scale=reading.scale,
+        features=reading.functions(len(game.A), game.names.states),
+    )
+
+
+def _of_states(
+    game: Game,
+    stored: NetworkFile,
+    scales: np.ndarray,
+    origin: str,
+    variants: Mapping[str, Callable[[], Critic]],
+    asked: str = "",
+) -> Critic:
+    """Return the critic of a network whose inputs are the states, or states and inputs (a Q).
+
+    stored: content of the file
+    scales: (n,), factors on the states
+    origin: description of the critic
+    variants: mistake -> function that reads the network with this mistake corrected
+    asked: requested part of the file, for messages
+    """
+    n, m = game.B.shape
+    functions = {}
+    for name, function in stored.functions.items():
+        if name in stored.squashes:
+            function = _squashed(function, stored.squashes[name])
+        if function.numel_in(0) == n + m:
+            origin = f"{origin} = Q(x, u), u from dQ/du = 0"
+            function = policy_of(function, n)
+        functions[name] = function
+    sizes = {name: function.numel_out(0) for name, function in functions.items()}
+    kinds = _kinds(sizes, n, m, asked)
+    if any(is_taken_as_policy(name, size, m) for name, size in sizes.items()):
+        origin = f"{origin}, its one output read as the policy u, not V"
+    z = symbols_for(functions.values(), n)
+    outputs = {}
+    for name, function in functions.items():
+        numbers = ca.vec(function(ca.DM(scales) * z))
+        if kinds[name] == "V+policy":
+            outputs["V"] = numbers[0]
+            outputs["policy"] = numbers[1:]
+        else:
+            outputs[kinds[name]] = numbers
+    return from_functions(game, z, outputs, origin, stored.precision, variants)
+
+
+def _squashed(function: ca.Function, squash: Squash) -> ca.Function:
+    """Return a network's function followed by its output map: x -> tanh(function(x)) s + b.
+
+    s and b are the scale and the bias of the output map.
+    """
+    x = symbols_for([function], function.numel_in(0))
+    action = ca.tanh(ca.vec(function(x))) * ca.DM(squash.scale) + ca.DM(squash.bias)
+    return ca.Function("squashed", [x], [ca.densify(action)])
+
+
+def _on_basis(
+    game: Game,
+    stored: NetworkFile,
+    functions: Basis | ca.Function,
+    scales: np.ndarray,
+    parts: Mapping[str, str],
+    origin: str,
+) -> Critic:
+    """Return the critic V of a single layer whose inputs are the functions of a basis.
+
+    game: game of the critic
+    stored: content of the file
+    functions: functions of the basis
+    scales: (n,), factors on the states before the functions
+    parts: kind of `OUTPUTS` -> requested part of the file
+    origin: description of the critic
+
+    Raises BadInputError if the layer has several outputs, or if another kind than V is requested.
+    """
+    layer = stored.on_basis
+    assert layer is not None
+    if len(layer.weight) != 1:
+        raise BadInputError(
+            f"the single layer on the basis functions has {len(layer.weight)} outputs; give a "
+            "layer with one output, V"
+        )
+    others = sorted(set(parts) - {"", "V"})
+    if others:
+        raise BadInputError(
+            f"the single layer on the basis functions is a value function V; remove {others[0]}= "
+            "from --network"
+        )
+    weights = layer.weight[0]
+    if isinstance(functions, Basis):
+        weights = weights * functions.scaling(scales)
+    else:
+        z = symbols_for([functions], len(scales))
+        functions = ca.Function("features", [z], [functions(ca.DM(scales) * z)])
+    critic = from_weights(game, weights, functions, float(layer.bias[0]), stored.precision)
+    return replace(critic, origin=origin, is_layer=True)
+
+
+def _parts(network: str) -> dict[str, str]:
+    """Return the requested parts of a file by kind, from text such as "V=value,policy=actor".
+
+    The kind of an item without "=" is "". Raises BadInputError for a kind that is not in `OUTPUTS`.
+    """
+    parts: dict[str, str] = {}
+    for item in network.split(","):
+        output, equals, part = item.strip().rpartition("=")
+        if equals and output not in OUTPUTS:
+            raise BadInputError(
+                f"--network {shortened(item)!r}: the word before = is not a kind of output; "
+                f"choose from {', '.join(OUTPUTS)}"
+            )
+        parts[output] = part
+    return parts
+
+
+def is_taken_as_policy(name: str, size: int, m: int) -> bool:
+    """Return whether an output is read as the policy u although V would also have this size.
+
+    True for a single output without a kind, on a plant with one input.
+
+    name: kind or name of the output
+    size: number of entries of the output
+    m: number of inputs of the plant
+    """
+    return name not in OUTPUTS and size == m == 1
+
+
+def _kinds(sizes: Mapping[str, int], n: int, m: int, part: str) -> dict[str, str]:
+    """Return the kind of each output of a network, by name of the output.
+
+    A name in `OUTPUTS` is a kind. The kind of another output follows from its size.
+
+    sizes: name -> number of entries
+    n, m: number of states and of inputs of the plant
+    part: the requested part of the file
+
+    Raises BadInputError in these cases:
+    - No kind has the size of an output, or several kinds have this size.
+    - There are several outputs, but not one V and one policy.
+    """
+    counts = {"V": 1, "gradient": n, "policy": m, "V+policy": 1 + m}
+    kinds = {}
+    for name, size in sizes.items():
+        candidates = [name] if name in counts else list(counts)
+        fitting = [kind for kind in candidates if counts[kind] == size]
+        if is_taken_as_policy(name, size, m):
+            fitting = ["policy"]
+        if "gradient" in fitting and m != n:
+            fitting = ["gradient"]  # V+policy has equal size if 1 + m = n; it must be named
+        if not fitting:
+            meanings = ", ".join(f"{kind} has {count}" for kind, count in counts.items())
+            raise BadInputError(
+                f"the network has {size} outputs, but for this plant {meanings}; give a network "
+                "with such a number of outputs"
+            )
+        if len(fitting) > 1:
+            raise BadInputError(
+                f"a network with {size} outputs may be {' or '.join(fitting)}; select one, for "
+                f'example by network="{fitting[0]}={part}"',
+                ("--network", f"{fitting[0]}={part}"),
+            )
+        kinds[name] = fitting[0]
+    if len(kinds) > 1 and sorted(kinds.values()) != ["V", "policy"]:
+        raise BadInputError(
+            f"the network's outputs {shortened(', '.join(sizes))} are "
+            f"{', '.join(kinds.values())}; select one output, or V and a policy, for "
+            "example --network V=value,policy=actor"
+        )
+    return kinds

@@ -1,0 +1,93 @@
+"""Settings for reading critics from files."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.critic import Critic
+from controller.game.basis import Basis, basis
+from controller.game.zero_sum import Game
+
+#: Array of a critic -> number of its dimensions.
+DIMENSIONS = {"W": 1, "P": 2, "K": 2}
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Options for reading a critic file.
+
+    basis: basis of the weights: a name, or a list of functions (`features_of`). None selects the
+        basis named in the file, else "quadratic".
+    network: outputs of a network file, as for `from_network`
+    activation: activation between the layers of a state dict; after a comma, the activation of the
+        output. None if not given.
+    scale: (n,), factors on the states at the network's inputs, or None for no scaling
+    """
+
+    basis: str | None = None
+    network: str = ""
+    activation: str | None = None
+    scale: np.ndarray | None = None
+
+    @property
+    def lists_functions(self) -> bool:
+        """True if the basis is a list of functions and not a name."""
+        return self.basis is not None and re.search(r"[^a-z+]", self.basis) is not None
+
+    def functions(self, states: int, names: tuple[str, ...]) -> Basis | ca.Function:
+        """Return the basis ψ of the weights, according to the options.
+
+        The result is a CasADi Function z -> ψ(z) if the basis is a list of functions.
+
+        states: number of states
+        names: names of the states, for a list of functions
+
+        Raises BadInputError for an unknown name of a basis, and for a faulty list.
+        """
+        if self.basis is not None and self.lists_functions:
+            from controller.critic.features import features_of
+
+            return features_of(self.basis, states, names)
+        return basis(self.basis or "quadratic", states)
+
+
+class CriticReader(Protocol):
+    """Function that reads critic files of one format, registered as an entry point of
+    `hfa.critics`.
+    """
+
+    def __call__(self, game: Game, path: str | Path, reading: Reading) -> Critic:
+        """Return the critic in a file, as a function of the game's states.
+
+        Raises BadInputError if the file cannot be read as a critic of this game.
+        """
+
+
+def in_plant_units(
+    parts: dict[str, np.ndarray], scales: np.ndarray, functions: Basis | ca.Function | None
+) -> dict[str, np.ndarray]:
+    """Return a critic's arrays, converted from the file's units to the units of the plant.
+
+    x is a state in the units of the plant and diag(s) x this state in the units of the file.
+    P becomes diag(s) P diag(s), K becomes K diag(s), and W becomes `functions.scaling(s)` W.
+    An array whose shape does not fit the plant is returned unchanged. W is also returned unchanged
+    if `functions` is not a `Basis`.
+
+    parts: W (..., M), P (..., n, n), K (..., m, n)
+    scales: s, (n,)
+    functions: basis of W, or None without W
+    """
+    factors = {"K": scales, "P": np.outer(scales, scales)}
+    if isinstance(functions, Basis) and len(scales) == functions.states:
+        factors["W"] = functions.scaling(scales)
+    converted = dict(parts)
+    for name, factor in factors.items():
+        if name in parts and parts[name].shape[-factor.ndim :] == factor.shape:
+            converted[name] = parts[name] * factor
+    return converted

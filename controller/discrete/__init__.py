@@ -1,0 +1,1 @@
+"""Discrete-time games: normal form, exact solution and implied policy."""

@@ -1,0 +1,1 @@
+"""Certified H-infinity control of a generalized plant."""

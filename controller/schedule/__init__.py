@@ -1,0 +1,1 @@
+"""Gains and controllers scheduled on a measured variable, and their files."""

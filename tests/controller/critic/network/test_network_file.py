@@ -1,0 +1,380 @@
+"""State dicts as networks, from files of torch, safetensors, .npz and .json."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import zipfile
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from network_files import refusal, safetensors_file, square_layers, torch_file, two_layers
+
+from controller.critic.critic_file import critic_in
+from controller.critic.network.critic import from_network
+from controller.critic.network.network_file import network_in
+from controller.critic.reading import Reading
+from hfa import BadInputError, Game
+
+HERE = Path(__file__).parent
+TORCH = json.loads((HERE / "torch_2_13.json").read_text(encoding="utf-8"))["state_dict"]
+X = np.random.default_rng(0).normal(size=(7, 6))
+pytestmark = pytest.mark.usefixtures("folder")
+
+
+def test_a_torch_file_gives_the_value_of_torch(game: Game) -> None:
+    """A file written by torch gives the V that torch computed.
+
+    The gradient equals differences of V, and P equals differences of the gradient.
+    """
+    critic = from_network(game, HERE / "torch_2_13.pt", activation="tanh")
+    assert critic.value is not None
+    assert critic.gradient is not None
+    V = np.array(critic.value(np.array(TORCH["x"]).T))
+    F = np.array(critic.gradient(np.array(TORCH["x"]).T))
+    assert V.ravel() == pytest.approx(TORCH["V"], rel=1e-12)
+    step = 1e-5
+    z = np.array(TORCH["x"][0])
+    moved = np.array(critic.value(z[:, None] + step * np.hstack([np.eye(6), -np.eye(6)]))).ravel()
+    assert F[:, 0] == pytest.approx((moved[:6] - moved[6:]) / (2 * step), abs=1e-9)
+    ends = np.array(critic.gradient(step * np.hstack([np.eye(6), -np.eye(6)])))
+    assert np.allclose(critic.P, (ends[:, :6] - ends[:, 6:]) / (4 * step), atol=1e-9)
+    assert critic.precision == "float32"
+
+
+# Order of layers.
+
+
+def test_safetensors_layers_are_ordered_by_number(game: Game) -> None:
+    """Layers are ordered by number, although the file contains "10.weight" before "2.weight"."""
+    rng = np.random.default_rng(3)
+    tensors = {f"{place}.weight": rng.normal(size=(6, 6)) for place in (0, 2, 10)} | {
+        "12.weight": np.ones((1, 6))
+    }
+    sorted_names = {name: tensors[name] for name in sorted(tensors)}
+    expected = from_network(game, torch_file("a.pt", tensors), activation="tanh").K
+    found = from_network(game, safetensors_file("a.safetensors", sorted_names), activation="tanh").K
+    assert list(sorted_names) != list(tensors)
+    assert np.array_equal(found, expected)
+
+
+def test_npz_layers_are_evaluated_by_number(game: Game) -> None:
+    """Layers of an .npz file are evaluated in the order of their numbers."""
+    right = square_layers("0", "2", "10", "12")
+    np.savez("sorted.npz", **{name: right[name] for name in sorted(right)})  # 0, 10, 12, 2
+    expected = from_network(game, torch_file("a.pt", right), activation="tanh")
+    critic = from_network(game, "sorted.npz", activation="tanh")
+    assert np.array_equal(critic.K, expected.K)
+    assert critic.origin == (
+        "network sorted.npz: 6 -> tanh 6 -> tanh 6 -> tanh 6 -> 1 (layers 0, 2, 10, 12)"
+    )
+
+
+@pytest.mark.parametrize("write", [safetensors_file, np.savez])
+def test_layers_of_ambiguous_order_are_refused(game: Game, write: Any) -> None:
+    """Layers whose names and widths permit several orders are refused.
+
+    The files are in the formats .npz and safetensors.
+    """
+    layers = square_layers("hidden", "embed", "out")
+    path = "letters.npz" if write is np.savez else "letters.safetensors"
+    if write is np.savez:
+        np.savez(path, **layers)
+    else:
+        write(path, layers)
+    with pytest.raises(BadInputError, match="fit together in more than one order"):
+        from_network(game, path, activation="tanh")
+
+
+def test_names_are_ignored_if_widths_determine_the_order(game: Game) -> None:
+    """Layers with unrelated names are accepted if their widths permit only one order."""
+    layers = {"w.weight": np.ones((4, 6)), "b.weight": np.ones((3, 4)), "a.weight": np.ones((1, 3))}
+    np.savez("widths.npz", **{name: layers[name] for name in sorted(layers)})
+    expected = from_network(game, torch_file("a.pt", layers), activation="tanh")
+    assert np.array_equal(from_network(game, "widths.npz", activation="tanh").K, expected.K)
+
+
+def test_a_module_that_contradicts_its_numbers_is_refused(game: Game) -> None:
+    """A torch file is refused if the order of its layers contradicts the numbers in their names."""
+    path = torch_file("declared.pt", square_layers("fc2", "fc1", "out"))
+    with pytest.raises(
+        BadInputError, match="'fc1' is stored after 'fc2', so the order of the layers is ambiguous"
+    ):
+        from_network(game, path, activation="tanh")
+
+
+def test_layers_in_json_equal_torch_files(game: Game) -> None:
+    """A network in JSON equals the same network in a torch file.
+
+    An ambiguous order of layers is refused.
+    """
+    layers = square_layers("0", "2", "10")
+    Path("sorted.json").write_text(
+        json.dumps({name: layers[name].tolist() for name in sorted(layers)}), encoding="utf-8"
+    )
+    critic = critic_in("sorted.json", game, reading=Reading(activation="tanh"))
+    expected = from_network(game, torch_file("a.pt", layers), activation="tanh")
+    assert np.array_equal(critic.K, expected.K)
+    assert critic.origin.endswith("6 -> tanh 6 -> tanh 6 -> 1 (layers 0, 2, 10)")
+    with pytest.raises(BadInputError, match="named 'policy'; this is a single network"):
+        from_network(game, "a.pt", network="policy", activation="tanh")
+    Path("letters.json").write_text(
+        json.dumps({name: rows.tolist() for name, rows in square_layers("b", "a", "c").items()}),
+        encoding="utf-8",
+    )
+    assert "fit together in more than one order" in refusal("letters.json", activation="tanh")
+
+
+# LayerNorm.
+
+
+def with_norm(first: str, norm: str, last: str) -> dict[str, np.ndarray]:
+    """Return the weights and biases of a layer 6 -> 4, a LayerNorm and a layer 4 -> 1.
+
+    first, norm, last: names of the three modules
+    """
+    rng = np.random.default_rng(6)
+    shapes = {f"{first}.weight": (4, 6), f"{first}.bias": (4,), f"{norm}.weight": (4,)}
+    shapes |= {f"{norm}.bias": (4,), f"{last}.weight": (1, 4), f"{last}.bias": (1,)}
+    return {name: rng.normal(size=shape) for name, shape in shapes.items()}
+
+
+def normal(h: np.ndarray) -> np.ndarray:
+    return (h - h.mean()) / np.sqrt(h.var() + 1e-5)
+
+
+@pytest.mark.parametrize(
+    ("places", "before", "chain"),
+    [
+        ("013", False, "6 -> 4 -> LayerNorm 4 (epsilon 1e-05) -> tanh 4 -> 1"),
+        ("023", True, "6 -> tanh 4 -> LayerNorm 4 (epsilon 1e-05) -> 1"),
+    ],
+)
+def test_the_activation_takes_the_missing_layer_number(
+    places: str, before: bool, chain: str
+) -> None:
+    """In numbered layers, the activation takes the missing number, before or after the
+    LayerNorm.
+    """
+    tensors = with_norm(*places)
+    A, a, scale, shift, B, b = tensors.values()
+    for path in (torch_file("a.pt", tensors), safetensors_file("a.safetensors", tensors)):
+        stored = network_in(path, 6, "tanh")
+        assert stored.chain == f"{chain} (layers {', '.join(places)})"
+        for x in X:
+            h = A @ x + a
+            h = normal(np.tanh(h)) * scale + shift if before else np.tanh(normal(h) * scale + shift)
+            assert float(stored.functions[""](x)) == pytest.approx((B @ h + b).item(), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "names", [("0", "2", "4"), ("0", "1", "2"), ("fc1", "ln1", "out"), ("net.0", "norm.0", "net.2")]
+)
+def test_a_layer_norm_of_unknown_position_is_refused(
+    names: tuple[str, str, str],
+) -> None:
+    """A LayerNorm whose position does not follow from the names is refused."""
+    message = refusal(torch_file("a.pt", with_norm(*names)), activation="tanh")
+    assert (
+        f"whether the activation precedes the LayerNorm '{names[1]}'; export the network to ONNX"
+        in message
+    )
+
+
+def test_layer_norm_states_or_output_needs_no_gap() -> None:
+    """A LayerNorm of the states or of the output needs no gap in the numbers.
+
+    With a name in place of the number, the file is refused.
+    """
+    rng = np.random.default_rng(7)
+    A = rng.normal(size=(4, 6))
+    norms = {"0.weight": rng.normal(size=6), "0.bias": rng.normal(size=6)}
+    norms |= {"1.weight": A, "2.weight": np.ones(4), "2.bias": np.zeros(4)}
+    stored = network_in(torch_file("a.pt", norms), 6)
+    h = normal(X[0]) * norms["0.weight"] + norms["0.bias"]
+    assert np.array(stored.functions[""](X[0])).ravel() == pytest.approx(normal(A @ h), rel=1e-12)
+    apart = {name.replace("0.", "input."): array for name, array in norms.items()}
+    assert "LayerNorm 'input'" in refusal(torch_file("b.pt", apart), activation="tanh")
+
+
+def test_batch_norms_are_refused() -> None:
+    """Batch normalization is refused, and not read as layer normalization."""
+    tensors = with_norm("0", "1", "3") | {"1.running_mean": np.zeros(4)}
+    assert "'1.running_mean' (4,) is not a weight" in refusal(
+        torch_file("a.pt", tensors), activation="tanh"
+    )
+
+
+# Wide layers.
+
+
+def test_wide_networks_are_kept_as_matrix_functions(game: Game) -> None:
+    """A wide network is kept as a matrix function.
+
+    Its value and gradient equal an evaluation in NumPy.
+    """
+    rng = np.random.default_rng(8)
+    sizes = (6, 150, 150, 1)
+    layers = {
+        f"{2 * index}.weight": rng.normal(size=(k, n)) / np.sqrt(n)
+        for index, (n, k) in enumerate(pairwise(sizes))
+    }
+    critic = from_network(game, torch_file("wide.pt", layers), activation="tanh")
+    assert critic.value is not None
+    assert critic.gradient is not None
+    assert critic.value.is_a("MXFunction")
+    A, B, C = layers.values()
+    first = np.tanh(A @ X[0])
+    second = np.tanh(B @ first)
+    assert float(critic.value(X[0])) == pytest.approx((C @ second).item(), rel=1e-12)
+    slopes = (C * (1 - second**2)) @ (B * (1 - first**2)) @ A
+    assert np.array(critic.gradient(X[0])).ravel() == pytest.approx(slopes.ravel(), rel=1e-11)
+    assert critic.P is not None
+    step = 1e-5 * np.hstack([np.eye(6), -np.eye(6)])
+    ends = np.array(critic.gradient(step))
+    assert pytest.approx((ends[:, :6] - ends[:, 6:]) / 4e-5, abs=1e-9) == critic.P
+
+
+# Names, and several networks in one file.
+
+
+@pytest.mark.parametrize("name", ["v", "net", "critic.model", "critic.model.0.net"])
+def test_layer_names_do_not_affect_the_network(name: str) -> None:
+    """The names of layers do not affect how a network is read."""
+    tensors = two_layers(name)
+    found = network_in(torch_file("critic.pt", tensors), 6, "tanh").functions[""]
+    first, bias, last, end = tensors.values()
+    for x in X:
+        assert float(found(x)) == pytest.approx(
+            float((last @ np.tanh(first @ x + bias) + end)[0]), rel=1e-12
+        )
+
+
+def test_stable_baselines_networks_are_selected_by_name() -> None:
+    """Networks in a Stable-Baselines3 zip are selected by words in the names of their tensors.
+
+    Parts of one network are joined by +.
+    """
+    value_net = two_layers("mlp_extractor.value_net", 3)
+    policy = two_layers("mlp_extractor.policy_net", 3)
+    heads = {
+        "action_net.weight": np.ones((5, 3)),
+        "action_net.bias": np.zeros(5),
+        "log_std": np.zeros(5),
+    }
+    heads |= {"value_net.weight": np.ones((1, 3)), "value_net.bias": np.ones(1)}
+    torch_file("policy.pth", policy | value_net | heads)
+    with zipfile.ZipFile("ppo.zip", "w") as archive:
+        archive.write("policy.pth")
+        archive.writestr("data", "{}")
+        archive.writestr("policy.optimizer.pth", b"no pickle")
+    parts = {"V": "value_net", "policy": "policy_net+action_net"}
+    found = network_in("ppo.zip", 6, "tanh", parts).functions
+    assert {name: each.numel_out(0) for name, each in found.items()} == {"V": 1, "policy": 5}
+    first, bias, last, end = value_net.values()
+    inside = np.tanh(last @ np.tanh(first @ X[0] + bias) + end)
+    assert float(found["V"](X[0])) == pytest.approx(inside.sum() + 1.0, rel=1e-12)
+
+
+# Refused files.
+
+
+class Evil:
+    def __reduce__(self) -> tuple[Any, ...]:
+        return os.mkdir, ("executed",)
+
+
+@pytest.mark.parametrize("packed", [True, False])
+def test_a_pickle_with_code_is_not_executed(packed: bool) -> None:
+    """A pickle that would run code is refused, and its code is not executed."""
+    content = pickle.dumps({"0.weight": Evil()})
+    for path in map(Path, ("evil.pkl", "evil.pt", "evil.pth")):
+        if packed:
+            with zipfile.ZipFile(path, "w") as archive:
+                archive.writestr("evil/data.pkl", content)
+        else:
+            path.write_bytes(content)
+        assert (
+            "mkdir, but only tensors may be loaded; save state_dict() alone"
+            if packed
+            else "of torch 1.6 or later"
+        ) in refusal(path)
+        assert not Path("executed").exists()
+    pickle.loads(content)  # as torch.load without weights_only
+    assert Path("executed").exists()
+
+
+@pytest.mark.parametrize("stride", [60, -6])
+def test_a_tensor_beyond_its_storage_is_refused(stride: int) -> None:
+    """A tensor whose entries lie outside its storage is refused.
+
+    stride: stride of the rows
+    """
+    torch_file("a.pt", {"weight": np.ones((4, 6))})
+    with zipfile.ZipFile("a.pt") as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    strides = b"(J\x06\0\0\0J\x01\0\0\0t"
+    assert members["critic/data.pkl"].count(strides) == 1
+    longer = b"(J" + stride.to_bytes(4, "little", signed=True) + b"J\x01\0\0\0t"
+    members["critic/data.pkl"] = members["critic/data.pkl"].replace(strides, longer)
+    with zipfile.ZipFile("a.pt", "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    assert "a tensor of shape (4, 6) extends beyond the storage" in refusal("a.pt")
+
+
+def test_wrong_state_dicts_are_refused() -> None:
+    """State dicts with wrong sizes, types, numbers or tensors are refused."""
+    good = np.zeros((1, 6), "float32")
+    wrong = {
+        "has 10 inputs": {"weight": np.zeros((1, 10))},
+        "has the type float16; save the weights as float32": {"weight": good.astype("float16")},
+        "not finite": {"weight": good + np.nan},
+        "'conv.weight' (3, 1, 1) is not a weight or bias": {
+            "0.weight": good,
+            "conv.weight": np.zeros((3, 1, 1)),
+        },
+        "'1.weight' (4,) is not a weight or bias": {
+            "0.weight": np.zeros((4, 6)),
+            "1.weight": np.ones(4),
+        },
+        "have more than 4194304 entries": {"weight": np.zeros((700_000, 6))},
+        "has the input size 6, but layer '0' before it has the output size 1": {
+            "0.weight": good,
+            "1.weight": good,
+        },
+    }
+    for said, tensors in wrong.items():
+        assert said in refusal(torch_file("wrong.pt", tensors)), said
+    assert "has the type float16" in refusal(
+        safetensors_file("half.safetensors", {"weight": good.astype("float16")})
+    )
+    for name, content in (
+        ("a.pt", b"PK\3\4"),
+        ("b.pt", b"text"),
+        ("c.safetensors", b"\xff" * 20),
+        ("d.pkl", b""),
+    ):
+        Path(name).write_bytes(content)
+        refusal(name)
+    with Path("large.pt").open("wb") as stream:
+        stream.truncate(2**29)
+    assert "larger than 256 MiB" in refusal("large.pt")
+    with zipfile.ZipFile("script.pt", "w") as archive:
+        for name in ("script/data.pkl", "script/constants.pkl", "script/code/__torch__.py"):
+            archive.writestr(name, b"")
+    assert "the file is a TorchScript program, which is not supported; save state_dict" in refusal(
+        "script.pt"
+    )
+
+
+def test_a_pickle_with_huge_object_numbers_is_refused() -> None:
+    """A pickle with an object number of 4e9 is refused."""
+    content = b"\x80\x02}r" + (2**32 - 16).to_bytes(4, "little") + b"."
+    with zipfile.ZipFile("memo.pt", "w") as archive:
+        archive.writestr("critic/data.pkl", content)
+    assert "a memo index exceeds the number of bytes" in refusal("memo.pt")

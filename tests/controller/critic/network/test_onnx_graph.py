@@ -1,0 +1,331 @@
+"""ONNX graphs: operators, external data and refused graphs."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cli import hfa
+from game_files import AT_15
+from network_files import ONES, QUADRATIC, onnx_file, refusal, torch_file
+
+from controller.critic.network.network_file import network_in
+
+RNG = np.random.default_rng(0)
+X = RNG.normal(size=(7, 6)).astype("float32")
+TRAINING = {"ratio": np.array(0.5, "float32"), "training": np.array(True)}
+pytestmark = pytest.mark.usefixtures("folder")
+
+
+#: Operators, some with attributes.
+_OPERATORS: list[tuple[str, dict[str, Any]]] = [
+    *((name, {}) for name in ("Tanh", "Relu", "LeakyRelu", "Sigmoid", "Softplus", "Elu", "Gelu")),
+    *((name, {}) for name in ("Celu", "HardSigmoid", "HardSwish", "Mish", "Softmax", "Reciprocal")),
+    ("Elu", {"alpha": 0.7}),
+    ("Celu", {"alpha": 0.7}),
+    ("Softmax", {"axis": 0}),
+    ("LeakyRelu", {"alpha": 0.2}),
+    ("Gelu", {"approximate": "tanh"}),
+    ("Transpose", {"perm": [0, 1]}),
+]
+
+
+def assert_as_onnx_runtime(path: str, **tolerance: float) -> None:
+    runtime = pytest.importorskip("onnxruntime", reason="the package onnxruntime is not installed")
+    session = runtime.InferenceSession(path, providers=["CPUExecutionProvider"])
+    (found,) = network_in(path, 6).functions.values()
+    for x in 3.0 * X:
+        theirs = session.run(None, {"x": x[None]})[0].ravel()
+        assert np.array(found(x)).ravel() == pytest.approx(theirs, **tolerance)
+
+
+def test_a_graph_of_all_operators_equals_onnxruntime() -> None:
+    """A graph of all operators gives the results of onnxruntime."""
+    rng = np.random.default_rng(0)
+    count = len(_OPERATORS)
+    sizes = {"W": (8, 6), "b": (8,), "c": (1,), "rest": (12 * count, 1)}
+    constants = {key: rng.normal(size=size).astype("float32") for key, size in sizes.items()}
+    constants |= {
+        "shape": np.array([0, 2, -1]),
+        "begin": np.array([2 * count]),
+        "end": np.array([4 * count]),
+    }
+    constants |= {"axis": np.array([2]), "back": np.array([1, 12 * count])}
+    nodes: list[tuple[Any, ...]] = [
+        ("Gemm", "x W b", "h", {"transB": 1, "alpha": 0.5, "beta": 2.0}),
+        *((name, "h", f"g{place}", how) for place, (name, how) in enumerate(_OPERATORS)),
+        ("Concat", " ".join(f"g{place}" for place in range(count)), "g", {"axis": 1}),
+        ("Reshape", "g shape", "square"),
+        ("Slice", "square begin end axis", "half"),
+        ("Concat", "half square", "joined", {"axis": 2}),
+        ("Reshape", "joined back", "flat"),
+        ("Sub", "flat c", "less"),
+        ("Div", "less c", "part"),
+        ("Add", "part flat", "sum"),
+        ("MatMul", "sum rest", "y"),
+    ]
+    assert_as_onnx_runtime(onnx_file("one.onnx", nodes, constants), rel=1e-4, abs=1e-3)
+
+
+def test_normalizations_and_clamps_equal_onnxruntime() -> None:
+    """Operators of LayerNorm, BatchNorm, Softplus, SELU and clamps give onnxruntime's results."""
+    rng = np.random.default_rng(5)
+    shapes = {"W": (6, 8), "scale": (8,), "bias": (8,), "mean": (8,), "rest": (8, 1)}
+    constants = {name: rng.normal(size=shape).astype("float32") for name, shape in shapes.items()}
+    constants["spread"] = rng.uniform(0.5, 2.0, 8).astype("float32")
+    for name, number in {"one": 1.0, "bound": 1.5, "lower": -1.0}.items():
+        constants[name] = np.array(number, "float32")
+    constants["none"] = np.zeros(0, "int64")
+    nodes: list[tuple[Any, ...]] = [
+        ("MatMul", "x W", "h"),
+        ("LayerNormalization", "h scale bias", "l", {"epsilon": 1e-4}),
+        ("BatchNormalization", "l scale bias mean spread", "b"),
+        ("Exp", "b", "e"),
+        ("Add", "e one", "e1"),
+        ("Log", "e1", "s"),
+        ("Greater", "b bound", "large"),
+        ("Where", "large b s", "w"),
+        ("Selu", "w", "u"),
+        ("Min", "u bound", "low"),
+        ("Max", "low lower l", "high"),
+        ("ReduceSum", "high none", "same", {"noop_with_empty_axes": 1}),
+        ("MatMul", "same rest", "y"),
+    ]
+    assert_as_onnx_runtime(onnx_file("norms.onnx", nodes, constants), rel=1e-5, abs=1e-5)
+
+
+def test_triangles_and_comparisons_equal_onnxruntime() -> None:
+    """Operators of tril, eye, where and expand give onnxruntime's results."""
+    rng = np.random.default_rng(6)
+    shapes = {"W": (6, 9), "slope": (9,), "rest": (9, 1), "flat": ()}
+    constants = {name: rng.normal(size=shape).astype("float32") for name, shape in shapes.items()}
+    constants |= {"square": np.array([1, 3, 3]), "row": np.array([1, 9]), "sizes": np.array([3, 3])}
+    nodes: list[tuple[Any, ...]] = [
+        ("MatMul", "x W", "m"),
+        ("PRelu", "m slope", "p"),
+        ("Reshape", "p square", "s"),
+        ("Trilu", "s", "t", {"upper": 0}),
+        ("ConstantOfShape", "sizes", "zeros"),
+        ("EyeLike", "zeros", "eye"),
+        ("Equal", "eye zeros", "off"),
+        ("Where", "off t s", "w"),
+        ("GreaterOrEqual", "w s", "same"),
+        ("Where", "same w eye", "v"),
+        ("LessOrEqual", "v flat", "below"),
+        ("Where", "below t v", "k"),
+        ("Expand", "flat square", "e"),
+        ("Add", "k e", "a"),
+        ("Reshape", "a row", "r"),
+        ("MatMul", "r rest", "y"),
+    ]
+    assert_as_onnx_runtime(onnx_file("square.onnx", nodes, constants), rel=1e-5, abs=1e-5)
+
+
+@pytest.mark.parametrize("opset", [9, 11, 13, 20])
+def test_old_and_new_operator_sets_equal_onnxruntime(opset: int) -> None:
+    """Graphs of old and of new operator sets give the results of onnxruntime."""
+    axes = {"axes": [0]} if opset < 13 else {}
+    nodes: list[tuple[Any, ...]] = [
+        ("Flatten", "x", "f", {"axis": 1}),
+        ("MatMul", "f W", "m"),
+        ("Add", "m b", "a"),
+        ("Tanh", "a", "t"),
+        ("Squeeze", "t" if opset < 13 else "t zero", "s", axes),
+        ("Unsqueeze", "s" if opset < 13 else "s zero", "w", axes),
+        ("Cast", "w", "c", {"to": 1}),
+        ("Gather", "c place", "g", {"axis": 1}),
+        ("Clip", "g", "k", {"min": -0.5, "max": 0.5})
+        if opset < 11
+        else ("Clip", "g low high", "k"),
+        ("Erf", "k", "e"),
+        ("Identity", "e", "y"),
+    ]
+    constants = {
+        key: RNG.normal(size=size).astype("float32")
+        for key, size in {"W": (6, 4), "b": (4,)}.items()
+    }
+    constants |= {"place": np.array([0, 2]), "zero": np.array([0])}
+    constants |= {"low": np.array(-0.5, "float32"), "high": np.array(0.5, "float32")}
+    used = {word for _, inputs, *_ in nodes for word in inputs.split()}
+    constants = {name: each for name, each in constants.items() if name in used}
+    assert_as_onnx_runtime(onnx_file("a.onnx", nodes, constants, 2, opset=opset), abs=1e-6)
+
+
+def test_integer_division_in_a_graph_is_truncated() -> None:
+    """The quotient of integers in a graph is truncated: 7 / 2 = 3."""
+    nodes = [
+        ("Div", "seven two", "three"),
+        ("Slice", "x begin three axis", "part"),
+        ("ReduceSum", "part axis", "y"),
+    ]
+    constants = {
+        "seven": np.array([7]),
+        "two": np.array([2]),
+        "begin": np.array([0]),
+        "axis": np.array([1]),
+    }
+    path = onnx_file("div.onnx", nodes, constants)
+    (summed,) = network_in(path, 6).functions.values()
+    assert float(summed(np.arange(1.0, 7.0))) == 6.0
+
+
+def test_external_weights_are_read_from_the_graphs_folder() -> None:
+    """External weights are read from the graph's folder.
+
+    A path or a symbolic link to another folder is refused.
+    """
+    onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
+    constants = {"P": np.diag(np.arange(1.0, 7.0)), "ones": ONES}
+    for folder in ("inside", "elsewhere"):
+        Path(folder).mkdir()
+    model = onnx.load(onnx_file("graph.onnx", QUADRATIC, constants))
+    onnx.save(
+        model, "inside/a.onnx", save_as_external_data=True, location="a.data", size_threshold=0
+    )
+    assert (Path("inside") / "a.data").exists()
+    (read,) = network_in("inside/a.onnx", 6).functions.values()
+    assert float(read(np.ones(6))) == 21.0
+    Path("inside/a.data").rename("elsewhere/a.data")
+    assert "cannot be read (No such file" in refusal("inside/a.onnx")
+    Path("inside/a.data").symlink_to("../elsewhere/a.data")
+    assert "is stored outside the folder of the graph" in refusal("inside/a.onnx")
+    model = onnx.load("inside/a.onnx", load_external_data=False)
+    for tensor in model.graph.initializer:
+        next(
+            entry for entry in tensor.external_data if entry.key == "location"
+        ).value = "../elsewhere/a.data"
+    Path("inside/b.onnx").write_bytes(model.SerializeToString())
+    assert (
+        "is stored outside the folder of the graph; export the weights in the same file"
+        in refusal("inside/b.onnx")
+    )
+
+
+def test_wrong_graphs_are_refused() -> None:
+    """ONNX graphs with wrong sizes, types, operators or numbers are refused."""
+    pytest.importorskip("onnx", reason="the package onnx is not installed")
+    constants = {"P": np.eye(6, dtype="float32"), "ones": ONES.astype("float32")}
+    half = {name: each.astype("float16") for name, each in constants.items()}
+    ten = {"P": np.ones((10, 1), "float32")}
+    not_a_number = {"P": np.full((6, 6), np.nan, "float32")}
+    for said, nodes, numbers, states in (
+        ("has 10 inputs, but 6 observations are given", [("MatMul", "x P", "y")], ten, 10),
+        ("Dropout is in training mode", [("Dropout", "x ratio training", "y")], TRAINING, 6),
+        ("operator Loop is not supported", [("Loop", "x", "y")], constants, 6),
+        ("has the type float16; save the weights as float32", QUADRATIC, half, 6),
+        ("not finite", QUADRATIC, constants | not_a_number, 6),
+    ):
+        assert said in refusal(onnx_file("wrong.onnx", nodes, numbers, states=states))
+    onnx_file("good.onnx", QUADRATIC, constants)
+    network_in("good.onnx", 6)
+    assert (
+        "an ONNX file already contains the activations"
+        in hfa("verify", *AT_15, "--weights", "good.onnx", "--set", "activation=tanh").err
+    )
+    Path("damaged.onnx").write_bytes(Path("good.onnx").read_bytes()[:-40])
+    refusal("damaged.onnx")
+
+
+def test_without_onnx_only_onnx_files_are_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Without the package onnx, ONNX files are refused and torch files are read."""
+    monkeypatch.setitem(sys.modules, "onnx", None)
+    Path("a.onnx").write_bytes(b"")
+    assert "ONNX files require the package onnx; type python -m pip install" in refusal("a.onnx")
+    network_in(torch_file("a.pt", {"weight": np.zeros((5, 6))}), 6)
+
+
+_NORM = {
+    "scale": np.array([0.5, 2.0, 1.5], "float32"),
+    "bias": np.array([0.1, -0.2, 0.3], "float32"),
+}
+_THREE = ("Reshape", "x three", "h")
+_BACK = ("Reshape", "n flat", "y")
+_SHAPES = {"three": np.array([1, 3, 2]), "flat": np.array([1, 6])}
+#: Graphs with one operator each, compared with ONNX Runtime: nodes, constants, outputs.
+GRAPHS: dict[str, tuple[list[tuple[Any, ...]], dict[str, Any], int]] = {
+    "Sign": ([("Sign", "x", "y")], {}, 6),
+    "Atan": ([("Atan", "x", "y")], {}, 6),
+    "ReduceL2": ([("ReduceL2", "x axes", "y")], {"axes": np.array([1])}, 1),
+    "Split": (
+        [("Split", "x sizes", "a b", {"axis": 1}), ("Concat", "b a", "y", {"axis": 1})],
+        {"sizes": np.array([2, 4])},
+        6,
+    ),
+    "Split in equal parts": (
+        [("Split", "x", "a b", {"axis": 1, "num_outputs": 2}), ("Mul", "a b", "y")],
+        {},
+        3,
+    ),
+    "Shape": (
+        [
+            ("Shape", "x", "s", {"start": 1, "end": 2}),
+            ("Cast", "s", "f", {"to": 1}),
+            ("Div", "x f", "y"),
+        ],
+        {},
+        6,
+    ),
+    "Einsum": (
+        [("Einsum", "x W", "y", {"equation": "bi,oi->bo"})],
+        {"W": RNG.normal(size=(4, 6)).astype("float32")},
+        4,
+    ),
+    "Cast": (
+        [("Greater", "x zero", "g"), ("Cast", "g", "f", {"to": 1}), ("Mul", "f x", "y")],
+        {"zero": np.array(0.0, "float32")},
+        6,
+    ),
+    "Cast to bool": (
+        [("Relu", "x", "r"), ("Cast", "r", "c", {"to": 9}), ("Where", "c x two", "y")],
+        {"two": np.array(2.0, "float32")},
+        6,
+    ),
+    "Transpose": ([("Transpose", "x", "t"), ("Reshape", "t flat", "y")], _SHAPES, 6),
+    "InstanceNormalization": (
+        [_THREE, ("InstanceNormalization", "h scale bias", "n", {"epsilon": 1e-3}), _BACK],
+        _NORM | _SHAPES,
+        6,
+    ),
+    "GroupNormalization": (
+        [_THREE, ("GroupNormalization", "h scale bias", "n", {"num_groups": 3}), _BACK],
+        _NORM | _SHAPES,
+        6,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", GRAPHS)
+def test_each_operator_equals_onnxruntime(name: str) -> None:
+    """Each supported operator gives the values of ONNX Runtime."""
+    nodes, constants, outputs = GRAPHS[name]
+    single = {"one": np.array(1.0, "float32")}  # says the type of the graph
+    path = onnx_file("one.onnx", nodes, single | constants, outputs, opset=21)
+    assert_as_onnx_runtime(path, rel=1e-5, abs=1e-6)
+
+
+def test_unsupported_attributes_are_refused() -> None:
+    """An operator with an unsupported attribute is refused, and the attribute is named."""
+    said = refusal(onnx_file("odd.onnx", [("Tanh", "x", "y", {"odd": 1})], {"P": np.eye(6)}))
+    assert "operator Tanh with 1 inputs and the attributes odd is not supported" in said
+    assert "damaged" not in said
+
+
+def test_a_graph_with_huge_results_is_refused() -> None:
+    """A small graph whose results would need gigabytes is refused before it is evaluated."""
+    sizes = {"sizes": np.array([2**14, 2**14])}
+    tall = {"a": np.ones((2**12, 1), "float32"), "b": np.ones((1, 2**12), "float32")}
+    for nodes, constants in (
+        ([("ConstantOfShape", "sizes", "h")], sizes),
+        ([("Expand", "x sizes", "h")], {"sizes": np.array([2**20, 6])}),
+        ([("Mul", "a b", "h")], tall),
+        ([("MatMul", "a b", "h")], tall),
+        ([("Gather", "x places", "h", {"axis": 1})], {"places": np.zeros(2**19, int)}),
+    ):
+        graph = [*nodes, ("ReduceSum", "h", "y")]
+        said = refusal(onnx_file("large.onnx", graph, {"P": np.eye(6)} | constants))
+        assert "array elements, but at most" in said

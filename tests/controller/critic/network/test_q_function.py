@@ -1,0 +1,132 @@
+"""Policies of functions Q(x, u)."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from network_files import onnx_file, refusal, torch_file
+
+from controller.critic.network.critic import from_network
+from controller.critic.network.network_file import network_in
+from controller.critic.network.q_function import policy_of
+from hfa import BadInputError, Game
+
+HERE = Path(__file__).parent
+RNG = np.random.default_rng(9)
+X = RNG.normal(size=(5, 6))
+pytestmark = pytest.mark.usefixtures("folder")
+
+
+def test_default_torch_exports_are_read(game: Game) -> None:
+    """The default ONNX export of a Q function in PyTorch is read with the Q values and actions of
+    PyTorch.
+    """
+    pytest.importorskip("onnx", reason="the package onnx is not installed")
+    expected = json.loads((HERE / "torch_2_13.json").read_text(encoding="utf-8"))["q"]
+    path = HERE / "torch_2_13_q.onnx"
+    (Q,) = network_in(path, 6, inputs=5).functions.values()
+    critic = from_network(game, path)
+    for row, x in enumerate(expected["x"]):
+        xu = np.array([*x, *expected["u"][row]])
+        assert float(Q(xu)) == pytest.approx(expected["Q"][row], rel=1e-12)
+        policy = np.array(critic.policy(x)).ravel()
+        assert policy == pytest.approx(expected["mu"][row], rel=1e-11)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("inputs", [0, 5])
+def test_the_policy_of_a_quadratic_form_is_linear(game: Game, sign: float, inputs: int) -> None:
+    """The policy of Q = z'Hz with z = (x, u) has the gain H_uu⁻¹ H_ux.
+
+    H is positive or negative definite. The graph has one input z or two inputs x and u.
+    """
+    root = RNG.normal(size=(11, 11))
+    H = sign * root @ root.T
+    joined = [] if not inputs else [("Concat", "x u", "z", {"axis": 1})]
+    z = "z" if inputs else "x"
+    nodes = [
+        *joined,
+        ("MatMul", f"{z} H", "h"),
+        ("Mul", f"{z} h", "terms"),
+        ("MatMul", "terms ones", "y"),
+    ]
+    constants = {"H": H, "ones": np.ones((11, 1))}
+    states = 6 if inputs else 11
+    critic = from_network(game, onnx_file("q.onnx", nodes, constants, states=states, inputs=inputs))
+    assert set(critic.network) == {"policy"}
+    assert critic.origin.endswith("= Q(x, u), u from dQ/du = 0")
+    assert pytest.approx(np.linalg.solve(H[6:, 6:], H[6:, :6]), rel=1e-9) == critic.K
+
+
+def test_coefficients_of_q_may_depend_on_the_state() -> None:
+    """For Q = cos x + e^x (u - tanh x)², quadratic in u, the policy is u = tanh x."""
+    xu = ca.SX.sym("xu", 2)
+    x, u = ca.vertsplit(xu)
+    Q = ca.Function("Q", [xu], [ca.cos(x) + ca.exp(x) * (u - ca.tanh(x)) ** 2])
+    policy = policy_of(Q, 1)
+    for x_value in (-2.0, 0.0, 1.5):
+        assert float(policy(x_value)) == pytest.approx(np.tanh(x_value), rel=1e-12, abs=1e-15)
+
+
+def test_the_policy_is_nan_if_curvature_changes_sign() -> None:
+    """At a state where ∂²Q/∂u² has another sign than at 0, the policy is not finite."""
+    xu = ca.SX.sym("xu", 2)
+    policy = policy_of(ca.Function("Q", [xu], [(1.0 - xu[0]) * xu[1] ** 2 + xu[1]]), 1)
+    assert float(policy(0.5)) == pytest.approx(-1.0)
+    assert not np.isfinite(float(policy(2.0)))
+
+
+@pytest.mark.parametrize(
+    ("power", "says"),
+    [
+        (lambda u: u**3, "is not quadratic in u"),
+        (lambda u: u**2 + 1e-12 * ca.tanh(u), "is not quadratic in u"),
+        (lambda u: u**2 + ca.fmax(u, 5.0), "is not quadratic in u"),
+        (lambda u: u**2 / (1.0 + u), "is not quadratic in u"),
+        (lambda u: u, "has neither a minimum nor a maximum over u"),
+    ],
+)
+def test_a_q_not_quadratic_in_u_is_refused(power: object, says: str) -> None:
+    """A Q that is not quadratic in u, or has neither a minimum nor a maximum over u, is refused."""
+    xu = ca.SX.sym("xu", 2)
+    Q = ca.Function("Q", [xu], [xu[0] ** 4 + power(xu[1])])  # type: ignore[operator]
+    with pytest.raises(BadInputError, match=says) as caught:
+        policy_of(Q, 1)
+    assert "export the policy u(x)" in str(caught.value)
+
+
+def test_the_selected_actor_of_twin_networks_is_read(game: Game) -> None:
+    """The actor in a file with an actor and two Q functions is read if it is selected.
+
+    Without a selection, the file is refused. A Q function that is not quadratic in u is refused.
+    """
+    tensors = {"actor.0.weight": RNG.normal(size=(8, 6)), "actor.2.weight": RNG.normal(size=(5, 8))}
+    for name in ("q1", "q2"):
+        tensors |= {
+            f"{name}.0.weight": RNG.normal(size=(8, 11)),
+            f"{name}.2.weight": RNG.normal(size=(1, 8)),
+        }
+    path = torch_file("sac.pt", tensors)
+    assert 'select one of the networks actor, q1, q2, for example network="actor"' in refusal(
+        path, activation="relu", inputs=5
+    )
+    with pytest.raises(BadInputError, match=r"Q\(x, u\) is not quadratic in u; export the policy"):
+        from_network(game, path, network="q1", activation="relu")
+    critic = from_network(game, path, network="policy=actor", activation="tanh")
+    actor = tensors["actor.2.weight"] @ tensors["actor.0.weight"]
+    assert pytest.approx(-actor, rel=1e-12) == critic.K
+
+
+def test_q_functions_with_other_input_numbers_are_refused() -> None:
+    """A Q function with another number of inputs is refused with the expected sizes."""
+    nodes = [("Concat", "x u", "z", {"axis": 1}), ("MatMul", "z w", "y")]
+    path = onnx_file("odd.onnx", nodes, {"w": np.ones((10, 1))}, inputs=4)
+    message = refusal(path, inputs=5)
+    assert (
+        "input 'u' of the graph has 4 entries instead of 5; give a Q function with two inputs: "
+        "the state (6 entries), then the plant input (5 entries)" in message
+    )

@@ -1,0 +1,162 @@
+"""Writers of network files in the formats of ONNX, torch and safetensors, without torch."""
+
+from __future__ import annotations
+
+import json
+import struct
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from controller.critic.network.network_file import network_in
+from hfa import BadInputError
+
+#: Nodes of z'Pz: x P, multiplied by x, summed.
+QUADRATIC = [("MatMul", "x P", "h"), ("Mul", "x h", "terms"), ("MatMul", "terms ones", "y")]
+ONES = np.ones((6, 1))
+_STORAGE = {
+    "float16": b"HalfStorage",
+    "float32": b"FloatStorage",
+    "float64": b"DoubleStorage",
+    "int64": b"LongStorage",
+}
+
+
+def onnx_file(
+    path: Path | str,
+    nodes: list[tuple[Any, ...]],
+    constants: Mapping[str, Any],
+    outputs: int = 1,
+    states: int = 6,
+    inputs: int = 0,
+    opset: int = 20,
+) -> str:
+    """Write an ONNX graph and return its path.
+
+    The graph maps "x" (1, states), and "u" (1, inputs) if `inputs` is not 0, to "y" (1, outputs).
+
+    nodes: (operator, inputs, output, attributes)
+    """
+    onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
+    kinds = {
+        "float32": onnx.TensorProto.FLOAT,
+        "float64": onnx.TensorProto.DOUBLE,
+        "float16": onnx.TensorProto.FLOAT16,
+    }
+    found = {name: np.asarray(value) for name, value in constants.items()}
+    kind = next(
+        (kinds[str(each.dtype)] for each in found.values() if each.dtype.kind == "f"),
+        kinds["float32"],
+    )
+    graph = onnx.helper.make_graph(
+        [
+            onnx.helper.make_node(
+                operator, inputs.split(), output.split(), **(more[0] if more else {})
+            )
+            for operator, inputs, output, *more in nodes
+        ],
+        "critic",
+        [
+            onnx.helper.make_tensor_value_info(name, kind, [1, width])
+            for name, width in {"x": states, "u": inputs}.items()
+            if width
+        ],
+        [onnx.helper.make_tensor_value_info("y", kind, [1, outputs])],
+        [onnx.numpy_helper.from_array(each, name) for name, each in found.items()],
+    )
+    model = onnx.helper.make_model(
+        graph, opset_imports=[onnx.helper.make_opsetid("", opset)], ir_version=9
+    )
+    onnx.save(model, str(path))
+    return str(path)
+
+
+def torch_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
+    """Write a state dict in the format of torch.save, opcode by opcode, and return its path."""
+
+    def text(value: str) -> bytes:
+        return b"X" + struct.pack("<I", len(value)) + value.encode()
+
+    def whole(*values: int) -> bytes:
+        return b"(" + b"".join(b"J" + struct.pack("<i", each) for each in values) + b"t"
+
+    parts = [b"\x80\x02ccollections\nOrderedDict\n)R"]
+    arrays = {name: np.asarray(value) for name, value in tensors.items()}
+    for key, (name, each) in enumerate(arrays.items()):
+        storage = b"ctorch\n" + _STORAGE[str(each.dtype)] + b"\n"
+        size = struct.pack("<i", each.size)
+        pid = b"(" + text("storage") + storage + text(str(key)) + text("cpu") + b"J" + size + b"tQ"
+        strides = [step // each.itemsize for step in each.copy(order="C").strides]
+        view = (
+            pid
+            + b"J\0\0\0\0"
+            + whole(*each.shape)
+            + whole(*strides)
+            + b"\x89ccollections\nOrderedDict\n)R"
+        )
+        parts.append(text(name) + b"ctorch._utils\n_rebuild_tensor_v2\n(" + view + b"tRs")
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("critic/data.pkl", b"".join(parts) + b".")
+        for key, each in enumerate(arrays.values()):
+            archive.writestr(f"critic/data/{key}", each.tobytes())
+    return str(path)
+
+
+def safetensors_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
+    """Write a safetensors file, a JSON header followed by the numbers, and return its path."""
+    header = {}
+    body = b""
+    for name, value in tensors.items():
+        each = np.asarray(value)
+        kind = {"float32": "F32", "float64": "F64", "float16": "F16"}[str(each.dtype)]
+        header[name] = {
+            "dtype": kind,
+            "shape": list(each.shape),
+            "data_offsets": [len(body), len(body) + each.nbytes],
+        }
+        body += each.tobytes()
+    said = json.dumps(header).encode()
+    Path(path).write_bytes(struct.pack("<Q", len(said)) + said + body)
+    return str(path)
+
+
+def square_layers(*names: str) -> dict[str, np.ndarray]:
+    """Return the weights of a network 6-6-...-1 whose layers have these names.
+
+    The widths permit any order of the layers before the last.
+    """
+    rng = np.random.default_rng(4)
+    layers = {f"{name}.weight": rng.normal(size=(6, 6)) for name in names[:-1]}
+    return layers | {f"{names[-1]}.weight": np.ones((1, 6))}
+
+
+def two_layers(name: str, outputs: int = 1) -> dict[str, np.ndarray]:
+    """Return weights and biases of a network with two linear layers, 6-4-outputs.
+
+    name: prefix of the tensors' names
+    """
+    rng = np.random.default_rng(0)
+    weights = {f"{name}.0": rng.normal(size=(4, 6)), f"{name}.2": rng.normal(size=(outputs, 4))}
+    return {
+        f"{key}.{kind}": W if kind == "weight" else W[:, 0]
+        for key, W in weights.items()
+        for kind in ("weight", "bias")
+    }
+
+
+def refusal(path: str | Path, **how: Any) -> str:
+    """Return the message with which `network_in` refuses a file.
+
+    The function asserts that the message is one line and begins with the path.
+
+    how: keyword arguments of `network_in`
+    """
+    with pytest.raises(BadInputError) as caught:
+        network_in(path, 6, **how)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+    return str(caught.value)

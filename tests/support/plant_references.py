@@ -1,0 +1,43 @@
+"""Reference results for generalized plants from SLICOT, which shares no code with this project."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from controller.plant.generalized_plant import GeneralizedPlant, closed_plant
+
+
+def of_slycot(plant: GeneralizedPlant) -> tuple[float, float]:
+    """Return the smallest gain that SLICOT's SB10AD reports, and the gain of its closed loop.
+
+    Both are inf if SB10AD finds no controller.
+    """
+    slycot = pytest.importorskip("slycot")
+    B = np.hstack([plant.B1, plant.B2])
+    C = np.vstack([plant.C1, plant.C2])
+    D = np.block([[plant.D11, plant.D12], [plant.D21, plant.D22]])
+    sizes = len(plant.A), B.shape[1], len(C), plant.B2.shape[1], len(plant.C2)
+    try:
+        found = slycot.sb10ad(*sizes, 1e4, plant.A, B, C, D, gtol=1e-10)
+    except slycot.exceptions.SlycotArithmeticError:  # "a stabilizing controller cannot be found"
+        return math.inf, math.inf
+    return float(found[0]), norm(*found[5:9])
+
+
+def norm(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
+    """Return the L2 gain of a system, computed by SLICOT's AB13DD."""
+    slycot = pytest.importorskip("slycot")
+    E = np.eye(len(A))
+    return float(
+        slycot.ab13dd("C", "I", "N", "D", len(A), B.shape[1], len(C), A, E, B, C, D, tol=1e-10)[0]
+    )
+
+
+def gain_of(plant: GeneralizedPlant, found: Any) -> float:
+    loop = closed_plant(plant, (found.Ak, found.Bk, found.Ck, found.Dk))
+    assert np.linalg.eigvals(loop[0]).real.max() < 0.0
+    return norm(*loop)
