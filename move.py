@@ -498,8 +498,7 @@ GROUPS = {
             "extensions/proof/hfa_proof/commands/games.py"
         ],
         "extensions/prove/hfa_prove/commands/given.py": [
-            "extensions/proof/hfa_proof/commands/given.py",
-            "extensions/proof/hfa_proof/options.py",
+            "extensions/proof/hfa_proof/commands/given.py"
         ],
         "extensions/prove/hfa_prove/commands/given_region.py": [
             "extensions/region/hfa_region/commands/given.py",
@@ -508,6 +507,7 @@ GROUPS = {
         "extensions/prove/hfa_prove/commands/models.py": [
             "extensions/proof/hfa_proof/commands/models.py"
         ],
+        "extensions/prove/hfa_prove/commands/options.py": ["extensions/proof/hfa_proof/options.py"],
         "extensions/prove/hfa_prove/commands/region.py": [
             "extensions/region/hfa_region/commands/region.py"
         ],
@@ -766,9 +766,6 @@ SPLITS = {
         },
         "extensions/proof/hfa_proof/commands/check.py": {
             "extensions/prove/hfa_prove/commands/request.py": ["CheckRequest"],
-        },
-        "extensions/proof/hfa_proof/options.py": {
-            "extensions/prove/hfa_prove/commands/request.py": ["interval_of", "interval"],
         },
         "extensions/boxes/hfa_boxes/check/piece.py": {
             "extensions/prove/hfa_prove/statements/piece.py": [

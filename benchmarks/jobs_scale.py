@@ -35,8 +35,8 @@ from trim.point.solve import level_model
 from trim.sweeps.store import stream_sweep
 from trim.sweeps.sweep_plan import Steps, SweepPlan
 from verification.critic.critic_check import verify
-from verification.critic.scope import Scope
 from verification.hfa_box import ordinary_box
+from verification.scope import Scope
 
 UNCERTAIN = Uncertainty(
     errors={"panel_mass": 0.02, "lift_slope": 0.02, "hinge_damping": 0.05},

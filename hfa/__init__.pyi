@@ -45,7 +45,7 @@ from trim.point.operating_point import OperatingPoint as OperatingPoint
 from trim.point.solve import trim as trim
 from trim.sweeps.sweep import sweep as sweep
 from verification.critic.critic_check import verify as verify
-from verification.critic.verdict import Verdict as Verdict
+from verification.verdict import Verdict as Verdict
 
 from . import paper as paper
 

@@ -111,10 +111,9 @@ CORE = {
         "hfa.commands.verify:verify",
         example="hfa verify --dihedral 15 --weights learned.npz",
         results=(
-            "verification.critic.verdict:Verdict verification.critic.verdict:Details"
+            "verification.verdict:Verdict verification.verdict:Details"
             " hfa.options.games:Weights hfa.options.games:NamedGame",
-            "verification.critic.several:Verdicts hfa.options.games:Weights"
-            " hfa.options.games:NamedGame",
+            "verification.verdict:Verdicts hfa.options.games:Weights hfa.options.games:NamedGame",
         ),
     ),
 }
@@ -217,3 +216,10 @@ DAVEML = CommandEntry(
     results=("hfa_aircraft.readers.daveml.check_cases:CheckedDocument",),
 )
 ABOUT_STORE = "store of a sweep larger than memory, or by several processes or machines (--workers)"
+PRINTED = CommandEntry(
+    "critic",
+    "compare every printed digit of P, K, L, W or H, name wrong entries",
+    "hfa.commands.printed:printed",
+    example="hfa printed studies/published/sources/radp_suspension.toml",
+    results=("verification.printed.verdict:PrintedVerdict",),
+)

@@ -8,7 +8,7 @@ from controller.game.zero_sum import Game
 from controller.hfa_game import ORDINARY_DEVIATIONS
 from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.units import si_factor, si_unit
-from verification.critic.critic_errors import Box, balanced_box, limited_box
+from verification.critic_errors import Box, balanced_box, limited_box
 
 _SI_UNITS = tuple(si_unit(unit) for unit in LINEAR_UNITS)
 

@@ -17,7 +17,7 @@ from hfa_support.reporting.results import Matrix, Result
 
 if TYPE_CHECKING:
     from controller.critic.training_run import TrainingRun
-    from verification.critic.verdict import Verdict
+    from verification.verdict import Verdict
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

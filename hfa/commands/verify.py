@@ -26,8 +26,8 @@ from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown
 from hfa_support.files import MATRIX_FILES, note_read
 from hfa_support.progress import with_progress
 from verification.critic import critic_check
-from verification.critic.scope import LIMIT, SECONDS, Nearby, Scheduled, Scope
-from verification.critic.verdict import NEAR, Verdict
+from verification.scope import LIMIT, SECONDS, Nearby, Scheduled, Scope
+from verification.verdict import NEAR, Verdict
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -162,7 +162,7 @@ def verify(request: VerifyRequest) -> int:
         lines = about(named, verdict, cost)
         report = verdict.report(limit_cost=cost, about=lines, source=source)
     else:
-        from verification.critic.several import verdicts_report
+        from verification.verdict import verdicts_report
 
         report = verdicts_report(verdicts, origin, cost)
     report = report.with_data(**named.as_data(), **named.weights.as_data())
@@ -185,7 +185,7 @@ def _figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
     verdicts: source of each critic -> its verdict
     origin: description of the game
     """
-    from verification.critic.figures import verdicts_figure
+    from verification.figures import verdicts_figure
 
     return verdicts_figure(verdicts, origin)
 
@@ -299,7 +299,7 @@ def _check_file(
         progress = ProgressLine("prove") if files == 1 else None
         scope = replace(scope, seconds=SECONDS / files, progress=progress)
         if named.linear is not None:
-            from verification.critic.about_trim import nonlinear_plant
+            from verification.scope import nonlinear_plant
 
             scope = replace(scope, plant=nonlinear_plant(named.linear))
     if critic.time is not None:

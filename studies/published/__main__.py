@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from hfa.output import ProgressLine
-from hfa_printed.printed_file import PrintedFile, load_printed
-from hfa_printed.printed_verdict import check_printed
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.files import write_text
 from hfa_support.reporting.markup import markdown_table
 from hfa_support.reporting.text import Table
+from verification.printed.printed_file import PrintedFile, load_printed
+from verification.printed.verdict import check_printed
 
 SOURCES = Path(__file__).parent / "sources"
 RESULTS = Path(__file__).with_name("results.csv")

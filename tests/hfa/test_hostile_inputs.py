@@ -22,8 +22,6 @@ pytestmark = pytest.mark.filterwarnings("default")
 #: The corrupted files include files of extensions.
 IN_FILES = needs(
     "hfa_jsbsim",
-    "hfa_networks",
-    "hfa_printed",
     "hfa_proof",
     "hfa_servo",
 )

@@ -60,7 +60,6 @@ def test_verify_shows_progress_on_a_terminal(game: Game) -> None:
     assert message == "\r\033[Kcompare:   0 %\r\033[Kcompare: 100 %\r\033[K"
 
 
-@needs("hfa_reasons")
 def test_a_weight_beyond_P_and_K_is_refused(game: Game) -> None:
     """A wrong weight that changes neither P nor K fails, and the diagnosis names the cause."""
     P = solve(game).P

@@ -169,7 +169,7 @@ def test_a_wrong_argument_is_named(name: str) -> None:
     assert faults(function, arguments) == {}
 
 
-@needs("hfa_flight", "hfa_networks", "hfa_servo")
+@needs("hfa_flight", "hfa_servo")
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_every_wrong_argument_of_every_function_is_named() -> None:

@@ -30,8 +30,8 @@ BREACHES = {
     "extensions/proof/hfa_proof/search/family.py": "controller.learning.recording",
     "extensions/region/hfa_region/check/loop.py": "controller.learning.recording",
     "extensions/boxes/hfa_boxes/search/region.py": "controller.learning.q_learning",
-    "extensions/printed/hfa_printed/exact_answer.py": "controller.learning.certified",
-    "extensions/reasons/hfa_reasons/diagnosis.py": "hfa_flight.scenario",
+    "verification/printed/exact_answer.py": "controller.learning.certified",
+    "verification/reasons/diagnosis.py": "hfa_flight.scenario",
     "extensions/proof/hfa_proof/checker/checker.py": "hfa_proof.search.family",
     "extensions/proof/hfa_proof/checker/riccati.py": "hfa_support.rows.store",
     "extensions/proof/hfa_proof/search/loops.py": "hfa_model.vectors",
@@ -41,7 +41,7 @@ BREACHES = {
     # A learner that another module imports, and a package that no contract names.
     "extensions/boxes/hfa_boxes/results.py": "hfa.options.games",
     "extensions/policy/hfa_policy/equilibrium.py": "hfa_flight.options",
-    "extensions/boxes/hfa_boxes/enclosure/taylor.py": "hfa_aircraft.rigid.motion",
+    "verification/enclosure/taylor.py": "hfa_aircraft.rigid.motion",
 }
 
 

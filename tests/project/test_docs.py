@@ -256,7 +256,7 @@ def test_every_public_name_is_in_an_example() -> None:
 
 
 #: Examples that print nothing: aircraft (tests/trim/test_own_models.py), and a training script
-#: (extensions/reasons/tests/test_diagnosis.py).
+#: (tests/verification/reasons/test_diagnosis.py).
 SILENT = ("f16", "f16_constant", "gtm", "navion", "pendulum", "train_a_network")
 SCRIPTS = [path for path in sorted((ROOT / "examples").glob("*.py")) if path.stem not in SILENT]
 

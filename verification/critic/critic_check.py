@@ -23,10 +23,10 @@ from hfa_support.entry_points import CRITICS, PARTS, offered, part
 from hfa_support.errors import NoSolutionError, refuse_unless_positive
 from hfa_support.reporting.checks import Check, at_least, at_most, below
 from hfa_support.reporting.text import Table
-from verification.critic.critic_errors import critic_errors
-from verification.critic.scope import LIMIT, Scope
-from verification.critic.verdict import Details, Section, Verdict, explained
+from verification.critic_errors import critic_errors
 from verification.hfa_box import usual_box
+from verification.scope import LIMIT, Scope
+from verification.verdict import Details, Section, Verdict, explained
 
 #: What is given as a critic.
 _CRITICS = (
@@ -108,7 +108,7 @@ def verify(
     diagnosis = ""
     table = None
     if run is not None:
-        from verification.critic.error_table import rank_check, run_table, time_checks
+        from verification.error_table import rank_check, run_table, time_checks
 
         table = run_table(game, run, exact)
         rank = rank_check(run)

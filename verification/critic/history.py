@@ -16,11 +16,11 @@ from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress, with_progress
 from hfa_support.reporting.text import Table
 from verification.critic.critic_check import verify
-from verification.critic.critic_errors import critic_errors
-from verification.critic.error_table import COLUMNS, ErrorTable, time_checks
-from verification.critic.scope import LIMIT, Scope
-from verification.critic.verdict import Details, Section, Verdict, shown_number
+from verification.critic_errors import critic_errors
+from verification.error_table import COLUMNS, ErrorTable, time_checks
 from verification.hfa_box import usual_box
+from verification.scope import LIMIT, Scope
+from verification.verdict import Details, Section, Verdict, shown_number
 
 #: Number of rows in the table of a report. Files contain all rows.
 _TIMES = 9

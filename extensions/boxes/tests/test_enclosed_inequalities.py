@@ -18,7 +18,7 @@ from hfa_boxes.check.loop import Decrease, Loop
 from hfa_boxes.check.piece import OnPiece, Piece, Polynomial
 from hfa_boxes.check.plant import Plant
 from hfa_boxes.check.statement import Gain
-from hfa_boxes.enclosure.taylor import lowest
+from verification.enclosure.taylor import lowest
 
 AT = {"a": 0.0, "b": 0.0}
 INPUTS = {"u": 0.0, "v": 0.0}

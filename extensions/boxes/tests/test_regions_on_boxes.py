@@ -35,12 +35,12 @@ from hfa_boxes.check.loop import Decrease, Loop
 from hfa_boxes.check.piece import Piece, Polynomial
 from hfa_boxes.check.statement import BoxStatement, Gain
 from hfa_boxes.commands.region import scalars
-from hfa_boxes.enclosure.program import Program
-from hfa_boxes.enclosure.taylor import TaylorProgram, lowest
 from hfa_boxes.interruption import interruptible
 from hfa_boxes.search.region import RegionSearch
 from hfa_boxes.search.shape import Growth, Shape
 from hfa_support.errors import BadInputError, NoSolutionError
+from verification.enclosure.program import Program
+from verification.enclosure.taylor import TaylorProgram, lowest
 
 PENDULUM = "examples/pendulum.py:PENDULUM"
 K = np.array([[1.97725, 0.97624]])

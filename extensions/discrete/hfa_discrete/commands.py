@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from hfa.commands.game import GameRequest, LearnRequest
     from hfa.commands.verify import VerifyRequest
     from hfa.options.games import NamedGame
-    from verification.critic.scope import Scope
-    from verification.critic.verdict import Verdict
+    from verification.scope import Scope
+    from verification.verdict import Verdict
 
 #: Results that the commands write, as in `hfa.entry_points`.
 RESULTS = (
     "controller.discrete.report:AnalysedDiscreteGame hfa.options.games:NamedGame",
-    "hfa_discrete.critic_check:DiscreteVerdict verification.critic.verdict:Details"
+    "verification.critic.discrete:DiscreteVerdict verification.verdict:Details"
     " hfa.options.games:Weights hfa.options.games:NamedGame",
 )
 #: Reason why an option is refused.
@@ -61,7 +61,7 @@ def learn(request: LearnRequest, named: NamedGame) -> int:
     from controller.critic.critic import from_parts
     from controller.learning.q_learning import learn_steps
     from hfa.commands.game import show_learned
-    from hfa_discrete.critic_check import check_discrete
+    from verification.critic.discrete import check_discrete
 
     problem: DiscreteGame = named.discrete
     request.refuse(("law", "set"), _CONTINUOUS)
@@ -80,8 +80,8 @@ def verify(request: VerifyRequest, named: NamedGame, paths: list[Path]) -> int:
     """
     from controller.discrete.critic_file import critic_of_steps
     from hfa.commands.verify import about
-    from hfa_discrete.critic_check import check_discrete
-    from verification.critic.scope import Scope
+    from verification.critic.discrete import check_discrete
+    from verification.scope import Scope
 
     if len(paths) != 1:
         raise BadInputError(
@@ -111,7 +111,7 @@ def verify_discounted(
 
     Raises BadInputError if the file contains a history of critics.
     """
-    from hfa_discrete.critic_check import check_discounted
+    from verification.critic.discrete import check_discounted
 
     assert request.discount is not None
     if critic.time is not None:

@@ -10,12 +10,12 @@ from hfa_flight.monte_carlo import MonteCarlo, fly_member, member_loop
 from hfa_flight.nonlinear_flight import Flight, fly_within
 from hfa_flight.policies import OpenLoop
 from hfa_identify.draws.report import reported
-from hfa_identify.draws.spread import DrawnAircraft
 from hfa_support.progress import Progress
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import shown_unit, shown_values
 from trim.point.condition import TrimCondition
+from verification.drawn import DrawnAircraft
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -31,7 +31,7 @@ def written() -> tuple[str, ...]:
 
     Each declaration has the form of `CommandEntry.results`.
     """
-    import_module("verification.critic.error_table")  # verdicts name it for type checkers alone
+    import_module("verification.error_table")  # verdicts name it for type checkers alone
     of_commands = [text for entry in commands().values() for text in entry.results]
     of_parts = [entry for name, entry in offered(PARTS).items() if name.startswith("results.")]
     return (*of_commands, *(text for entry in of_parts for text in loaded(entry)))

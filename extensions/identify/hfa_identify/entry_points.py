@@ -18,6 +18,6 @@ IDENTIFY = CommandEntry(
     example="hfa identify examples/uav_record.csv --aircraft examples/uav.toml --free Cm_q",
     results=(
         "hfa_identify.identified:Identified",
-        *(f"hfa.{name}/1 hfa_identify.draws.spread:WithDraws" for name in _WITH_DRAWS),
+        *(f"hfa.{name}/1 verification.drawn:WithDraws" for name in _WITH_DRAWS),
     ),
 )

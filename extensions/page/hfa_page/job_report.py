@@ -37,7 +37,7 @@ from trim.hfa.printed import (
 from trim.linear.linear_model import LinearModel, linear_model_report, matrices, units_in_words
 from trim.linear.modes import modes_table
 from trim.point.trim_report import trim_report
-from verification.critic.figures import verdict_figure
+from verification.figures import verdict_figure
 
 _COLORS = (
     "Colors of A and B: green entries agree (within 1 half unit of the last printed digit), yellow "

@@ -32,9 +32,9 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 from trim.sweeps.sweep import Sweep, sweep
 from verification.critic.critic_check import Scope, verify
-from verification.critic.verdict import Verdict
 from verification.hfa_box import ordinary_box
 from verification.regeneration import Regeneration, regenerate_all
+from verification.verdict import Verdict
 
 #: Dihedral angles of the sweep, rad, from the paper's range to slightly beyond it.
 SWEEP = np.radians(np.arange(0.0, 20.01, 0.5))

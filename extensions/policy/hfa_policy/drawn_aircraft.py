@@ -11,9 +11,9 @@ import numpy as np
 
 from hfa_aircraft.uncertain import spread_of
 from hfa_identify.draws.report import SEED
-from hfa_identify.draws.spread import Draws, band_of
 from hfa_policy.assessment import AssessedPoint, Assessor
 from hfa_policy.variations import frozen_at
+from verification.drawn import Draws, band_of
 
 
 def drawn_policy(

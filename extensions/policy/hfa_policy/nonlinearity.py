@@ -9,10 +9,10 @@ import numpy as np
 
 from controller.critic.critic import from_functions, symbols_for
 from controller.game.zero_sum import Game
-from hfa_networks.judge.network_search import Comparison, search
 from hfa_policy.deployed import Deployed
 from hfa_policy.equilibrium import Equilibrium
 from trim.point.operating_point import OperatingPoint
+from verification.network.search import Comparison, search
 
 
 class Nonlinearity(NamedTuple):

@@ -24,12 +24,12 @@ from hfa_proof.checker.reading import Fields, Malformed, Rejected
 from hfa_region.check.checker import _check_extents, check_covered, limits_of
 from hfa_region.check.extents import extents_of
 from hfa_region.check.loop import HIGHEST, LOWEST, Equilibrium, RegionLoop
-from hfa_region.check.polynomial import Polynomial, key_of
 from hfa_region.check.positivity import Evidence, Square, check_positive
 from hfa_region.check.statement import RegionStatement, SaturatedLoop
-from hfa_region.check.taylor import Taylor
 from hfa_region.check.witness import _read_parts
 from hfa_support.errors import BadInputError
+from verification.enclosure.polynomial import Polynomial, key_of
+from verification.enclosure.series import Taylor
 
 Content = dict[str, Any]
 

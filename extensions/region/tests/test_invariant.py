@@ -25,12 +25,10 @@ from scipy.linalg import solve_continuous_lyapunov
 from hfa.main import main
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
-from hfa_proof.arithmetic.ball_function import Undecided
 from hfa_proof.checker.reading import Rejected
 from hfa_region.check.certificate import check_certificate, read_content
 from hfa_region.check.checker import check_region
 from hfa_region.check.loop import HIGHEST, LOWEST, RegionLoop
-from hfa_region.check.polynomial import Polynomial
 from hfa_region.check.statement import RegionStatement
 from hfa_region.report import region_report
 from hfa_region.search.function import PolynomialFunction, edge_points
@@ -41,6 +39,8 @@ from hfa_region.search.region import Bounds, Region
 from hfa_support.errors import NoSolutionError
 from trim.point.linearize import linearize
 from trim.point.solve import trim
+from verification.enclosure.ball_function import Undecided
+from verification.enclosure.polynomial import Polynomial
 
 OF_CHECK = ("prove", "--aircraft", PENDULUM, "--check")
 SIZE = 0.1

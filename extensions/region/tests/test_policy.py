@@ -21,11 +21,11 @@ from hfa_proof.checker.reading import Rejected
 from hfa_region.check.certificate import check_certificate, read_content
 from hfa_region.check.checker import check_region
 from hfa_region.check.loop import RegionLoop
-from hfa_region.check.polynomial import exponents_of
 from hfa_region.commands.policy import policy_terms
 from hfa_region.search.function import PolynomialFunction, edge_points
 from hfa_region.search.plant import Plant, outcomes
 from hfa_support.errors import BadInputError
+from verification.enclosure.polynomial import exponents_of
 
 BASIS = "x1**2, x1*x2, x2**2, x1**3*x2, x2**4"
 WEIGHTS = [1.4, 0.148, 0.0366, 0.02, 0.0005]

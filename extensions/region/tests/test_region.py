@@ -28,18 +28,18 @@ from pendulum_regions import (
 from hfa.main import main
 from hfa_aircraft.model import Model, Signal
 from hfa_boxes.interruption import interruptible
-from hfa_proof.arithmetic.ball_function import BallFunction, Undecided
 from hfa_proof.checker.reading import Rejected
 from hfa_region.check.certificate import check_certificate, read_content
 from hfa_region.check.checker import check_region
-from hfa_region.check.polynomial import Polynomial, exponents_of
 from hfa_region.check.statement import RegionStatement, SaturatedLoop
-from hfa_region.check.taylor import Taylor
 from hfa_region.report import region_report
 from hfa_region.search.function import PolynomialFunction
 from hfa_region.search.level import ProvedLevel
 from hfa_region.search.plant import Outcome, Plant, outcomes
 from hfa_region.search.region import RegionSearch, starts_by_outcome
+from verification.enclosure.ball_function import BallFunction, Undecided
+from verification.enclosure.polynomial import Polynomial, exponents_of
+from verification.enclosure.series import Taylor
 
 
 def run(*words: str) -> int:

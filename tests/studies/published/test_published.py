@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from hfa_printed.printed_file import load_printed
 from hfa_support.errors import BadInputError
 from studies.published.__main__ import (
     PAGE,
@@ -18,6 +17,7 @@ from studies.published.__main__ import (
     results_of,
     row_of,
 )
+from verification.printed.printed_file import load_printed
 
 PATHS = sorted(SOURCES.glob("*.toml"))
 SUSPENSION = SOURCES / "radp_suspension.toml"

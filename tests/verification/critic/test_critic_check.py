@@ -40,11 +40,10 @@ from hfa import (
 from hfa.main import BAD_INPUT
 from hfa_model import INPUTS, LINEAR_STATES
 from verification import check_history
-from verification.critic.about_trim import box_within_limits
-from verification.critic.critic_errors import box_errors, matrix_errors
-from verification.critic.figures import verdict_figure
-from verification.critic.scope import LIMIT
+from verification.critic_errors import box_errors, matrix_errors
+from verification.figures import verdict_figure
 from verification.hfa_box import ordinary_box
+from verification.scope import LIMIT, box_within_limits
 
 QUADRATIC = basis("quadratic", 6)
 RICHER = pytest.mark.parametrize("name", ["quadratic+linear", "quadratic+quartic", "paper"])

@@ -26,11 +26,11 @@ from hfa import (
 from hfa.paper import level_flight
 from hfa_model import choice
 from verification import Scope
-from verification.critic.about_trim import nonlinear_plant
 from verification.hfa_box import ordinary_box
+from verification.scope import nonlinear_plant
 
 network_files = Extension("network_files")
-searches = Extension("hfa_networks.judge.network_search")
+searches = Extension("verification.network.search")
 networks = Extension("controller.critic.network.critic")
 
 pytestmark = pytest.mark.usefixtures("folder")

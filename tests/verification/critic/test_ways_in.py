@@ -15,25 +15,21 @@ import pytest
 from cli import hfa as run
 from game_files import stored
 from known_models import game_at
+from network_files import onnx_file, safetensors_file, torch_file
 
 import hfa
 from controller import basis, critics_over_time
 from controller.critic.critic import Critic
-from hfa import from_weights, solve, verify
-from hfa.main import FAILED
-from verification.critic.history import check_history
-from verification.critic.scope import Scope
-from verification.critic.verdict import Verdict
-from verification.hfa_box import ordinary_box
-
-pytest.importorskip("hfa_networks", reason="a critic that is not quadratic needs hfa_networks")
-
-from network_files import onnx_file, safetensors_file, torch_file
-
 from controller.discrete.critic_file import critic_of_steps
 from controller.discrete.solution import sampled, solve_discrete
 from controller.game.discrete_game import DiscreteGame
-from hfa_discrete.critic_check import check_discounted, check_discrete
+from hfa import from_weights, solve, verify
+from hfa.main import FAILED
+from verification.critic.discrete import check_discounted, check_discrete
+from verification.critic.history import check_history
+from verification.hfa_box import ordinary_box
+from verification.scope import Scope
+from verification.verdict import Verdict
 
 pytestmark = pytest.mark.usefixtures("folder", "no_proof")
 GAME = game_at(8.0)

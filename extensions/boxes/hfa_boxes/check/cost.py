@@ -22,11 +22,11 @@ import numpy as np
 
 from hfa_boxes.check.cover import Boxes, RefutedError, refute
 from hfa_boxes.check.piece import ROUNDING, OnPiece
-from hfa_boxes.enclosure.taylor import Models, TaylorProgram, highest, lowest
-from hfa_proof.arithmetic.balls import hull, is_positive_definite
 from hfa_proof.checker.reading import Rejected
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import RowFunction
+from verification.enclosure.balls import hull, is_positive_definite
+from verification.enclosure.taylor import Models, TaylorProgram, highest, lowest
 
 #: Upper bound of the underflow of one operation.
 _TINY = 1e-290

@@ -14,8 +14,8 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_boxes.check.piece import Piece
 from hfa_boxes.check.plant import Plant, read_plant
-from hfa_proof.arithmetic.balls import lowest_sign
 from hfa_proof.checker.reading import Fields, require
+from verification.enclosure.balls import lowest_sign
 
 
 @dataclass(frozen=True, eq=False)

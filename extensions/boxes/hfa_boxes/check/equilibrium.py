@@ -9,10 +9,10 @@ import casadi as ca
 import numpy as np
 
 from hfa_boxes.check.plant import Plant
-from hfa_boxes.enclosure.program import Program
-from hfa_boxes.enclosure.slopes import Intervals, jacobian
 from hfa_proof.checker.aircraft import SAME_TRIM
 from hfa_proof.checker.reading import Rejected
+from verification.enclosure.program import Program
+from verification.enclosure.slopes import Intervals, jacobian
 
 #: Largest error of a few sums and products of doubles, relative to the sizes of the terms.
 ROUNDING = 1e-12

@@ -15,11 +15,11 @@ from hfa_boxes.check.cover import Boxes, refute
 from hfa_boxes.check.equilibrium import ROUNDING, Equilibrium, zero_near
 from hfa_boxes.check.piece import OnPiece
 from hfa_boxes.check.plant import Plant
-from hfa_boxes.enclosure.program import Program
-from hfa_boxes.enclosure.slopes import Intervals, jacobian
-from hfa_boxes.enclosure.taylor import TaylorProgram, lowest
-from hfa_proof.arithmetic.balls import hull, is_positive_definite, matrix
 from hfa_proof.checker.reading import Rejected
+from verification.enclosure.balls import hull, is_positive_definite, matrix
+from verification.enclosure.program import Program
+from verification.enclosure.slopes import Intervals, jacobian
+from verification.enclosure.taylor import TaylorProgram, lowest
 
 #: Largest k for which the hole |y_i| <= 2^-k is tried.
 _SMALLEST_HOLE = 30

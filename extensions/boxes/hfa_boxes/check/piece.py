@@ -19,11 +19,11 @@ import numpy as np
 from hfa_boxes.check.cover import Boxes, Question, cover
 from hfa_boxes.check.equilibrium import Equilibrium
 from hfa_boxes.check.plant import Plant
-from hfa_boxes.enclosure.program import Program
-from hfa_boxes.enclosure.taylor import TaylorProgram, amounts_by_edge, lowest
-from hfa_proof.arithmetic.balls import matrix
 from hfa_proof.checker.reading import Fields, Rejected, Terms, require, rows_of
 from hfa_support.progress import Progress
+from verification.enclosure.balls import matrix
+from verification.enclosure.program import Program
+from verification.enclosure.taylor import TaylorProgram, amounts_by_edge, lowest
 
 #: Highest degree of W.
 HIGHEST = 12

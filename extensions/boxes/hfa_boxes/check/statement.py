@@ -25,9 +25,9 @@ from hfa_boxes.check.plant import (
     read_plant,
     terms_by_input,
 )
-from hfa_boxes.enclosure.program import LARGEST
 from hfa_proof.checker.reading import Fields, Terms, rows_of
 from hfa_support.errors import BadInputError
+from verification.enclosure.program import LARGEST
 
 #: Highest degree of a polynomial policy.
 HIGHEST_POLICY = 12

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_boxes.enclosure.program import Argument, Program
+from verification.enclosure.program import Argument, Program
 
 _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "product": np.multiply,

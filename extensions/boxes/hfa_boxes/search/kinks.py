@@ -6,8 +6,8 @@ import numpy as np
 
 from hfa_boxes.check.equilibrium import Equilibrium
 from hfa_boxes.check.plant import Plant
-from hfa_boxes.enclosure.program import Program
-from hfa_boxes.enclosure.slopes import Intervals, jacobian
+from verification.enclosure.program import Program
+from verification.enclosure.slopes import Intervals, jacobian
 
 #: A slope changes at the equilibrium where it varies by more than this part of the largest, in
 #: nominal values.

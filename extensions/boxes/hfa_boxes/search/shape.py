@@ -18,10 +18,10 @@ from scipy.optimize import linprog, minimize
 from hfa_boxes.check.equilibrium import Equilibrium
 from hfa_boxes.check.loop import Loop
 from hfa_boxes.check.piece import Piece
-from hfa_boxes.enclosure.program import Program
-from hfa_boxes.enclosure.slopes import Intervals, jacobian
 from hfa_boxes.search.doubles import values_at
 from hfa_boxes.search.monomials import Monomials
+from verification.enclosure.program import Program
+from verification.enclosure.slopes import Intervals, jacobian
 
 #: Number of rays from the equilibrium for the size of a set. For a search: number of rays for each
 #: state, their least number, number of operations of a loop above which fewer are used, number of

@@ -7,12 +7,12 @@ from typing import Any
 
 from hfa.output import ProgressLine
 from hfa_aircraft.uncertain import spread_of
-from hfa_identify.draws.spread import DrawnAircraft, Draws, WithDraws
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, shown_unit, shown_value, wrapped
 from trim.linear.linear_model import LinearModel
 from trim.point.operating_point import OperatingPoint
+from verification.drawn import DrawnAircraft, Draws, WithDraws
 
 #: Seed of the draws.
 SEED = 0

@@ -210,7 +210,7 @@ def _bound(path: Path, search: BestFlights) -> CostStatement:
     NoSolutionError if the certificate does not prove its statement.
     """
     from hfa_optimal.bound import lower_bound
-    from hfa_proof.arithmetic import flint_or_refusal
+    from verification.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
     return lower_bound(path, search.problem, ProgressLine("bound"))

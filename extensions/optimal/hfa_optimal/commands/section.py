@@ -18,7 +18,7 @@ from hfa_optimal.problem import flight_problem
 from hfa_optimal.search import BestFlights
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
-from verification.critic.verdict import Verdict
+from verification.verdict import Verdict
 
 #: Seed of the initial conditions.
 _SEED = 0

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_proof.arithmetic.ball_function import BallFunction
+from verification.enclosure.ball_function import BallFunction
 
 Rows = list[list[Any]]
 

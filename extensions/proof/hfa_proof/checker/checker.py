@@ -20,8 +20,6 @@ import numpy as np
 from flint import arb, ctx
 
 from hfa_aircraft.model import Model
-from hfa_proof.arithmetic.balls import matrix
-from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.covering import covering
 from hfa_proof.checker.loop import actuated_loop, between, closed_loop
 from hfa_proof.checker.modes import check_motion, check_pieces, least_and_most
@@ -59,6 +57,8 @@ from hfa_proof.checker.witness import (
 )
 from hfa_support.arguments import checks_arguments
 from hfa_support.progress import Progress, with_progress
+from verification.enclosure.balls import matrix
+from verification.enclosure.series import TaylorModel
 
 #: Bits of a midpoint.
 _PRECISION = 256

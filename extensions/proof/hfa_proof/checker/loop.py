@@ -17,8 +17,6 @@ import numpy as np
 from flint import arb, arb_mat
 
 from hfa_aircraft.model import Model
-from hfa_proof.arithmetic.balls import matrix
-from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.reading import Rejected
 from hfa_proof.checker.statement import (
     Actuators,
@@ -27,6 +25,8 @@ from hfa_proof.checker.statement import (
     UncertainActuators,
 )
 from hfa_proof.checker.trims import LinearModelBox
+from verification.enclosure.balls import matrix
+from verification.enclosure.series import TaylorModel
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,13 +12,13 @@ from __future__ import annotations
 import numpy as np
 from flint import arb, arb_mat
 
-from hfa_proof.arithmetic.balls import is_positive_definite, matrix, pivots
-from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.covering import covering
 from hfa_proof.checker.loop import LoopBox
 from hfa_proof.checker.reading import Rejected
 from hfa_proof.checker.statement import UncertainActuators
 from hfa_proof.checker.witness import Line, Piece
+from verification.enclosure.balls import is_positive_definite, matrix, pivots
+from verification.enclosure.series import TaylorModel
 
 
 def modes_right_of(A: TaylorModel, line: Line) -> int:

@@ -16,13 +16,13 @@ from typing import NamedTuple
 import numpy as np
 from flint import acb, acb_mat, arb, arb_mat
 
-from hfa_proof.arithmetic.balls import doubles, matrix, norm, symmetric
-from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.modes import eigenvalue_signs, modes_right_of
 from hfa_proof.checker.reading import Rejected
 from hfa_proof.checker.roots import root_offsets
 from hfa_proof.checker.statement import Weights
 from hfa_proof.checker.witness import SolutionBox
+from verification.enclosure.balls import doubles, matrix, norm, symmetric
+from verification.enclosure.series import TaylorModel
 
 #: Largest relative difference of a gain from the gain of a value (Frobenius norm).
 SAME_GAIN = 1e-9

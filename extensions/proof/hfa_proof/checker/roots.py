@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from flint import arb, arb_mat
 
-from hfa_proof.arithmetic.balls import matrix, norm
 from hfa_proof.checker.reading import Rejected
+from verification.enclosure.balls import matrix, norm
 
 
 def root_offsets(residual: arb_mat, J: arb_mat, radii: list[arb]) -> arb_mat:

@@ -18,10 +18,10 @@ import numpy as np
 from flint import arb
 
 from hfa_aircraft.model import Model
-from hfa_proof.arithmetic.balls import lowest_sign
 from hfa_proof.checker.aircraft import model_of
 from hfa_proof.checker.reading import Fields, require
 from hfa_support.reporting.results import Stack, Vector
+from verification.enclosure.balls import lowest_sign
 
 
 class Run(NamedTuple):

@@ -15,15 +15,15 @@ from typing import Any
 
 from flint import arb, arb_mat
 
-from hfa_proof.arithmetic.balls import READING, symmetric
 from hfa_proof.arithmetic.steady_flight import LinearParts, SteadyFlight, steady_flight
-from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.aircraft import SAME_TRIM
 from hfa_proof.checker.covering import covering
 from hfa_proof.checker.reading import Rejected
 from hfa_proof.checker.roots import root_offsets
 from hfa_proof.checker.statement import Flight, StatedTrim
 from hfa_proof.checker.witness import TrimBox
+from verification.enclosure.balls import READING, symmetric
+from verification.enclosure.series import TaylorModel
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from flint import arb, arb_mat
 
-from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.reading import Fields, require
 from hfa_proof.checker.statement import (
     Flight,
@@ -24,6 +23,7 @@ from hfa_proof.checker.statement import (
     UncertainActuators,
     loop_size,
 )
+from verification.enclosure.series import TaylorModel
 
 
 @dataclass(frozen=True, eq=False)

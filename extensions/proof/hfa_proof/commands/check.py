@@ -60,8 +60,8 @@ def prove(request: CheckRequest) -> int:
     weights, gains or critic. The first line of the report names the parts that were not given.
     Exit code 0: the statement is proved. Exit code 1: the statement is not proved, or differs from
     an option. The command requires `pip install .[proof]`."""
-    from hfa_proof.arithmetic import flint_or_refusal
     from hfa_proof.checker.sealed import kind_of
+    from verification.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
     if request.check is None:

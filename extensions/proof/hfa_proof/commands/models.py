@@ -31,8 +31,8 @@ def models(request: ModelsRequest) -> int:
     ball arithmetic for every value of LOW:HIGH, with as few models as the proof allows. -o
     FILE.json writes a certificate for `hfa prove --check FILE`. -o with another suffix writes the
     models. The command requires `pip install .[proof]`."""
-    from hfa_proof.arithmetic import flint_or_refusal
     from hfa_proof.search.models_grid import prove_models
+    from verification.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
     family = family_of(request)

@@ -15,9 +15,6 @@ import numpy as np
 from flint import arb
 
 from hfa_aircraft.model import Model
-from hfa_proof.arithmetic.ball_function import Undecided
-from hfa_proof.arithmetic.balls import doubles, matrix
-from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.statement import Flight, StatedTrim, in_model_unit
 from hfa_proof.checker.trims import (
     LinearModelBox,
@@ -34,6 +31,9 @@ from hfa_support.linear_table import LinearTable
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
+from verification.enclosure.ball_function import Undecided
+from verification.enclosure.balls import doubles, matrix
+from verification.enclosure.series import TaylorModel
 
 Proved = TypeVar("Proved")
 #: Limits beyond this value are treated as infinite.

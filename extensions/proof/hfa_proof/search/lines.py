@@ -8,11 +8,11 @@ from itertools import pairwise
 import numpy as np
 from flint import arb_mat
 
-from hfa_proof.arithmetic.balls import doubles
-from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.modes import least_and_most, modes_right_of
 from hfa_proof.checker.reading import Rejected
 from hfa_proof.checker.witness import Line
+from verification.enclosure.balls import doubles
+from verification.enclosure.series import TaylorModel
 
 #: Condition number above which eigenvectors are treated as dependent.
 _DEPENDENT = 1e12

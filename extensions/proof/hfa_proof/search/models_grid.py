@@ -18,8 +18,6 @@ from controller.game.zero_sum import Game
 from controller.hfa_game import usual_game
 from controller.riccati.careful_derivations import by_schur
 from controller.riccati.normal_form import NormalForm
-from hfa_proof.arithmetic.balls import doubles, matrix, norm
-from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.checker import interpolation_errors
 from hfa_proof.checker.riccati import (
     Solution,
@@ -38,6 +36,8 @@ from hfa_proof.search.solution_proof import weights_of
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress, with_progress
+from verification.enclosure.balls import doubles, matrix, norm
+from verification.enclosure.series import TaylorModel
 
 #: Factors on the Newton step for the reach of the solution, tried in order. A small reach gives a
 #: sharp bound but may be too small for a proof.

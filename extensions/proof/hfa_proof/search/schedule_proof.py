@@ -17,9 +17,6 @@ import numpy as np
 from flint import arb
 
 from controller.schedule.gain_schedule import GainSchedule
-from hfa_proof.arithmetic.ball_function import Undecided
-from hfa_proof.arithmetic.balls import doubles, is_positive_definite, matrix
-from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.loop import between, closed_loop
 from hfa_proof.checker.modes import check_motion, eigenvalue_signs, least_and_most
 from hfa_proof.checker.statement import (
@@ -40,6 +37,9 @@ from hfa_proof.search.uncertain_loop import find_pieces
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress, with_progress
+from verification.enclosure.ball_function import Undecided
+from verification.enclosure.balls import doubles, is_positive_definite, matrix
+from verification.enclosure.series import TaylorModel
 
 #: Widths of the narrowest boxes, in steps of the family; narrower parts remain open. They are
 #: larger with errors of parameters or actuators, which do not decrease with the box.

@@ -17,8 +17,6 @@ from controller.riccati.careful_derivations import by_schur
 from controller.riccati.gare import unconfirmed_solution
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta
-from hfa_proof.arithmetic.balls import doubles, lowest_sign, matrix, norm
-from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.riccati import (
     Solution,
     check_axis,
@@ -45,6 +43,8 @@ from hfa_proof.search.report import SCHEMA
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
+from verification.enclosure.balls import doubles, lowest_sign, matrix, norm
+from verification.enclosure.series import TaylorModel
 
 #: Relative width of the bracket at which the bisection ends.
 WIDTH = 1e-6

@@ -12,13 +12,13 @@ import warnings
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_proof.arithmetic.balls import doubles
 from hfa_proof.checker.loop import LoopBox, actuated_loop
 from hfa_proof.checker.modes import check_pieces
 from hfa_proof.checker.statement import UncertainActuators
 from hfa_proof.checker.trims import LinearModelBox, Rejected
 from hfa_proof.checker.witness import Piece
 from hfa_proof.search.loops import Loop
+from verification.enclosure.balls import doubles
 
 #: Largest number of halvings of the interval of bandwidths.
 _HALVINGS = 3

@@ -18,8 +18,6 @@ import hfa
 from hfa import Game, prove_solution
 from hfa_aircraft.model import Model, Signal
 from hfa_proof import Family
-from hfa_proof.arithmetic.balls import doubles
-from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.checker import (
     check_certificate,
     check_game,
@@ -56,6 +54,8 @@ from hfa_proof.checker.witness import (
     SolutionBox,
     TrimBox,
 )
+from verification.enclosure.balls import doubles
+from verification.enclosure.series import TaylorModel
 
 _NO_SOLUTION = "a root|eigenvalue|Hurwitz"
 

@@ -15,14 +15,14 @@ import hfa
 from hfa import BadInputError, NoSolutionError
 from hfa.paper import default_parameters, level_model
 from hfa_proof import Family
-from hfa_proof.arithmetic.ball_function import Undecided
-from hfa_proof.arithmetic.balls import exact
 from hfa_proof.checker.trims import LinearModelBox, Rejected, linear_model_on
 from hfa_proof.checker.witness import TrimBox
 from hfa_proof.search.family import Box, TrimSearch, bisected
 from hfa_support.linear_table import LinearTable
 from trim import release
 from trim.hfa.level_flight import LEVEL_FLIGHT
+from verification.enclosure.ball_function import Undecided
+from verification.enclosure.balls import exact
 
 
 def linear_model(flights: Family, low: float, high: float) -> LinearModelBox:

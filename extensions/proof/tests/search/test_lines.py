@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from flint import arb, arb_mat
 
-from hfa_proof.arithmetic.balls import lowest_sign, matrix
-from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.search.lines import bounds_of_modes, find_line
+from verification.enclosure.balls import lowest_sign, matrix
+from verification.enclosure.series import TaylorModel
 
 
 def unstable_modes(A: arb_mat) -> int | None:

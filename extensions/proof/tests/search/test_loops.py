@@ -21,7 +21,6 @@ from hfa import BadInputError, Model, Signal, linearize, solve
 from hfa_aircraft.loading import load_model
 from hfa_model import INPUTS, LINEAR_STATES, choice
 from hfa_proof import Family, check_certificate, prove_schedule
-from hfa_proof.arithmetic.balls import doubles
 from hfa_proof.checker.loop import closed_loop
 from hfa_proof.checker.reading import Rejected
 from hfa_proof.search.checked_report import checked_report
@@ -29,6 +28,7 @@ from hfa_proof.search.family import Box, TrimSearch
 from hfa_proof.search.loops import loop_of_gains, loop_of_servo
 from hfa_proof.search.uncertain_loop import common_lyapunov, decrease
 from hfa_servo.design import Actuator
+from verification.enclosure.balls import doubles
 
 SENSORS = (*LINEAR_STATES, "vertical_acceleration_short_period")
 

@@ -25,11 +25,11 @@ from controller.schedule.gain_schedule import GainSchedule
 from hfa import BadInputError
 from hfa.paper import default_parameters
 from hfa_proof import check_certificate, prove_models, prove_schedule
-from hfa_proof.arithmetic import PRECISION
 from hfa_proof.checker.statement import Run
 from hfa_proof.search import certificate
 from hfa_proof.search.certificate import CertificateFile, Proof
 from hfa_proof.search.loops import Loop
+from verification.enclosure.precision import PRECISION
 
 
 def counts(runs: tuple[Run, ...]) -> list[tuple[int, int]]:

@@ -19,12 +19,12 @@ from controller.critic.network.critic import from_network
 from controller.riccati.smallest_delta import DeltaMin
 from hfa import BadInputError, Game, NoSolutionError, prove_critic, prove_solution, solve
 from hfa_proof import check_certificate
-from hfa_proof.arithmetic.balls import matrix, norm
-from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.reading import Rejected
 from hfa_proof.checker.riccati import solution_on
 from hfa_proof.search.checked_report import checked_report
 from hfa_proof.search.solution_proof import ExactGame, prove_delta_min
+from verification.enclosure.balls import matrix, norm
+from verification.enclosure.series import TaylorModel
 
 ONE = np.eye(1)
 

@@ -25,15 +25,15 @@ from collections.abc import Mapping, Sequence
 
 from flint import arb, ctx
 
-from hfa_proof.arithmetic.balls import exact
 from hfa_proof.checker.covering import covering
 from hfa_proof.checker.reading import Rejected
 from hfa_region.check.loop import FREE, HIGHEST, LOWEST, RegionLoop
-from hfa_region.check.polynomial import Polynomial, power_of_length
 from hfa_region.check.positivity import Evidence, check_positive
 from hfa_region.check.statement import RegionStatement
 from hfa_region.check.witness import ANY, BALL, EDGE, LEVEL, OUTSIDE, Part, RegionWitness
 from hfa_support.progress import Progress, with_progress
+from verification.enclosure.balls import exact
+from verification.enclosure.polynomial import Polynomial, power_of_length
 
 #: Bits of a midpoint.
 PRECISION = 192

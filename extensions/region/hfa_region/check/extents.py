@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from flint import arb, ctx
 
-from hfa_proof.arithmetic.balls import exact, matrix, norm
 from hfa_region.check.statement import RegionStatement
+from verification.enclosure.balls import exact, matrix, norm
 
 #: Bits of a midpoint.
 _PRECISION = 192

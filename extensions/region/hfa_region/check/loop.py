@@ -15,15 +15,15 @@ import numpy as np
 from flint import arb, arb_mat
 
 from hfa_aircraft.layout import components
-from hfa_proof.arithmetic.ball_function import BallFunction
-from hfa_proof.arithmetic.balls import exact, matrix, norm, symmetric
 from hfa_proof.checker.aircraft import SAME_TRIM
 from hfa_proof.checker.reading import Rejected, Terms
 from hfa_proof.checker.roots import root_offsets
-from hfa_region.check.polynomial import Key, Polynomial, key_of
 from hfa_region.check.statement import RegionStatement, SaturatedLoop
-from hfa_region.check.taylor import Taylor
 from hfa_support.errors import BadInputError
+from verification.enclosure.ball_function import BallFunction
+from verification.enclosure.balls import exact, matrix, norm, symmetric
+from verification.enclosure.polynomial import Key, Polynomial, key_of
+from verification.enclosure.series import Taylor
 
 #: Newton steps from a trim in doubles to the precision of the balls.
 _STEPS = 8

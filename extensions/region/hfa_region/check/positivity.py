@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from flint import arb, arb_mat
 
-from hfa_proof.arithmetic.balls import is_positive_definite, matrix
 from hfa_proof.checker.reading import Fields, Rejected, require
-from hfa_region.check.polynomial import Key, Polynomial, monomials
+from verification.enclosure.balls import is_positive_definite, matrix
+from verification.enclosure.polynomial import Key, Polynomial, monomials
 
 #: Highest degree of the monomials of a Gram matrix.
 _HIGHEST = 12

@@ -117,7 +117,7 @@ def region(request: RegionRequest) -> int:
     --weights or --policy again.
     Not covered: sampling, actuators, delays, and a linearization that is not Hurwitz. Exit code 0:
     the set is proved. The command requires `pip install .[proof]`."""
-    from hfa_proof.arithmetic import flint_or_refusal
+    from verification.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
     request.refuse(
@@ -268,8 +268,8 @@ def _box(linear: LinearModel) -> np.ndarray | None:
 
     linear: linear model at the trim
     """
-    from verification.critic.about_trim import box_within_limits
     from verification.hfa_box import ordinary_box
+    from verification.scope import box_within_limits
 
     units = linear.point.model.units(linear.states)
     box = ordinary_box(linear.states, linear.inputs, units) or box_within_limits(linear)

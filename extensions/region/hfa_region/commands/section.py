@@ -11,7 +11,7 @@ from hfa_support.reporting.report import Report
 
 if TYPE_CHECKING:
     from hfa.options.games import NamedGame
-    from verification.critic.verdict import Verdict
+    from verification.verdict import Verdict
 
 _TITLE = "Region of attraction of the saturated nonlinear loop"
 _DEGREE = 4
@@ -34,12 +34,12 @@ def with_region(
     nonlinear equations.
     """
     from hfa_boxes.interruption import interruptible
-    from hfa_proof.arithmetic import flint_or_refusal
     from hfa_region.commands.policy import policy_terms
     from hfa_region.report import region_report
     from hfa_region.results import NothingProved
     from hfa_region.search.plant import saturated_loop
     from hfa_region.search.region import RegionSearch
+    from verification.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
     if named.linear is None:

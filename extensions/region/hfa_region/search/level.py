@@ -13,13 +13,13 @@ from scipy.optimize import nnls
 from hfa_proof.checker.reading import Fields
 from hfa_region.check.checker import check_region, limits_of
 from hfa_region.check.loop import FREE, HIGHEST, LOWEST, RegionLoop
-from hfa_region.check.polynomial import Polynomial, power_of_length
 from hfa_region.check.statement import RegionStatement, SaturatedLoop
-from hfa_region.check.taylor import Taylor
 from hfa_region.check.witness import ANY, BALL, LEVEL, OUTSIDE, RegionWitness
 from hfa_region.search.function import PolynomialFunction, edge_points, ellipsoid
 from hfa_region.search.squares import ONE, Terms, positive
 from hfa_support.errors import NoSolutionError
+from verification.enclosure.polynomial import Polynomial, power_of_length
+from verification.enclosure.series import Taylor
 
 #: Least margin of a sum of squares, relative to the largest coefficient. The check adds errors
 #: of the solver, about 1e-8, to the Gram matrices.

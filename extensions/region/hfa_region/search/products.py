@@ -9,7 +9,7 @@ from functools import cache, lru_cache
 import numpy as np
 import scipy.sparse as sp
 
-from hfa_region.check.polynomial import exponents_of, monomials
+from verification.enclosure.polynomial import exponents_of, monomials
 
 #: Base of the exponents in one whole number.
 BASE = 16

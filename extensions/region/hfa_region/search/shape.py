@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from hfa_region.check.polynomial import exponents_of, monomials, power_of_length
 from hfa_region.check.witness import LEVEL
 from hfa_region.search.function import PolynomialFunction
 from hfa_region.search.level import MARGIN, LevelSearch, limits_within, lowest_degree
 from hfa_region.search.products import BASE, packed_monomials
 from hfa_region.search.squares import Identity, Squares, Terms
+from verification.enclosure.polynomial import exponents_of, monomials, power_of_length
 
 #: Least ratio of V to |y|².
 _LEAST = 1e-3

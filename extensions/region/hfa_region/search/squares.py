@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from hfa_region.check.polynomial import Polynomial, monomials
 from hfa_region.search.function import PolynomialFunction
 from hfa_region.search.interior import Group, Matrix, minimized
 from hfa_region.search.products import BASE, packed, products_of
+from verification.enclosure.polynomial import Polynomial, monomials
 
 #: Largest margin of a Gram matrix, for a target whose largest coefficient is 1.
 _MOST_MARGIN = 1e-3

@@ -38,8 +38,8 @@ from hfa import (
     verify,
 )
 from hfa.main import BAD_INPUT, DONE, FAILED
-from verification.critic.scope import Scope
 from verification.hfa_box import ordinary_box
+from verification.scope import Scope
 
 GOPS = json.loads(Path(__file__).with_name("gops.json").read_text(encoding="utf-8"))
 BOX = np.array(ORDINARY_DEVIATIONS)

@@ -1,0 +1,454 @@
+"""Critics with one planted mistake each, and the words that must name the mistake."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from learning_samples import value_of_policies
+from planted_critics import gain, other_root, solved, value, weights_of
+from scipy.linalg import solve_continuous_are
+
+from controller.critic.critic import Critic
+from hfa import Game, from_gain, from_value, from_weights
+from hfa_support.errors import NoSolutionError
+from verification.reasons.other_games import discounted, euler, held, of_whole_cost
+
+#: Radians in a degree.
+DEGREE = math.pi / 180.0
+Plant = Callable[[Game], np.ndarray]
+
+
+def changed(matrix: np.ndarray, factor: float, *places: tuple[int, int]) -> np.ndarray:
+    wrong = matrix.copy()
+    for place in places:
+        wrong[place] *= factor
+    return wrong
+
+
+def in_order(game: Game, order: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
+    """Return the exact weights of a quadratic basis in another order.
+
+    order: function from row and column of each weight to indices
+    """
+    row, column = np.triu_indices(len(game.A))
+    return weights_of(value(game))[order(row, column)]
+
+
+def swapped(game: Game) -> np.ndarray:
+    weights = weights_of(value(game))
+    weights[[3, 7]] = weights[[7, 3]]
+    return weights
+
+
+def without_the_factor(game: Game) -> np.ndarray:
+    return value(game)[np.triu_indices(len(game.A))]
+
+
+def recorded_policy(game: Game) -> np.ndarray:
+    """Return the value matrix of the policies that belong to another P."""
+    return value_of_policies(
+        game, solve_continuous_are(game.A, game.B, 1000.0 * np.eye(len(game.A)), game.R)
+    )
+
+
+def lqr(game: Game) -> np.ndarray:
+    return value(game.with_delta(math.inf))
+
+
+def value_in_degrees(game: Game, degrees: np.ndarray) -> np.ndarray:
+    """Return the exact P for states of which some are in degrees.
+
+    degrees: mask of the states in degrees
+    """
+    units = np.where(degrees, DEGREE, 1.0)
+    return value(game) * np.outer(units, units)
+
+
+def in_metres(P: np.ndarray) -> np.ndarray:
+    return P / np.outer(METRE, METRE)
+
+
+METRE = np.array([0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
+ANGLES = np.array([False, True, True, True, True, True])
+FLIPPED = np.array([1.0, 1.0, 1.0, 1.0, -1.0, -1.0])
+ORDER = [0, 2, 1, 3, 5, 4]
+HEAVY = np.diag([3.0, 1.0, 1.0, 1.0, 0.2, 1.0])
+
+#: Name -> (kind of critic, function from the game to the critic, words of the reason).
+NAMED: dict[str, tuple[str, Plant, str]] = {
+    "LQR value": (
+        "P",
+        lqr,
+        "this is the LQR solution (delta = inf), not the game's at delta = 200",
+    ),
+    "LQR gain": ("K", lambda game: game.gain(lqr(game)), "this is the LQR gain (delta = inf)"),
+    "another root": ("P", other_root, "this is another root of the Riccati equation"),
+    "upper triangle": ("P", lambda game: np.triu(value(game)), "P is not symmetric"),
+    "sign of P": ("P", lambda game: -value(game), "the value has the wrong sign"),
+    "sign of W": ("W", lambda game: -weights_of(value(game)), "the value has the wrong sign"),
+    "sign of K": (
+        "K",
+        lambda game: -gain(game),
+        "the gain has the wrong sign: the policy is u = -K z",
+    ),
+    "swapped weights": ("W", swapped, "weights 4 and 8 are interchanged"),
+    "no factor 2": ("W", without_the_factor, "the weights lack the factor 2 of products z_i z_j"),
+    "half cost, P": ("P", lambda game: value(game) / 2, "the value is half the exact one"),
+    "half cost, W": (
+        "W",
+        lambda game: weights_of(value(game)) / 2,
+        "the value is half the exact one",
+    ),
+    "twice, W": ("W", lambda game: weights_of(value(game)) * 2, "the value is twice the exact one"),
+    "half cost, K": ("K", lambda game: gain(game) / 2, "the gain is half the exact one"),
+    "twice, K": ("K", lambda game: gain(game) * 2, "the gain is twice the exact one"),
+    "thousandfold": (
+        "P",
+        lambda game: 1000.0 * value(game),
+        "every entry of P is 1000 times the exact one",
+    ),
+    "weights as P": (
+        "P",
+        lambda game: value(game) * (2.0 - np.eye(len(game.A))),
+        "are twice too large",
+    ),
+    "column order": (
+        "W",
+        lambda game: in_order(game, lambda row, column: np.lexsort((row, column))),
+        "the weights are stored column by column",
+    ),
+    "states, P": (
+        "P",
+        lambda game: value(game)[ORDER][:, ORDER],
+        "the states are in the order 1, 3, 2, 4, 6, 5",
+    ),
+    "states, W": (
+        "W",
+        lambda game: weights_of(value(game)[ORDER][:, ORDER]),
+        "the order 1, 3, 2, 4, 6, 5",
+    ),
+    "states, K": (
+        "K",
+        lambda game: gain(game)[:, ORDER],
+        "the states are in the order 1, 3, 2, 4, 6, 5",
+    ),
+    "inputs, K": (
+        "K",
+        lambda game: gain(game)[[0, 2, 1, 4, 3]],
+        "the inputs are in the order 1, 3, 2, 5, 4",
+    ),
+    "degrees, P": (
+        "P",
+        lambda game: value_in_degrees(game, ANGLES),
+        "states 2, 3, 4, 5 and 6 are in degrees",
+    ),
+    "degrees, W": (
+        "W",
+        lambda game: weights_of(value_in_degrees(game, ANGLES)),
+        "states 2, 3, 4, 5 and 6 are in degrees",
+    ),
+    "one angle in degrees": (
+        "P",
+        lambda game: value_in_degrees(game, np.arange(6) == 4),
+        "state 5 is in degrees",
+    ),
+    "gain per degree": (
+        "K",
+        lambda game: gain(game) * np.where(ANGLES, DEGREE, 1.0),
+        "states 2, 3, 4, 5 and 6 are in",
+    ),
+    "inputs in degrees": (
+        "K",
+        lambda game: np.array([[1.0], [1.0], [1.0], [1 / DEGREE], [1 / DEGREE]]) * gain(game),
+        "inputs 4 and 5 are in degrees",
+    ),
+    "sign of a state, P": (
+        "P",
+        lambda game: value(game) * np.outer(FLIPPED, FLIPPED),
+        "states 5 and 6 have the wrong sign",
+    ),
+    "sign of a state, K": (
+        "K",
+        lambda game: gain(game) * np.where(np.arange(6) == 2, -1, 1),
+        "state 3 has the wrong",
+    ),
+    "signs of states, K": (
+        "K",
+        lambda game: gain(game) * FLIPPED,
+        "states 5 and 6 have the wrong sign",
+    ),
+    "column by column, K": (
+        "K",
+        lambda game: gain(game).T.reshape(5, 6),
+        "but its entries are stored column by column",
+    ),
+    "sign of an input, K": (
+        "K",
+        lambda game: (gain(game).T * [1, 1, 1, -1, 1]).T,
+        "input 4 has the wrong sign",
+    ),
+    "normalised, K": (
+        "K",
+        lambda game: gain(game) / 11.0,
+        "every entry of K is 0.0909091 times the exact one",
+    ),
+    "no inverse of R": ("K", lambda game: game.B.T @ value(game), "R⁻¹ is missing: this is B'P"),
+    "column order, no factor 2": (
+        "W",
+        lambda game: value(game).T[np.tril_indices(len(game.A))],
+        "the weights are stored column by column and lack the factor 2 of products z_i z_j",
+    ),
+    "delta² as delta, P": (
+        "P",
+        lambda game: value(game.with_delta(4e4)),
+        "of another game, at delta = 4e+04",
+    ),
+    "delta² as delta, K": (
+        "K",
+        lambda game: gain(game.with_delta(4e4)),
+        "of another game, at delta = 4e+04",
+    ),
+    "another delta, P": (
+        "P",
+        lambda game: value(game.with_delta(160.0)),
+        "of another game, at delta = 160",
+    ),
+    "another delta, K": (
+        "K",
+        lambda game: gain(game.with_delta(450.0)),
+        "of another game, at delta = 450",
+    ),
+    "Q scaled, P": (
+        "P",
+        lambda game: value(replace(game, Q=2.5 * game.Q)),
+        "with Q 2.5 times as large",
+    ),
+    "Q scaled, K": (
+        "K",
+        lambda game: gain(replace(game, Q=0.5 * game.Q)),
+        "with Q 0.5 times as large",
+    ),
+    "R scaled, P": (
+        "P",
+        lambda game: value(replace(game, R=0.5 * game.R)),
+        "with R 0.5 times as large",
+    ),
+    "another unit, P": (
+        "P",
+        lambda game: in_metres(value(game)),
+        "the states look scaled by 3.28, 1, 1, 1, 1, 1",
+    ),
+    "another unit, K": (
+        "K",
+        lambda game: gain(game) / METRE,
+        "the states look scaled by 3.28, 1, 1, 1, 1, 1",
+    ),
+    "rows normalised": (
+        "K",
+        lambda game: gain(game) / np.linalg.norm(gain(game), axis=1)[:, None],
+        "the inputs look scaled by",
+    ),
+    "discounted": ("P", lambda game: value(discounted(game, 0.1)), "with a discount of 0.1 1/s"),
+    "discrete time, P": (
+        "P",
+        lambda game: held(game, 0.02).P,
+        "in discrete time, a step of 0.02 s",
+    ),
+    "discrete time, K": (
+        "K",
+        lambda game: held(game, 0.02).K,
+        "in discrete time, a step of 0.02 s",
+    ),
+    "discrete LQR, K": (
+        "K",
+        lambda game: held(game.with_delta(math.inf), 0.05).K,
+        "of the LQR, in discrete time, a step of 0.05 s",
+    ),
+    "cost a step, P": (
+        "P",
+        lambda game: of_whole_cost(held(game, 0.02), 0.02).P,
+        "in discrete time, a step of 0.02 s and its whole cost",
+    ),
+    "R scaled, K": (
+        "K",
+        lambda game: gain(replace(game, R=0.25 * game.R)),
+        "with R 0.25 times as large",
+    ),
+    "squares first": (
+        "W",
+        lambda game: in_order(game, lambda row, column: np.argsort(row != column, kind="stable")),
+        "the weights are stored with the squares first",
+    ),
+    "half cost, no factor 2": (
+        "W",
+        lambda game: without_the_factor(game) / 2,
+        "the weights lack the factor 2 of products z_i z_j and are of half the cost",
+    ),
+    "sign of an entry, P": (
+        "P",
+        lambda game: changed(value(game), -1, (1, 4), (4, 1)),
+        "P(2, 5) has the wrong sign",
+    ),
+    "sign of an entry, K": (
+        "K",
+        lambda game: changed(gain(game), -1, (3, 0)),
+        "K(4, 1) has the wrong sign",
+    ),
+    "decimal slip, P": (
+        "P",
+        lambda game: changed(value(game), 10, (2, 5), (5, 2)),
+        "P(3, 6) is 10 times the exact one: a decimal slip",
+    ),
+    "decimal slip, K": (
+        "K",
+        lambda game: changed(gain(game), 0.01, (4, 4)),
+        "K(5, 5) is 0.01 times the exact one: a decimal slip",
+    ),
+    "another Q": (
+        "P",
+        lambda game: value(replace(game, Q=HEAVY @ game.Q)),
+        "with Q = diag(3000, 1000, 0.01, 0.01, 200, 0.01)",
+    ),
+    "Q of one state": (
+        "P",
+        lambda game: value(replace(game, Q=np.diag([1.0, 2.5, 1.0, 1.0, 1.0, 1.0]) @ game.Q)),
+        "of another game, with Q of state 2 2.5 times as large",
+    ),
+    "another R": (
+        "P",
+        lambda game: value(replace(game, R=np.diag([100.0, 400.0, 300.0, 400.0, 50.0]))),
+        "of another game, with R of input 3 0.75 times as large",
+    ),
+    "I + A dt, K": (
+        "K",
+        lambda game: euler(game, 0.02).K,
+        "in discrete time, a step of 0.02 s of x + (A x + B u) dt",
+    ),
+    "I + A dt, LQR": (
+        "K",
+        lambda game: euler(game.with_delta(math.inf), 0.05).K,
+        "of the LQR, in discrete time, a step of 0.05 s of x + (A x + B u) dt",
+    ),
+}
+#: Mistakes that cannot be recognized.
+UNNAMED: dict[str, tuple[str, Plant]] = {
+    "weak E": ("P", lambda game: value(replace(game, E=game.E[:, 1:2]))),
+    "recorded policy": ("P", recorded_policy),
+    "Q and R doubled": ("P", lambda game: value(replace(game, Q=2.0 * game.Q, R=2.0 * game.R))),
+    "stable before": ("P", lambda game: value(replace(game, A=game.A * 1.01))),
+    "three digits": (
+        "K",
+        lambda game: np.vectorize(lambda entry: float(f"{entry:.3g}"))(gain(game)),
+    ),
+    "no gain": ("K", lambda game: np.zeros_like(game.B.T)),
+    "no value": ("P", lambda game: np.zeros_like(game.A)),
+}
+
+
+def exchanged(size: int) -> np.ndarray:
+    """Return the indices 1, 0, 2, 3, ..., in which the first two are exchanged, (size,)."""
+    order = np.arange(size)
+    order[:2] = [1, 0]
+    return order
+
+
+def second_in_degrees(game: Game) -> np.ndarray:
+    return value_in_degrees(game, np.arange(len(game.A)) == 1)
+
+
+def second_flipped(game: Game) -> np.ndarray:
+    return np.where(np.arange(len(game.A)) == 1, -1.0, 1.0)
+
+
+#: The same for games of any size, for critics with noise.
+OF_ANY_GAME: dict[str, tuple[str, Plant, str]] = {
+    name: NAMED[name]
+    for name in (
+        "no factor 2",
+        "weights as P",
+        "sign of P",
+        "sign of W",
+        "sign of K",
+        "half cost, P",
+        "half cost, W",
+        "half cost, K",
+        "twice, W",
+        "twice, K",
+        "thousandfold",
+        "column order",
+        "squares first",
+    )
+} | {
+    "states, P": (
+        "P",
+        lambda game: value(game)[np.ix_(*[exchanged(len(game.A))] * 2)],
+        "the states are in the order 2, 1, 3",
+    ),
+    "states, K": (
+        "K",
+        lambda game: gain(game)[:, exchanged(len(game.A))],
+        "the states are in the order 2, 1, 3",
+    ),
+    "degrees, P": ("P", second_in_degrees, "state 2 is in degrees"),
+    "degrees, W": (
+        "W",
+        lambda game: weights_of(second_in_degrees(game)),
+        "state 2 is in degrees",
+    ),
+    "degrees, K": (
+        "K",
+        lambda game: gain(game) * np.where(np.arange(len(game.A)) == 1, DEGREE, 1.0),
+        "state 2 is in degrees",
+    ),
+    "sign of a state, P": (
+        "P",
+        lambda game: value(game) * np.outer(second_flipped(game), second_flipped(game)),
+        "state 2 has the wrong sign",
+    ),
+    "sign of a state, K": (
+        "K",
+        lambda game: gain(game) * second_flipped(game),
+        "state 2 has the wrong sign",
+    ),
+}
+
+
+def random_game(rng: np.random.Generator) -> Game:
+    """Return a random game with 3 to 6 states and 1 to 3 inputs that has a solution."""
+    while True:
+        n = int(rng.integers(3, 7))
+        m = int(rng.integers(1, 4))
+        game = Game(
+            rng.normal(size=(n, n)),
+            rng.normal(size=(n, m)),
+            0.3 * rng.normal(size=(n, 2)),
+            np.diag(rng.uniform(0.2, 3.0, n)),
+            np.diag(rng.uniform(0.3, 3.0, m)),
+            float(rng.uniform(3.0, 10.0)),
+        )
+        with contextlib.suppress(NoSolutionError):
+            solved(game)
+            return game
+
+
+def noisy(kind: str, right: np.ndarray, size: float, rng: np.random.Generator) -> np.ndarray:
+    """Return a matrix with relative noise in each entry, symmetric for P.
+
+    kind: "P" or another kind
+    size: standard deviation of the noise
+    """
+    noise = rng.standard_normal(right.shape)
+    if kind == "P":
+        noise = np.triu(noise) + np.triu(noise, 1).T
+    return right * (1.0 + size * noise)
+
+
+_KINDS = {"W": from_weights, "P": from_value, "K": from_gain}
+
+
+def candidate_of(game: Game, kind: str, plant: Plant) -> Critic:
+    return _KINDS[kind](game, plant(game))

@@ -1,0 +1,131 @@
+"""Verdicts on critics of discounted discrete-time games."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from cli import answer, hfa
+from game_files import AT_15, stored
+from game_samples import failed_names
+from known_models import game_at
+from planted_critics import gain, value
+from tolerances import SAME_FORMULA
+
+from controller import solve_discounted
+from hfa import Game, from_gain, from_value
+from hfa.main import BAD_INPUT, FAILED
+from verification.critic.discrete import check_discounted
+
+pytestmark = pytest.mark.usefixtures("folder")
+
+DISCOUNT = 0.99
+DT = 0.01
+
+
+def test_exact_discounted_critic_passes_and_mistakes_are_named(game: Game) -> None:
+    """The exact P and K pass. Each wrong critic fails with a message that names the mistake."""
+    exact = solve_discounted(game, DISCOUNT, DT)
+    assert check_discounted(game, from_value(game, exact.P), DISCOUNT, DT).ok
+    assert check_discounted(game, from_gain(game, exact.K), DISCOUNT, DT).ok
+    for wrong, message in (
+        (from_value(game, exact.P / DT), "every entry of P is 100 times the exact one"),
+        (from_value(game, -exact.P), "the value has the wrong sign"),
+        (from_gain(game, -exact.K), "the gain has the wrong sign"),
+        (
+            from_value(game, value(game)),
+            "this is the solution in continuous time, without discount",
+        ),
+        (from_gain(game, gain(game)), "this is the gain in continuous time, without discount"),
+    ):
+        check = check_discounted(game, wrong, DISCOUNT, DT)
+        assert not check.ok
+        assert check.reason.startswith(message)
+
+
+def test_reported_excess_cost_agrees_with_simulation(game: Game) -> None:
+    """The largest simulated excess cost of a policy is 70 to 100 % of the reported excess cost.
+
+    The simulations begin at 1000 initial states. The cost under the worst disturbance w = L x
+    is summed over 3000 steps.
+    """
+    exact = solve_discounted(game, DISCOUNT, DT)
+    step = exact.game
+    K = 1.1 * exact.K
+    rng = np.random.default_rng(0)
+    check = check_discounted(game, from_gain(game, K), DISCOUNT, DT)
+    x = np.linalg.solve(np.linalg.cholesky(exact.P).T, rng.normal(size=(6, 1000)))
+    V = np.sum(x * (exact.P @ x), axis=0)
+    J = np.zeros(1000)
+    factor = 1.0
+    for _ in range(3000):
+        u = -K @ x
+        w = exact.disturbance_gain @ x
+        paid = np.sum(x * (step.Q @ x), axis=0) + np.sum(u * (step.R @ u), axis=0)
+        J += factor * (paid - step.delta**2 * np.sum(w * w, axis=0))
+        x = step.A @ x + step.B @ u + step.E @ w
+        factor *= DISCOUNT
+    lost = 100.0 * (J / V - 1.0)
+    assert 0.7 * check.cost_lost < lost.max() <= check.cost_lost * (1 + 1e-6)
+
+
+def test_verify_compares_with_the_specified_problem_only(game: Game) -> None:
+    """`hfa verify` compares a critic only with the problem that the options specify.
+
+    The discounted critic passes with --discount and --dt and fails without them. --discount without
+    --dt is refused.
+    """
+    words = (
+        "verify",
+        *AT_15,
+        "--weights",
+        stored("P.npz", P=solve_discounted(game, DISCOUNT, DT).P),
+    )
+    problem = ("--discount", str(DISCOUNT), "--dt", str(DT))
+    data = answer(*words, *problem)
+    assert (data["ok"], data["schema"], data["dt"]) == (True, "hfa.discounted-check/1", DT)
+    assert hfa(*words, *problem).out.startswith(
+        "PASS on the linear game: optimal cost, exact within 1e-06"
+    )
+    assert answer(*words, code=FAILED)["ok"] is False
+    result = hfa(*words, *problem[:2])
+    assert result.code == BAD_INPUT
+    assert "--discount and --dt require each other; give both" in result.err
+
+
+def test_an_exact_critic_that_does_not_stabilize_fails() -> None:
+    """An exact discounted critic that does not stabilize is reported as exact, and fails.
+
+    With discount 0.95 and a step of 5 ms at 20 deg, the spectral radius of A - B K is 1.00003.
+    """
+    game = game_at(20.0)
+    exact = solve_discounted(game, 0.95, 0.005)
+    verdict = check_discounted(game, from_value(game, exact.P), 0.95, 0.005)
+    assert "not stabilizing\nexact within 1e-06" in str(verdict)
+    assert failed_names(verdict.checks) == {"control_loop_radius"}
+    assert verdict.value_of("control_loop_radius") == pytest.approx(1.00003, abs=3e-6)
+    assert verdict.value_of("discounted_loop_radius") == pytest.approx(
+        math.sqrt(0.95) * verdict.value_of("control_loop_radius"), rel=SAME_FORMULA
+    )
+    (reason,) = [check.reason for check in verdict.checks if not check.ok]
+    assert "the exact solution of this discounted problem does not stabilize either" in reason
+
+
+def test_discounted_verdict_does_not_need_a_continuous_solution() -> None:
+    """A wrong discounted critic fails, even if the continuous-time game has no solution."""
+    game = game_at(15.0).with_delta(110.0)
+    exact = solve_discounted(game, 0.9, 0.01)
+    assert not check_discounted(game, from_value(game, 1.1 * exact.P), 0.9, 0.01).ok
+
+
+def test_discrete_verdicts_are_printed() -> None:
+    """The printed verdict on an exact P begins with the result.
+
+    The verdict on an unstable gain names the matrix A - B K.
+    """
+    game = Game([[0.9]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], np.inf)
+    exact = solve_discounted(game, 0.9)
+    verdict = check_discounted(game, from_value(game, exact.P), 0.9)
+    assert str(verdict).startswith("PASS on the linear game: optimal cost, exact within 1e-06")
+    assert "A - B K" in str(check_discounted(game, from_gain(game, [[-1.0]]), 0.9))

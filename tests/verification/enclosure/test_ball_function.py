@@ -1,0 +1,167 @@
+"""Enclosures of the model's rates contain the exact values, and wrong operations are detected."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import flint
+import numpy as np
+import pytest
+from flint import arb, arb_series
+from proof_cases import family, model_at
+from random_points import rates_function
+
+import hfa_model
+from hfa import BadInputError
+from hfa_model import VARIANTS
+from verification.enclosure import ball_function
+from verification.enclosure.ball_function import BallFunction, Undecided
+from verification.enclosure.balls import exact
+
+Balls = list[Any]
+
+
+def escaped(dynamics: str, radius: float, points: int, seed: int = 0) -> int:
+    """Return the number of points whose rates are outside the enclosure of the rates.
+
+    The points are random in a box of states, inputs and parameters. Their rates are computed with
+    200 bits.
+
+    radius: half-widths of the box, relative to the values plus 0.01
+    points: number of points
+    """
+    random = np.random.default_rng(seed)
+    rates = BallFunction(rates_function(VARIANTS[dynamics]))
+    point = model_at(15.0, dynamics).point
+    middle = [
+        np.array(point.states),
+        np.array(point.inputs),
+        np.array(hfa_model.parameters_of(family(dynamics).model)),
+    ]
+    sizes = [radius * (0.01 + np.abs(values)) for values in middle]
+    box = [
+        [arb(m, s) for m, s in zip(values.tolist(), size.tolist(), strict=True)]
+        for values, size in zip(middle, sizes, strict=True)
+    ]
+    enclosure = rates(*box)[0]
+    missed = 0
+    with flint.ctx.workprec(200):
+        for _ in range(points):
+            drawn = [
+                m + s * random.uniform(-1.0, 1.0, m.size)
+                for m, s in zip(middle, sizes, strict=True)
+            ]
+            value = rates(*([exact(entry) for entry in values.tolist()] for values in drawn))[0]
+            missed += not all(
+                ball.contains(entry) for ball, entry in zip(enclosure, value, strict=True)
+            )
+    return missed
+
+
+@pytest.mark.parametrize("dynamics", VARIANTS)
+def test_enclosures_contain_random_points(dynamics: str) -> None:
+    """For three radii, the enclosures contain the exact rates at 100 random points."""
+    for radius in (1e-8, 1e-4, 1e-2):
+        assert escaped(dynamics, radius, points=100) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dynamics", VARIANTS)
+def test_enclosures_contain_a_hundred_thousand_random_points(dynamics: str) -> None:
+    """For five radii, the enclosures contain the exact rates at 10,000 random points each."""
+    for seed, radius in enumerate((1e-10, 1e-6, 1e-4, 1e-3, 1e-2)):
+        assert escaped(dynamics, radius, points=10_000, seed=seed) == 0
+
+
+def test_balls_equal_the_functions_in_doubles() -> None:
+    """Rates and Jacobians in ball arithmetic equal those of the model in doubles."""
+    model = model_at(15.0)
+    aircraft = family().model
+    functions = aircraft.functions(())
+    arguments = (model.point.states, model.point.inputs, hfa_model.parameters_of(aircraft))
+    found = BallFunction(functions)(*([exact(value) for value in values] for values in arguments))
+    for balls, doubles in zip(
+        found, functions(*(list(values) for values in arguments)), strict=True
+    ):
+        expected = np.array(doubles).ravel(order="F")
+        scale = np.abs(expected).max(initial=0.0) + 1.0
+        np.testing.assert_allclose(
+            [float(ball) for ball in balls], expected, rtol=0, atol=1e-12 * scale
+        )
+
+
+def test_a_planted_wrong_operation_is_detected(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An operation with a relative error of 1e-9 is detected, for each operation of the model."""
+    function = rates_function(VARIANTS["published"])
+    point = model_at(15.0).point
+    parameters = hfa_model.parameters_of(family().model)
+    arguments = [
+        [exact(value) for value in values] for values in (point.states, point.inputs, parameters)
+    ]
+    right = BallFunction(function)(*arguments)[0]
+    used = {function.instruction_id(i) for i in range(function.n_instructions())}
+    for code in used - {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}:
+        operations = dict(ball_function._OPERATIONS)
+        operations[code] = _off(operations[code])
+        # The planted fault: one wrong operation.
+        monkeypatch.setattr(ball_function, "_OPERATIONS", operations)
+        wrong = BallFunction(function)(*arguments)[0]
+        assert any(not one.overlaps(other) for one, other in zip(right, wrong, strict=True)), code
+
+
+def _off(operation: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda *values: operation(*values) * (1 + arb(1e-9))
+
+
+def test_an_unknown_operation_is_refused_by_name() -> None:
+    """A function with an operation that ball arithmetic does not support is refused, and the
+    operation is named.
+    """
+    x = ca.SX.sym("x")
+    with pytest.raises(
+        BadInputError, match="f: the equations use erf, which a proof does not support"
+    ):
+        BallFunction(ca.Function("f", [x], [ca.erf(x)]))
+
+
+ABOUT_0 = arb_series([arb(0, 0.1), arb(1)], prec=2)
+
+
+@pytest.mark.parametrize(
+    ("expression", "at"),
+    [
+        (lambda x: ca.fmin(x, 0.0), ABOUT_0),
+        (lambda x: 1 / x, ABOUT_0),
+        *((lambda x: ca.atan2(1.0, x), each) for each in (ABOUT_0, arb(0))),
+        *((lambda x: x**0.3, each) for each in (ABOUT_0, arb(0))),
+    ],
+)
+def test_an_undecided_branch_raises_undecided(expression: Callable[[Any], Any], at: Any) -> None:
+    """A function with an undecided branch at the argument raises Undecided.
+
+    An argument of exactly 0 does not count as positive.
+    """
+    x = ca.SX.sym("x")
+    with pytest.raises(Undecided):
+        BallFunction(ca.Function("f", [x], [expression(x)]))([at])
+
+
+def test_power_series_equal_casadi_derivatives() -> None:
+    """Power series evaluated in ball arithmetic have the derivatives of CasADi."""
+    x = ca.SX.sym("x")
+    expression = (
+        ca.sqrt(x) * ca.asin(x) / (1 + ca.exp(x))
+        - ca.log(x) ** 2
+        + ca.tan(x)
+        + ca.acos(x) * ca.atan(x)
+    )
+    found = BallFunction(ca.Function("f", [x], [expression]))(
+        [arb_series([arb(0.3), arb(1)], prec=3)]
+    )[0][0]
+    first = ca.jacobian(expression, x)
+    reference = ca.Function("g", [x], [expression, first, ca.jacobian(first, x) / 2])(0.3)
+    np.testing.assert_allclose(
+        [float(found[j]) for j in range(3)], [float(each) for each in reference], rtol=1e-13
+    )

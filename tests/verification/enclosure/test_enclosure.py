@@ -1,0 +1,307 @@
+"""Enclosures contain every value of a function, including rounding errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+
+import casadi as ca
+import numpy as np
+import pytest
+from flint import arb
+
+from hfa_boxes.search.doubles import values_at
+from hfa_support.errors import BadInputError
+from verification.enclosure.elementary import (
+    EXP_ERROR,
+    SIN_ERROR,
+    TANH_ERROR,
+    atan,
+    exp,
+    log,
+    sin_cos,
+    tanh,
+)
+from verification.enclosure.lines import ENCLOSED
+from verification.enclosure.program import Program
+from verification.enclosure.slopes import Intervals, jacobian
+from verification.enclosure.taylor import TaylorProgram, highest, lowest
+
+
+def every_operation() -> ca.Function:
+    y = ca.SX.sym("y", 3)
+    a, b = 2 + 0.3 * y[0] + 0.1 * y[1], 0.3 * y[0] - 0.2 * y[1] + 0.5 * y[2]
+    expressions = [
+        *(ca.sqrt(a) / (a + b**2), ca.sin(b) * ca.cos(a), ca.exp(b) - ca.log(a), ca.tan(b) * a**3),
+        *(ca.atan(b) - 1 / a, a**1.5, ca.tanh(3 * b) * b, ca.fmax(b, 0.1 * b) + ca.fmin(b, 0.2)),
+        *(ca.atan2(b, a), ca.atan2(a, b), ca.atan2(-a, b - a), ca.asin(0.7 * b)),
+        *(ca.fabs(b) * a, ca.expm1(ca.fmin(b, 0)) + ca.log1p(a), y[0] * y[1] * y[2] ** 3),
+    ]
+    return ca.Function("f", [y], [ca.vertcat(*expressions)])
+
+
+@pytest.mark.parametrize("half_width", [0.5, 0.1, 1e-3, 1e-8])
+def test_taylor_models_enclose_every_operation(half_width: float) -> None:
+    """For each operation, the Taylor models enclose the function at random points of random boxes."""
+    generator = np.random.default_rng(0)
+    function = every_operation()
+    centres = generator.uniform(-0.5, 0.5, (100, 3))
+    half_widths = half_width * generator.uniform(0.2, 1.0, centres.shape)
+    models = TaylorProgram(Program(function, "f"), 3).over(centres, half_widths)
+    low = lowest(models, 3)
+    high = highest(models, 3)
+    for _ in range(20):
+        shares = np.clip(generator.uniform(-1.3, 1.3, centres.shape), -1.0, 1.0)
+        values = np.array(function((centres + half_widths * shares).T))
+        assert np.all((low <= values) & (values <= high))
+
+
+def test_functions_of_squares_contain_the_ends_of_boxes() -> None:
+    """The enclosure of exp(y²) contains the value at the end of a box about y = 0.
+
+    The linear part of y² is 0 at the center of the box.
+    """
+    y = ca.SX.sym("y", 1)
+    program = TaylorProgram(Program(ca.Function("f", [y], [ca.exp(y**2)]), "f"), 1)
+    models = program.over(np.zeros((1, 1)), np.full((1, 1), 0.1))
+    assert highest(models, 1)[0, 0] >= np.exp(0.01)
+
+
+@pytest.mark.parametrize("half_width", [0.5, 0.1, 1e-3, 1e-8])
+def test_sharpened_bounds_are_valid_for_every_operation(half_width: float) -> None:
+    """Sharpened lower bounds are valid for every operation and at least as high as `lowest`.
+
+    The third input has an error of 1 % of its half-width.
+    """
+    generator = np.random.default_rng(0)
+    function = every_operation()
+    centres = generator.uniform(-0.5, 0.5, (100, 3))
+    half_widths = half_width * generator.uniform(0.2, 1.0, centres.shape)
+    program = TaylorProgram(Program(function, "f"), 3)
+    linear = np.zeros((3, 4, 100))
+    linear[:, 0] = centres.T
+    linear[np.arange(3), np.arange(1, 4)] = half_widths.T
+    radius = np.zeros((3, 100))
+    radius[2] = 0.01 * half_widths[:, 2]
+    traced = program.traced(linear, radius)
+    every = np.arange(100)
+    for output in range(function.numel_out(0)):
+        found = program.sharpened(traced, np.full(100, output), every)
+        assert np.all(found.lowest >= lowest(traced.outputs, 3)[output])
+        for _ in range(20):
+            shares = np.clip(generator.uniform(-1.3, 1.3, centres.shape), -1.0, 1.0)
+            off = radius.T * generator.uniform(-1.0, 1.0, centres.shape)
+            values = np.array(function((centres + half_widths * shares + off).T))
+            assert np.all(found.lowest <= values[output])
+
+
+def test_errors_of_two_paths_cancel() -> None:
+    """Errors that reach the output on two paths cancel in the sharpened bound.
+
+    max(k + 9, 0) - k is 9 for k >= -9, although the error of k enters twice.
+    """
+    y = ca.SX.sym("y", 2)
+    k = ca.fmax(y[0] + 0.1 * y[1], 0.0)
+    program = TaylorProgram(Program(ca.Function("f", [y], [ca.fmax(k + 9.0, 0.0) - k]), "f"), 2)
+    box = (np.array([[0.1, 0.0]]), np.ones((1, 2)))
+    assert lowest(program.over(*box), 2)[0, 0] < 8.5
+    linear = np.zeros((2, 3, 1))
+    linear[:, 0], linear[[0, 1], [1, 2]] = box[0].T, box[1].T
+    traced = program.traced(linear, np.zeros((2, 1)))
+    first = np.zeros(1, dtype=int)
+    assert program.sharpened(traced, first, first).lowest == pytest.approx([9.0], abs=1e-9)
+    program._row = 1e-3  # a planted rounding error of the weights must be included
+    assert program.sharpened(traced, first, first).lowest < 9.0 - 4e-3 * traced.outputs.radius[0, 0]
+
+
+def _rounded(y: ca.SX) -> dict[str, ca.SX]:
+    kink = ca.fmax(y[0] + 0.1 * y[1] + 2.0, 0.0)
+    return {
+        "outputs": y[0] + 0.1 * y[1] + 2.0,
+        "kinks": kink,
+        "rows of kinks": 1e6 * ca.fmax(1e-3 * y[0] + 0.1 * y[1] + 2.0, 0.0),
+        "products": kink * (0.3 * y[0] + y[1] + 2.0),
+        "curves": 1e6 * ca.sqrt(y[0] + 2.0) / (y[1] + 3.0),
+    }
+
+
+@pytest.mark.parametrize("name", _rounded(ca.SX.sym("y", 2)))
+def test_sharpened_bounds_include_rounding(name: str) -> None:
+    """Sharpened bounds include rounding, also if it is the only error."""
+    y = ca.SX.sym("y", 2)
+    program = TaylorProgram(Program(ca.Function("f", [y], [_rounded(y)[name]]), "f"), 2)
+    linear = np.zeros((2, 3, 1))
+    linear[:, 0] = 0.3
+    linear[[0, 1], [1, 2]] = 1e-12
+    traced = program.traced(linear, np.zeros((2, 1)))
+    first = np.zeros(1, dtype=int)
+    found = program.sharpened(traced, first, first).lowest[0]
+    bound = lowest(traced.outputs, 2)[0, 0]
+    assert bound <= found <= bound + 1e-3 * traced.outputs.radius[0, 0]
+
+
+def test_an_edge_across_a_kink_lowers_bounds() -> None:
+    """The looseness of a lower bound is attributed to the edge y_0, along which |y_0| has its kink.
+
+    The function is |y_0| + |0.01 y_0 + y_1 - 9|, which has no kink along y_1.
+    """
+    y = ca.SX.sym("y", 2)
+    function = ca.Function("f", [y], [ca.fabs(y[0]) + ca.fabs(0.01 * y[0] + y[1] - 9.0)])
+    program = TaylorProgram(Program(function, "f"), 2)
+    linear = np.array([[[0.1], [1.0], [0.0]], [[0.0], [0.0], [1.0]]])
+    first = np.zeros(1, dtype=int)
+    traced = program.traced(linear, np.zeros((2, 1)))
+    kinks = program.sharpened(traced, first, first).lowered_by[0] - np.abs(
+        traced.outputs.c[0, 1:3, 0]
+    )
+    assert kinks[0] > 0.4
+    assert kinks[1] < 1e-9
+
+
+def test_squared_squares_contain_the_ends_of_boxes() -> None:
+    """The enclosure of (y²)² contains its values at the ends of boxes.
+
+    The linear part of y² is 0 at the center of the first box.
+    """
+    y = ca.SX.sym("y", 1)
+    program = TaylorProgram(Program(ca.Function("f", [y], [(y**2) ** 2]), "f"), 1)
+    centres, half_widths = np.array([[0.0], [0.25], [0.5]]), np.array([[0.5], [0.25], [0.5]])
+    models = program.over(centres, half_widths)
+    assert np.all(highest(models, 1) >= (centres + half_widths).T ** 4)
+    assert np.all(lowest(models, 1) <= 0.0)
+
+
+def test_the_chain_rule_encloses_every_derivative() -> None:
+    """The enclosed Jacobian contains the derivatives of CasADi at 100 random points."""
+    generator = np.random.default_rng(1)
+    function = every_operation()
+    y = ca.SX.sym("y", 3)
+    slopes = ca.Function("J", [y], [ca.jacobian(function(y), y)])
+    centre = np.array([0.1, -0.3, 0.2])
+    found = jacobian(Program(function, "f"), Intervals(centre, np.full(3, 0.3)))
+    for _ in range(100):
+        place = centre + generator.uniform(-0.3, 0.3, 3)
+        values = np.array(slopes(place))
+        assert np.all(found.slopes.low - 1e-13 <= values)
+        assert np.all(values <= found.slopes.high + 1e-13)
+
+
+#: Kind -> the function and its derivative.
+FUNCTIONS: dict[str, tuple[Callable[..., np.ndarray], Callable[..., np.ndarray]]] = {
+    "tanh": (np.tanh, lambda t: 1.0 - np.tanh(t) ** 2),
+    "relu": (lambda t: np.maximum(t, 0.0), lambda t: np.where(t > 0.0, 1.0, 0.0)),
+    "step": (lambda t: np.where(t > 0.0, 1.0, 0.0), np.zeros_like),
+    "inverse": (np.reciprocal, lambda t: -1.0 / t**2),
+    "sqrt": (np.sqrt, lambda t: 0.5 / np.sqrt(t)),
+    "exp": (np.exp, np.exp),
+    "log": (np.log, np.reciprocal),
+    "sin": (np.sin, np.cos),
+    "cos": (np.cos, lambda t: -np.sin(t)),
+    "atan": (np.arctan, lambda t: 1.0 / (1.0 + t**2)),
+}
+
+
+@pytest.mark.parametrize("kind", ENCLOSED)
+def test_each_part_of_an_enclosure_contains_the_function(kind: str) -> None:
+    """Parabolas, lines and slopes enclose functions over narrow, wide and asymmetric ranges."""
+    function, slope = FUNCTIONS[kind]
+    generator = np.random.default_rng(3)
+    is_positive = kind in ("inverse", "sqrt", "log")
+    centre = generator.uniform(1.0 if is_positive else -3.0, 3.0, 400)
+    width = generator.choice([1e-6, 0.01, 0.9] if is_positive else [1e-6, 0.1, 2.0, 6.0], 400)
+    low = centre - width * generator.uniform(0.0, 1.0, 400)
+    high = centre + width * generator.uniform(0.0, 1.0, 400)
+    slopes = ENCLOSED[kind].slopes(low, high)
+    for share in np.linspace(0.0, 1.0, 41):
+        t = low + share * (high - low)
+        for enclose in (ENCLOSED[kind].curve, ENCLOSED[kind].line):
+            if enclose is None:
+                continue
+            found = enclose((centre, low, high))
+            d = t - centre
+            off = np.abs(function(t) - (found.value + d * (found.slope + d * found.bend)))
+            assert np.all(off <= found.rest + 1e-14 * (1.0 + np.abs(function(t))))
+        assert np.all(slopes.low <= slope(t) + 1e-13 * (1.0 + np.abs(slope(t))))
+        assert np.all(slopes.high >= slope(t) - 1e-13 * (1.0 + np.abs(slope(t))))
+
+
+def test_elementary_functions_satisfy_their_error_bounds() -> None:
+    """The errors of the elementary functions remain below their stated bounds."""
+    generator = np.random.default_rng(2)
+    angles = generator.uniform(-16.0, 16.0, 300)
+    positive = 10.0 ** generator.uniform(-6.0, 6.0, 300)
+    sine, cosine = sin_cos(angles)
+    logarithm, of_log = log(positive)
+    arc, of_arc = atan(angles)
+    for index, angle in enumerate(angles.tolist()):
+        t = arb(angle)
+        assert abs(arb(sine[index]) - t.sin()) < SIN_ERROR
+        assert abs(arb(cosine[index]) - t.cos()) < SIN_ERROR
+        assert abs(arb(tanh(angles)[index]) - t.tanh()) < TANH_ERROR
+        assert abs(arb(exp(angles)[index]) - t.exp()) < EXP_ERROR * t.exp()
+        assert abs(arb(arc[index]) - t.atan()) < of_arc[index]
+        assert abs(arb(logarithm[index]) - arb(positive[index]).log()) < of_log[index]
+
+
+@pytest.mark.parametrize("margin", [1e-13, -1e-13])
+def test_a_margin_of_1e13_is_decided_correctly(margin: float) -> None:
+    """The sign of a function value of ±1e-13 is proved.
+
+    The function (1 + y)² - 4 y + margin has the value `margin` at y = 1.
+    """
+    y = ca.SX.sym("y")
+    function = ca.Function("f", [y], [(1 + y) ** 2 - 4 * y + margin])
+    models = TaylorProgram(Program(function, "f"), 1).over(np.array([[1.0]]), np.array([[1e-8]]))
+    exact = Fraction(margin)
+    assert Fraction(float(lowest(models, 1)[0, 0])) <= exact
+    assert (lowest(models, 1)[0, 0] > 0.0) == (margin > 0.0)
+    assert Fraction(float(highest(models, 1)[0, 0])) >= exact
+
+
+@pytest.mark.parametrize("margin", [1e-13, -1e-13])
+def test_folded_constants_do_not_change_the_function(margin: float) -> None:
+    """The sign of 5 (0.2 y) - y + margin is proved, although 5 times the double 0.2 is not 1.
+
+    CasADi simplifies the product to y.
+    """
+    y = ca.SX.sym("y")
+    folded = 5 * (0.2 * y) - y + margin
+    assert Fraction(0.2) * 5 != 1
+    models = TaylorProgram(Program(ca.Function("f", [y], [folded]), "f"), 1).over(
+        np.array([[0.5]]), np.array([[0.5]])
+    )
+    assert (lowest(models, 1)[0, 0] > 0.0) == (margin > 0.0)
+    assert (highest(models, 1)[0, 0] < 0.0) == (margin < 0.0)
+
+
+def test_rounding_of_a_long_sum_is_covered() -> None:
+    """The bounds of a long sum with canceling large terms contain its exact value."""
+    y = ca.SX.sym("y", 2)
+    total = sum(0.1 * k * y[0] + 1e8 * y[1] - 1e8 * y[1] * (1 + 2.0**-30) for k in range(50))
+    models = TaylorProgram(Program(ca.Function("f", [y], [total]), "f"), 2).over(
+        np.array([[0.3, 0.7]]), np.full((1, 2), 2.0**-40)
+    )
+    exact = sum(
+        Fraction(0.1 * k) * Fraction(0.3)
+        + Fraction(1e8) * Fraction(0.7) * (1 - Fraction(1 + 2.0**-30))
+        for k in range(50)
+    )
+    assert (
+        Fraction(float(lowest(models, 2)[0, 0]))
+        <= exact
+        <= Fraction(float(highest(models, 2)[0, 0]))
+    )
+
+
+def test_an_operation_without_enclosure_is_named() -> None:
+    """A function with an operation that has no enclosure is refused, and the operation is named."""
+    y = ca.SX.sym("y")
+    with pytest.raises(BadInputError, match="uses erf, which is not supported"):
+        Program(ca.Function("f", [y], [ca.erf(y)]), "policy")
+
+
+def test_evaluated_values_equal_the_function() -> None:
+    """`values_at` equals the function, also at more points than are evaluated together."""
+    points = np.random.default_rng(0).uniform(-0.5, 0.5, (5000, 3))
+    expected = np.array(every_operation()(points.T)).T
+    assert values_at(Program(every_operation(), "f"), points) == pytest.approx(expected, rel=1e-12)

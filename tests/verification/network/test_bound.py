@@ -1,0 +1,389 @@
+"""Proved bounds on the errors of networks in a box."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+from itertools import product
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from controller.hfa_game import ORDINARY_DEVIATIONS
+from hfa import Game, from_network, solve, verify
+from verification import Scope
+from verification.critic_errors import Box
+from verification.enclosure.relaxation import (
+    _LINES as LINES,
+    _TANH_ERROR,
+    Relaxation,
+    _tanh,
+    _tanh_lines,
+)
+from verification.hfa_box import ordinary_box
+from verification.network.bound import Proof, _halves, prove
+from verification.verdict import Verdict
+
+BOX = np.array(ORDINARY_DEVIATIONS)
+TRAINED = Path(__file__).parent / "trained"
+ACTIVATIONS: dict[str, Callable[[ca.SX], ca.SX]] = {
+    "tanh": ca.tanh,
+    "relu": lambda t: ca.fmax(t, 0.0),
+    "sigmoid": lambda t: 0.5 + 0.5 * ca.tanh(0.5 * t),
+    "silu": lambda t: t * (0.5 + 0.5 * ca.tanh(0.5 * t)),
+    "cube": lambda t: t**3,
+    "clip": lambda t: ca.fmin(ca.fmax(t, -0.7), 0.4),
+}
+
+
+def random_network(activation: str, seed: int, of_gradient: bool = False) -> ca.Function:
+    """Return a random function of four inputs: a network plus a linear and a quadratic part.
+
+    The network has two hidden layers of 8 units.
+
+    of_gradient: whether the network is replaced by the gradient of its first output
+    """
+    rng = np.random.default_rng(seed)
+    y = ca.SX.sym("y", 4)
+    h = y
+    for _ in range(2):
+        weights = rng.normal(size=(8, h.numel())) * rng.uniform(0.2, 1.5)
+        h = ACTIVATIONS[activation](ca.DM(weights) @ h + ca.DM(rng.normal(size=8)))
+    outputs = ca.DM(rng.normal(size=(2, 8))) @ h
+    if of_gradient:
+        outputs = ca.gradient(outputs[0], y)
+    quadratic = ca.bilin(ca.DM(rng.normal(size=(4, 4))), y, y)
+    linear = ca.DM(rng.normal(size=(outputs.numel(), 4))) @ y
+    return ca.Function("network", [y], [ca.densify(outputs + linear + quadratic)])
+
+
+@pytest.mark.parametrize("of_gradient", [False, True])
+@pytest.mark.parametrize("activation", ACTIVATIONS)
+def test_no_sample_in_the_box_exceeds_the_bound(activation: str, of_gradient: bool) -> None:
+    """No sample of a network in a box exceeds the upper bound over the box.
+
+    The lower bound of the largest value is at most the upper bound. For small boxes, both bounds
+    agree to 1 %.
+    """
+    if of_gradient and activation in ("relu", "clip"):
+        return  # its gradient has steps
+    rng = np.random.default_rng(7)
+    for seed in range(3):
+        function = random_network(activation, seed, of_gradient)
+        half_widths = 10.0 ** rng.uniform(-4.0, 0.0, (8, 1)) * rng.uniform(0.1, 1.0, (8, 4))
+        centres = rng.uniform(-1.0, 1.0, (8, 4)) * (1.0 - half_widths)
+        bounds = Relaxation(function).over(centres, half_widths)
+        assert np.all(bounds.highest < np.inf)
+        for index, (centre, half_width) in enumerate(zip(centres, half_widths, strict=True)):
+            y = rng.uniform(-1.0, 1.0, (500, 4))
+            y[::2] = np.sign(y[::2])
+            largest = np.abs(np.array(function((centre + half_width * y).T))).max()
+            assert largest <= bounds.highest[index] * (1.0 + 1e-14)
+            assert bounds.lowest[index] <= bounds.highest[index]
+        assert bounds.highest[half_widths.max(axis=1) < 1e-3] == pytest.approx(
+            bounds.lowest[half_widths.max(axis=1) < 1e-3], rel=1e-2, abs=1e-2
+        )
+
+
+def test_the_bound_includes_rounding() -> None:
+    """The bound of a function includes rounding errors.
+
+    At single points, the bound is at least the value of Σ max(w'y, 0) - Σ w'y in rational
+    arithmetic, for weights w of size 1e8.
+    """
+    rng = np.random.default_rng(1)
+    weights = rng.normal(size=(16, 3)) * 1e8
+    y = ca.SX.sym("y", 3)
+    units = ca.fmax(ca.DM(weights) @ y, 0.0)
+    function = ca.Function("f", [y], [ca.sum1(units) - ca.DM(weights.sum(axis=0)).T @ y])
+    centres = np.abs(rng.normal(size=(40, 3))) / 3.0
+    bounds = Relaxation(function).over(centres, np.zeros((40, 3)))
+    for centre, highest in zip(centres, bounds.highest, strict=True):
+        state = list(map(Fraction, centre))
+        exact = -sum(map(lambda w, x: Fraction(w) * x, weights.sum(axis=0), state))
+        for row in weights:
+            exact += max(sum(map(lambda w, x: Fraction(w) * x, row, state)), Fraction(0))
+        assert abs(exact) <= Fraction(highest)
+
+
+def test_tanh_is_enclosed_at_every_scale() -> None:
+    """The computed tanh and its linear bounds enclose tanh at arguments of all magnitudes."""
+    rng = np.random.default_rng(2)
+    t = np.concatenate([10.0 ** rng.uniform(-12.0, 3.0, 4000), np.linspace(0.0, 25.0, 4000)])
+    exact = np.tanh(t.astype(np.longdouble))
+    assert np.abs(_tanh(t) - exact).max() <= _TANH_ERROR
+    assert np.array_equal(_tanh(-t), -_tanh(t))
+    ends = np.sort(rng.normal(size=(2, 2000)) * 10.0 ** rng.uniform(-6.0, 2.0, 2000), axis=0)
+    lines = _tanh_lines(*ends)
+    for part in np.linspace(0.0, 1.0, 41):
+        t = np.clip(ends[0] + part * (ends[1] - ends[0]), *ends)
+        between = np.abs(np.tanh(t) - lines.slopes[0] * t - lines.constant)
+        assert np.all(between <= lines.radius)
+
+
+@pytest.mark.parametrize("kind", LINES)
+def test_every_node_lies_within_its_enclosure(kind: str) -> None:
+    """Each nonlinear operation lies within its enclosure, at 21 points of each argument's range.
+
+    For at least half of the ranges, the largest deviation exceeds 90 % of the enclosure's radius.
+    """
+    of = {
+        "tanh": np.tanh,
+        "relu": lambda t: np.maximum(t, 0.0),
+        "square": lambda t: t * t,
+        "product": lambda s, t: s * t,
+        "step": lambda t: np.heaviside(t, 0.5),
+    }
+    rng = np.random.default_rng(3)
+    arguments = 2 if kind == "product" else 1
+    ends = [np.sort(rng.normal(size=(2, 3000)), axis=0) for _ in range(arguments)]
+    lines = LINES[kind](*(end for pair in ends for end in pair))
+    largest = np.zeros(3000)
+    for parts in product(np.linspace(0.0, 1.0, 21), repeat=arguments):
+        t = [
+            np.clip(low + part * (high - low), low, high)
+            for part, (low, high) in zip(parts, ends, strict=True)
+        ]
+        along = sum(slope * argument for slope, argument in zip(lines.slopes, t, strict=True))
+        off = np.abs(of[kind](*t) - along - lines.constant)
+        assert np.all(off <= lines.radius + 1e-15)
+        assert np.all(np.abs(of[kind](*t)) <= lines.size * (1.0 + 1e-14))
+        largest = np.maximum(largest, off / np.maximum(lines.radius, 1e-12))
+    assert np.median(largest[lines.radius > 1e-9]) > 0.9
+
+
+def test_halves_cover_the_box() -> None:
+    """The two halves of each box cover the box.
+
+    A box is split along the coordinate with the largest gap of the bound. If a gap is nan, the box
+    is split along its widest edge.
+    """
+    centres = np.array([[0.0, 0.5], [0.25, 0.0]])
+    half_widths = np.array([[1.0, 0.5], [0.25, 1.0]])
+    parts, widths = _halves(centres, half_widths, np.array([[0.0, 2.0], [np.nan, 0.0]]))
+    assert np.array_equal(parts, [[0.0, 0.25], [0.25, -0.5], [0.0, 0.75], [0.25, 0.5]])
+    assert np.array_equal(widths, [[1.0, 0.25], [0.25, 0.5], [1.0, 0.25], [0.25, 0.5]])
+
+
+# Right policies.
+
+
+def verdict_on(game: Game, policy: Callable[[ca.SX], ca.SX], seconds: float = 20.0) -> Verdict:
+    z = ca.SX.sym("z", 6)
+    function = ca.Function("policy", [z], [policy(z)])
+    scope = Scope(box=ordinary_box(), flights=1, seconds=seconds)
+    return verify(game, from_network(game, function, network="policy"), scope=scope)
+
+
+def linear(game: Game, z: ca.SX) -> ca.SX:
+    return -ca.DM(solve(game).K) @ z
+
+
+def test_a_linear_policy_of_relu_pairs_is_proved(game: Game) -> None:
+    """A linear policy written with pairs max(t, 0) - max(-t, 0), t = W z, is proved exact in one
+    box.
+
+    Without time for a proof, the headline reports the number of states searched.
+    """
+    W = np.random.default_rng(3).normal(size=(6, 6))
+    back = ca.DM(solve(game).K @ np.linalg.inv(W))
+
+    def policy(z: ca.SX) -> ca.SX:
+        t = ca.DM(W) @ z
+        return -back @ ca.fmax(t, 0.0) + back @ ca.fmax(-t, 0.0)
+
+    verdict = verdict_on(game, policy)
+    assert verdict.headline().startswith(
+        "PASS on the linear game: optimal cost, no error above 1e-06 in the box, proved as simplified"
+    )
+    assert verdict.to_dict()["network"]["proved"]["boxes"] == 1
+    assert (
+        verdict_on(game, policy, seconds=0.0)
+        .headline()
+        .endswith("optimal cost, no error above 1e-06 found at 1000 states")
+    )
+
+
+def test_no_bound_is_proved_for_unsupported_operations(game: Game) -> None:
+    """For operations without an enclosure, errors are searched for at random states and no bound is
+    proved.
+    """
+    verdict = verdict_on(game, lambda z: linear(game, z) + 0.0 * ca.sin(z[0]) + 1e-9 * ca.exp(z[1]))
+    assert "no error above 1e-06 found at 1000 states" in verdict.headline()
+    assert verdict.to_dict()["network"]["proved"] is None
+
+
+# Planted errors.
+
+
+def bump(y: ca.SX, at: np.ndarray, half_width: float) -> ca.SX:
+    """Return a two-layer relu function with a single bump.
+
+    The function is 1 at y = at, and 0 if |y_i - at_i| >= half_width for any i.
+    """
+    t = (y - ca.DM(at)) / half_width
+    hats = ca.fmax(t + 1.0, 0.0) - 2.0 * ca.fmax(t, 0.0) + ca.fmax(t - 1.0, 0.0)
+    return ca.fmax(ca.sum1(hats) - (y.numel() - 1.0), 0.0)
+
+
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+def test_a_narrow_bump_is_found_by_proof(game: Game, seed: int) -> None:
+    """A narrow error of a policy that the search alone misses is found with a proof.
+
+    The first input has an error of 300 % in a bump with 0.05 times the half-widths of the box.
+    """
+    rng = np.random.default_rng(seed)
+    at = rng.uniform(-0.9, 0.9, 6)
+    exact = solve(game)
+    size = np.abs(exact.K[0]) @ BOX
+
+    def policy(z: ca.SX) -> ca.SX:
+        off = ca.vertcat(3.0 * size * bump(z / ca.DM(BOX), at, 0.05), *[0.0] * 4)
+        return linear(game, z) + off
+
+    verdict = verdict_on(game, policy, seconds=0.0)
+    assert "optimal cost, no error above 1e-06 found at" in verdict.headline()
+    verdict = verdict_on(game, policy)
+    assert not verdict.ok
+    assert verdict.value_of("searched_policy_error") > 1.0
+    proof = verdict.proof
+    assert proof is not None
+    assert proof.fraction <= np.abs(at).max() + 0.05 or proof.error >= 3.0
+
+
+def test_report_names_the_proved_expression(game: Game) -> None:
+    """The report states that the proof applies to the expression after CasADi's simplification.
+
+    CasADi simplifies 1e20 (0.1 (10 x) - x) to 0.
+    """
+    verdict = verdict_on(
+        game,
+        lambda z: linear(game, z) + ca.vertcat(1e20 * (0.1 * (10.0 * z[0]) - z[0]), *[0.0] * 4),
+    )
+    assert verdict.proof is not None
+    assert "Proved for the expression simplified by CasADi: no" in verdict.report().text()
+
+
+def test_a_fraction_ends_before_the_first_error() -> None:
+    """The fraction of the box with a proved bound excludes the nearest state with a larger error.
+
+    The printed fraction is rounded down. A bound that is true in the whole box is proved there.
+    """
+    y = ca.SX.sym("y", 2)
+    function = ca.Function("f", [y], [ca.fmax(5.0 * ca.tanh(y[0]) - 3.0, 0.0) + 0.2 * y[1] ** 2])
+    largest = float(function([0.6, 0.6]))
+    proof = prove("error", function, np.ones(2), largest, 2.0)
+    assert proof is not None
+    assert proof.beyond is not None
+    assert proof.fraction <= 0.6
+    assert float(function(proof.beyond)) > largest
+    assert Proof("error", 0.1, 0.96875, 1).where == "on 0.96 times the box"
+    proof = prove("error", function, np.ones(2), 2.0, 2.0)
+    assert proof == Proof("error", 2.0, 1.0, proof.boxes if proof else 0)
+
+
+def test_no_fraction_is_proved_without_a_bound() -> None:
+    """No fraction of the box is proved if the error equals the bound at 0.
+
+    A bound on an error that overflows double precision is not proved in the whole box.
+    """
+    y = ca.SX.sym("y", 2)
+    squares = ca.tanh(y[0]) ** 2 + ca.tanh(y[1]) ** 2
+    proof = prove("error", ca.Function("f", [y], [1.0 - 0.1 * squares]), np.ones(2), 1.0, 0.1)
+    assert proof is not None
+    assert proof.beyond is None
+    assert proof.fraction == 0.0
+    huge = ca.Function("f", [y], [(1e200 * ca.tanh(y[0])) ** 2 * 1e-200])
+    proof = prove("error", huge, np.ones(2), 1e299, 0.1)
+    assert proof is not None
+    assert proof.fraction < 1.0
+
+
+@pytest.mark.slow
+def test_a_trained_network_is_proved_within_its_error(game: Game) -> None:
+    """The error of the stored 6-32-32-5 policy is proved to be at most 0.051.
+
+    The headline reports a cost without bound.
+    """
+    critic = from_network(game, TRAINED / "policy.npz", activation="tanh", scale=1.0 / BOX)
+    verdict = verify(game, critic, scope=Scope(box=ordinary_box(), flights=1))
+    line = (
+        "FAIL on the linear game: cost without bound, not exact (policy proved within 0.051 in the "
+    )
+    assert verdict.headline().startswith(line)
+    assert 0.04 < verdict.value_of("searched_policy_error") < 0.051
+
+
+# Kinks and jumps: |t|, max, min and their slopes.
+
+
+def with_hat(game: Game, of_abs: bool) -> Verdict:
+    """Return the verdict on a critic whose V is exact except for a narrow hat between the samples.
+
+    The hat is three times as large as the largest V in the box and 1/250 of the box wide.
+
+    of_abs: whether the hat is written with |t| instead of max(t, -t)
+    """
+    z = ca.SX.sym("z", 2)
+    P = solve(game).P
+
+    def slope(t: ca.SX) -> ca.SX:
+        away = ca.fabs(t) if of_abs else ca.fmax(t, -t)
+        return ca.fmax(1.0 - away / 0.004, 0.0)
+
+    hat = 3.0 * float(np.abs(P).sum()) * slope(z[0] - 0.611) * slope(z[1] - 0.611)
+    V = ca.Function("V", [z], [ca.bilin(ca.DM(P), z, z) + hat])
+    scope = Scope(Box(np.ones(2), "planted"), flights=2, seconds=10.0)
+    return verify(game, from_network(game, V, network="V"), scope=scope)
+
+
+@pytest.mark.parametrize("of_abs", [True, False])
+def test_a_narrow_hat_is_found_by_proof(of_abs: bool) -> None:
+    """A narrow hat on V, written with relu units or with absolute values, is found."""
+    game = Game([[0.0, 1.0], [-1.0, -1.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [[1.0]], 10.0)
+    verdict = with_hat(game, of_abs)
+    assert not verdict.ok
+    assert verdict.value_of("searched_value_error") == pytest.approx(3.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["fabs", "sign", "fmax", "fmin", "slope of fmax", "comparison"])
+def test_bounds_of_kinks_are_true_and_narrow(kind: str) -> None:
+    """Bounds of functions with kinks are true and narrow, compared with values at random states.
+
+    Some boxes are centered on a kink.
+    """
+    y = ca.SX.sym("y", 2)
+    t = y[0] - 0.3 * y[1]
+    expression = {
+        "fabs": ca.fabs(t) * y[1],
+        "sign": ca.sign(t) + y[0],
+        "fmax": ca.fmax(t, y[1]) - y[0],
+        "fmin": ca.fmin(t, 0.2) * y[0],
+        "slope of fmax": ca.gradient(ca.fmax(t, 0.0) * y[1], y)[0],
+        "comparison": ca.if_else(t > 0.1, y[0], y[1]),
+    }[kind]
+    function = ca.Function("f", [y], [ca.densify(expression)])
+    relaxation = Relaxation(function)
+    rng = np.random.default_rng(0)
+    centres = rng.uniform(-1.0, 1.0, (40, 2))
+    centres[:5, 0] = 0.3 * centres[:5, 1]
+    halves = 10.0 ** rng.uniform(-3.0, 0.0, (40, 1)) * np.ones((1, 2))
+    bounds = relaxation.over(centres, halves)
+    states = centres[:, None] + halves[:, None] * rng.uniform(-1.0, 1.0, (40, 200, 2))
+    found = np.abs(np.array(function(states.reshape(-1, 2).T))).reshape(40, 200).max(axis=1)
+    found = np.maximum(found, np.abs(np.array(function(centres.T))).ravel())
+    assert np.all(found <= bounds.highest)
+    assert np.all(bounds.highest <= found + 8.0 * halves[:, 0] + 2.1 * (halves[:, 0] > 1e-9))
+
+
+def test_no_bound_is_proved_if_numbers_underflow() -> None:
+    """No bound is proved for 1e300 (1e-320 y_1 - 1e-320 y_2).
+
+    The double closest to 1e-320 has a relative error of 1e-3.
+    """
+    y = ca.SX.sym("y", 2)
+    function = ca.Function("f", [y], [1e300 * (1e-320 * y[0] - 1e-320 * y[1])])
+    proof = prove("error", function, np.full(2, 1e300), 1e-6, 0.2)
+    assert proof is None or proof.fraction == 0.0

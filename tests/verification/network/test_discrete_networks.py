@@ -1,0 +1,265 @@
+"""Checks of networks and of other nonquadratic values in discrete time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from cli import answer, hfa
+from game_files import stored
+from game_samples import failed_names
+from network_files import torch_file
+
+from controller import basis
+from controller.critic.critic import Critic, from_functions, from_parts
+from controller.discrete.implied_policy import discrete_critic, policy_of_next
+from controller.discrete.solution import DiscreteSolution, solve_discrete
+from controller.game.discrete_game import DiscreteGame
+from hfa import Game, from_gain, from_network, from_value, from_weights
+from hfa.main import DONE, FAILED
+from verification import Scope
+from verification.axis import InSteps
+from verification.critic.discrete import check_discounted, check_discrete
+from verification.critic_errors import Box
+from verification.network.flights import costs_above_optimum
+
+pytestmark = pytest.mark.usefixtures("folder")
+A = np.array([[1.02, 0.1], [0.1, 1.0]])
+B = np.array([[0.0], [0.1]])
+BOX = np.array([0.5, 0.2])
+SCOPE = Scope(Box(BOX, "planted"), flights=20, seconds=5.0)
+Z = ca.SX.sym("z", 2)
+
+
+def problem_of(delta: float = 20.0, discount: float = 1.0, N: float = 0.0) -> DiscreteGame:
+    step = Game(A, B, 0.1 * np.eye(2), np.eye(2), np.eye(1), delta)
+    return DiscreteGame(replace(step, N=np.full((2, 1), N)), discount)
+
+
+def exact_of(problem: DiscreteGame) -> DiscreteSolution:
+    return solve_discrete(problem)
+
+
+def critic_of(problem: DiscreteGame, **outputs: ca.SX) -> Critic:
+    return from_functions(problem.step, Z, outputs, "planted")
+
+
+def exact_value(problem: DiscreteGame) -> ca.SX:
+    return ca.bilin(ca.DM(exact_of(problem).P), Z, Z)
+
+
+def exact_policy(problem: DiscreteGame) -> ca.SX:
+    return -ca.DM(exact_of(problem).K) @ Z
+
+
+PROBLEMS = {
+    "game": problem_of(),
+    "LQR": problem_of(delta=np.inf),
+    "discounted": problem_of(discount=0.98),
+    "cross weights": problem_of(N=0.3),
+}
+
+NAMES = [
+    pytest.param(name, marks=[pytest.mark.slow] if name in ("LQR", "discounted") else [])
+    for name in PROBLEMS
+]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_networks_of_exact_values_and_policies_pass(name: str) -> None:
+    """Networks of the exact V, its gradient or the exact u pass, with a proof over the box."""
+    problem = PROBLEMS[name]
+    V = exact_value(problem)
+    for outputs in (
+        {"V": V + 3.0},
+        {"gradient": ca.gradient(V, Z)},
+        {"policy": exact_policy(problem)},
+        {"V": V, "policy": exact_policy(problem)},
+    ):
+        verdict = check_discrete(problem, critic_of(problem, **outputs), scope=SCOPE)
+        assert verdict.ok, failed_names(verdict.checks)
+        assert verdict.proof is not None
+        assert verdict.proof.fraction == 1.0
+        assert verdict.proof.is_of_all == ("policy" in outputs)
+        assert "searched_policy_error" in [check.name for check in verdict.checks]
+
+
+def test_a_policy_exact_only_at_the_origin_fails() -> None:
+    """A policy that is exact only at the origin fails.
+
+    With u = -1e-3 tanh(1e3 K x), the loop does not converge from any tested multiple of the box.
+    """
+    problem = problem_of()
+    u = -1e-3 * ca.tanh(1e3 * ca.DM(exact_of(problem).K) @ Z)
+    verdict = check_discrete(problem, critic_of(problem, policy=u), scope=SCOPE)
+    assert verdict.K_rel_error < 1e-12
+    assert failed_names(verdict.checks) == {"searched_policy_error"}
+    assert verdict.to_dict()["network"]["reach"] == 0.0
+    assert "cost without bound" in verdict.headline()
+    assert (
+        verdict.reason
+        == "it solves the linear game at the origin, and differs from its solution away from it"
+    )
+
+
+def test_constant_in_u_moves_equilibrium_and_is_named() -> None:
+    """A constant added to u fails at the origin and in the box, and is named as the reason.
+
+    The equilibrium of the loop is not the trim and equals the solution of the linear equations.
+    """
+    problem = problem_of()
+    exact = exact_of(problem)
+    verdict = check_discrete(
+        problem, critic_of(problem, policy=exact_policy(problem) + 0.2), scope=SCOPE
+    )
+    assert failed_names(verdict.checks) == {"origin_error", "searched_policy_error", "rest_point"}
+    rest = np.linalg.solve(np.eye(2) - A + B @ exact.K, 0.2 * B[:, 0])
+    assert verdict.to_dict()["network"]["rest_point"] == pytest.approx(rest, rel=1e-9)
+    assert verdict.reason == "it is right except for a constant in u"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_value_wrong_away_from_the_origin_fails(name: str) -> None:
+    """A value that is exact to second order at the origin and wrong away from it fails."""
+    problem = PROBLEMS[name]
+    V = exact_value(problem)
+    size = float(BOX @ np.abs(exact_of(problem).P) @ BOX)
+    verdict = check_discrete(
+        problem, critic_of(problem, V=V + 0.5 * V**2 / size), scope=replace(SCOPE, flights=4)
+    )
+    assert verdict.P_rel_error < 1e-12
+    assert {"searched_value_error", "searched_gradient_error", "searched_policy_error"} == (
+        failed_names(verdict.checks)
+    )
+
+
+def test_a_wrong_quartic_weight_fails_in_discrete_time() -> None:
+    """In discrete time, a critic with a wrong weight of a quartic basis function fails."""
+    problem = problem_of()
+    functions = basis("quadratic+quartic", 2)
+    weights = functions.weights(exact_of(problem).P)
+    right = from_weights(problem.step, weights, functions)
+    assert check_discrete(problem, right).ok
+    weights[-1] = 50.0
+    wrong = from_weights(problem.step, weights, functions)
+    verdict = check_discrete(problem, wrong, scope=SCOPE)
+    assert "searched_value_error" in failed_names(verdict.checks)
+
+
+def test_the_implied_policy_is_a_saddle_point() -> None:
+    """The policy implied by a nonquadratic value is a saddle point of Q(u, w).
+
+    The policy has a lower cost than u ± 0.001, each with the worst w for this input. The policy
+    differs from the linearized policy.
+    """
+    problem = problem_of(delta=20.0, discount=0.95, N=0.2)
+    step = problem.step
+    P = exact_of(problem).P
+    value = ca.bilin(ca.DM(P), Z, Z) + 2e4 * Z[0] ** 4
+    V = ca.Function("V", [Z], [value])
+    critic = discrete_critic(problem, critic_of(problem, V=value))
+    u = ca.SX.sym("u")
+    w = ca.SX.sym("w", 2)
+    x = np.array([0.4, -0.3])
+    after = ca.DM(A) @ x + ca.DM(B) @ u + ca.DM(step.E) @ w
+    paid = float(x @ step.Q @ x) + 2.0 * float(x @ problem.step.N[:, 0]) * u + u**2
+    Q = paid - step.delta**2 * ca.sumsqr(w) + 0.95 * V(after)
+    slopes = ca.Function("slopes", [ca.vertcat(u, w)], [ca.gradient(Q, ca.vertcat(u, w))])
+    worst = ca.rootfinder("worst", "newton", {"x": w, "p": u, "g": ca.gradient(Q, w)})
+    cost = ca.Function("cost", [u, w], [Q])
+    best = float(critic.policy(x))
+    costs = [float(cost(best + d, worst(x0=[0, 0], p=best + d)["x"])) for d in (-1e-3, 0.0, 1e-3)]
+    assert costs[1] < min(costs[0], costs[2])
+    at_saddle = np.append(best, np.array(worst(x0=[0, 0], p=best)["x"]))
+    assert np.abs(np.array(slopes(at_saddle))).max() < 1e-8
+    assert abs(best + (critic.K @ x).item()) > 0.05  # far from the linearized policy
+
+
+def test_the_policy_is_nan_at_a_kink() -> None:
+    """The policy is nan at a state where the slope of V jumps at the saddle point."""
+    problem = problem_of(delta=np.inf)
+    exact = exact_of(problem)
+    slope = ca.Function("slope", [Z], [1e3 * ca.sign(Z[1]) * ca.vertcat(0.0, 1.0)])
+    policy = policy_of_next(problem, slope, exact.K, exact.disturbance_gain)
+    assert np.isnan(np.array(policy([0.1, 0.0]))).all()
+
+
+def test_simulated_cost_of_linear_network_equals_linear_loop() -> None:
+    """For a linear network, the simulated cost equals the cost of the linear loop, to 1e-6.
+
+    The largest simulated cost is the worst cost of the check.
+    """
+    problem = problem_of(discount=0.97)
+    exact = exact_of(problem)
+    K = 1.2 * exact.K
+    critic = critic_of(problem, policy=-ca.DM(K) @ Z)
+    axis = InSteps(exact)
+    remaining = axis.excess(K)
+    assert remaining is not None
+    losses = costs_above_optimum(axis, critic, exact, BOX, 10)
+    starts = np.random.default_rng(1).uniform(-1.0, 1.0, (9, 2))
+    starts[::2] = np.sign(starts[::2])
+    for loss, start in zip(losses[1:], starts * BOX, strict=True):
+        lost = 100.0 * float(start @ remaining @ start) / float(start @ exact.P @ start)
+        assert loss == pytest.approx(lost, rel=1e-6)
+    linear = check_discrete(problem, from_gain(problem.step, K))
+    assert losses.max() == pytest.approx(linear.cost_lost, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_the_exact_network_of_a_discounted_game_passes(game: Game) -> None:
+    """For a discounted game, the exact gain in a state dict passes.
+
+    The exact gain followed by a saturating tanh fails away from the origin.
+    """
+    from controller import solve_discounted
+
+    K = solve_discounted(game, 0.99, 0.01).K
+    right = from_network(game, torch_file("right.pt", {"weight": -K}))
+    verdict = check_discounted(game, right, 0.99, 0.01)
+    assert verdict.ok, failed_names(verdict.checks)
+    layers = {"0.weight": 1e3 * K, "2.weight": -1e-3 * np.eye(5)}
+    bent = from_network(game, torch_file("bent.pt", layers), activation="tanh")
+    verdict = check_discounted(game, bent, 0.99, 0.01, scope=Scope(seconds=1.0, flights=2))
+    assert verdict.K_rel_error < 1e-9
+    assert "searched_policy_error" in failed_names(verdict.checks)
+
+
+def test_verify_reports_how_networks_are_read() -> None:
+    """On a discrete-time plant, `hfa verify` reports how a network was read.
+
+    A network with a shifted equilibrium fails.
+    """
+    problem = problem_of()
+    exact = exact_of(problem)
+    step = problem.step
+    plant = {name: getattr(step, name).tolist() for name in "ABEQR"} | {"delta": step.delta}
+    path = stored("plant.json", time="discrete", **plant)
+    words = ("verify", "--model", path, "--network", "policy=", "--weights")
+    right = hfa(*words, torch_file("right.pt", {"weight": -exact.K}))
+    assert right.code == DONE
+    assert right.out.startswith(
+        "PASS on the linear game: optimal cost, no error above 1e-06 in the box, proved as "
+        "simplified"
+    )
+    assert "Read: network right.pt: policy 2 -> 1" in right.out
+    shifted = torch_file("shifted.pt", {"weight": -exact.K, "bias": np.array([0.2])})
+    wrong = answer(*words, shifted, code=FAILED)
+    assert wrong["network"]["rest_point"][0] > 0.01
+    assert wrong["schema"] == "hfa.discounted-check/1"
+
+
+def test_linear_critic_in_discrete_time_needs_no_search() -> None:
+    """A linear critic in discrete time passes without a search for errors in the box."""
+    problem = problem_of()
+    exact = exact_of(problem)
+    for critic in (
+        from_value(problem.step, exact.P),
+        from_gain(problem.step, exact.K),
+        from_parts(problem.step, {"P": exact.P, "K": exact.K}),
+    ):
+        verdict = check_discrete(problem, critic)
+        assert verdict.ok
+        assert verdict.searched == 0

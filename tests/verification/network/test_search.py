@@ -1,0 +1,158 @@
+"""Search for errors of a network over a box of states, and simulations from the box."""
+
+from __future__ import annotations
+
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+from game_samples import failed_names
+from network_files import ONES, QUADRATIC, onnx_file, torch_file
+from planted_critics import gain, value
+
+from controller.critic.critic import Critic
+from controller.hfa_game import ORDINARY_DEVIATIONS
+from hfa import Game, from_gain, from_network, solve, verify
+from verification.hfa_box import ordinary_box
+from verification.network.search import Comparison, search
+from verification.scope import Scope
+
+BOX = np.array(ORDINARY_DEVIATIONS)
+pytestmark = pytest.mark.usefixtures("folder")
+
+
+def test_a_network_right_only_at_the_origin_fails(game: Game) -> None:
+    """A network that is right only at the origin fails.
+
+    For u = -K z + 5 z_1³/7³, the error found equals the largest error in the box.
+    """
+    nodes = [
+        ("MatMul", "x K", "u"),
+        ("MatMul", "x first", "h"),
+        ("Mul", "h h", "s"),
+        ("Mul", "s h", "c"),
+    ]
+    constants = {
+        "K": -gain(game).T,
+        "first": 5.0 ** (1 / 3) / 7.0 * np.eye(6)[:, :1] @ np.eye(5)[:1],
+    }
+    critic = from_network(game, onnx_file("bent.onnx", [*nodes, ("Add", "u c", "y")], constants, 5))
+    check = verify(game, critic, scope=Scope(box=ordinary_box()))
+    assert check.K_rel_error < 1e-12
+    assert [each.name for each in check.checks if not each.ok] == ["searched_policy_error"]
+    (found,) = check.to_dict()["network"]["searched"]
+    largest = np.sqrt(game.R.diagonal()) * (np.abs(solve(game).K) @ BOX)
+    assert found["error"] == pytest.approx(5.0 * np.sqrt(game.R[0, 0]) / largest[0], rel=1e-6)
+    assert check.to_dict()["graded"]["cost_lost_worst_percent"] <= 1e-6
+    assert not check.holds(1e-6)
+
+
+def test_a_value_with_nan_in_the_box_fails(game: Game) -> None:
+    """The error of a value that is nan in part of the box is infinite."""
+    nodes = [
+        *QUADRATIC[:2],
+        ("MatMul", "terms ones", "V"),
+        ("Slice", "x a b c", "s"),
+        ("Pow", "s half", "r"),
+    ]
+    constants = {
+        "P": value(game),
+        "ones": ONES,
+        "a": np.array([0]),
+        "b": np.array([1]),
+        "c": np.array([1]),
+    }
+    constants |= {"half": np.array(2.5), "zero": np.array(1e-30)}
+    path = onnx_file("nan.onnx", [*nodes, ("Mul", "r zero", "n"), ("Add", "V n", "y")], constants)
+    critic = from_network(game, path)
+    beside = Comparison(critic, solve(game), np.sqrt(np.diag(game.R)), BOX)
+    found = {each.name: each.error for each in search(beside)[1]}
+    assert found["value"] == math.inf
+
+
+def test_no_simulated_cost_exceeds_the_linear_worst(
+    game: Game,
+) -> None:
+    """For a linear network, the largest simulated excess cost is the worst one of the linear loop."""
+    critic = from_network(game, torch_file("policy.pt", {"weight": -1.2 * gain(game)}))
+    check = verify(game, critic, scope=Scope(box=ordinary_box(), flights=40))
+    data = check.to_dict()
+    flown = data["network"]["cost_lost_flown_percent"]
+    assert flown == pytest.approx(data["graded"]["cost_lost_worst_percent"], rel=1e-6)
+
+
+def test_actor_with_constant_is_stable_off_trim(game: Game) -> None:
+    """The exact gain plus a constant of 1 % of the largest input fails, and the constant is named.
+
+    The equilibrium is reported, and the cost relative to the equilibrium is optimal.
+    """
+    offset = 0.01 * np.abs(gain(game)) @ BOX
+    critic = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": offset}))
+    verdict = verify(game, critic, scope=Scope(box=ordinary_box(), flights=10))
+    assert failed_names(verdict.checks) == {"origin_error", "searched_policy_error", "rest_point"}
+    data = verdict.to_dict()["network"]
+    rest = np.linalg.solve(game.B @ gain(game) - game.A, game.B @ offset)
+    assert data["rest_point"] == pytest.approx(rest, rel=1e-9)
+    assert data["cost_lost_flown_percent"] == pytest.approx(0.0, abs=1e-9)
+    assert data["reach"] == 16.0
+    headline = verdict.headline()
+    assert verdict.grade == "fail"
+    assert "optimal cost, equilibrium 0." in headline
+    assert "without bound" not in headline
+    assert verdict.reason == "it is right except for a constant in u"
+
+
+def biased(game: Game, share: float) -> Critic:
+    """Return the policy u = -100 K tanh(z / 100) plus a constant, a share of the largest inputs."""
+    z = ca.SX.sym("z", 6)
+    u = -100.0 * ca.DM(gain(game)) @ ca.tanh(z / 100.0)
+    offset = share * np.abs(gain(game)) @ BOX
+    policy = ca.Function("policy", [z], [ca.densify(u + ca.DM(offset))])
+    return from_network(game, policy, network="policy")
+
+
+@pytest.mark.parametrize("share", [1e-2, 1e-5])
+def test_a_low_cost_is_no_reason_to_pass_off_the_trim(game: Game, share: float) -> None:
+    """A loop that rests off the trim neither passes by its cost nor is near, however low the cost.
+
+    The cost counts from the equilibrium. From the trim, the cost grows without bound.
+    """
+    critic = biased(game, share)
+    verdict = verify(game, critic, scope=Scope(box=ordinary_box(), flights=4, seconds=0.0))
+    assert verdict.cost_lost <= 1.0
+    assert "rest_point" in failed_names(verdict.checks)
+    assert verdict.grade == "fail"
+    assert not verdict.holds(limit_cost=1.0)
+
+
+def test_the_cost_of_a_very_small_bias_is_printed(game: Game) -> None:
+    """At the trim within 1e-6 of the box, the cost decides; the cost per second is z'Qz + u'Ru."""
+    critic = biased(game, 1e-8)
+    scope = Scope(box=ordinary_box(), flights=4, seconds=0.0)
+    verdict = verify(game, critic, limit=1e-9, scope=scope)
+    assert "rest_point" in failed_names(verdict.checks)
+    assert verdict.grade == "near"
+    assert verdict.holds(limit_cost=1.0)
+    found = verdict.to_dict()["network"]
+    z = np.array(found["rest_point"])
+    u = np.array(critic.policy(z)).ravel()
+    assert np.linalg.norm(game.A @ z + game.B @ u) <= 1e-12 * np.linalg.norm(game.B @ u)
+    assert found["rest_cost"] == pytest.approx(z @ game.Q @ z + u @ game.R @ u, rel=1e-9)
+    assert f"costs {found['rest_cost']:.2g} per second" in str(verdict)
+
+
+@pytest.mark.parametrize("factor", [1.2, 0.7])
+def test_a_gain_costs_the_same_as_a_network(game: Game, factor: float) -> None:
+    """A linear policy given as a network has the cost of the same policy given as a gain."""
+    K = factor * gain(game)
+    K[0, 1] *= 0.5
+    z = ca.SX.sym("z", 6)
+    policy = ca.Function("policy", [z], [-ca.DM(K) @ z])
+    for game_of in (game, game.with_delta(np.inf)):
+        network = from_network(game_of, policy, network="policy")
+        scope = Scope(box=ordinary_box(), flights=4, seconds=0.0)
+        as_network = verify(game_of, network, scope=scope)
+        as_gain = verify(game_of, from_gain(game_of, K), scope=scope)
+        assert as_gain.cost_lost > 1.0
+        assert as_network.cost_lost == pytest.approx(as_gain.cost_lost, rel=1e-6)

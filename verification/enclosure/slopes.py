@@ -1,0 +1,131 @@
+"""Ranges and Jacobians of a program over one box, from intervals and the chain rule.
+
+At a kink, the slopes of a node include Clarke's generalized gradient. Hence, for all y and w in the
+box, F(y) - F(w) = J (y - w) for some J in the enclosure (Clarke, Optimization and Nonsmooth
+Analysis, 1983, Proposition 2.6.5).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from verification.enclosure.lines import ENCLOSED
+from verification.enclosure.program import Argument, Program
+
+#: Unit of rounding.
+_U = 2.0**-53
+#: Factor that rounds radii upward.
+_UPWARD = 1.0 + 1e-12
+#: Upper bound of the underflow of one operation.
+_TINY = 1e-290
+
+
+class Intervals(NamedTuple):
+    """Intervals middle ± radius, with both arrays of the same shape."""
+
+    middle: np.ndarray
+    radius: np.ndarray
+
+    @property
+    def low(self) -> np.ndarray:
+        """Lower ends, rounded downward."""
+        return self.middle - self.radius * _UPWARD - 4.0 * _U * np.abs(self.middle)
+
+    @property
+    def high(self) -> np.ndarray:
+        """Upper ends, rounded upward."""
+        return self.middle + self.radius * _UPWARD + 4.0 * _U * np.abs(self.middle)
+
+    def times(self, other: Intervals) -> Intervals:
+        """Return enclosures of the products, entry by entry."""
+        middle = self.middle * other.middle
+        radius = np.abs(self.middle) * other.radius + np.abs(other.middle) * self.radius
+        radius = radius + self.radius * other.radius + 4.0 * _U * np.abs(middle)
+        return Intervals(middle, radius * _UPWARD + _TINY)
+
+    def plus(self, other: Intervals) -> Intervals:
+        """Return enclosures of the sums, entry by entry."""
+        middle = self.middle + other.middle
+        radius = self.radius + other.radius + 2.0 * _U * np.abs(middle)
+        return Intervals(middle, radius * _UPWARD)
+
+
+class Jacobian(NamedTuple):
+    """Enclosures of a program and of its Jacobian over a box.
+
+    values: enclosures of the outputs, (k,)
+    slopes: enclosures of the entries of the Jacobian, (k, inputs)
+    """
+
+    values: Intervals
+    slopes: Intervals
+
+
+def between(low: np.ndarray, high: np.ndarray) -> Intervals:
+    """Return intervals that contain [low, high], entry by entry."""
+    middle = 0.5 * (low + high)
+    radius = np.maximum(high - middle, middle - low) * _UPWARD
+    return Intervals(middle, radius + 2.0 * _U * np.abs(middle))
+
+
+def jacobian(program: Program, box: Intervals) -> Jacobian:
+    """Return enclosures of the outputs of a program and of their Jacobian over a box.
+
+    box: intervals of the inputs, (inputs,)
+    """
+    n = program.inputs
+    with np.errstate(all="ignore"):
+        values = Intervals(np.append(1.0, box.middle), np.append(0.0, box.radius))
+        slopes = Intervals(np.vstack([np.zeros(n), np.eye(n)]), np.zeros((1 + n, n)))
+        known = [Jacobian(values, slopes)]
+        for group in program.groups:
+            arguments = [_rows(argument, known) for argument in group.arguments]
+            known.append(_result(group.kind, arguments))
+        return _rows(program.outputs, known)
+
+
+def _rows(argument: Argument, known: list[Jacobian]) -> Jacobian:
+    parts = []
+    for which in range(2):
+        middle: np.ndarray | float = 0.0
+        radius: np.ndarray | float = 0.0
+        size: np.ndarray | float = 0.0
+        terms = 4
+        for group, block in argument.blocks.items():
+            part = known[group][which]
+            weights = argument.sizes[group]
+            middle = middle + block @ part.middle
+            radius = radius + weights @ part.radius
+            size = size + weights @ (np.abs(part.middle) + part.radius)
+            terms += block.shape[1] + 1
+        rounding = 4.0 * terms * _U * size
+        parts.append(Intervals(np.asarray(middle), np.asarray((radius + rounding) * _UPWARD)))
+    return Jacobian(*parts)
+
+
+def _result(kind: str, arguments: list[Jacobian]) -> Jacobian:
+    a = arguments[0]
+    if kind == "product":
+        b = arguments[1]
+        slopes = _scaled(a.slopes, b.values).plus(_scaled(b.slopes, a.values))
+        return Jacobian(a.values.times(b.values), slopes)
+    low = a.values.low
+    high = a.values.high
+    enclosed = ENCLOSED[kind]
+    ends = enclosed.slopes(low, high)
+    steepness = between(ends.low, ends.high)
+    enclose = enclosed.line or enclosed.curve
+    assert enclose is not None
+    parabola = enclose((a.values.middle, low, high))
+    reach = np.maximum(high - a.values.middle, a.values.middle - low) * _UPWARD
+    radius = parabola.rest + reach * (np.abs(parabola.slope) + reach * np.abs(parabola.bend))
+    radius = (radius + 4.0 * _U * np.abs(parabola.value)) * _UPWARD + _TINY
+    return Jacobian(Intervals(parabola.value, radius), _scaled(a.slopes, steepness))
+
+
+def _scaled(slopes: Intervals, factors: Intervals) -> Intervals:
+    """Return the rows of slopes (k, inputs), each multiplied by its factor (k,)."""
+    columns = Intervals(factors.middle[:, None], factors.radius[:, None])
+    return slopes.times(columns)

@@ -1,0 +1,124 @@
+"""Proof of an upper bound on the error of a network over a box of states, by branch and bound."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_support.progress import Progress
+from verification.enclosure.affine_rows import NotReadError
+from verification.enclosure.relaxation import Relaxation
+
+#: Number of boxes for which bounds are computed before the next boxes are chosen.
+_BATCH = 1024
+
+
+class Proof(NamedTuple):
+    """Proved bound on the errors of a network.
+
+    what: the covered errors, such as "error of the policy". "error" means all errors.
+    error: proved upper bound on the relative error.
+    fraction: the bound is proved for |z_i| <= fraction b_i. It is 0 if nothing is proved.
+    boxes: number of boxes for which bounds were computed.
+    beyond: state (n,) whose error exceeds the bound, or None if no such state was found.
+    is_of_all: whether the bound covers all errors that are compared.
+    """
+
+    what: str
+    error: float
+    fraction: float
+    boxes: int
+    beyond: np.ndarray | None = None
+    is_of_all: bool = True
+
+    @property
+    def where(self) -> str:
+        """Proved part of the box in words, such as "in the box" or "on 0.96 times the box".
+
+        The factor is rounded down.
+        """
+        if self.fraction == 1.0:
+            return "in the box"
+        return f"on {math.floor(100.0 * self.fraction) / 100.0:g} times the box"
+
+
+def prove(
+    what: str,
+    errors: ca.Function,
+    b: np.ndarray,
+    limit: float,
+    seconds: float,
+    progress: Progress | None = None,
+) -> Proof | None:
+    """Prove |errors(z)| <= limit for |z_i| <= b_i by branch and bound, for at most `seconds` s.
+
+    The proof also ends at a state whose error exceeds the limit. The result contains the fraction
+    of the box that is proved. The result is None if `errors` contains operations for which no bound
+    is implemented.
+
+    what: description of the errors, for `Proof.what`
+    b: half-widths of the box, (n,)
+    """
+    y = ca.SX.sym("y", len(b))
+    scaled = ca.Function("errors", [y], [ca.densify(errors(ca.DM(b) * y))])
+    try:
+        relaxation = Relaxation(scaled)
+    except (NotReadError, OverflowError):  # a coefficient overflows double precision
+        return None
+    begin = time.monotonic()
+    centres = np.zeros((1, len(b)))
+    half_widths = np.ones((1, len(b)))
+    count = 0
+    while len(centres):
+        distances = np.max(np.abs(centres) - half_widths, axis=1)
+        fraction = max(float(distances.min()), 0.0)
+        elapsed = time.monotonic() - begin
+        if progress is not None:
+            progress(min(elapsed, seconds), seconds, f"proved on {fraction:.2g} times the box")
+        if elapsed >= seconds:
+            return Proof(what, limit, fraction, count)
+        batch = min(_BATCH, len(centres))
+        order = np.argpartition(distances, batch - 1)
+        bounds = relaxation.over(centres[order[:batch]], half_widths[order[:batch]])
+        count += batch
+        worst = int(np.argmax(np.nan_to_num(bounds.lowest)))
+        if bounds.lowest[worst] > limit:
+            corner = bounds.corner[worst]
+            if np.abs(np.array(scaled(corner))).max() > limit:
+                return Proof(what, limit, fraction, count, b * corner)
+        is_open = ~(bounds.highest <= limit)
+        wide = order[:batch][is_open]
+        halves = _halves(centres[wide], half_widths[wide], bounds.gaps[is_open])
+        waiting = order[batch:]
+        centres = np.concatenate([centres[waiting], halves[0]])
+        half_widths = np.concatenate([half_widths[waiting], halves[1]])
+    return Proof(what, limit, 1.0, count)
+
+
+def _halves(
+    centres: np.ndarray, half_widths: np.ndarray, gaps: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the centres and half-widths of both halves of each box.
+
+    Each box is halved across the input with the largest gap. If a gap is not finite or all are 0,
+    the box is halved across its widest input.
+
+    centres, half_widths: (boxes, n)
+    gaps: (boxes, n), contribution of each input to the width of the box's bound
+    """
+    boxes = np.arange(len(centres))
+    # Without information on the gaps, as without a bound, the widest input is halved.
+    known = np.all(np.isfinite(gaps), axis=1) & np.any(gaps > 0.0, axis=1)
+    across = np.argmax(np.where(known[:, None], gaps, half_widths), axis=1)
+    halved = half_widths.copy()
+    halved[boxes, across] *= 0.5
+    step = halved[boxes, across]
+    lower = centres.copy()
+    lower[boxes, across] -= step
+    upper = centres.copy()
+    upper[boxes, across] += step
+    return np.concatenate([lower, upper]), np.concatenate([halved, halved])

@@ -1,0 +1,191 @@
+"""Simulations of a nonlinear policy, in continuous and in discrete time.
+
+A simulation gives a lower bound on the largest cost, and an upper bound on the box from which
+the loop converges.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.critic import Critic
+from controller.riccati.cost import SIGNLESS
+from hfa_support.reporting.checks import Check, at_most
+from verification.axis import _FEW_STEPS, InTime, Loop, TimeAxis, _FlowLoop
+from verification.critic_errors import Exact
+
+if TYPE_CHECKING:
+    from verification.scope import NonlinearPlant
+
+#: Number of initial conditions for a wide network, whose policy takes 2 to 20 ms.
+_WIDE_FLIGHTS = 2
+#: Largest number of initial conditions in the search for the largest box, and k of its multiples
+#: 2^-k ... 2^k.
+FEW = 6
+DOUBLINGS = 4
+
+
+class FlightResults(NamedTuple):
+    """Results of simulations of a critic that is not quadratic.
+
+    The fields are named as in the JSON output. A tested multiple of the box is a power of two. The
+    loop converges from all smaller tested multiples too.
+
+    flights: number of initial conditions, or 0 if nothing was simulated.
+    cost_lost_flown_percent: largest cost above V*, in percent of V*, or inf if a simulation does
+        not converge. For a linear policy, it is the largest excess over all initial conditions.
+    cost_lost_flown_mean_percent: mean cost above V*, in percent of V*, or inf if a simulation does
+        not converge.
+    rest_point: (n,), equilibrium of the policy on the linear plant, or None.
+    rest_cost: cost of the equilibrium per second, or per step in discrete time; 0 at the trim.
+    reach: largest tested multiple of the box from which the loop converges on the linear plant, or
+        0.
+    reach_nonlinear: `reach` on the nonlinear plant, or None without such a plant.
+    reach_nonlinear_exact: `reach` of the exact policy on the nonlinear plant, or None without such
+        a plant.
+    """
+
+    flights: int = 0
+    cost_lost_flown_percent: float = math.inf
+    cost_lost_flown_mean_percent: float = math.inf
+    rest_point: np.ndarray | None = None
+    rest_cost: float = 0.0
+    reach: float = 0.0
+    reach_nonlinear: float | None = None
+    reach_nonlinear_exact: float | None = None
+
+
+def equilibrium_check(equilibrium: np.ndarray | None, b: np.ndarray, limit: float) -> Check:
+    """Return the check of the distance max_i |e_i| / b_i between equilibrium and trim.
+
+    equilibrium: equilibrium, (n,), or None if none was found; the distance is then infinite
+    b: half-widths of the box of states, (n,)
+    limit: largest distance that passes
+    """
+    if equilibrium is None:
+        return at_most("rest_point", math.inf, limit, "no equilibrium near trim", kind="rest")
+    distance = float((np.abs(equilibrium) / b).max())
+    reason = f"equilibrium {distance:.2g} boxes off trim"
+    return at_most("rest_point", distance, limit, reason, kind="rest")
+
+
+def fly(
+    axis: TimeAxis,
+    critic: Critic,
+    exact: Exact,
+    b: np.ndarray,
+    flights: int,
+    plant: NonlinearPlant | None = None,
+) -> FlightResults:
+    """Simulate a critic that is not quadratic from the box |z_i| <= b_i.
+
+    Nothing is simulated if the critic has non-finite values or its linear loop is unstable.
+
+    flights: number of initial conditions. At most `_WIDE_FLIGHTS` are used for a wide network
+    plant: nonlinear plant of a critic in continuous time, or None
+    """
+    if not flights or not critic.finite or not axis.is_stable(critic.K):
+        return FlightResults()
+    if critic.wide:
+        flights = min(flights, _WIDE_FLIGHTS)
+    losses = costs_above_optimum(axis, critic, exact, b, flights)
+    few = min(FEW, flights)
+    loop = axis.loop(critic, b)
+    reached = [_reach(loop, b, few)]
+    if plant is not None:
+        assert isinstance(axis, InTime)
+        z = critic.symbols
+        for policy in (critic.policy(z), -ca.DM(exact.K) @ z):
+            nonlinear = _FlowLoop(z, plant.closed(z, policy), exact, axis.duration(), b)
+            nonlinear.most_steps = _FEW_STEPS
+            reached.append(_reach(nonlinear, b, few))
+    rest = loop.equilibrium
+    rest_cost = 0.0
+    if rest is not None:
+        rest_cost = axis.cost(rest, np.array(critic.policy(rest)).ravel())
+    return FlightResults(
+        flights, float(losses.max()), float(losses.mean()), rest, rest_cost, *reached
+    )
+
+
+def costs_above_optimum(
+    axis: TimeAxis, critic: Critic, exact: Exact, b: np.ndarray, flights: int
+) -> np.ndarray:
+    """Return the cost above V* from each initial condition, in percent of V*, (flights,).
+
+    The first initial condition is the worst one of the linear loop. The loop is under the worst
+    disturbance of the critic's linear part; in discrete time, of the exact solution. The cost after
+    the end of a simulation is computed for the linear loop. All costs are inf if a simulation does
+    not converge, or if the linear loop is unstable.
+    """
+    remaining = axis.excess(critic.K)
+    if remaining is None:
+        return np.full(flights, math.inf)
+    loop = axis.worst_loop(critic, b, remaining)
+    starts = np.vstack([worst_start(remaining, exact.P, b), starts_in(b, flights - 1)])
+    losses = []
+    for start in starts:
+        end = loop.simulate(start)
+        if end is None:
+            return np.full(flights, math.inf)
+        cost = end[1] + end[0] @ remaining @ end[0]
+        losses.append(max(100.0 * float(cost / (start @ exact.P @ start)), 0.0))
+    return np.array(losses)
+
+
+def worst_start(X: np.ndarray, P: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the state z (n,) at the edge of the box with the largest z'X z / z'P z.
+
+    States without cost, z'P z = 0, are left out.
+
+    X, P: (n, n), symmetric
+    b: half-widths of the box, (n,)
+    """
+    corner = np.outer(b, b)
+    values, vectors = np.linalg.eigh(P * corner)
+    paid = values > SIGNLESS * max(float(values[-1]), 0.0)
+    if not paid.any():
+        return b
+    root = vectors[:, paid] / np.sqrt(values[paid])
+    direction = root @ np.linalg.eigh(root.T @ (X * corner) @ root)[1][:, -1]
+    return np.asarray(b * direction / np.abs(direction).max())
+
+
+def starts_in(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
+    """Return random initial conditions in the box |z_i| <= b_i, (count, n).
+
+    Every second initial condition, beginning with the first, is a corner of the box.
+
+    b: (n,)
+    """
+    starts = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, len(b)))
+    starts[::2] = np.sign(starts[::2])
+    return starts * b
+
+
+def _reach(loop: Loop, b: np.ndarray, few: int) -> float:
+    """Return the largest tested multiple of the box from which all simulations converge, or 0.
+
+    The multiples are powers of two from 2^-k to 2^k, k = `DOUBLINGS`. The simulations from all
+    smaller tested multiples converge too.
+
+    few: number of initial conditions for each multiple
+    """
+
+    def converges(size: float) -> bool:
+        return all(loop.simulate(start) is not None for start in size * starts_in(b, few))
+
+    size = 1.0
+    if converges(size):
+        while size < 2.0**DOUBLINGS and converges(2.0 * size):
+            size *= 2.0
+        return size
+    while size > 2.0**-DOUBLINGS:
+        size /= 2.0
+        if converges(size):
+            return size
+    return 0.0

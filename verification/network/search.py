@@ -1,0 +1,439 @@
+"""Errors of a critic that is a nonlinear function of the state, over a box of states.
+
+A search returns a lower bound on the largest error, and a proof an upper bound.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.critic import FUNCTIONS, Critic
+from hfa_support.reporting.checks import Check
+from verification.axis import InSteps, InTime, TimeAxis
+from verification.critic_errors import SMALL, Exact, error_check
+from verification.network.bound import Proof, prove
+from verification.network.flights import (
+    DOUBLINGS,
+    FEW,
+    FlightResults,
+    equilibrium_check,
+    fly,
+    starts_in,
+)
+from verification.verdict import Details, Section
+
+if TYPE_CHECKING:
+    from controller.discrete.solution import DiscreteSolution
+    from controller.game.zero_sum import Game
+    from controller.riccati.gare import Solution
+    from verification.scope import Scope
+
+#: Number of states at which the errors are computed. Half of them are corners of the box.
+STARTS = 1000
+#: Number of corners, and of other states, from which a search begins.
+CLIMBS = 3
+#: Number of searches that begin at a state found by the proof.
+_SEARCHES = 3
+#: Bound to be proved for an inexact policy, relative to the largest error found.
+_MARGIN = 1.25
+#: Errors covered by a proof -> description, if the proof does not cover all.
+_PROVED = {
+    ("policy",): "error of the policy",
+    ("value", "gradient"): "error of V and its slopes",
+    ("gradient",): "error of the slopes of V",
+}
+_NOUNS = {"value": "V", "gradient": "a slope of V", "policy": "the policy"}
+
+
+class Found(NamedTuple):
+    """Largest relative error that the search found.
+
+    name: "value", "gradient" or "policy".
+    error: relative error.
+    at: state z, (n,), with this error.
+    """
+
+    name: str
+    error: float
+    at: np.ndarray
+
+
+class Findings(NamedTuple):
+    """Findings on a critic that is not quadratic.
+
+    errors: checks of the errors of a network at the origin and in the box.
+    checks: `errors`, and the check of the equilibrium if the critic was simulated.
+    proof: proved bound, or None.
+    flown: results of simulations.
+    section: section of the report.
+    states: number of states at which the search begins, or 0 for a polynomial, whose errors are
+        bounded without a search.
+    """
+
+    errors: list[Check]
+    checks: list[Check]
+    proof: Proof | None
+    flown: FlightResults
+    section: Section
+    states: int
+
+
+class Comparison(NamedTuple):
+    """Comparison of a network with the exact solution over a box of states.
+
+    critic: the network.
+    exact: the exact solution.
+    weights: (m,), square roots of the weights of the inputs, by which errors of inputs are
+        compared.
+    box: half-widths b (n,) of the box |z_i| <= b_i.
+    """
+
+    critic: Critic
+    exact: Exact
+    weights: np.ndarray
+    box: np.ndarray
+
+    @property
+    def functions(self) -> dict[str, ca.Function]:
+        """Functions that are compared, by kind.
+
+        The kinds are "policy", and if the critic has them, "value" and "gradient".
+        """
+        functions = {"policy": self.critic.policy}
+        if self.critic.gradient is not None:
+            functions = {"gradient": self.critic.gradient} | functions
+        if self.critic.value is not None:
+            functions = {"value": self.critic.value} | functions
+        return functions
+
+    def errors(self, z: ca.SX, kinds: Sequence[str] = ()) -> tuple[list[str], ca.SX]:
+        """Return the kind of each error, and the errors as expressions of the symbols z.
+
+        Errors of V are relative to b'|P| b, an upper bound on the exact V in the box. Other errors
+        are relative to the largest exact dV/dz_i or u_i in the box, bounded below (`_floored`). The
+        constant of V is subtracted, because no policy depends on it.
+
+        kinds: the functions to compare, or () for all that the critic has
+        """
+        P = ca.DM(self.exact.P)
+        names = []
+        errors = []
+        functions = self.functions
+        for kind in kinds or functions:
+            given = functions[kind](z)
+            if kind == "value":
+                error = given - self.critic.constant - ca.bilin(P, z, z)
+                sizes = np.atleast_1d(self.box @ np.abs(self.exact.P) @ self.box)
+            elif kind == "gradient":
+                error = given - 2.0 * P @ z
+                sizes = _floored(2.0 * np.abs(self.exact.P) @ self.box)
+            else:
+                error = given + ca.DM(self.exact.K) @ z
+                inputs = np.abs(self.exact.K) @ self.box
+                sizes = _floored(self.weights * inputs) / self.weights
+            names += [kind] * len(sizes)
+            errors.append(error / ca.DM(sizes))
+        return names, ca.vertcat(*errors)
+
+    def function(self, kinds: Sequence[str]) -> ca.Function:
+        """Return the CasADi Function z -> errors of the given kinds, as a graph of scalars (SX).
+
+        kinds: as for `errors`
+        """
+        z = ca.SX.sym("z", len(self.box))
+        return ca.Function("errors", [z], [self.errors(z, kinds)[1]])
+
+
+def _floored(sizes: np.ndarray) -> np.ndarray:
+    """Return the largest magnitudes of several quantities, bounded below, as scales of errors.
+
+    The lower bound is `SMALL` times the largest of them. If all are 0, the scales are 1.
+    """
+    return np.maximum(sizes, SMALL * sizes.max() or 1.0)
+
+
+def findings(
+    axis: TimeAxis, critic: Critic, exact: Exact, b: np.ndarray, limit: float, scope: Scope
+) -> Findings:
+    """Return the errors of a critic over the box |z_i| <= b_i, and the results of its simulations.
+
+    limit: largest relative error that passes
+    """
+    about = Comparison(critic, exact, np.sqrt(np.diag(axis.price)), b)
+    origin, worst, proof = _searched_and_proved(about, limit, scope)
+    # The errors of a polynomial are bounded, and its bounds are checked.
+    errors = search_checks(critic, origin, worst, limit) if critic.network else []
+    checks = list(errors)
+    flown = fly(axis, critic, exact, b, scope.flights, scope.plant)
+    if flown.flights:
+        checks.append(equilibrium_check(flown.rest_point, b, limit))
+    section = nonlinear_section(critic, b, worst, proof, flown, axis.period)
+    states = STARTS if critic.network else 0
+    return Findings(errors, checks, proof, flown, section, states)
+
+
+# Search and proof.
+def _searched_and_proved(
+    about: Comparison, limit: float, scope: Scope
+) -> tuple[float, tuple[Found, ...], Proof | None]:
+    """Search for the largest errors, then prove a bound for a network.
+
+    Returns the largest error at the origin, the largest errors found in the box, and the proof or
+    None. Only graphs of scalars (SX) are proved. The errors of a polynomial are bounded already.
+
+    - No error above the limit is found: the limit is proved for all errors.
+    - An error above the limit is found, but not of the policy: the limit is proved for the policy.
+    - The error of the policy exceeds the limit: `_MARGIN` times this error is proved for the
+      policy.
+
+    If the proof finds a larger error, the search is repeated from that state.
+    """
+    end = time.monotonic() + scope.seconds
+    origin, worst = search(about)
+    functions = about.functions
+    provable: tuple[str, ...] = ()
+    if about.critic.network:
+        provable = tuple(kind for kind in functions if functions[kind].is_a("SXFunction"))
+    proof = None
+    for _ in range(_SEARCHES if provable and scope.seconds else 0):
+        largest = {item.name: item.error for item in worst}
+        covers = provable
+        bound = limit
+        if max(largest.values()) > limit:
+            if "policy" not in provable:
+                break
+            covers = ("policy",)
+            if largest["policy"] > limit:
+                bound = _rounded_up(_MARGIN * largest["policy"])
+        function = about.function(covers)
+        seconds = end - time.monotonic()
+        what = _PROVED.get(covers, "error")
+        proof = prove(what, function, about.box, bound, seconds, scope.progress)
+        if proof is None:
+            break
+        proof = proof._replace(is_of_all=covers == tuple(functions))
+        if proof.beyond is None:
+            break
+        origin, worst = search(about, proof.beyond)
+    return origin, worst, proof
+
+
+def _rounded_up(number: float) -> float:
+    """Return a number rounded up to two significant digits."""
+    if not math.isfinite(number):
+        return number
+    digit = 10.0 ** (math.floor(math.log10(number)) - 1)
+    return float(f"{math.ceil(number / digit) * digit:.2g}")
+
+
+def search_checks(
+    critic: Critic, origin: float, found: tuple[Found, ...], limit: float
+) -> list[Check]:
+    """Return the checks of the errors that `search` found.
+
+    origin: error at the origin
+    found: largest errors in the box
+    limit: largest relative error that passes
+    """
+    what = "u" if critic.gradient is None else "the slope of V"
+    checks = [error_check("origin_error", origin, limit, f"{what} at the origin")]
+    for item in found:
+        what = f"{_NOUNS[item.name]} in the box"
+        checks.append(error_check(f"searched_{item.name}_error", item.error, limit, what))
+    return checks
+
+
+def search(about: Comparison, also: np.ndarray | None = None) -> tuple[float, tuple[Found, ...]]:
+    """Return the largest error at the origin, and the largest errors found in the box |z_i| <= b_i.
+
+    The errors are computed at `STARTS` states, and at `also`. Each error is maximized by L-BFGS-B
+    from the worst state and from `also`. For a network that is not wide, further maximizations
+    begin at the `CLIMBS` worst corners and at the `CLIMBS` worst other states.
+
+    also: further initial state of the search, (n,), or None
+    """
+    b = about.box
+    z = about.critic.symbols
+    names, errors = about.errors(z)
+    values = ca.Function("values", [z], [errors])
+    climb = _climber(errors, z, b)
+    climbs = 0 if about.critic.wide else CLIMBS
+    starts = starts_in(np.ones(len(b)), STARTS, seed=0)
+    if also is not None:
+        starts = np.vstack([starts, also / b])
+    ends = []
+    for sampled, unit in zip(np.array(values((b * starts).T)), np.eye(len(names)), strict=True):
+        sizes = np.where(np.isfinite(sampled), np.abs(sampled), math.inf)
+        order = np.argsort(-sizes, kind="stable")
+        ends.append(starts[order[0]])
+        if not math.isfinite(sizes[order[0]]):
+            continue
+        corners = order[order % 2 == 0][:climbs]
+        inside = order[order % 2 == 1][:climbs]
+        for index in (order[0], *corners, *inside, *range(STARTS, len(starts))):
+            ends.append(climb(np.copysign(unit, sampled[index]), starts[index]))
+    reached = b * np.array(ends)
+    sizes = _sizes(values(reached.T))
+    largest: dict[str, Found] = {}
+    for name, row in zip(names, sizes, strict=True):
+        worst = int(np.argmax(row))
+        if name not in largest or row[worst] > largest[name].error:
+            largest[name] = Found(name, float(row[worst]), reached[worst])
+    return float(_sizes(values(np.zeros(len(b)))).max()), tuple(largest.values())
+
+
+def _sizes(values: ca.DM) -> np.ndarray:
+    sizes = np.abs(np.array(values))
+    return np.where(np.isfinite(sizes), sizes, math.inf)
+
+
+def _climber(
+    errors: ca.SX, z: ca.SX, b: np.ndarray
+) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """Return the function that finds a local maximizer y of a weighted error in the box.
+
+    It maps (weights, initial y) to a maximizer of weights'errors(b y) for |y_i| <= 1.
+
+    errors: expressions in the symbols z
+    b: half-widths of the box of z
+    """
+    from scipy.optimize import minimize
+
+    w = type(z).sym("w", errors.numel())
+    weighted = ca.dot(w, errors)
+    ascent = ca.Function("ascent", [z, w], [weighted, ca.gradient(weighted, z)])
+
+    def climb(weights: np.ndarray, start: np.ndarray) -> np.ndarray:
+        def descent(y: np.ndarray) -> tuple[float, np.ndarray]:
+            value, slope = ascent(b * y, weights)
+            return -float(value), -np.array(slope).ravel() * b
+
+        bounds = [(-1.0, 1.0)] * len(b)
+        end = minimize(
+            descent, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 25}
+        )
+        return np.asarray(end.x)
+
+    return climb
+
+
+# Report.
+def nonlinear_section(
+    critic: Critic,
+    b: np.ndarray,
+    found: tuple[Found, ...],
+    proof: Proof | None,
+    flown: FlightResults,
+    period: str,
+) -> Section:
+    """Return the section of the report on a critic that is not quadratic.
+
+    found: largest errors in the box
+    flown: results of the simulations
+    period: unit of the time of a cost, "second" or "step"
+    """
+    functions = critic.network
+    if not functions:
+        assert critic.value is not None
+        functions = {"V": critic.value}
+    outputs = [name for name in FUNCTIONS if name in functions]
+    if "gradient" in outputs and "V" in outputs:
+        outputs.remove("gradient")  # its derivative
+    if critic.implies_policy:
+        outputs.remove("policy")
+    output = " and ".join(outputs)
+    value = np.array(functions[outputs[0]](b)).ravel()
+    constant = f", V(0) = {critic.constant:.4g}" if "V" in outputs else ""
+    kind = f"Network of {output}" if critic.network else "Polynomial V"
+    errors = "; ".join(
+        f"{_NOUNS[item.name]} {item.error:.3g} at ({_row(item.at)})" for item in found
+    )
+    name = {"V": "V", "gradient": "dV/dz", "policy": "u"}[outputs[0]]
+    lines = [
+        f"{kind}, {critic.precision} weights, linearized exactly at the origin{constant}",
+        f"Read: {critic.origin}",
+        f"{name}({_row(b)}) = {_row(value)}; compare with your critic",
+        f"Largest errors in the box (searched, {STARTS} starts; not a bound): {errors}",
+    ]
+    if proof is not None:
+        lines.append(
+            f"Proved for the expression simplified by CasADi: no {proof.what} above"
+            f" {proof.error:.3g} {proof.where} ({proof.boxes} boxes)"
+        )
+    data = {
+        "output": output,
+        "precision": critic.precision,
+        "value_at_origin": critic.constant,
+        "origin": critic.origin,
+        "starts": STARTS,
+        "searched": [item._asdict() for item in found],
+        "proved": None if proof is None else proof._asdict(),
+        "at": b,
+        "value_at": value,
+        **flown._asdict(),
+    }
+    if flown.rest_cost > 0.0:
+        lines.append(f"The steady-state error costs {flown.rest_cost:.2g} per {period}")
+    return Section((*lines, *_flight_lines(flown)), Details(network=data))
+
+
+def _row(numbers: np.ndarray) -> str:
+    return ", ".join(f"{number:.4g}" for number in numbers)
+
+
+def _flight_lines(flown: FlightResults) -> list[str]:
+    if not flown.flights:
+        return ["No flights: the linear loop is not stable"]
+    cost = "not all of them converge"
+    if math.isfinite(flown.cost_lost_flown_percent):
+        cost = (
+            f"cost at most {flown.cost_lost_flown_percent:.3g} % above the optimum, "
+            f"{flown.cost_lost_flown_mean_percent:.3g} % on average"
+        )
+    lines = [
+        f"Simulated in the linear game from {flown.flights} initial conditions in the box (not a "
+        f"bound): {cost}"
+    ]
+    reach = f"{flown.reach:g} times the box on the linear plant"
+    if flown.reach_nonlinear is not None:
+        reach += (
+            f", {flown.reach_nonlinear:g} times on the nonlinear plant within the control limits "
+            f"(exact policy: {flown.reach_nonlinear_exact:g})"
+        )
+    few = min(FEW, flown.flights)
+    lines.append(
+        f"Converges from {reach} ({few} initial conditions each, factors up to {2**DOUBLINGS})"
+    )
+    return lines
+
+
+def in_time(
+    game: Game, exact: Solution, critic: Critic, b: np.ndarray, limit: float, scope: Scope
+) -> Findings:
+    """Return the findings on a critic in continuous time, over the box |z_i| <= b_i.
+
+    exact: exact solution of the game
+    b: half-widths of the box, (n,)
+    limit: largest relative error that passes
+    scope: duration of the proof, number of simulations and further settings
+    """
+    return findings(InTime(game, exact), critic, exact, b, limit, scope)
+
+
+def in_steps(
+    exact: DiscreteSolution, critic: Critic, b: np.ndarray, limit: float, scope: Scope
+) -> Findings:
+    """Return the findings on a critic in discrete time, over the box |z_i| <= b_i.
+
+    exact: exact solution of the game
+    b: half-widths of the box, (n,)
+    limit: largest relative error that passes
+    scope: duration of the proof, number of simulations and further settings
+    """
+    return findings(InSteps(exact), critic, exact, b, limit, scope)

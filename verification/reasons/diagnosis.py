@@ -1,0 +1,515 @@
+"""Search for the mistake in a wrong critic.
+
+A mistake, or another game that the critic may solve, is named if its reversal removes almost all of
+the error. The permitted remaining part is larger for common mistakes in noisy data, and for
+networks, which are compared by approximations.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.critic import FUNCTIONS, Critic
+from controller.discrete.solution import quick_discrete
+from controller.game.basis import basis
+from controller.game.discrete_game import DiscreteGame
+from controller.game.zero_sum import Game
+from controller.riccati.balancing import spectrum
+from controller.riccati.gare import unconfirmed_solution
+from controller.riccati.normal_form import NormalForm
+from hfa_support.errors import BadInputError, NoSolutionError
+from verification.critic_errors import SMALL, Exact, matrix_errors, relative_error
+from verification.reasons.hypotheses import (
+    Hypothesis,
+    View,
+    of_columns,
+    of_matrix,
+    of_rows,
+    of_weights,
+)
+from verification.reasons.other_games import (
+    ROUNDING,
+    Answer,
+    Family,
+    Nearby,
+    answers,
+    families,
+    is_answer,
+    other_weights,
+)
+
+#: A P with a smaller residual is a root of the Riccati equation, although possibly the wrong one.
+_ROOT = 1e-9
+#: If a smaller fraction of the error remains, a critic is the LQR. Above it, a game that is almost
+#: the LQR would look alike.
+_SAME = 1e-6
+#: If K differs more from R⁻¹B'P, relatively, K and P do not belong together. A smaller difference
+#: may be rounding.
+_APART = 0.05
+_NOT_TOGETHER = (
+    "K is not R⁻¹B'P: the stored K and P do not belong together, or not to this plant and R"
+)
+#: Largest relative error of P with which a network counts as right, and least error of its policy
+#: with which the policy counts as wrong.
+NEAR = 0.1
+FAR = 0.3
+#: Number of states at which a network is fitted over the box.
+_SAMPLES = 2000
+#: Factor on a row of ∂²V/∂z² whose slope is per degree.
+_PER_DEGREE = 180.0 / math.pi
+
+
+class Demands(NamedTuple):
+    """Thresholds for naming a mistake.
+
+    left: permitted remaining part of the error for each kind of `Hypothesis.fitted`. The part is
+        smaller if numbers were fitted, because fitted numbers explain part of any error.
+    least: largest error of a critic for which the permitted part of `_EXACT` applies instead.
+    entry: largest permitted error of an entry under the hypothesis (`View.entry_errors`).
+    share: fraction of the informative entries that must satisfy `entry`.
+    """
+
+    left: Mapping[str, float]
+    least: float = 0.0
+    entry: float = 0.01
+    share: float = 1.0
+
+
+_EXACT = Demands({"": 1e-3, "factor": 1e-3, "scales": 1e-4})
+_WITH_NOISE = Demands({"": 0.15, "factor": 0.01, "scales": 1e-4}, 0.03, 0.5)
+_OF_NETWORKS = Demands({"": 0.15, "factor": 0.01, "scales": 0.03}, 0.03, 0.3, 0.6)
+#: An explanation is preferred to later ones whose remaining error is smaller by at most this
+#: factor.
+_AS_GOOD = 10.0
+#: If an explanation leaves a smaller part of the permitted error, other games are not searched.
+_CLEAR = 1.0 / 3.0
+
+
+class Cause(NamedTuple):
+    """Mistake that explains an error.
+
+    share: remaining part of the error, relative to the permitted part.
+    error: remaining error, relative to the exact matrix.
+    says: sentence on the mistake, or "" if no mistake is found.
+    """
+
+    share: float
+    error: float
+    says: str
+
+
+_NO_CAUSE = Cause(math.inf, math.inf, "")
+
+
+def error_of(view: View, matrix: np.ndarray) -> float:
+    """Return |matrix - exact| / |exact|, the relative error of a matrix in weighted norms.
+
+    view: the exact matrix and the weights of the Frobenius norms
+    """
+    return relative_error(matrix * view.weights, view.exact * view.weights)
+
+
+def named(view: View, hypotheses: Iterable[Hypothesis], demands: Demands) -> Cause:
+    """Return the first hypothesis that explains nearly as much of the error as the best hypothesis.
+
+    If no hypothesis explains enough, or if the error is a rounding error, the text of the result is
+    "".
+
+    hypotheses: hypotheses in the order of preference
+    demands: thresholds for naming a mistake
+    """
+    before = min(error_of(view, view.judged), 1.0)
+    if before <= ROUNDING:
+        return _NO_CAUSE
+    strictness = 1.0
+    if before <= demands.least:
+        strictness = demands.left[""] / _EXACT.left[""]
+    causes = []
+    for hypothesis in hypotheses:
+        if not is_confirmed(view, hypothesis, demands):
+            continue
+        error = error_of(view, hypothesis.undo)
+        share = error / before / demands.left[hypothesis.fitted] * strictness
+        causes.append(Cause(share, error, hypothesis.says))
+    errors = [cause.error for cause in causes if cause.share <= 1.0]
+    if not errors:
+        return _NO_CAUSE
+    good = min(_AS_GOOD * min(errors), before * _WITH_NOISE.left[""])
+    return next(cause for cause in causes if cause.error <= max(good, ROUNDING))
+
+
+def is_confirmed(view: View, hypothesis: Hypothesis, demands: Demands) -> bool:
+    """Return whether enough entries of the critic agree with their values under a hypothesis."""
+    errors = view.entry_errors(hypothesis)
+    right = np.count_nonzero(errors <= demands.entry)
+    return bool(right >= demands.share * len(errors))
+
+
+def named_with_noise(view: View, hypotheses: Sequence[Hypothesis]) -> str:
+    """Return the text of the hypothesis that explains most of the error of noisy data, or "".
+
+    The text includes the remaining error. The error is first measured relative to each entry, then
+    with the weights of the view.
+    """
+    for weighted in (view.relative(), view):
+        cause = named(weighted, hypotheses, _WITH_NOISE)
+        if cause.says:
+            return f"{cause.says}; an error of {cause.error:.2g} is left"
+    return ""
+
+
+def diagnose(
+    game: Game,
+    exact: Exact,
+    critic: Critic,
+    limit: float,
+    nearby: Nearby | None = None,
+    box: np.ndarray | None = None,
+) -> str:
+    """Return a sentence that names the mistake in a critic, or "" if no mistake is recognized.
+
+    game: the game to be solved
+    exact: exact solution of the game
+    critic: P and K, K alone, or a network
+    limit: largest relative error of a correct P
+    nearby: other games that the critic may solve, or None
+    box: half-widths of the box of states, (n,). Required for a network, otherwise None.
+    """
+    others = _Others(game, nearby or Nearby())
+    if critic.network and box is not None:
+        return _of_network(game, exact, critic, box, others.of_network)
+    value, gain = _views(game, critic, exact.P, exact.K)
+    if value is None or critic.P is None:
+        return _of_view(gain, _usual(game, gain, critic), others.of_polynomial(gain))
+    P_is_right = all(check.ok for check in matrix_errors(game, "P", critic.P, exact.P, limit))
+    if P_is_right and critic.feedback is not None and critic.is_quadratic:
+        return _rounded(gain)
+    if P_is_right:
+        mistake = _beyond_quadratic(critic) or _of_view(gain, _usual(game, gain, critic))
+    else:
+        mistake = _of_view(value, _usual(game, value, critic), others.of_polynomial(value))
+    if mistake:
+        return mistake
+    # |K - R⁻¹B'P| with the critic's P, relative to |K| of the exact solution.
+    difference = error_of(gain, gain.exact + gain.judged - game.gain(critic.P))
+    if difference > _APART:
+        return _NOT_TOGETHER
+    return "" if P_is_right else _another_root(game, critic.P)
+
+
+def diagnose_discrete(
+    game: Game,
+    exact: Exact,
+    critic: Critic,
+    continuous: str,
+    others: Mapping[str, DiscreteGame],
+    box: np.ndarray,
+) -> str:
+    """Return a sentence that names the mistake in a critic of a discrete-time problem, or "".
+
+    The mistake may be that the critic solves another problem.
+
+    game: the game in continuous time. For a plant that is declared discrete, the game with the same
+        matrices.
+    exact: exact solution of the problem in discrete time
+    critic: P and K, K alone, or a network
+    continuous: end of the sentence if the critic solves `game`
+    others: end of the sentence -> other problem in discrete time
+    box: half-widths of the box of states, (n,), used for a network
+    """
+
+    def problems(view: View) -> Iterator[Hypothesis]:
+        with contextlib.suppress(NoSolutionError):
+            solution = unconfirmed_solution(game)
+            answer = Answer(solution.P, solution.K)
+            yield is_answer(view, answer, f"this is the {view.noun} {continuous}")
+        for says, problem in others.items():
+            with contextlib.suppress(NoSolutionError):
+                answer = Answer(*quick_discrete(problem))
+                yield is_answer(view, answer, f"this is the {view.noun} {says}")
+
+    if critic.network:
+        return _of_network(game, exact, critic, box, problems)
+    value, gain = _views(game, critic, exact.P, exact.K)
+    view = value or gain
+    return _of_view(view, _usual(game, view, critic), problems(view))
+
+
+class _Others:
+    """Hypotheses that a critic solves another game.
+
+    game: the game to be solved
+    nearby: other games that the critic may solve
+    """
+
+    def __init__(self, game: Game, nearby: Nearby) -> None:
+        self.game = game
+        self._families = lru_cache(lambda: families(game, nearby))
+
+    def of_polynomial(self, view: View) -> Iterator[Hypothesis]:
+        """Yield hypotheses that a critic given by P or K solves another game.
+
+        The LQR is yielded if it leaves at most `_SAME` of the error. Otherwise another game is
+        yielded only if it explains the critic's difference from the LQR.
+        """
+        allowed = math.inf
+        lqr = [family for family in self._families() if family.is_lqr]
+        for hypothesis in answers(view, lqr, _EXACT.left[""]):
+            left = error_of(view, hypothesis.undo)
+            if left <= _SAME * error_of(view, view.judged):
+                yield hypothesis
+            else:
+                allowed = left * _EXACT.left[""]
+        for hypothesis in self._without_lqr(view):
+            if error_of(view, hypothesis.undo) <= allowed:
+                yield hypothesis
+
+    def _without_lqr(self, view: View) -> Iterator[Hypothesis]:
+        games: list[Family] = [family for family in self._families() if not family.is_lqr]
+        yield from answers(view, games, _EXACT.left[""])
+        if view.kind == "P":
+            for says, answer in other_weights(self.game, view.judged):
+                yield is_answer(view, answer, says)
+
+    def of_network(self, view: View) -> Iterator[Hypothesis]:
+        """Yield hypotheses that a network solves another game.
+
+        view: the matrix that represents the network
+        """
+        yield from answers(view, self._families(), _OF_NETWORKS.left[""])
+
+
+def _of_view(
+    view: View, usual: Sequence[Hypothesis], other_games: Iterable[Hypothesis] = ()
+) -> str:
+    """Return the text of the best explanation of the error in a matrix, or "".
+
+    Exact common mistakes are preferred to other games, and other games to common mistakes with
+    noise.
+
+    usual: common mistakes
+    other_games: hypotheses that the critic solves another game
+    """
+    cause = named(view, usual, _EXACT)
+    if not cause.says:
+        cause = named(view, other_games, _EXACT)
+    return cause.says or named_with_noise(view, usual)
+
+
+def _usual(game: Game, view: View, critic: Critic) -> list[Hypothesis]:
+    """Return hypotheses of common mistakes in a matrix of a critic.
+
+    For P, mistakes in the critic's weights are included.
+    """
+    hypotheses = list(of_matrix(game, view))
+    if view.kind == "P" and critic.weights is not None and critic.basis is not None:
+        hypotheses += of_weights(critic.weights, view.exact, critic.basis)
+    return hypotheses
+
+
+def _views(game: Game, critic: Critic, P: np.ndarray, K: np.ndarray) -> tuple[View | None, View]:
+    """Return the critic's and the exact matrix P, and the critic's and the exact gain K.
+
+    The first result is None if the critic has no P.
+
+    P: exact matrix, (n, n)
+    K: exact gain, (m, n)
+    """
+    units = NormalForm.of(game).units
+    inputs = np.outer(np.sqrt(np.diag(game.R)), units)
+    value = None
+    if critic.P is not None:
+        value = View("P", critic.P, P, np.outer(units, units), alike(P, units))
+    return value, View("K", critic.K, K, inputs, alike(P, units))
+
+
+def alike(P: np.ndarray, units: np.ndarray) -> np.ndarray:
+    """Return units (n,) in which each state contributes equally to the value, 1 / √P_ii.
+
+    For a state with almost no cost, the given unit is returned.
+
+    P: exact matrix of the value, (n, n)
+    units: units of the states, (n,)
+    """
+    diagonal = np.diag(P)
+    costs = diagonal * units**2
+    known = costs > SMALL * costs.max()
+    return np.where(known, 1.0 / np.sqrt(np.where(known, diagonal, 1.0)), units)
+
+
+def _rounded(gain: View) -> str:
+    """Return the sentence for a critic whose P is within the limit, but whose gain R⁻¹B'P is not.
+
+    gain: the critic's and the exact gain
+    """
+    return (
+        f"P is right within the limit; the K that follows from it, R⁻¹B'P, is off by "
+        f"{error_of(gain, gain.judged):.2g}: it needs more digits of P"
+    )
+
+
+def _beyond_quadratic(critic: Critic) -> str:
+    """Return a sentence on the largest weight of a basis function that is not quadratic, or "".
+
+    The result is "" if all these weights are 0 or the critic has no weights.
+    """
+    if critic.weights is None or critic.basis is None:
+        return ""
+    beyond = critic.basis.quadratic_size
+    if not critic.weights[beyond:].any():
+        return ""
+    index = beyond + int(np.argmax(np.abs(critic.weights[beyond:])))
+    return (
+        f"weight {index + 1} is {critic.weights[index]:.6g}: on a linear plant the value is "
+        "quadratic, and every weight beyond the quadratic ones must be 0"
+    )
+
+
+def _another_root(game: Game, P: np.ndarray) -> str:
+    """Return a sentence that P is another root of the Riccati equation, or "" if P is not.
+
+    The result is "" if the relative residual exceeds `_ROOT`, or if A - S P is Hurwitz.
+    """
+    form = NormalForm.of(game)
+    abscissa = spectrum(game.worst_case_loop(P)).abscissa
+    residual = float(form.relative_residual(form.of_value(P)))
+    if residual > _ROOT or abscissa < 0.0:
+        return ""
+    return (
+        f"this is another root of the Riccati equation: its residual is {residual:.2g}, but "
+        f"A - S P is not Hurwitz (abscissa {abscissa:+.3g} 1/s)"
+    )
+
+
+# Networks.
+
+
+def _of_network(
+    game: Game,
+    exact: Exact,
+    critic: Critic,
+    box: np.ndarray,
+    others: Callable[[View], Iterator[Hypothesis]],
+) -> str:
+    """Return a sentence on the mistake that explains most of a network's error, or "".
+
+    The error is that at the origin or over the box.
+
+    box: half-widths of the box of states, (n,)
+    others: function from a view to hypotheses that the critic solves another game
+    """
+    own_policy = "policy" in critic.network and not critic.implies_policy
+    at_origin = _network_views(exact, Answer(critic.P, critic.K), critic, box)
+    over_box = _network_views(exact, nearest_linear(game, critic, box), critic, box)
+    origin_errors = [error_of(view, view.judged) for view in at_origin]
+    box_errors = [error_of(view, view.judged) for view in over_box]
+    judged_errors = [origin_errors[0]]
+    if own_policy:
+        judged_errors.append(origin_errors[-1])
+    if max(judged_errors) <= SMALL:
+        has_constant = np.any(np.array(critic.policy(np.zeros(len(box)))))
+        if has_constant and box_errors[-1] <= SMALL:
+            return "it is right except for a constant in u"
+        return "it solves the linear game at the origin, and differs from its solution away from it"
+    judged = slice(None) if own_policy else slice(-1)  # a K that follows from P is not judged
+    causes = [_NO_CAUSE]
+    for view in (*at_origin[judged], *over_box[judged]):
+        hypotheses = list(of_matrix(game, view))
+        if view.kind == "P" and "V" not in critic.network:
+            hypotheses += of_rows(view, "slope", _PER_DEGREE)
+            hypotheses += of_columns(view, "state", 1.0 / _PER_DEGREE)
+        causes.append(named(view, hypotheses, _OF_NETWORKS))
+    if min(causes).share > _CLEAR:
+        causes += _of_variants(game, exact, critic, box)
+    if min(causes).share > _CLEAR:
+        for view in over_box[judged]:
+            causes.append(named(view, others(view), _OF_NETWORKS))
+    if not own_policy and box_errors[0] <= NEAR and box_errors[-1] > FAR:
+        rule = "the step that it implies" if critic.implies_policy else "u = -½ R⁻¹B'∂V/∂z"
+        says = (
+            f"V is close, but its policy is off by {box_errors[-1]:.2g}: {rule} amplifies small "
+            "errors of V"
+        )
+        causes.append(Cause(1.0, box_errors[0], says))
+    return min(causes).says
+
+
+def _of_variants(game: Game, exact: Exact, critic: Critic, box: np.ndarray) -> Iterator[Cause]:
+    """Yield how well another reading of a network's file explains the error, for each reading.
+
+    Each reading gives two results, one at the origin and one over the box.
+
+    box: half-widths of the box of states, (n,)
+    """
+    views = [
+        _network_views(exact, Answer(critic.P, critic.K), critic, box)[0],
+        _network_views(exact, nearest_linear(game, critic, box), critic, box)[0],
+    ]
+    for says, read in critic.variants.items():
+        with contextlib.suppress(BadInputError):  # the file no longer exists
+            variant = read()
+            undone = [Answer(variant.P, variant.K), nearest_linear(game, variant, box)]
+            for view, answer in zip(views, undone, strict=True):
+                matrix = answer.P if view.kind == "P" else answer.K
+                assert matrix is not None
+                yield named(view, [Hypothesis(says, matrix)], _OF_NETWORKS)
+
+
+def _network_views(exact: Exact, answer: Answer, critic: Critic, box: np.ndarray) -> list[View]:
+    """Return views of a network's matrix P, if there is one, and of the network's gain K.
+
+    For a network of V, the weights of an entry of P are products of two half-widths of the box. The
+    weights of a row of another matrix are the half-widths, divided by the weighted norm of the
+    exact row.
+
+    answer: matrices P and K that represent the network. P may be None.
+    box: half-widths of the box of states, (n,)
+    """
+
+    def by_row(matrix: np.ndarray) -> np.ndarray:
+        sizes = np.linalg.norm(matrix * box, axis=1, keepdims=True)
+        return box / np.maximum(sizes, SMALL * sizes.max())
+
+    units = alike(exact.P, box)
+    views = []
+    if answer.P is not None:
+        weights = np.outer(box, box) if "V" in critic.network else by_row(exact.P)
+        views.append(View("P", answer.P, exact.P, weights, units))
+    views.append(View("K", answer.K, exact.K, by_row(exact.K), units))
+    return views
+
+
+def nearest_linear(game: Game, critic: Critic, box: np.ndarray) -> Answer:
+    """Return the quadratic V and the linear u closest to a network over a box.
+
+    Both are fitted by least squares at random states of the box. Constant terms, and linear terms
+    of V, are fitted too and then omitted. P of the result is None if the network is a policy.
+
+    box: half-widths of the box of states, (n,)
+    """
+    n = len(box)
+    z = np.random.default_rng(2).uniform(-1.0, 1.0, (_SAMPLES, n))
+    symbols = critic.symbols
+    names = [name for name in FUNCTIONS if name in critic.network]
+    outputs = ca.vertcat(*(critic.network[name](symbols) for name in names))
+    samples = np.array(ca.Function("samples", [symbols], [outputs])((z * box).T)).T
+    samples = np.nan_to_num(samples, posinf=0.0, neginf=0.0)
+    ones = np.ones((_SAMPLES, 1))
+    slopes = np.linalg.lstsq(np.hstack([z, ones]), samples, rcond=None)[0][:-1].T / box
+    if "gradient" not in names:
+        return Answer(None, -slopes)
+    P = slopes[:n] / 2.0
+    if "V" in names:
+        quadratic = basis("quadratic", n)
+        terms = np.hstack([quadratic.psi(z), z, ones])
+        weights = np.linalg.lstsq(terms, samples[:, 0], rcond=None)[0]
+        P = quadratic.matrix(weights) / np.outer(box, box)
+    K = -slopes[-len(critic.K) :] if "policy" in names else game.gain(P)
+    return Answer(P, K)

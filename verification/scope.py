@@ -1,0 +1,120 @@
+"""Nonlinear plant in deviations from its trim, and box of states in which critics are compared."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from controller.game.linear_game import widths_within_limits
+from controller.game.zero_sum import Game
+from hfa_aircraft.limits import Limits
+from hfa_support.arguments import checks_arguments
+from hfa_support.progress import Progress
+from trim.linear.linear_model import LinearModel
+from verification.critic_errors import Box, limited_box
+
+
+class NonlinearPlant(NamedTuple):
+    """Nonlinear plant in deviations z and u of state and input from its trim.
+
+    rates: CasADi Function (z, u) -> z'
+    lowest, highest: (m,), limits of u, which include 0
+    """
+
+    rates: ca.Function
+    lowest: np.ndarray
+    highest: np.ndarray
+
+    def closed(self, z: ca.SX, u: ca.SX) -> ca.SX:
+        """Return the rate z' for a state z and an input u, which is saturated at its limits."""
+        return self.rates(z, ca.fmin(ca.fmax(u, ca.DM(self.lowest)), ca.DM(self.highest)))
+
+
+def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
+    """Return the nonlinear plant about the trim of a linear model, with the limits of its inputs.
+
+    The plant has the states and inputs of the linear model. All other states and inputs keep
+    their values at the trim.
+    """
+    point = linear.point
+    model = point.model
+    z = ca.SX.sym("z", len(linear.states))
+    u = ca.SX.sym("u", len(linear.inputs))
+    deviations = dict(zip(linear.states, ca.vertsplit(z), strict=True))
+    deviations |= dict(zip(linear.inputs, ca.vertsplit(u), strict=True))
+    states = [value + deviations.get(name, 0.0) for name, value in point.states._asdict().items()]
+    trim = point.inputs._asdict()
+    inputs = [value + deviations.get(name, 0.0) for name, value in trim.items()]
+    rates, _ = model.layout.expressions((states, inputs, model.p.tolist()), ())
+    rows = [list(model.states).index(name) for name in linear.states]
+    limits = Limits.of(model, linear.inputs)
+    at_trim = np.array([trim[name] for name in linear.inputs], dtype=float)
+    lowest = np.minimum(limits.lowest - at_trim, 0.0)
+    highest = np.maximum(limits.highest - at_trim, 0.0)
+    return NonlinearPlant(ca.Function("plant", [z, u], [rates[rows]]), lowest, highest)
+
+
+def box_within_limits(linear: LinearModel) -> Box | None:
+    """Return the box of `widths_within_limits`, or None."""
+    half_widths = widths_within_limits(linear)
+    return None if half_widths is None else limited_box(half_widths)
+
+
+#: Default limit of the errors of P, K, V, its gradient and the policies, and of the residual.
+LIMIT = 1e-6
+#: Number of initial conditions from which a critic that is not quadratic is simulated.
+FLIGHTS = 100
+#: Time for a proof of a network's largest error, s.
+SECONDS = 20.0
+
+
+class Scheduled(NamedTuple):
+    """Games at different values of a model's scheduling variable.
+
+    says: value -> text, "at dihedral 12.0000 deg"
+    game_at: value -> game at this value
+    starts: initial values of a search; empty if the model does not depend on the variable
+    """
+
+    says: Callable[[float], str]
+    game_at: Callable[[float], Game]
+    starts: tuple[float, ...]
+
+
+class Nearby(NamedTuple):
+    """Other games, on one of which a critic may have been learned by mistake.
+
+    named: difference from the given game, such as "of the matrices printed for 5 deg" -> game
+    scheduled: games at different values of the scheduling variable, or None
+    """
+
+    named: Mapping[str, Game] = {}
+    scheduled: Scheduled | None = None
+
+
+@checks_arguments
+@dataclass(frozen=True)
+class Scope:
+    """Data for the checks of a critic besides the game.
+
+    box: box of states in which V, its gradient and the policies are compared; by default the
+        `usual_box` of the game
+    nearby: function that returns other games, to recognize a critic that was learned on one of
+        them; None for no comparison
+    plant: nonlinear plant about its trim, in which a critic that is not quadratic is also
+        simulated, or None
+    flights: number of initial conditions from which such a critic is simulated
+    seconds: time for a proof of the largest error of a network, or 0 for no proof
+    progress: called during the proof with (elapsed seconds, allowed seconds), or None
+    """
+
+    box: Box | None = None
+    nearby: Callable[[], Nearby] | None = None
+    plant: NonlinearPlant | None = None
+    flights: int = FLIGHTS
+    seconds: float = SECONDS
+    progress: Progress | None = None

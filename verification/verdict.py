@@ -1,0 +1,509 @@
+"""Verdict on a critic: its checks, its cost, the likely mistake, and its report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
+
+import numpy as np
+
+from controller.critic.critic import Critic
+from controller.riccati.cost import FlightCost
+from hfa_support.reporting.checks import Check, Checked, checks_block, verdict_text
+from hfa_support.reporting.report import Part, Report, Reported
+from hfa_support.reporting.results import Result
+from hfa_support.reporting.text import Cell, Table, entry_rows
+from verification.critic_errors import Box, Exact
+
+if TYPE_CHECKING:
+    from verification.error_table import ErrorTable
+
+
+class Proved(Protocol):
+    """Proved bound on the errors of a nonlinear critic in a box of states.
+
+    error: proved upper bound of the relative error.
+    fraction: factor on the box for which the bound is proved, or 0 if nothing is proved.
+    is_of_all: True if the bound covers all errors that are compared.
+    where: the part of the box, in words.
+    """
+
+    @property
+    def error(self) -> float: ...  # noqa: D102
+    @property
+    def fraction(self) -> float: ...  # noqa: D102
+    @property
+    def is_of_all(self) -> bool: ...  # noqa: D102
+    @property
+    def where(self) -> str: ...  # noqa: D102
+
+
+#: Number of entries of P and K in a report, and in the report of a critic that fails. Files contain
+#: all entries.
+_ENTRIES = 12
+_ENTRIES_OF_A_FAILURE = 3
+#: Number of failures printed with their reasons; of further ones only the names are printed.
+_FAILURES = 6
+#: Relative difference of an entry, or cost above the optimum in percent, that is rounding.
+ROUNDING = 1e-9
+#: Largest cost above the optimum, percent, of a critic with grade "near".
+NEAR = 1.0
+#: Largest distance of an equilibrium from the trim, as a fraction of the box, with which the cost
+#: decides: from there, the cost that counts from the equilibrium is that from the trim.
+AT_TRIM = 1e-6
+#: Kinds of checks that the first lines always mention; a failed check of another kind is named.
+_IN_THE_FACTS = ("error", "rest", "stability", "game loop")
+#: Remark on a bound: CasADi simplifies constants when an expression is created, before it is
+#: bounded.
+_PROVED = "proved as simplified"
+Grade = Literal["exact", "near", "fail"]
+#: Largest number of columns of the first line of a report.
+_FIRST_LINE = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Details(Result):
+    """Optional data of a verdict besides its checks.
+
+    graded: cost above the optimum, L2 gain, distance to instability; with a limit of the cost, also
+        the limit and the verdict on the cost.
+    disk_margin: disk margin of K.
+    disk_margin_exact: disk margin of the exact gain.
+    discount: discount factor of one step.
+    cost_lost_worst_percent: largest cost above the optimum over the initial conditions, percent.
+    box: half-widths of the box of states in which V and the policies are compared, and their
+        source.
+    dt: sampling time of a sampled plant, s.
+    history: for a critic over time, the errors at each time.
+    network: for a critic that is not quadratic, its outputs, V(0), the largest errors found and
+        proved in the box, and the results of its simulations.
+    """
+
+    graded: FlightCost | None = None
+    disk_margin: float | None = None
+    disk_margin_exact: float | None = None
+    discount: float | None = None
+    cost_lost_worst_percent: float | None = None
+    box: Box | None = None
+    dt: float | None = None
+    history: ErrorTable | None = None
+    network: Mapping[str, Any] | None = None
+
+
+class Section(NamedTuple):
+    """Part of the report on a critic, with its data.
+
+    part: text or table of the report
+    data: entries that the part adds to the data of the verdict
+    records: table for a data file in place of the entries of P and K, or None
+    """
+
+    part: Part
+    data: Details
+    records: Table | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Verdict(Checked, Result, Reported):
+    """Verdict on one critic, which passes if every check passes.
+
+    critic: the critic.
+    exact: the certified solution.
+    checks: the checks, each of kind error, rest, stability, game loop, cost, gain or data.
+    limit: limit of the errors.
+    reason: the recognized mistake, or "".
+    cost_lost: upper bound of the cost above the optimum, percent.
+    searched: number of states at which errors in the box were searched for, or 0 if the errors are
+        bounds.
+    proof: the proved bound on the errors in the box, or None.
+    problem: name of the problem that the exact solution solves, for titles.
+    weights: Q, R and delta of the game, and their source, as text.
+    sections: further findings.
+    table: errors over time of a history or a training run, or None.
+
+    >>> import hfa
+    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
+    >>> verdict = hfa.verify(game, hfa.solve(game))
+    >>> type(verdict) is hfa.Verdict, verdict.ok
+    (True, True)
+    """
+
+    schema = "hfa.critic-check/1"
+    made_by = "hfa verify"
+    json_keys = (
+        "ok grade P_rel_error K_rel_error diagnosis=reason checks=checks_with_kinds P=critic.P "
+        "K=critic.K P_exact=exact.P K_exact=exact.K"
+    )
+
+    critic: Critic
+    exact: Exact
+    checks: tuple[Check, ...]
+    limit: float
+    reason: str = ""
+    cost_lost: float = 0.0
+    searched: int = 0
+    proof: Proved | None = None
+    problem: str = "game solution"
+    weights: str = ""
+    sections: tuple[Section, ...] = field(default_factory=tuple)
+    table: ErrorTable | None = None
+
+    def value_of(self, name: str) -> float:
+        """Return the measured value of a check with this name, or nan if there is no such check."""
+        return next((check.value for check in self.checks if check.name == name), math.nan)
+
+    @property
+    def P_rel_error(self) -> float:
+        """Relative error |P - P*| / |P*| in Frobenius norms and the units of the game.
+
+        The value is nan if only a gain is known.
+        """
+        return self.value_of("P_rel_error")
+
+    @property
+    def K_rel_error(self) -> float:
+        """Relative error |K - K*| / |K*| in Frobenius norms and the units of the game."""
+        return self.value_of("K_rel_error")
+
+    @property
+    def largest_error(self) -> float:
+        """Largest measured value of the checks of kind "error"."""
+        return max(check.value for check in self.checks if check.kind == "error")
+
+    @property
+    def stabilizing(self) -> bool:
+        """True if A - B K is stable."""
+        return all(check.ok for check in self.checks if check.kind == "stability")
+
+    def holds(self, limit_cost: float | None = None) -> bool:
+        """Return whether the critic passes.
+
+        limit_cost: limit of the cost above the optimum, percent. With a limit, the cost decides,
+            if the equilibrium is at the trim (`AT_TRIM`). With None, all checks must pass.
+        """
+        if limit_cost is None:
+            return self.ok
+        return self.cost_lost <= limit_cost and self._rests_at_trim
+
+    @property
+    def _rests_at_trim(self) -> bool:
+        """True unless the equilibrium of a simulated critic is off the trim."""
+        rests = [check.value for check in self.checks if check.kind == "rest"]
+        return all(distance <= AT_TRIM for distance in rests)
+
+    @property
+    def grade(self) -> Grade:
+        """Grade of the critic: "exact", "near" or "fail".
+
+        - "exact": every check passes.
+        - "near": the only failed checks are those of errors, the equilibrium is at the trim
+          (`AT_TRIM`), and the cost is at most `NEAR` percent above the optimum.
+        - "fail": all other cases.
+        """
+        if self.ok:
+            return "exact"
+        for check in self.checks:
+            if not (check.ok or check.kind in ("error", "rest")):
+                return "fail"
+        return "near" if self.holds(limit_cost=NEAR) else "fail"
+
+    def headline(self, limit_cost: float | None = None) -> str:
+        """Return the first line of the report, with the grade on the linear game and the cost.
+
+        The first finding is added if the line then has at most 100 columns.
+
+        limit_cost: as for `holds`
+        """
+        return self._first_lines(limit_cost)[0]
+
+    def _first_lines(self, limit_cost: float | None) -> list[str]:
+        """Return the headline of the report, and a line for each further finding.
+
+        The findings are errors, stability, the equilibrium and the L2 gain.
+
+        limit_cost: as for `holds`
+        """
+        failed = [check for check in self.checks if not check.ok]
+        decided = ""
+        if limit_cost is not None:
+            decided = f" by cost limit {limit_cost:g} %"
+        elif failed and not any(check.kind in _IN_THE_FACTS for check in failed):
+            decided = f" by {failed[0].name}"
+        grade = self.grade_text(limit_cost)
+        line = f"{grade} on the linear game{decided}: {self._cost_text()}"
+        rests = [check for check in failed if check.kind == "rest"]
+        facts = [check.reason for check in rests if check.value > AT_TRIM]
+        if not self.stabilizing:
+            facts.append("not stabilizing")
+        facts.append(self._exactness(failed))
+        if self.stabilizing:
+            facts.append("stabilizing")
+        facts += [check.reason for check in rests if check.value <= AT_TRIM]
+        gain = next((check for check in self.checks if check.kind == "gain"), None)
+        if gain is not None and math.isfinite(gain.value):
+            facts.append(f"L2 gain {gain.value:.4g} (delta {gain.limit:g})")
+        if len(line) + len(facts[0]) + 2 <= _FIRST_LINE:
+            line += f", {facts.pop(0)}"
+        return [line, *facts]
+
+    def _cost_text(self) -> str:
+        """Return the cost of the critic relative to the optimum, as text."""
+        if math.isinf(self.cost_lost):
+            return "cost without bound"
+        if self.cost_lost < ROUNDING:
+            return "optimal cost"
+        return f"{self.cost_lost:.2g} % above the optimum"
+
+    def grade_text(self, limit_cost: float | None = None) -> str:
+        """Return the grade as text: PASS, NEAR or FAIL.
+
+        limit_cost: limit of the cost above the optimum, percent, or None. With a limit, the text is
+            PASS or FAIL.
+        """
+        if limit_cost is None and self.grade == "near":
+            return Cell("NEAR", "bad")
+        return verdict_text(self.holds(limit_cost))
+
+    def _exactness(self, failed: Sequence[Check]) -> str:
+        wrong = next((check for check in failed if check.kind == "error"), None)
+        proof = self.proof
+        if wrong is not None:
+            reason = wrong.reason.partition(":")[0]
+            if proof is not None and proof.fraction and self.limit < proof.error < 1.0:
+                reason = f"policy proved within {proof.error:g} {proof.where}"
+            return f"not exact ({reason})"
+        if proof is not None and proof.is_of_all and proof.fraction == 1.0:
+            return f"no error above {self.limit:g} {proof.where}, {_PROVED}"
+        if self.searched:
+            words = f"no error above {self.limit:g} found at {self.searched} states"
+            if proof is None:
+                return words
+            return f"{words}, {'' if proof.is_of_all else 'V '}{_PROVED} {proof.where}"
+        return f"exact within {self.limit:g}"
+
+    @property
+    def checks_with_kinds(self) -> list[dict[str, Any]]:
+        """Data of each check: name, value, limit, ok, reason and kind."""
+        return [check.as_data() | {"kind": check.kind} for check in self.checks]
+
+    def as_data(self) -> dict[str, Any]:
+        """Return the data of the verdict for files, with the entries of all sections."""
+        data = super().as_data()
+        for section in self.sections:
+            data |= section.data.as_data()
+        return data
+
+    def data(self, limit_cost: float | None = None) -> dict[str, Any]:
+        """Return the data of the verdict for files.
+
+        limit_cost: limit of the cost above the optimum, percent, or None. With a limit, the entry
+            `graded` also contains the limit and the verdict on the cost.
+        """
+        data = self.as_data()
+        if limit_cost is not None and "graded" in data:
+            data["graded"] |= {"limit_cost_percent": limit_cost, "ok": self.holds(limit_cost)}
+        return data
+
+    def report(
+        self, *, limit_cost: float | None = None, about: Sequence[str] = (), source: str = ""
+    ) -> Report:
+        """Return a report of the verdict: first lines, checks, sections, and entries of P and K.
+
+        limit_cost: as for `holds`
+        about: lines below the heading, instead of `weights`
+        source: file of the critic, or "" if there is none
+        """
+        names = self.exact.names
+        P = self.critic.P
+        values = () if P is None else (P, self.exact.P)
+        entries = entry_rows(values, (self.critic.K, self.exact.K), names)
+        records = Table(("matrix", "row", "column", "learned", "exact", "unit"), entries)
+        for section in self.sections:
+            records = section.records or records
+        critic = f"Critic of {source}" if source else "Critic"
+        heading = [f"{critic} on {names.origin}, against the exact {self.problem}"]
+        heading += about or (self.weights,)
+        if self.reason:
+            heading.append(f"Reason: {self.reason}")
+        return Report(
+            "\n".join(self._first_lines(limit_cost)),
+            [
+                tuple(heading),
+                checks_block(self.checks) if self.ok else _failures(self.checks),
+                *(section.part for section in self.sections),
+                self._farthest_entries(entries, names.states),
+            ],
+            data={
+                "state_units": list(names.state_units),
+                "input_units": list(names.input_units),
+                **self.data(limit_cost),
+            },
+            records=records,
+        )
+
+    def plot(self) -> np.ndarray:
+        """Draw the learned and the exact P, or K without P, with pyplot, and return the Axes."""
+        from hfa_support.reporting.figure import pyplot_figure
+        from verification.figures import verdict_figure
+
+        return np.array(verdict_figure(self, pyplot_figure).axes)
+
+    def _farthest_entries(
+        self, entries: Sequence[tuple[Any, ...]], states: tuple[str, ...]
+    ) -> Part:
+        """Return a table of the entries of P and K with the largest errors, and a note on omitted
+        entries.
+
+        The errors are relative to the largest entry of the matrix. The entries keep their order.
+        Only the upper triangle of P is used.
+
+        entries: rows of `entry_rows`
+        states: names of the states
+        """
+        largest = {
+            "P": float(np.abs(self.exact.P).max()) or 1.0,
+            "K": float(np.abs(self.exact.K).max()) or 1.0,
+        }
+        candidates = [
+            entry
+            for entry in entries
+            if entry[0] == "K" or states.index(entry[1]) <= states.index(entry[2])
+        ]
+        errors = [
+            abs(learned - exact) / largest[matrix] for matrix, _, _, learned, exact, _ in candidates
+        ]
+        sizes = np.nan_to_num(np.array(errors), nan=np.inf)
+        sizes[sizes < ROUNDING] = 0.0  # rounding would determine the largest
+        most = _ENTRIES if self.ok else _ENTRIES_OF_A_FAILURE
+        rows = []
+        for index in sorted(np.argsort(-sizes, kind="stable")[:most]):
+            matrix, row, column, learned, exact, _ = candidates[index]
+            rows.append(
+                (
+                    f"{matrix}({row}, {column})",
+                    f"{learned:.8g}",
+                    f"{exact:.8g}",
+                    f"{learned - exact:+.2e}",
+                )
+            )
+        table = Table(("entry", "learned", "exact", "difference"), rows)
+        if len(candidates) <= most:
+            return (table,)
+        which = f"the {most} of {len(candidates)} entries with the largest errors"
+        if not sizes.any():
+            which = f"the first {most} of {len(candidates)} entries; all differ by rounding only"
+        return (table, f"{which}; -o FILE writes all")
+
+
+def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
+    """Return the checks, with the recognized mistake in the reason of the first failed check.
+
+    The checks are unchanged if this reason already contains the mistake.
+
+    diagnosis: the recognized mistake, or ""
+    """
+    with_reason = list(checks)
+    for index, check in enumerate(checks):
+        if not check.ok:
+            if diagnosis not in check.reason:
+                with_reason[index] = replace(check, reason=f"{check.reason}: {diagnosis}")
+            break
+    return tuple(with_reason)
+
+
+def shown_number(value: float) -> str:
+    """Return a number as text with three digits, or "" for nan."""
+    return "" if math.isnan(value) else f"{value:.3g}"
+
+
+def _failures(checks: Sequence[Check]) -> Part:
+    """Return a line for each failed check with its reason, and a line with the number of passed
+    checks.
+
+    Checks of other kinds than "error" are first, and the errors of P and K are first among the
+    errors. Only the names of failures beyond the first `_FAILURES` are printed.
+    """
+
+    def order(check: Check) -> tuple[bool, bool]:
+        return check.kind == "error", check.name not in ("P_rel_error", "K_rel_error")
+
+    failed = sorted((check for check in checks if not check.ok), key=order)
+    lines = [
+        f"FAIL {check.name}: {check.reason} (must be {check.relation} {check.limit:.3g})"
+        for check in failed[:_FAILURES]
+    ]
+    if len(failed) > _FAILURES:
+        lines.append(f"FAIL too: {', '.join(check.name for check in failed[_FAILURES:])}")
+    passed = len(checks) - len(failed)
+    lines.append(f"{passed} check{'' if passed == 1 else 's'} passed")
+    return tuple(lines)
+
+
+@dataclass(frozen=True, eq=False)
+class Verdicts(Result):
+    """Verdicts on several critics of one game.
+
+    ok: True if all critics pass.
+    critics: file -> verdict of `hfa verify` on this critic alone.
+    """
+
+    schema = "hfa.critic-checks/1"
+    made_by = "hfa verify of several critics"
+
+    ok: bool
+    critics: Mapping[str, Any]
+
+
+def verdicts_report(
+    verdicts: Mapping[str, Verdict], origin: str, limit_cost: float | None = None
+) -> Report:
+    """Return a report with a table of several critics of one game.
+
+    verdicts: file -> verdict
+    origin: name of the plant
+    limit_cost: limit of the cost above the optimum, percent. With a limit, only the cost decides
+        each verdict. With None, all checks must pass.
+    """
+    header = (
+        "critic",
+        "verdict",
+        "error of P",
+        "error of K",
+        "largest error",
+        "stabilizing",
+        "linear cost, % above the optimum",
+        "L2 gain",
+    )
+    rows = []
+    for name, verdict in verdicts.items():
+        lost = 0.0 if verdict.cost_lost < ROUNDING else verdict.cost_lost
+        gain = verdict.value_of("l2_gain")
+        rows.append(
+            (
+                name,
+                verdict.grade_text(limit_cost),
+                shown_number(verdict.P_rel_error),
+                shown_number(verdict.K_rel_error),
+                shown_number(verdict.largest_error),
+                "yes" if verdict.stabilizing else "no",
+                f"{lost:.3g}",
+                "" if math.isnan(gain) else f"{gain:.4g}",
+            )
+        )
+    passed = sum(verdict.holds(limit_cost) for verdict in verdicts.values())
+    ok = passed == len(verdicts)
+    parts: list[Part] = []
+    if limit_cost is not None:
+        parts.append(f"Decided by the cost limit {limit_cost:g} percent")
+    reasons = [f"{name}: {verdict.reason}" for name, verdict in verdicts.items() if verdict.reason]
+    return Report(
+        title=f"{verdict_text(ok)}: {passed} of {len(verdicts)} critics pass, on {origin}",
+        parts=(*parts, Table(header, rows), tuple(reasons)),
+        data=Verdicts(
+            ok,
+            {name: verdict.data(limit_cost) for name, verdict in verdicts.items()},
+        ).as_data(),
+        records=Table(header, rows),
+    )
