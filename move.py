@@ -1228,18 +1228,10 @@ GROUPS[4]["hfa/entry_points.py"] = [
 ]
 GROUPS[5]["hfa/entry_points.py"] = [
     "hfa/entry_points.py",
-    "extensions/page/hfa_page/entry_points.py",
-]
-GROUPS[6]["hfa/entry_points.py"] = [
-    "hfa/entry_points.py",
     *(
         f"extensions/{n}/hfa_{n}/entry_points.py"
-        for n in ("flight", "policy", "optimal", "identify")
+        for n in ("page", "flight", "policy", "optimal", "identify", "proof", "region", "servo")
     ),
-]
-GROUPS[7]["hfa/entry_points.py"] = [
-    "hfa/entry_points.py",
-    *(f"extensions/{n}/hfa_{n}/entry_points.py" for n in ("proof", "region", "servo")),
 ]
 
 PACKAGE_DATA = {

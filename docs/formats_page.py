@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from hfa_formats.formats import formats
+from hfa.formats import formats
 from hfa_support.reporting.markup import markdown_table
 from hfa_support.reporting.text import Table
 
@@ -16,7 +16,7 @@ unless a name ends in `_deg`. The command below prints the same as a JSON Schema
 tests validate every output:
 
 ```sh
-python -m hfa_formats > formats.json
+python -m hfa.formats > formats.json
 ```
 
 Within a format number (after the `/`) keys may be added but not renamed or removed. A key marked * is always present. A

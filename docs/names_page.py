@@ -28,7 +28,6 @@ PACKAGES = {
     "verification": "checks",
     "hfa_flight": "flights of the nonlinear aircraft",
     "hfa_servo": "designs of controllers",
-    "hfa_discrete": "games in discrete time",
     "hfa_proof": "certificates",
 }
 

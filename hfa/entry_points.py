@@ -11,7 +11,7 @@ from hfa_support.entry_points import COMMANDS, loaded, offered
 from hfa_support.errors import BadInputError, shortened
 
 if TYPE_CHECKING:
-    from hfa.options.command import Command
+    from hfa.options.request import Command
 
 
 class CommandEntry(NamedTuple):
@@ -41,7 +41,7 @@ class CommandEntry(NamedTuple):
         Raises BadInputError if the object is not a `Command` whose request class declares options.
         """
         module, _, name = self.command.partition(":")
-        from hfa.options.command import Command
+        from hfa.options.request import Command
 
         found = getattr(import_module(module), name)
         if not (isinstance(found, Command) and hasattr(found.request, "declared")):
@@ -222,4 +222,149 @@ PRINTED = CommandEntry(
     "hfa.commands.printed:printed",
     example="hfa printed studies/published/sources/radp_suspension.toml",
     results=("verification.printed.verdict:PrintedVerdict",),
+)
+REPORT = CommandEntry(
+    "model",
+    "write one page of trims, models, games and critics",
+    "hfa.page.command:report",
+    example="hfa report --dihedral 15 -o report.html",
+    install=".[page]",
+    results=(
+        "hfa.page.results:MainJobData",
+        "hfa.page.results:ClaimsData",
+        "hfa.page.results:FlightsData",
+    ),
+)
+ABOUT_FMU = "interpolated models as an FMU with the inputs of the aircraft and the swept variables"
+FLY = CommandEntry(
+    "flight",
+    "simulate a policy on the nonlinear aircraft",
+    "hfa_flight.commands.fly:fly",
+    example="hfa fly --dihedral 15 --gust 400:5",
+    results=(
+        "hfa_flight.step_flight:StepFlight",
+        "hfa_flight.nonlinear_flight:Flight hfa_flight.nonlinear_flight:FlightHistory?",
+        "hfa_flight.results:MemberSummary",
+        "hfa_flight.results:MemberAttributes hfa_support.rows.store:OfAStore",
+    ),
+)
+EXPORT = CommandEntry(
+    "exchange",
+    "write the aircraft for other tools: C source, FMU, MATLAB",
+    "hfa_flight.commands.export:export",
+    results=("hfa_flight.results:Exported",),
+    example="hfa export --dihedral 15 -o folder",
+)
+ASSESS = CommandEntry(
+    "critic",
+    "assess a policy as deployed: sampled, normalized, delayed",
+    "hfa_policy.commands.assess:assess",
+    example="hfa assess examples/gtm_policy/late.toml --aircraft examples/gtm.py:GTM",
+    results=("hfa_policy.assessment_report:Assessment", "hfa_policy.comparison:Comparison"),
+)
+OPTIMIZE = CommandEntry(
+    "flight",
+    "search for the best flight, and compare policies with it",
+    "hfa_optimal.commands.optimize:optimize",
+    example="hfa optimize --dihedral 15 --start speed=5,alpha=2.865",
+    results=(
+        "hfa_optimal.best_flight:BestFlight",
+        "hfa_optimal.quickest:QuickestFlight",
+        "hfa_optimal.initial_conditions:StartsTable",
+        "hfa.critic-check/1 hfa_optimal.initial_conditions:WithFlights",
+    ),
+)
+COST = CommandEntry(
+    "proof",
+    "lower bound of the cost of every nonlinear flight",
+    "hfa_optimal.commands.cost:cost",
+    example="hfa prove cost --aircraft examples/pendulum.py:PENDULUM",
+    install=".[proof]",
+    results=(
+        "hfa_boxes.cost_results:FoundLowerBound",
+        "hfa_boxes.cost_results:CheckedLowerBound",
+    ),
+)
+#: Formats to which `--draws N` adds a section.
+_WITH_DRAWS = (
+    "trim",
+    "linear-model",
+    "game-solution",
+    "critic-check",
+    "assessment",
+    "monte-carlo-summary",
+)
+IDENTIFY = CommandEntry(
+    "model",
+    "identify parameters from flight records, with 95 % bands",
+    "hfa_identify.commands.identify:identify",
+    example="hfa identify examples/uav_record.csv --aircraft examples/uav.toml --free Cm_q",
+    results=(
+        "hfa_identify.identified:Identified",
+        *(f"hfa.{name}/1 verification.drawn:WithDraws" for name in _WITH_DRAWS),
+    ),
+)
+CHECK = CommandEntry(
+    "proof",
+    "verify a certificate of the commands below: --check FILE",
+    "hfa_proof.commands.check:prove",
+    example="hfa prove --check certificate.json",
+    install=".[proof]",
+    results=("hfa_proof.search.results:ProofData", "hfa_proof.search.results:CertificateData"),
+)
+SCHEDULE = CommandEntry(
+    "proof",
+    "stability of a gain schedule at every point of an interval",
+    "hfa_proof.commands.schedule:schedule",
+    example="hfa prove schedule --dihedral 14:14.5 -o certificate.json",
+    install=".[proof]",
+)
+MODELS = CommandEntry(
+    "proof",
+    "fewest linear models for a bounded interpolation error",
+    "hfa_proof.commands.models:models",
+    example="hfa prove models --dihedral 14:14.5 --limit-error 0.05",
+    install=".[proof]",
+    results=("hfa_proof.search.results:InterpolatedModels",),
+)
+SOLUTION = CommandEntry(
+    "proof",
+    "existence and uniqueness of a game's solution, near P",
+    "hfa_proof.commands.games:solution",
+    example="hfa prove solution --dihedral 15",
+    install=".[proof]",
+)
+CRITIC = CommandEntry(
+    "proof",
+    "distance of a critic from the exact solution",
+    "hfa_proof.commands.games:critic",
+    example="hfa prove critic learned.npz --dihedral 15",
+    install=".[proof]",
+)
+REGION = CommandEntry(
+    "proof",
+    "region of attraction of a loop with saturated inputs",
+    "hfa_region.commands.region:region",
+    example="hfa prove region --aircraft examples/pendulum.py:PENDULUM --degree 2",
+    install=".[proof]",
+    results=(
+        "hfa_region.results:FoundSet",
+        "hfa_region.results:CheckedSet",
+        "hfa_boxes.results:FoundBoxes",
+        "hfa_boxes.results:CheckedBoxes",
+        "hfa.critic-check/1 hfa_region.results:WithRegion",
+    ),
+)
+#: Shipped designs.
+ABOUT_DESIGN = "paper, servo"
+DESIGN = CommandEntry(
+    "flight",
+    "design a certified controller for every point of a schedule",
+    "hfa_servo.commands.design:design",
+    example="hfa design --design paper --dihedral 5,10,15 -o gains.npz",
+    results=(
+        "controller.schedule.scheduled_controller:ControllerData",
+        "controller.schedule.scheduled_controller:ControllerFile",
+        "controller.plant.plant_report:OutputSolution controller.plant.plant_report:StateSolution",
+    ),
 )

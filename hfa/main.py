@@ -22,8 +22,7 @@ from hfa_support.errors import BadInputError, NoSolutionError, on_one_line, shor
 from hfa_support.progress import drop, print_to_stderr
 
 if TYPE_CHECKING:
-    from hfa.options.command import Command
-    from hfa.options.request import Request
+    from hfa.options.request import Command, Request
     from hfa_aircraft.model import Model
 
     #: Function: words -> (command, program name, option words).
@@ -228,7 +227,7 @@ def _print_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
     - warnings for programmers, such as deprecations: none is printed.
     - other warnings, such as those of NumPy: at most `_MOST_NOTES` are printed.
     """
-    from hfa.output import print_notes
+    from hfa.options.output import print_notes
 
     caught = [each for each in caught if not issubclass(each.category, _FOR_PROGRAMMERS)]
     notes = [str(warning.message) for warning in caught if warning.category is UserWarning]

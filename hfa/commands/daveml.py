@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from hfa.options.argument_types import input_file
-from hfa.options.command import command
-from hfa.options.request import option
+from hfa.options.output import show
+from hfa.options.request import command, option
 from hfa.options.trims import OutputOptions
-from hfa.output import show
 from hfa_aircraft.readers.daveml.check_cases import checked_document
 from hfa_aircraft.readers.daveml.document import read_document
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from hfa.options.command import command
 from hfa.options.draws import draws_option, with_draws
 from hfa.options.games import IN_STEPS, GameOptions, LearningOptions, NamedGame
+from hfa.options.output import ProgressLine, show
+from hfa.options.request import command
 from hfa.options.trims import OutputOptions
-from hfa.output import ProgressLine, show
 from hfa_support.entry_points import PARTS, part
 from hfa_support.reporting.checks import Check
 from hfa_support.reporting.results import Matrix, Result

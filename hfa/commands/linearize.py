@@ -11,11 +11,10 @@ import numpy as np
 
 import hfa_model
 from hfa.options.argument_types import some_of
-from hfa.options.command import command
 from hfa.options.draws import draws_option, with_draws
-from hfa.options.request import OfModel, option
+from hfa.options.output import show, trimmed
+from hfa.options.request import OfModel, command, option
 from hfa.options.trims import OneTrimRequest, picture_option
-from hfa.output import show, trimmed
 from hfa_aircraft.model import Model
 from hfa_model.choice import aircraft
 from hfa_model.variants import VARIANTS

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from hfa.options.argument_types import input_file, positive
-from hfa.options.command import command
-from hfa.options.request import option
+from hfa.options.output import ProgressLine, show
+from hfa.options.request import command, option
 from hfa.options.trims import OutputOptions
-from hfa.output import ProgressLine, show
 from verification.printed.verdict import check_printed
 
 

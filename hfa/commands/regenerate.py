@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from hfa.options.command import command
-from hfa.options.request import option
+from hfa.options.output import show
+from hfa.options.request import command, option
 from hfa.options.trims import HfaOptions, OutputOptions
-from hfa.output import show
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import hfa_model
-from hfa.options.command import command
 from hfa.options.draws import draws_option, with_draws
+from hfa.options.output import show, trimmed
+from hfa.options.request import command
 from hfa.options.trims import OneTrimRequest, picture_option
-from hfa.output import show, trimmed
 from trim.point.trim_report import trim_report
 
 if TYPE_CHECKING:

@@ -13,13 +13,12 @@ from typing import TYPE_CHECKING, Any
 from controller.critic.critic_file import critic_suffixes, critics_in, is_network
 from controller.game.zero_sum import Game
 from hfa.options.argument_types import positive, whole
-from hfa.options.command import command
 from hfa.options.critics import READING_SETTINGS, ReadingOptions, critic_path
 from hfa.options.draws import draws_option, with_draws
 from hfa.options.games import IN_STEPS, GameOptions, LearningOptions, NamedGame, setting_option
-from hfa.options.request import option
+from hfa.options.output import ProgressLine, show
+from hfa.options.request import command, option
 from hfa.options.trims import OutputOptions, picture_option
-from hfa.output import ProgressLine, show
 from hfa_aircraft.model import Model
 from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown

@@ -8,14 +8,13 @@ from hfa.options.argument_types import (
     positive as positive,
     whole as whole,
 )
-from hfa.options.command import command as command
-from hfa.options.request import Request as Request, option as option
+from hfa.options.output import ProgressLine as ProgressLine, show as show
+from hfa.options.request import Request as Request, command as command, option as option
 from hfa.options.trims import (
     AircraftOptions as AircraftOptions,
     OneTrimOptions as OneTrimOptions,
     OutputOptions as OutputOptions,
 )
-from hfa.output import ProgressLine as ProgressLine, show as show
 from hfa_aircraft.loading import AircraftReader as AircraftReader
 from hfa_aircraft.source import Extras as Extras
 from hfa_support.reporting.checks import Check as Check

@@ -1,13 +1,21 @@
-"""The option --draws: the spread of a result for random parameters of the aircraft."""
+"""Section on drawn aircraft, which `--draws N` and Monte Carlo simulations add to reports."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from hfa.options.argument_types import whole
+from hfa.options.output import ProgressLine
 from hfa.options.request import option
+from hfa_aircraft.uncertain import spread_of
 from hfa_support.entry_points import PARTS, part
+from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table, shown_unit, shown_value, wrapped
+from trim.linear.linear_model import LinearModel
+from trim.point.operating_point import OperatingPoint
+from verification.drawn import DrawnAircraft, Draws, WithDraws
 
 
 def draws_option() -> Any:
@@ -31,3 +39,69 @@ def with_draws(report: Report, request: Any, subject: Any) -> Report:
         return report
     drawn: Report = part(PARTS, "draws", "--draws")(report, request, subject)
     return drawn
+
+
+#: Seed of the draws.
+SEED = 0
+#: Largest number of columns in a line.
+_WIDTH = 100
+#: A band that is narrower than this fraction of its ends is not listed.
+_CONSTANT = 1e-9
+
+
+def with_section_on_draws(report: Report, request: Any, subject: Any) -> Report:
+    """Return the report with a section on `request.draws` aircraft with drawn parameters.
+
+    subject: the reported operating point, linear model, or pair (`NamedGame`, gain)
+
+    Raises BadInputError if the covariance of the parameters is unknown, or if the game has no
+    aircraft.
+    """
+    progress = ProgressLine("draws")
+    if isinstance(subject, OperatingPoint):
+        return reported(report, _drawn(request, subject).trims(progress))
+    if isinstance(subject, LinearModel):
+        drawn = _drawn(request, subject.point)
+        return reported(report, drawn.linear_models(subject, progress))
+    named, gain = subject
+    if named.linear is None:
+        raise BadInputError("--draws does not support --design; remove one of the two")
+    drawn = _drawn(request, named.linear.point)
+    return reported(report, drawn.gain(named.game, gain, progress))
+
+
+def reported(report: Report, draws: Draws) -> Report:
+    """Return the report with a table of the bands and a line that summarizes the draws.
+
+    The line is the second line of the report, or the first if the draws fail and the report does
+    not. Bands of constant quantities are omitted.
+    """
+    rows = []
+    for name, band in draws.bands.items():
+        if band.high - band.low <= _CONSTANT * max(abs(band.high), abs(band.low)):
+            continue
+        values = [shown_value(value, band.unit) for value in (band.value, band.low, band.high)]
+        rows.append((name, *values, shown_unit(band.unit)))
+    about = f"95 % of {draws.count} aircraft, drawn from {len(draws.parameters)} parameters"
+    table = Table((about, "itself", "low", "high", "unit"), tuple(rows))
+    first, *others = report.title.splitlines()
+    line = wrapped(draws.first_line, _WIDTH - len("FAIL: "))
+    lines = [first, line]
+    if not draws.ok and not first.startswith("FAIL"):
+        lines = [f"FAIL: {line}", first]
+    title = "\n".join([*lines, *others])
+    parts = (*report.parts, table)
+    failure = "" if draws.ok else draws.first_line
+    shown = replace(report, title=title, parts=parts, failure=failure)
+    return shown.with_data(**WithDraws(draws).as_data())
+
+
+def _drawn(request: Any, point: OperatingPoint) -> DrawnAircraft:
+    """Return the aircraft drawn for a request with --draws.
+
+    point: trim of the aircraft with the given parameters
+    """
+    spread = spread_of(request)
+    models = spread.aircraft(request.flown_aircraft(), request.draws, SEED)
+    condition = request.trim_condition
+    return DrawnAircraft(models, tuple(spread.values), SEED, condition, point)

@@ -19,9 +19,9 @@ from controller.hfa_game import plant_names, usual_game
 from controller.riccati.smallest_delta import ModeError
 from hfa.options.argument_types import input_file, number, one_of, whole
 from hfa.options.critics import listed_numbers
+from hfa.options.output import ProgressLine
 from hfa.options.request import OfModel, Request, option
 from hfa.options.trims import OF_THE_TRIM, AircraftOptions, TrimOptions, UnitsOption, of_hfa
-from hfa.output import ProgressLine
 from hfa_aircraft.model import Model
 from hfa_model.variants import VARIANTS
 from hfa_support.entry_points import PARTS, about_part, offered, part

@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 import re
 import sys
+import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NoReturn
 
 from hfa.options.request import Option
+from hfa_support.entry_points import PARTS, offered
 from hfa_support.errors import BadInputError, advice, shortened
 
 
@@ -66,7 +68,6 @@ class Parser(argparse.ArgumentParser):
 
         more: whether rare options are explained, or only listed by name
         """
-        from hfa.options.help_text import help_text
 
         return help_text(self, more)
 
@@ -195,3 +196,52 @@ def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:
     program: name of the command, such as "hfa trim"
     """
     return f"unknown {what}{advice(name, known) or f' (see `{program} --help`)'}"
+
+
+def help_text(parser: Parser, more: bool) -> str:
+    """Return the help of a command: usage, description, options, subcommands and example.
+
+    parser: parser of the command
+    more: whether rare options are explained, or only listed by name
+    """
+    texts = [_options_text(parser, more)]
+    if parser.words:
+        lines = [f"  {parser.prog} {word:<10}{about}\n" for word, about in parser.words.items()]
+        texts.append("".join(lines))
+    if parser.example:
+        gap = " " if len(parser.example) <= 70 else "\n"
+        texts.append(f"example:{gap}{parser.example}\n")
+    return "\n".join(texts)
+
+
+def _options_text(parser: Parser, more: bool) -> str:
+    """Return the usage, the description and the options of a command.
+
+    Options that need a package which is not installed are omitted.
+
+    parser: parser of the command
+    more: whether rare options are explained, or only listed by name
+    """
+    declared = []
+    for action in parser._actions:
+        option = parser.options.get(action.dest)
+        if option is not None and option.part and option.part not in offered(PARTS):
+            action.help = argparse.SUPPRESS
+        elif option is not None:
+            about = option.about() if callable(option.about) else option.about
+            action.help = about or argparse.SUPPRESS
+            if about:
+                declared.append(action)
+    if more:
+        return argparse.ArgumentParser.format_help(parser)
+    hidden = [action for action in declared if parser.options[action.dest].rare]
+    texts = [action.help for action in hidden]
+    for action in hidden:
+        action.help = argparse.SUPPRESS
+    shown = argparse.ArgumentParser.format_help(parser)
+    for action, text in zip(hidden, texts, strict=True):
+        action.help = text
+    if not hidden:
+        return shown
+    names = ", ".join(action.option_strings[-1] for action in hidden)
+    return shown + textwrap.fill(f"more ({parser.prog} --help more): {names}", 80) + "\n"

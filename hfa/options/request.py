@@ -9,7 +9,7 @@ import inspect
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from hfa_support.errors import BadInputError
 
@@ -173,3 +173,29 @@ class Request:
         for name in names:
             if name in self.typed:
                 raise BadInputError(f"{options[name].flags[-1]} {reason}")
+
+
+R = TypeVar("R", bound=Request)
+
+
+class Command(NamedTuple):
+    """A command of `hfa`.
+
+    request: class whose fields are the options
+    run: function that maps a request to the exit code, with the help as its docstring
+    install: pip requirement to install if a needed package is missing
+    example: last line of the help
+    """
+
+    request: type[Request]
+    run: Callable[[Any], int]
+    install: str = ""
+    example: str = ""
+
+
+def command(request: type[R]) -> Callable[[Callable[[R], int]], Command]:
+    """Return a decorator that makes a `Command` from a function (request) -> exit code.
+
+    request: class of the requests, whose fields are the options
+    """
+    return lambda run: Command(request, run)

@@ -23,13 +23,13 @@ from hfa_model.choice import aircraft
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters
 from hfa_model.variants import further_dynamics, variant_named
 from hfa_support.entry_points import PARTS, part
-from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.files import note_read
 from hfa_support.reporting.report import SUFFIXES, Report
 from hfa_support.units import SYSTEMS
 from trim.point.condition import TrimCondition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
-from trim.point.solve import TrimError, trim
+from trim.point.solve import TrimError, explained, trim
 
 #: Options of the trim condition, without the scheduling variable.
 OF_THE_TRIM = ("condition", "free", "hold", "limit", "start")
@@ -39,9 +39,8 @@ REPORTS: dict[str, Callable[[Report], str]] = {
     ".html": lambda report: f'<!doctype html>\n<meta charset="utf-8">\n{report.html()}',
 }
 
+
 # Aircraft.
-
-
 def is_own(model: Model | None) -> bool:
     """Return whether a model was loaded from a file or another source that the user named.
 
@@ -227,8 +226,6 @@ def named_model(typed: Mapping[str, Any]) -> Model:
 
 
 # Trim.
-
-
 def called_at(model: Model) -> str:
     """Return the name of the option for the scheduling variable.
 
@@ -483,8 +480,6 @@ class TrimOptions(HfaOptions):
         try:
             return trim(aircraft, condition, self.start_point)
         except TrimError as failure:
-            from hfa.options.no_trim import advised
-
             raise advised(failure, self, aircraft, condition) from None
 
     def origin(self) -> Mapping[str, Any]:
@@ -514,8 +509,6 @@ class OneTrimOptions(UnitsOption, AircraftOptions, TrimOptions):
 
 
 # Outputs.
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JsonOption(Request):
     """Option for output in JSON."""
@@ -563,3 +556,32 @@ def picture_option(shows: str, *, only_hfa: bool = False) -> Any:
     """
     about = f"draw {shows} ({', '.join(PICTURES)})"
     return option(of_hfa(about, "" if only_hfa else about), "FILE", output_file(*PICTURES))
+
+
+def advised(
+    failure: TrimError, request: TrimOptions, aircraft: Model, condition: TrimCondition
+) -> TrimError:
+    """Return the error of a failed trim, with the reason and advice on options added.
+
+    If alpha is held and a trim with free alpha exists, the message also advises --free alpha.
+
+    failure: error of the trim search
+    request: the options
+    aircraft: the model
+    condition: condition of the failed trim
+    """
+    error = explained(failure, aircraft, condition)
+    if "alpha" not in condition.imposed:
+        return error
+    freed = release(condition, free=("alpha",))
+    try:
+        free_point = trim(aircraft, freed, request.start_point)
+    except NoSolutionError:
+        return error
+    trimmed = request.model.describe("alpha", free_point.states.alpha)
+    is_typed = "alpha" in request.hold
+    advice = "replace --hold alpha by --free alpha" if is_typed else "add --free alpha"
+    return TrimError(
+        f"{error}; with alpha free, the trim is at {trimmed}: {advice}",
+        error.attempt,
+    )

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa.output import ProgressLine
+from hfa.options.output import ProgressLine
 from hfa_support.files import write_text
 from hfa_support.reporting.data_files import json_text
 from hfa_support.reporting.figure import new_figure, save

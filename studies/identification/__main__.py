@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hfa.options.argument_types import whole
-from hfa.options.command import command
-from hfa.options.request import option
+from hfa.options.output import ProgressLine, print_report, show
+from hfa.options.request import command, option
 from hfa.options.trims import OutputOptions, output_option
-from hfa.output import ProgressLine, print_report, show
 from studies.alone import run_alone
 from studies.identification.parameters import run_identification
 

@@ -12,7 +12,7 @@ from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
-from hfa.output import ProgressLine
+from hfa.options.output import ProgressLine
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.files import write_text
 from hfa_support.reporting.markup import markdown_table

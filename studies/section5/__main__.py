@@ -24,9 +24,9 @@ import numpy as np
 from matplotlib.image import imread
 
 from hfa import BadInputError, NoSolutionError
+from hfa.page.claims import claims_table as shown_claims
+from hfa.page.results import ClaimsData
 from hfa.paper import default_parameters
-from hfa_page.claims import claims_table as shown_claims
-from hfa_page.results import ClaimsData
 from hfa_support.files import write_text
 from hfa_support.provenance import Provenance, parameter_hash
 from hfa_support.reporting.data_files import json_text

@@ -5,9 +5,9 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 
-from hfa.options.command import command
+from hfa.options.output import show
+from hfa.options.request import command
 from hfa.options.trims import HfaOptions, OutputOptions
-from hfa.output import show
 from studies.alone import run_alone
 from studies.validation.outside import validate
 

@@ -15,7 +15,7 @@ from extension import needs
 from hostile import WAYS, attempt, case, output_fault, seeds
 
 from hfa.commands import trim
-from hfa.options.command import Command
+from hfa.options.request import Command
 
 #: The command handles warnings as it does for users.
 pytestmark = pytest.mark.filterwarnings("default")

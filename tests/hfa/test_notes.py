@@ -8,8 +8,8 @@ import re
 import pytest
 from cli import Terminal, hfa
 
-from hfa import output
-from hfa.output import ProgressLine
+from hfa.options import output
+from hfa.options.output import ProgressLine
 
 NOTE = "dihedral 16 deg is beyond the paper's range, which ends at 15 deg"
 

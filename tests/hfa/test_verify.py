@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import Terminal, answer, assert_refused, hfa
-from extension import needs
 from game_files import AT_15, LABELS, QUICK, checks_of, small, stored
 
 from controller import load_game
@@ -104,7 +103,6 @@ def test_verify_draws_a_run() -> None:
 # A critic over time.
 
 
-@needs("hfa_discrete")
 def test_a_critic_history_must_settle_in_time() -> None:
     """A critic over time passes only if it settles within its predefined time.
 

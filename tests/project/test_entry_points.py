@@ -161,7 +161,7 @@ def test_provenance_names_the_file_without_a_source(results: list[Result]) -> No
 def test_a_command_without_a_request_is_refused(tmp_path: Path) -> None:
     """A command whose options are not a Request is refused, and the message names the decorator."""
     (tmp_path / "stranger.py").write_text(
-        "from hfa.entry_points import CommandEntry\nfrom hfa.options.command import command\n"
+        "from hfa.entry_points import CommandEntry\nfrom hfa.options.request import command\n"
         "RUN = CommandEntry('model', 'run', 'stranger:run')\n"
         "@command(dict)\ndef run(request):\n    return 0\n"
     )

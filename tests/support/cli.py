@@ -22,7 +22,7 @@ from hfa.entry_points import commands
 from hfa.main import BAD_INPUT, DONE, main
 
 try:
-    from hfa_formats.formats import formats
+    from hfa.formats import formats
 except ModuleNotFoundError:  # without extensions there is no schema
     formats = None
 

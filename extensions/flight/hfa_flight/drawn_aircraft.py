@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa.options.draws import reported
 from hfa_flight.monte_carlo import MonteCarlo, fly_member, member_loop
 from hfa_flight.nonlinear_flight import Flight, fly_within
 from hfa_flight.policies import OpenLoop
-from hfa_identify.draws.report import reported
 from hfa_support.progress import Progress
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Report

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from hfa.options.draws import SEED
 from hfa_aircraft.uncertain import spread_of
-from hfa_identify.draws.report import SEED
 from hfa_policy.assessment import AssessedPoint, Assessor
 from hfa_policy.variations import frozen_at
 from verification.drawn import Draws, band_of

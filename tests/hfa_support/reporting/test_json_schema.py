@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
-from hfa_formats.formats import classes_of, written
+from hfa.formats import classes_of, written
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.json_schema import json_schema, meaning, parts_of
 from hfa_support.reporting.results import Matrix, Result, Roots, Vector

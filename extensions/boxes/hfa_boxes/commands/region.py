@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
+from hfa.options.output import ProgressLine, print_report, show
 from hfa.options.trims import OutputOptions
-from hfa.output import ProgressLine, print_report, show
 from hfa_boxes.check.checker import check_certificate, write_certificate
 from hfa_boxes.check.loop import Loop
 from hfa_boxes.check.plant import facts, model_limits, pair_of

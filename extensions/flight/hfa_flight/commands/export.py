@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hfa.options.argument_types import breakpoint_value, one_of, output_file
-from hfa.options.command import command
 from hfa.options.games import DEFAULT_LAW
-from hfa.options.request import option
+from hfa.options.output import print_report
+from hfa.options.request import command, option
 from hfa.options.trims import AircraftOptions, JsonOption, TrimOptions, scheduled
-from hfa.output import print_report
 from hfa_flight.export.c_text import write_texts
 from hfa_flight.options import (
     LawOptions,

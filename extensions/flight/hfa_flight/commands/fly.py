@@ -11,9 +11,9 @@ import numpy as np
 
 from controller.discrete.critic_file import critic_of_steps
 from hfa.options.argument_types import input_file, whole
-from hfa.options.command import command
 from hfa.options.critics import ReadingOptions
-from hfa.options.request import option
+from hfa.options.output import ProgressLine, show
+from hfa.options.request import command, option
 from hfa.options.trims import (
     OneTrimOptions,
     OutputOptions,
@@ -21,7 +21,6 @@ from hfa.options.trims import (
     picture_option,
 )
 from hfa.options.workers import WorkersOptions
-from hfa.output import ProgressLine, show
 from hfa_aircraft.uncertain import spread_of
 from hfa_flight.options import FlightOptions
 from hfa_support.errors import BadInputError, warn

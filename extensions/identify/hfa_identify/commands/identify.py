@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hfa.options.argument_types import input_file, one_of, quantity
-from hfa.options.command import command
-from hfa.options.request import OfModel, option
+from hfa.options.output import ProgressLine, show
+from hfa.options.request import OfModel, command, option
 from hfa.options.trims import AircraftOptions, OutputOptions, output_option, picture_option
-from hfa.output import ProgressLine, show
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, printable, refuse_unknown
 from hfa_support.progress import print_to_stderr

@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from hfa.options.argument_types import input_file, number, one_of, positive, span
-from hfa.options.command import command
 from hfa.options.games import WeightOptions
-from hfa.options.request import OfModel, option
+from hfa.options.output import ProgressLine, print_report, show
+from hfa.options.request import OfModel, command, option
 from hfa.options.trims import AircraftOptions, OutputOptions, TrimOptions
-from hfa.output import ProgressLine, print_report, show
 from hfa_support.errors import BadInputError
 from hfa_support.files import forget_read
 from trim.point.linearize import linearize

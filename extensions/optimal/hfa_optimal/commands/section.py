@@ -11,7 +11,7 @@ import numpy as np
 
 from controller.riccati.gare import unconfirmed_solution
 from hfa.options.games import NamedGame
-from hfa.output import ProgressLine
+from hfa.options.output import ProgressLine
 from hfa_optimal.initial_conditions import drawn_starts, starts_table
 from hfa_optimal.pilots import critic_pilot, gain_pilot
 from hfa_optimal.problem import flight_problem

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 from controller.critic.critic_file import critic_suffixes
 from hfa.options.argument_types import input_file, number, span, whole
-from hfa.options.command import command
 from hfa.options.draws import draws_option
+from hfa.options.output import ProgressLine, show
 from hfa.options.ranges import Range, array_of, scheduled_range
-from hfa.options.request import OfModel, option
+from hfa.options.request import OfModel, command, option
 from hfa.options.trims import (
     AircraftOptions,
     OutputOptions,
@@ -23,7 +23,6 @@ from hfa.options.trims import (
     picture_option,
     scheduled,
 )
-from hfa.output import ProgressLine, show
 from hfa_aircraft.model import Model
 from hfa_flight.options import (
     at_held_altitude,
@@ -298,7 +297,7 @@ def assess(request: AssessRequest) -> int:
 
     Exit code 0: the policy holds at every trim and satisfies every --need. Exit code 1: otherwise.
     """
-    from hfa_identify.draws.report import reported
+    from hfa.options.draws import reported
     from hfa_policy.assess import assessment_of
     from hfa_policy.assessment import Assessor
     from hfa_policy.comparison import Comparison

@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from hfa.options.argument_types import input_file
-from hfa.options.command import command
 from hfa.options.critics import READING_SETTINGS, ReadingOptions, critic_path
 from hfa.options.games import PlantOptions, design_option, setting_option
-from hfa.options.request import option
+from hfa.options.output import ProgressLine, show
+from hfa.options.request import command, option
 from hfa.options.trims import OutputOptions, scheduled
-from hfa.output import ProgressLine, show
 from hfa_proof.options import interval_of
 from hfa_support.entry_points import PARTS, loaded, offered
 from hfa_support.errors import BadInputError

@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfa.options.argument_types import input_file
-from hfa.options.command import command
 from hfa.options.games import NamedGame, PlantOptions
-from hfa.options.request import option
+from hfa.options.output import ProgressLine, print_report
+from hfa.options.request import command, option
 from hfa.options.trims import OutputOptions, called_at, scheduled
-from hfa.output import ProgressLine, print_report
 from hfa_proof.options import family_of, interval_of, refuse_no_certificate
 from hfa_support.errors import BadInputError, prefix_errors
 from hfa_support.files import MATRIX_FILES

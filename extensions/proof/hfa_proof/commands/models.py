@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hfa.options.argument_types import positive
-from hfa.options.command import command
-from hfa.options.request import option
-from hfa.output import ProgressLine, print_report, show
+from hfa.options.output import ProgressLine, print_report, show
+from hfa.options.request import command, option
 from hfa_proof.options import RangeOptions, family_of
 
 

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hfa.options.argument_types import input_file
-from hfa.options.command import command
 from hfa.options.games import WeightOptions, design_option
-from hfa.options.request import option
-from hfa.output import ProgressLine, print_report
+from hfa.options.output import ProgressLine, print_report
+from hfa.options.request import command, option
 from hfa_proof.options import (
     RangeOptions,
     family_of,

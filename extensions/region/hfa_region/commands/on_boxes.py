@@ -113,7 +113,7 @@ def checked_gain_on_boxes(request: CheckRequest | RegionRequest, certificate: Pa
 
     Raises NoSolutionError if the statement is not proved or differs from the user's data.
     """
-    from hfa.output import ProgressLine, show
+    from hfa.options.output import ProgressLine, show
     from hfa_boxes.check.checker import check_certificate
     from hfa_boxes.fields import FIELDS
     from hfa_boxes.report import checked_report

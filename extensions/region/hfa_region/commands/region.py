@@ -12,12 +12,11 @@ import numpy as np
 
 from controller.critic.critic_file import is_network
 from hfa.options.argument_types import input_file, one_of, positive, quantity
-from hfa.options.command import command
 from hfa.options.critics import READING_SETTINGS, ReadingOptions, critic_path
 from hfa.options.games import PlantOptions, setting_option
-from hfa.options.request import OfModel, option
+from hfa.options.output import ProgressLine, print_report, show
+from hfa.options.request import OfModel, command, option
 from hfa.options.trims import OutputOptions, picture_option
-from hfa.output import ProgressLine, print_report, show
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.files import forget_read

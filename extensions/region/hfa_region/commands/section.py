@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from hfa.output import ProgressLine
+from hfa.options.output import ProgressLine
 from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 from hfa_support.reporting.report import Report
 

@@ -15,10 +15,10 @@ from controller.schedule.scheduled_controller import (
     save_controller,
 )
 from hfa.options.argument_types import input_file, output_file, positive
-from hfa.options.command import command
 from hfa.options.games import design_option
+from hfa.options.output import ProgressLine, print_report
 from hfa.options.ranges import Range, array_of, scheduled_range, value_range
-from hfa.options.request import option
+from hfa.options.request import command, option
 from hfa.options.trims import (
     AircraftOptions,
     OutputOptions,
@@ -26,7 +26,6 @@ from hfa.options.trims import (
     called_at,
     scheduled,
 )
-from hfa.output import ProgressLine, print_report
 from hfa_aircraft.units import native_of, native_values
 from hfa_servo.design import load_design
 from hfa_support.errors import BadInputError

@@ -10,17 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa.options.argument_types import output_file, some_of
-from hfa.options.command import command
+from hfa.options.output import ProgressLine, stated
 from hfa.options.ranges import Range, array_of, scheduled_range
-from hfa.options.request import OfModel, option
+from hfa.options.request import OfModel, command, option
 from hfa.options.trims import TrimOptions, UnitsOption, scheduled
-from hfa.output import ProgressLine, stated
+from hfa.page.claims import load_claims
+from hfa.page.flights import load_flights
+from hfa.page.job_report import main_report, page, plotly_script
+from hfa.page.main_job import ASKED, MOST_ASKED, MOST_SWEPT, SWEEP, MainJob, main_job
 from hfa_model.outputs import OUTPUTS
 from hfa_model.vectors import STATES
-from hfa_page.claims import load_claims
-from hfa_page.flights import load_flights
-from hfa_page.job_report import main_report, page, plotly_script
-from hfa_page.main_job import ASKED, MOST_ASKED, MOST_SWEPT, SWEEP, MainJob, main_job
 from hfa_support.errors import BadInputError, printable
 from hfa_support.files import all_or_none, write_text
 from hfa_support.progress import print_flushed

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hfa.page.results import FlightsData
 from hfa_flight.envelope import limits_text
 from hfa_model import choice
-from hfa_page.results import FlightsData
 from hfa_support.errors import BadInputError
 from hfa_support.files import read_json
 from hfa_support.reporting.report import Report

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import hfa
 from hfa import LinearModel
+from hfa.page.compared_with_print import printed_comparison_tables
 from hfa_model.published import published_models
-from hfa_page.compared_with_print import printed_comparison_tables
 from trim import regenerate
 
 

@@ -16,9 +16,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 import hfa_model
+from hfa.page.main_job import Angle
 from hfa_aircraft.model import Model
 from hfa_aircraft.units import in_units_of, unit_of
-from hfa_page.main_job import Angle
 from hfa_support.reporting.data_files import jsonable
 from hfa_support.reporting.parts import Picture
 from trim.hfa.front_view import (

@@ -22,13 +22,13 @@ from project import ROOT
 import hfa
 import hfa_model
 from hfa import BadInputError, NoSolutionError, solve, sweep
+from hfa.page.claims import Claims, claims_section, load_claims
+from hfa.page.flights import flights_section, load_flights
+from hfa.page.job_report import angle_report, any_angle, check_meanings, verdict_sentence, verdicts
+from hfa.page.main_job import MainJob, main_job, with_game
+from hfa.page.plots import front_view, in_script, locus_plot
 from hfa_aircraft.model import Model
 from hfa_model.parameters import ParameterSet
-from hfa_page.claims import Claims, claims_section, load_claims
-from hfa_page.flights import flights_section, load_flights
-from hfa_page.job_report import angle_report, any_angle, check_meanings, verdict_sentence, verdicts
-from hfa_page.main_job import MainJob, main_job, with_game
-from hfa_page.plots import front_view, in_script, locus_plot
 from hfa_support.reporting.report import Report
 from trim import modes_of
 from verification.critic.critic_check import verify
@@ -73,7 +73,7 @@ def test_a_game_without_solution_fails(job: MainJob, monkeypatch) -> None:  # ty
         raise NoSolutionError("no solution: planted")
 
     # The paper's game has a solution at every angle with a trim.
-    monkeypatch.setattr("hfa_page.main_job.solve", unsolved)
+    monkeypatch.setattr("hfa.page.main_job.solve", unsolved)
     angle = with_game(job.points[1])
     text = angle_report(job, angle).text()
     assert "No game solution: no solution: planted" in text

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_page.results import ClaimsData
+from hfa.page.results import ClaimsData
 from hfa_support.errors import BadInputError
 from hfa_support.files import read_json
 from hfa_support.reporting.report import Report

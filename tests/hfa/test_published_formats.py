@@ -15,8 +15,8 @@ from extension import Extension
 from jsonschema import Draft202012Validator
 from project import project_sources
 
+from hfa.formats import formats
 from hfa_aircraft.model import Model
-from hfa_formats.formats import formats
 from hfa_support.reporting.data_files import jsonable
 
 controllers = Extension("controllers")

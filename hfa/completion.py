@@ -1,6 +1,6 @@
 """Completion of commands and options in bash.
 
-To enable completion, type: complete -C "python -m hfa_formats.completion" hfa
+To enable completion, type: complete -C "python -m hfa.completion" hfa
 """
 
 from __future__ import annotations

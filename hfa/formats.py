@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import sys
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -108,3 +110,6 @@ def _joined(text: str) -> dict[str, Any]:
             schema["required"] += more["required"]
     schema["required"] = list(dict.fromkeys(schema["required"]))
     return schema
+
+
+sys.stdout.write(json.dumps(formats(), indent=1, ensure_ascii=False) + "\n")

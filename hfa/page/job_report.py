@@ -15,12 +15,12 @@ from functools import cache, partial
 from importlib.resources import files
 from typing import Any
 
-from hfa_page.claims import claims_section
-from hfa_page.compared_with_print import printed_comparison_tables
-from hfa_page.flights import flights_section
-from hfa_page.main_job import Angle, MainJob
-from hfa_page.plots import front_view, locus_plot
-from hfa_page.results import MainJobData
+from hfa.page.claims import claims_section
+from hfa.page.compared_with_print import printed_comparison_tables
+from hfa.page.flights import flights_section
+from hfa.page.main_job import Angle, MainJob
+from hfa.page.plots import front_view, locus_plot
+from hfa.page.results import MainJobData
 from hfa_support.errors import BadInputError
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.checks import verdict_text
@@ -300,7 +300,7 @@ def any_angle(job: MainJob, drawn: Report) -> str:
 
 
 def _file(name: str) -> str:
-    return files("hfa_page").joinpath(name).read_text(encoding="utf-8")
+    return files("hfa.page").joinpath(name).read_text(encoding="utf-8")
 
 
 @cache

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from hfa_formats.completion import candidates
+from hfa.completion import candidates
 
 
 @pytest.mark.parametrize(
@@ -29,7 +29,7 @@ def test_bash_completes_a_command() -> None:
     """bash calls the module (`complete -C`) and reads the candidates from its output."""
     line = "hfa li"
     done = subprocess.run(
-        [sys.executable, "-m", "hfa_formats.completion", "hfa", "li", "hfa"],
+        [sys.executable, "-m", "hfa.completion", "hfa", "li", "hfa"],
         env={"COMP_LINE": line, "COMP_POINT": str(len(line)), "PATH": ""},
         capture_output=True,
         text=True,

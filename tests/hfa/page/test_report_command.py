@@ -13,9 +13,9 @@ from cli import Result, assert_refused, hfa
 from project import ROOT
 
 from hfa.main import BAD_INPUT, DONE, FAILED
+from hfa.page.job_report import plotly_script
+from hfa.page.main_job import MOST_SWEPT
 from hfa.paper import default_parameters
-from hfa_page.job_report import plotly_script
-from hfa_page.main_job import MOST_SWEPT
 from hfa_support.provenance import parameter_hash
 
 
@@ -191,7 +191,7 @@ def test_a_failed_report_leaves_no_folder(monkeypatch: pytest.MonkeyPatch) -> No
         raise OSError(28, "No space left on device")
 
     # Simulates a disk that becomes full between the two files, which a test cannot time.
-    monkeypatch.setattr("hfa_page.commands.report.write_text", full)
+    monkeypatch.setattr("hfa.page.command.write_text", full)
     result = hfa("report", "--dihedral", "15", "--sweep", "15", "-o", "page")
     assert result.code == BAD_INPUT
     assert not Path("page").exists()

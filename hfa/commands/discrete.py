@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
-from hfa.output import ProgressLine, show
+from hfa.options.output import ProgressLine, show
 from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 
 if TYPE_CHECKING:

@@ -1,1 +1,0 @@
-"""Games in discrete time: their exact solution, critics of them, and Q-learning."""

@@ -1,1 +1,0 @@
-"""The published formats of outputs: a JSON Schema, derived from the classes of results."""

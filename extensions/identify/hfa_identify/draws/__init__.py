@@ -1,1 +1,0 @@
-"""Option `--draws`: spread of results over aircraft with randomly drawn uncertain parameters."""
