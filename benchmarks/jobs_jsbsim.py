@@ -17,11 +17,11 @@ from benchmarks.jobs_models import evaluations, f16_peer
 from benchmarks.report import Limit, Row, in_turn, shortest
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
-from hfa_policy.deployed import Deployed
-from hfa_policy.deployment import Deployment
+from hfa_flight.held_step import parts_of_a_sample, step_of_integration
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_policy.episodes import Episodes
 from hfa_policy.gymnasium_environment import AircraftEnvironment
-from hfa_policy.held_step import parts_of_a_sample, step_of_integration
 from hfa_support.native.row_code import row_code
 from trim.point.condition import release, usual_condition
 from trim.point.solve import trim

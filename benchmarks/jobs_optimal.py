@@ -21,6 +21,8 @@ from scipy.sparse.linalg import splu
 
 from benchmarks.report import Limit, Row, in_turn, shortest
 from hfa_aircraft.loading import load_model
+from hfa_flight.initial_box import drawn_starts
+from hfa_flight.problem import FlightProblem, flight_problem
 from hfa_optimal.collocation import (
     DEGREE,
     OPTIONS,
@@ -29,8 +31,6 @@ from hfa_optimal.collocation import (
     collocation_points,
     mesh as growing,
 )
-from hfa_optimal.initial_conditions import drawn_starts
-from hfa_optimal.problem import FlightProblem, flight_problem
 from trim.point.solve import trim
 
 _GTM = Path(__file__).parents[1] / "examples" / "gtm.py"

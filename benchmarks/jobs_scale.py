@@ -27,9 +27,9 @@ from controller.hfa_files import published_game
 from controller.riccati.gare import unconfirmed_solution
 from hfa.main import main
 from hfa_flight.envelope import flight_envelope
-from hfa_flight.monte_carlo import MonteCarlo
-from hfa_flight.monte_carlo_store import stream_members
-from hfa_flight.policies import GainPolicy
+from hfa_flight.policies.policy import GainPolicy
+from hfa_flight.samples.monte_carlo import MonteCarlo
+from hfa_flight.samples.store import stream_members
 from hfa_flight.scenario import Scenario, Uncertainty
 from trim.point.solve import level_model
 from trim.sweeps.store import stream_sweep

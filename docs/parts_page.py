@@ -26,7 +26,6 @@ MODULES = {
         "servo_policy",
     ),
     "policies": (
-        "exported_texts",
         "flown_card",
         "flown_deployment",
         "sampled_scenario",

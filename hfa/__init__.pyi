@@ -19,15 +19,15 @@ from hfa_aircraft.loading import load_model as load_model
 from hfa_aircraft.model import Model as Model
 from hfa_aircraft.readers.derivatives.read import from_derivatives as from_derivatives
 from hfa_aircraft.signals import Signal as Signal
-from hfa_flight.nonlinear_flight import Flight as Flight, fly as fly
-from hfa_flight.turbulence import Turbulence as Turbulence
+from hfa_flight.air.turbulence import Turbulence as Turbulence
+from hfa_flight.flight import Flight as Flight, fly as fly
+from hfa_flight.policies.deployment.deployment import Deployment as Deployment
 from hfa_identify.estimation import identify as identify
 from hfa_model.choice import aircraft as aircraft
 from hfa_optimal.best_flight import BestFlight as BestFlight
 from hfa_optimal.optimize import optimize as optimize
 from hfa_policy.assess import assess as assess
 from hfa_policy.assessment_report import Assessment as Assessment
-from hfa_policy.deployment import Deployment as Deployment
 from hfa_policy.environment import (
     environment as environment,
     vector_environment as vector_environment,

@@ -243,7 +243,7 @@ FLY = CommandEntry(
     example="hfa fly --dihedral 15 --gust 400:5",
     results=(
         "hfa_flight.step_flight:StepFlight",
-        "hfa_flight.nonlinear_flight:Flight hfa_flight.nonlinear_flight:FlightHistory?",
+        "hfa_flight.flight:Flight hfa_flight.flight:FlightHistory?",
         "hfa_flight.results:MemberSummary",
         "hfa_flight.results:MemberAttributes hfa_support.rows.store:OfAStore",
     ),

@@ -18,9 +18,9 @@ import numpy as np
 import hfa
 from hfa.page.flights import flights_table, limits_in_words
 from hfa.page.results import FlightsData
+from hfa_flight.problem import FlightProblem, flight_problem
 from hfa_optimal.best_flight import BestFlight
 from hfa_optimal.pilots import gain_pilot
-from hfa_optimal.problem import FlightProblem, flight_problem
 from hfa_optimal.search import AFTER, BestFlights
 from hfa_support.files import write_text
 from hfa_support.reporting.data_files import json_text

@@ -22,9 +22,9 @@ from scipy.integrate import solve_ivp
 
 import hfa
 from hfa_aircraft.layout import components
+from hfa_flight.initial_box import drawn_starts
+from hfa_flight.problem import FlightProblem, flight_problem
 from hfa_optimal.flights import SimulatedFlight
-from hfa_optimal.initial_conditions import drawn_starts
-from hfa_optimal.problem import FlightProblem, flight_problem
 from hfa_optimal.search import BestFlights
 from hfa_optimal.smooth import has_kinks
 from hfa_support.errors import NoSolutionError

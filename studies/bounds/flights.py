@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 
 from hfa_boxes.check.cost_statement import CostStatement
-from hfa_optimal.initial_conditions import usual_box
-from hfa_optimal.problem import FlightProblem
+from hfa_flight.initial_box import usual_box
+from hfa_flight.problem import FlightProblem
 from hfa_support.native.bound import RowFunction
 from hfa_support.native.machine_code import machine_code
 

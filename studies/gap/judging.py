@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 
 import hfa
+from hfa_flight.initial_box import drawn_starts, start_box
+from hfa_flight.policies.deployment.policy import flown_deployment, sampled_scenario
+from hfa_flight.problem import flight_problem
 from hfa_flight.scenario import Scenario
 from hfa_optimal.flights import Flights, SimulatedFlight
-from hfa_optimal.initial_conditions import drawn_starts
 from hfa_optimal.pilots import Pilot, deployed_pilot, gain_pilot
-from hfa_optimal.problem import flight_problem
 from hfa_optimal.search import AFTER, BestFlights
-from hfa_policy.flown import flown_deployment, sampled_scenario
-from hfa_policy.outcomes import start_box
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from studies.gap.tasks import Task, cost_of, deployment_of

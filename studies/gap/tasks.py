@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import hfa
-from hfa_policy.outcomes import start_box
+from hfa_flight.initial_box import start_box
 from trim.point.operating_point import OperatingPoint
 
 #: Sample time, s.

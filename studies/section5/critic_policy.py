@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from controller.game.basis import Basis
-from hfa_flight.policies import Measurements, Policy
+from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.signals import Harmonic, Waveform
 from hfa_support.errors import BadInputError
 from studies.update_law.published_law import PublishedLaw

@@ -18,8 +18,8 @@ from hfa import Game, Solution, from_weights, learn, solve, verify
 from hfa.paper import published_game
 from hfa_flight import Policy, Scenario, Waveform
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant
-from hfa_flight.flight_history import Deviations
-from hfa_flight.policies import Measurements, column_by_column
+from hfa_flight.history import Deviations
+from hfa_flight.policies.policy import Measurements, column_by_column
 from hfa_flight.signals import Harmonic, zero
 from hfa_flight.simulation import CompiledLoop
 from hfa_model import INPUTS, LINEAR_STATES, published_models

@@ -14,7 +14,7 @@ import numpy as np
 from controller.critic.training_run import settled_at
 from controller.game.basis import Basis
 from hfa import Game
-from hfa_flight.flight_history import Deviations
+from hfa_flight.history import Deviations
 from hfa_model import INPUTS, LINEAR_STATES
 from studies.section5.configuration import Configuration
 

@@ -28,12 +28,12 @@ from hfa_flight import (
     Waveform,
     flight_envelope,
 )
-from hfa_flight.nonlinear_flight import Flight, fly
+from hfa_flight.actuators import Actuator
+from hfa_flight.flight import Flight, fly
+from hfa_flight.policies.controller import servo_policy
 from hfa_model import INPUTS, LINEAR_STATES, Input
 from hfa_model.vectors import CONTROL_LIMITS
-from hfa_servo.design import Actuator
 from hfa_servo.servo_loop import ServoLoop, check_margins, servo_loop, servo_plant
-from hfa_servo.servo_policy import servo_policy
 from hfa_support.reporting.text import Table
 
 #: Time step, interval of tests of the envelope, and duration of a flight with a gust, s.

@@ -21,8 +21,8 @@ from hfa_boxes.commands.region import ProvedPolicy, _given, loop_of
 from hfa_boxes.cost_report import checked_bound_report
 from hfa_boxes.fields import COST_FIELDS, FIELDS
 from hfa_boxes.report import checked_report
+from hfa_flight.problem import flight_problem
 from hfa_optimal.bound import given_of
-from hfa_optimal.problem import flight_problem
 from hfa_proof.commands.check import CheckRequest
 from hfa_proof.subject import Given, compare, entries_of
 from hfa_region.commands.given import _same_coefficients, given_on_boxes

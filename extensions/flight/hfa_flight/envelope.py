@@ -13,7 +13,7 @@ import numpy as np
 
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_flight.air import ALPHA, ANGLE_OF_ATTACK, limited_names
+from hfa_flight.air.names import ALPHA, ANGLE_OF_ATTACK, limited_names
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, pair_of, refuse_unknown
 from hfa_support.reporting.text import short_number, shown_unit, with_unit

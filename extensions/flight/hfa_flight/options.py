@@ -26,16 +26,16 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
 from hfa_flight.actuators import ActuatorBank, ActuatorFault
-from hfa_flight.air import UPDRAFT, gust_speed
+from hfa_flight.air.gust_equations import in_gusts
+from hfa_flight.air.gusts import Gust, OneMinusCosine
+from hfa_flight.air.names import UPDRAFT, gust_speed
+from hfa_flight.air.turbulence import LEVELS, SPECTRA, Turbulence
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.envelope import control_limits, flight_envelope
-from hfa_flight.gust_equations import in_gusts
-from hfa_flight.gusts import Gust, OneMinusCosine
-from hfa_flight.nonlinear_flight import lengthened
+from hfa_flight.flight import lengthened
 from hfa_flight.own_steps import JSBSIM, METHODS, RUNGE_KUTTA
 from hfa_flight.scenario import Scenario, Uncertainty, with_errors
 from hfa_flight.signals import CommandedStates, CommandSteps, Waveform
-from hfa_flight.turbulence import LEVELS, SPECTRA, Turbulence
 from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, NoSolutionError, choice_of, refuse_unknown, warn
 from hfa_support.files import MATRIX_FILES
@@ -44,7 +44,7 @@ from trim.point.linearize import linearize
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
-    from hfa_flight.policies import FunctionPolicy, GainPolicy, Policy
+    from hfa_flight.policies.policy import FunctionPolicy, GainPolicy, Policy
 
 #: Name of the law without a policy. Commands are then steps of inputs.
 NONE = "none"
@@ -175,7 +175,7 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
         """
         from controller.critic.critic_file import critic_in
         from controller.riccati.gare import unconfirmed_solution
-        from hfa_flight.policies import GainPolicy, function_policy
+        from hfa_flight.policies.policy import GainPolicy, function_policy
 
         game = self.game_on(linear)
         path = self.weights
@@ -522,7 +522,7 @@ class FlightOptions(ScenarioOptions):
 
         Raises BadInputError if the options contradict each other.
         """
-        from hfa_flight.policies import open_loop
+        from hfa_flight.policies.policy import open_loop
 
         self.check_policy()
         model = self.flown_aircraft()
@@ -561,7 +561,7 @@ class FlightOptions(ScenarioOptions):
         Raises BadInputError if --actuators is missing for a controller of `hfa design`.
         """
         from controller.schedule.gain_schedule import GainSchedule
-        from hfa_flight.scheduled_gains import scheduled_gains
+        from hfa_flight.policies.scheduled_gains import scheduled_gains
 
         assert self.controller is not None
         controllers = part(PARTS, "controllers", "--controller")

@@ -12,10 +12,10 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.actuators import ActuatorBank
-from hfa_flight.gust_equations import in_gusts
-from hfa_flight.gusts import Gust
+from hfa_flight.air.gust_equations import in_gusts
+from hfa_flight.air.gusts import Gust
+from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.signals import TimeVector, Waveform, zero
-from hfa_flight.turbulence import Turbulence
 from hfa_support.errors import (
     BadInputError,
     is_finite,

@@ -11,10 +11,10 @@ import casadi as ca
 import numpy as np
 
 from hfa_flight.actuators import LONGEST_STEP
-from hfa_flight.air import ALPHA
+from hfa_flight.air.names import ALPHA
 from hfa_flight.closed_loop import ClosedLoop
-from hfa_flight.flight_history import Deviations
-from hfa_flight.policies import Policy
+from hfa_flight.history import Deviations
+from hfa_flight.policies.policy import Policy
 from hfa_flight.scenario import Scenario
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.native.bound import BoundFunction

@@ -18,8 +18,8 @@ import hfa
 from hfa import BadInputError, LinearModel, fly, solve
 from hfa_flight import ActuatorBank, ActuatorFault, GainPolicy, Scenario, Waveform, flight_envelope
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant
-from hfa_flight.flight_history import Deviations
-from hfa_flight.policies import OpenLoop
+from hfa_flight.history import Deviations
+from hfa_flight.policies.policy import OpenLoop
 from hfa_flight.simulation import CompiledLoop
 from hfa_model import INPUTS, LINEAR_STATES, Input, published_models
 from hfa_model.vectors import CONTROL_LIMITS

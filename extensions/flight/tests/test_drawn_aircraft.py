@@ -9,8 +9,8 @@ from project import ROOT
 import hfa
 from hfa_aircraft.uncertain import ParameterSpread
 from hfa_flight import GainPolicy, MonteCarlo, Scenario, flight_envelope
-from hfa_flight.drawn_aircraft import drawn_figure
-from hfa_flight.monte_carlo import fly_member
+from hfa_flight.samples.drawn_aircraft import drawn_figure
+from hfa_flight.samples.monte_carlo import fly_member
 
 
 def test_the_figure_shows_differences_of_random_flights() -> None:

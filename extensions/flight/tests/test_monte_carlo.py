@@ -21,11 +21,11 @@ from hfa_flight import (
     Scenario,
     Uncertainty,
     flight_envelope,
-    monte_carlo_store,
 )
-from hfa_flight.monte_carlo import fly_member, fly_members, member_row
-from hfa_flight.monte_carlo_report import member_report
-from hfa_flight.monte_carlo_store import MEMBER_STEPS, chunk_of, run_monte_carlo, stream_members
+from hfa_flight.samples import store as monte_carlo_store
+from hfa_flight.samples.monte_carlo import fly_member, fly_members, member_row
+from hfa_flight.samples.report import member_report
+from hfa_flight.samples.store import MEMBER_STEPS, chunk_of, run_monte_carlo, stream_members
 from hfa_flight.scenario import with_errors
 from hfa_flight.signals import zero
 from hfa_model import LINEAR_STATES, STATES, Input, Parameters, State

@@ -25,11 +25,11 @@ from hfa_flight import (
     Waveform,
     flight_envelope,
 )
+from hfa_flight.air.turbulence import Turbulence, TurbulentAir
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
-from hfa_flight.nonlinear_flight import Flight
+from hfa_flight.flight import Flight
 from hfa_flight.signals import Harmonic
 from hfa_flight.simulation import CompiledLoop
-from hfa_flight.turbulence import Turbulence, TurbulentAir
 from hfa_model import LINEAR_STATES, STATES, Input, State
 from hfa_model.vectors import CONTROL_LIMITS
 

@@ -13,9 +13,8 @@ from threads import Rows, differing
 import hfa
 from hfa.paper import default_parameters
 from hfa_aircraft.limits import Limits
-from hfa_flight.monte_carlo import MonteCarlo, fly_members
-from hfa_flight.per_thread import cached_per_thread
-from hfa_flight.policies import GainPolicy
+from hfa_flight.policies.policy import GainPolicy
+from hfa_flight.samples.monte_carlo import MonteCarlo, cached_per_thread, fly_members
 from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_model.vectors import STATES
 

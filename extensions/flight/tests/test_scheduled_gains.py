@@ -18,10 +18,10 @@ from simulated_cases import measurements_of
 from controller import GainSchedule
 from hfa import BadInputError, fly
 from hfa_flight import CommandSteps, Scenario, flight_envelope
-from hfa_flight.nonlinear_flight import Flight
-from hfa_flight.policies import Measurements
-from hfa_flight.scheduled_gains import ScheduledGainPolicy, scheduled_gains
-from hfa_flight.table_expression import table_expression
+from hfa_flight.flight import Flight
+from hfa_flight.policies.policy import Measurements
+from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy, scheduled_gains
+from hfa_flight.policies.tables import table_expression
 from hfa_model import LINEAR_STATES, STATES
 from trim.hfa.level_flight import level_flight
 

@@ -39,11 +39,11 @@ from hfa_flight import (
     flight_envelope,
 )
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant, Plant
-from hfa_flight.flight_history import Deviations
+from hfa_flight.flight import Flight, fly_within
+from hfa_flight.history import Deviations
 from hfa_flight.limit_cycle import Decay, LimitCycle, limit_cycle, oscillation
-from hfa_flight.monte_carlo import fly_members
-from hfa_flight.nonlinear_flight import Flight, fly_within
-from hfa_flight.policies import OpenLoop, open_loop
+from hfa_flight.policies.policy import OpenLoop, open_loop
+from hfa_flight.samples.monte_carlo import fly_members
 from hfa_flight.signals import Harmonic, Waveform
 from hfa_flight.simulation import CompiledLoop
 from hfa_model import STATES

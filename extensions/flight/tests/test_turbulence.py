@@ -12,9 +12,9 @@ from tolerances import SAME_FORMULA
 import hfa
 from hfa.main import main
 from hfa_aircraft.loading import load_model
-from hfa_flight.gust_equations import in_gusts
+from hfa_flight.air.gust_equations import in_gusts
+from hfa_flight.air.turbulence import AirFilter, Turbulence, TurbulentAir, scales_and_intensities
 from hfa_flight.scenario import Scenario, Uncertainty
-from hfa_flight.turbulence import AirFilter, Turbulence, TurbulentAir, scales_and_intensities
 from hfa_support.errors import BadInputError
 
 V, SPAN = 150.0, 36.0

@@ -10,11 +10,11 @@ import numpy as np
 
 from hfa_aircraft.signals import StatesAndInputs
 from hfa_flight.envelope import limits_text
+from hfa_flight.problem import FlightProblem, OfProblem
+from hfa_optimal.bracket import Bracket, bracket_sentence, deviations_in_words
 from hfa_optimal.flights import SimulatedFlight
-from hfa_optimal.problem import FlightProblem, OfProblem
 from hfa_optimal.search import MESHES_AGREE, Found
 from hfa_optimal.smooth import has_kinks
-from hfa_policy.best_costs import Bracket, bracket_sentence, deviations_in_words
 from hfa_support.reporting.named import with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported

@@ -14,7 +14,7 @@ from hfa_boxes.check.cost_checker import check_cost_certificate
 from hfa_boxes.check.cost_statement import CostStatement
 from hfa_boxes.check.plant import Plant, facts
 from hfa_boxes.fields import COST_FIELDS
-from hfa_optimal.problem import FlightProblem
+from hfa_flight.problem import FlightProblem
 from hfa_proof.checker.aircraft import SAME_TRIM
 from hfa_proof.subject import Given, compare, within
 from hfa_support.errors import BadInputError, NoSolutionError

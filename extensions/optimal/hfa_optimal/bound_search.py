@@ -8,9 +8,9 @@ import numpy as np
 
 from hfa_boxes.check.cost_checker import equilibrium_of
 from hfa_boxes.search.cost import CostBound, CostSearch
+from hfa_flight.initial_box import usual_box
+from hfa_flight.problem import FlightProblem
 from hfa_optimal.bound import plant_of, unknowns_of
-from hfa_optimal.initial_conditions import usual_box
-from hfa_optimal.problem import FlightProblem
 from hfa_support.progress import Progress
 
 

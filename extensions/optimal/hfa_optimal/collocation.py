@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_optimal.problem import MARGIN, FlightProblem
+from hfa_flight.problem import MARGIN, FlightProblem
 from hfa_optimal.smooth import smooth_curvature, smooth_rates, smooth_slopes
 from hfa_support.native.machine_code import machine_code
 

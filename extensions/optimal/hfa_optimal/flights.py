@@ -13,12 +13,12 @@ import numpy as np
 from hfa_aircraft.march.cost import cost_of_flight
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.envelope import Departure, departure
-from hfa_flight.flight_history import Deviations
-from hfa_flight.policies import FunctionPolicy, Policy
+from hfa_flight.history import Deviations
+from hfa_flight.policies.policy import FunctionPolicy, Policy
+from hfa_flight.problem import FlightProblem
 from hfa_flight.scenario import Scenario
 from hfa_flight.simulation import CompiledLoop
 from hfa_optimal.collocation import Proposal
-from hfa_optimal.problem import FlightProblem
 from hfa_optimal.tracking import STEPS, TrackingPolicy, held_size, tracking_rows
 
 #: Largest integration step, s.

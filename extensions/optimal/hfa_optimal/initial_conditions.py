@@ -9,28 +9,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_boxes.interruption import interruption
+from hfa_flight.problem import FlightProblem, OfProblem
 from hfa_optimal.best_flight import (
     PolicyFlight,
     bracket_of,
     limits_table,
 )
+from hfa_optimal.bracket import Bracket, bracket_sentence, bracket_table
 from hfa_optimal.pilots import Pilot
-from hfa_optimal.problem import FlightProblem, OfProblem
 from hfa_optimal.search import AFTER, MESHES_AGREE, BestFlights
-from hfa_policy.best_costs import Bracket, bracket_sentence, bracket_table
-from hfa_policy.outcomes import start_box
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
-from verification.hfa_box import ordinary_box
 
 if TYPE_CHECKING:
     from hfa_boxes.check.cost_statement import CostStatement
-
-#: Factor on a box that reaches beyond the limits.
-_INSIDE = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,42 +215,6 @@ def _summary(column: Sequence[PolicyFlight]) -> PolicySummary:
 
 def _number(value: float | None) -> str:
     return "-" if value is None else f"{value:.4g}"
-
-
-def usual_box(problem: FlightProblem) -> np.ndarray:
-    """Return the half-widths of the default box of initial deviations, (k,), within the limits.
-
-    For the HFA, the box contains its typical deviations. For other aircraft, the box is that of
-    `hfa assess`.
-    """
-    states = problem.states
-    box = ordinary_box(states, tuple(problem.model.inputs), problem.model.units(states))
-    half = start_box(problem.model, problem.point) if box is None else box.half_widths
-    return _inside(problem, half)
-
-
-def _inside(problem: FlightProblem, half: np.ndarray) -> np.ndarray:
-    """Return half-widths of a box, reduced where the box would exceed the limits of the states,
-    (k,).
-
-    half: half-widths, (k,)
-    """
-    lowest, highest = (limit[: len(half)] for limit in problem.state_limits)
-    return np.minimum(half, _INSIDE * np.minimum(-lowest, highest))
-
-
-def drawn_starts(
-    problem: FlightProblem, count: int, seed: int, box: np.ndarray | None = None
-) -> np.ndarray:
-    """Return random initial deviations in a box, (count, k).
-
-    With the same seed, a larger count returns the same deviations first.
-
-    box: half-widths, (k,), reduced to fit in the limits. The default is `usual_box`.
-    """
-    rng = np.random.default_rng(seed)
-    half = usual_box(problem) if box is None else _inside(problem, box)
-    return half * rng.uniform(-1.0, 1.0, (count, len(problem.states)))
 
 
 def starts_table(

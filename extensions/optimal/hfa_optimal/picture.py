@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_flight.problem import FlightProblem
 from hfa_optimal.flights import SimulatedFlight
-from hfa_optimal.problem import FlightProblem
 from hfa_support.reporting.text import shown_unit, shown_values
 
 if TYPE_CHECKING:

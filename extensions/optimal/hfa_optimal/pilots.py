@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.critic.critic import Critic
-from hfa_flight.policies import Policy, function_policy
+from hfa_flight.policies.deployment.policy import flown_card, sampled_scenario
+from hfa_flight.policies.policy import Policy, function_policy
 from hfa_flight.scenario import Scenario
 from hfa_flight.simulation import CompiledLoop
 from hfa_optimal.flights import Flights, SimulatedFlight
-from hfa_policy.flown import flown_card, sampled_scenario
 
 
 class Pilot(NamedTuple):

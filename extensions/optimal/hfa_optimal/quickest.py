@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_aircraft.signals import StatesAndInputs
+from hfa_flight.problem import FlightProblem, OfProblem
 from hfa_optimal.best_flight import envelope_pairs, limits_table
+from hfa_optimal.bracket import deviations_in_words
 from hfa_optimal.collocation import DEGREE, Proposal, adapted_mesh, collocation_points
 from hfa_optimal.flights import Flights, SimulatedFlight
-from hfa_optimal.problem import FlightProblem, OfProblem
 from hfa_optimal.quickest_program import TimeProgram
 from hfa_optimal.search import BestFlights, difference_of_meshes
-from hfa_policy.best_costs import deviations_in_words
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.named import with_names
 from hfa_support.reporting.parts import Picture

@@ -8,6 +8,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from hfa_flight.problem import FlightProblem
 from hfa_optimal.collocation import (
     DEGREE,
     FEASIBLE,
@@ -18,7 +19,6 @@ from hfa_optimal.collocation import (
     solved_by,
     unknowns_in_order,
 )
-from hfa_optimal.problem import FlightProblem
 from hfa_optimal.smooth import smooth_rates
 
 #: Weights of the inputs and of their steps, relative to their ranges, compared with the time. Of

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hfa_flight.problem import MARGIN, FlightProblem
 from hfa_optimal.collocation import (
     DEGREE,
     Equations,
@@ -19,7 +20,6 @@ from hfa_optimal.collocation import (
     mesh,
 )
 from hfa_optimal.flights import Flights, SimulatedFlight
-from hfa_optimal.problem import MARGIN, FlightProblem
 from hfa_optimal.tracking import exponentials
 from hfa_support.errors import BadInputError, NoSolutionError
 

@@ -13,7 +13,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from hfa_optimal.problem import FlightProblem
+from hfa_flight.problem import FlightProblem
 
 _COMPARISONS = (ca.OP_LT, ca.OP_LE)
 _KINKS = (ca.OP_FMIN, ca.OP_FMAX, ca.OP_FABS)

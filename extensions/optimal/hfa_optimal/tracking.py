@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from hfa_flight.policies import Measurements, Policy
+from hfa_flight.policies.policy import Measurements, Policy
+from hfa_flight.problem import FlightProblem
 from hfa_optimal.collocation import Proposal
-from hfa_optimal.problem import FlightProblem
 from hfa_optimal.smooth import smooth_slopes
 
 #: Largest growth exponent of the linear costate equations in one step of the Riccati recursion.

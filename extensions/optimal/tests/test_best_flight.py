@@ -13,8 +13,8 @@ from nominal import nominal_game
 from scipy.integrate import solve_ivp
 
 import hfa
+from hfa_flight.problem import MARGIN
 from hfa_optimal.collocation import DEGREE, Equations, Transcription
-from hfa_optimal.problem import MARGIN
 from hfa_optimal.search import BestFlights, refutation
 
 GTM = f"{Path(__file__).parents[3] / 'examples' / 'gtm.py'}:GTM"

@@ -15,9 +15,10 @@ from nominal import nominal_game
 import hfa
 from hfa.main import main
 from hfa_flight.envelope import Departure
+from hfa_flight.initial_box import drawn_starts
+from hfa_flight.problem import flight_problem
 from hfa_optimal.flights import SimulatedFlight
-from hfa_optimal.initial_conditions import drawn_starts, starts_table
-from hfa_optimal.problem import flight_problem
+from hfa_optimal.initial_conditions import starts_table
 from hfa_optimal.search import BestFlights
 
 EXAMPLES = Path(__file__).parents[3] / "examples"

@@ -18,10 +18,10 @@ from hfa.main import main
 from hfa_boxes.check.cost_checker import read_cost
 from hfa_boxes.check.cost_statement import CostStatement
 from hfa_boxes.fields import COST_FIELDS
+from hfa_flight.problem import flight_problem
 from hfa_optimal.best_flight import bracket_of
 from hfa_optimal.bound import given_of
-from hfa_optimal.problem import flight_problem
-from hfa_policy.best_costs import bracket_sentence
+from hfa_optimal.bracket import bracket_sentence
 from hfa_proof.checker.sealed import read_sealed
 from hfa_proof.subject import compare, entries_of
 from hfa_support.errors import NoSolutionError

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import hfa
-from hfa_optimal.initial_conditions import drawn_starts
-from hfa_optimal.problem import flight_problem
+from hfa_flight.initial_box import drawn_starts
+from hfa_flight.problem import flight_problem
 from hfa_optimal.search import BestFlights
 from hfa_optimal.smooth import smooth_rates, smoothed
 

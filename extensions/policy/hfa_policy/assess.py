@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from hfa_aircraft.model import Model
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.scenario import Scenario
+from hfa_optimal.bracket import BestCosts
 from hfa_policy.assessment import SAMPLES, AssessedPoint, Assessor
 from hfa_policy.assessment_report import Assessment
-from hfa_policy.best_costs import BestCosts
-from hfa_policy.deployed import Deployed
-from hfa_policy.deployment import Deployment
 from hfa_policy.rough_flights import rough_flights, rough_scenario
 from hfa_policy.trims import trims_of
 from hfa_policy.variations import changes_of, variations

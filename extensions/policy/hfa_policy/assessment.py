@@ -10,12 +10,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hfa_flight.held_step import parts_of_a_sample
+from hfa_flight.initial_box import start_box
 from hfa_flight.limit_cycle import LimitCycle
-from hfa_policy.best_costs import BestCosts
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.equilibrium import Equilibrium, EquilibriumSearch, whole_turns
+from hfa_flight.policies.deployment.sampled_loop import (
+    Chain,
+    Delays,
+    Margins,
+    chain_of,
+    delays,
+    margins,
+    slowest_swing,
+)
+from hfa_optimal.bracket import BestCosts
 from hfa_policy.cost_above_optimum import CostAboveOptimum, cost_above_optimum
-from hfa_policy.departures import departure_text, refuse_edges
-from hfa_policy.deployed import Deployed
-from hfa_policy.equilibrium import Equilibrium, EquilibriumSearch, whole_turns
 from hfa_policy.evidence import (
     ActionEffect,
     ObservationRange,
@@ -23,9 +33,15 @@ from hfa_policy.evidence import (
     observation_ranges,
 )
 from hfa_policy.flights import SampledFlight
-from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.nonlinearity import Nonlinearity, nonlinearity
-from hfa_policy.outcomes import Outcome, Place, ends_from_trim, fly_places, start_box
+from hfa_policy.outcomes import (
+    Outcome,
+    Place,
+    departure_text,
+    ends_from_trim,
+    fly_places,
+    refuse_edges,
+)
 from hfa_policy.reach import (
     HORIZON,
     OwnMode,
@@ -35,7 +51,6 @@ from hfa_policy.reach import (
     seconds_to_converge,
 )
 from hfa_policy.rough_flights import RoughFlights
-from hfa_policy.sampled_loop import Chain, Delays, Margins, chain_of, delays, margins, slowest_swing
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result

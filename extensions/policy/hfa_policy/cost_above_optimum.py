@@ -11,10 +11,10 @@ from controller.discrete.solution import sampled, solve_discrete
 from controller.game.zero_sum import Game
 from controller.riccati.cost import flight_cost
 from controller.riccati.gare import unconfirmed_solution
-from hfa_policy.deployed import Deployed
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.equilibrium import Equilibrium
+from hfa_flight.policies.deployment.sampled_loop import Chain
 from hfa_policy.episodes import cost_weights
-from hfa_policy.equilibrium import Equilibrium
-from hfa_policy.sampled_loop import Chain
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.results import Result
 from trim.point.operating_point import OperatingPoint

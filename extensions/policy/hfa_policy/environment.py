@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_flight.turbulence import Turbulence
-from hfa_policy.deployed import Deployed
-from hfa_policy.deployment import Deployment
+from hfa_flight.air.turbulence import Turbulence
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_policy.episodes import SECONDS, Episodes
 from hfa_policy.trims import trims_of
 from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole, warn
+from hfa_support.reporting.figure import new_figure
+from hfa_support.reporting.text import shown_unit, shown_values
 
 if TYPE_CHECKING:
     import gymnasium
@@ -194,3 +196,36 @@ def _made(library: str, extra: str, module: str, name: str) -> Callable[..., Any
         ) from None
     found: Callable[..., Any] = getattr(import_module(module), name)
     return found
+
+
+def episode_picture(
+    episodes: Episodes, owner: int, flown: list[tuple[np.ndarray, np.ndarray]]
+) -> np.ndarray:
+    """Return the picture of an episode as an array of pixels (height, width, 3).
+
+    owner: index of the episode's trim. Its values are drawn as horizontal lines
+    flown: X and U at each sample of the episode
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    deployed = episodes.deployed
+    model = deployed.model
+    names = (*model.linear, *deployed.commanded)
+    known = [*model.states, *model.inputs]
+    values = np.array([np.concatenate(pair) for pair in flown])
+    times = deployed.deployment.dt * np.arange(len(values))
+    trim = episodes.points[owner].values
+    lines = -(-len(names) // 2)
+    figure = new_figure(8.0, 1.6 * lines)
+    panels = figure.subplots(lines, 2, sharex=True, squeeze=False).ravel()
+    for name, axes in zip(names, panels, strict=False):
+        unit = model.unit(name)
+        axes.plot(times, shown_values(values[:, known.index(name)], unit))
+        axes.axhline(float(shown_values(trim[name], unit)), color="gray", linewidth=0.8)
+        axes.set_ylabel(f"{name}, {shown_unit(unit)}", fontsize=8)
+        axes.grid(alpha=0.3)
+    for axes in panels[len(names) :]:
+        axes.set_axis_off()
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[:, :, :3].copy()

@@ -14,13 +14,13 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.layout import components
+from hfa_flight.air.turbulence import AirFilter, Turbulence
 from hfa_flight.envelope import flight_envelope
-from hfa_flight.turbulence import AirFilter, Turbulence
-from hfa_policy.departures import departure_at, refuse_edges
-from hfa_policy.deployed import Deployed
+from hfa_flight.held_step import parts_of_a_sample
+from hfa_flight.initial_box import start_box
+from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_policy.flights import SampledFlight, Steered, symbols_of_a_sample
-from hfa_policy.held_step import parts_of_a_sample
-from hfa_policy.outcomes import start_box
+from hfa_policy.outcomes import departure_at, refuse_edges
 from hfa_support.errors import BadInputError, is_finite, shown
 from hfa_support.native.row_code import bound_rows, row_code
 from trim.point.operating_point import OperatingPoint

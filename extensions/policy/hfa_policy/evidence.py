@@ -15,10 +15,10 @@ import numpy as np
 
 from controller.riccati.gare import unconfirmed_solution
 from hfa_flight.envelope import flight_envelope
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_flight.policies.deployment.equilibrium import EquilibriumSearch
 from hfa_policy.cost_above_optimum import lqr_at
-from hfa_policy.deployed import Deployed
-from hfa_policy.deployment import Deployment
-from hfa_policy.equilibrium import EquilibriumSearch
 from hfa_policy.flights import SampledFlight
 from hfa_policy.outcomes import Place, seeded_starts
 from hfa_policy.reach import reach_of

@@ -25,8 +25,8 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.network.row_network import RowNetwork
-from hfa_policy.deployed import Deployed
-from hfa_policy.held_step import held_step
+from hfa_flight.held_step import held_step
+from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_support.native.bound import RowFunction
 from hfa_support.native.row_code import row_code
 

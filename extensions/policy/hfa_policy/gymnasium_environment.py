@@ -159,7 +159,7 @@ class AircraftEnvironment(gymnasium.Env):
         """
         if self.render_mode is None:
             return None
-        from hfa_policy.episode_figure import episode_picture
+        from hfa_policy.environment import episode_picture
 
         return episode_picture(self.episodes, self._trim, self._flown)
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from controller.critic.critic import from_functions, symbols_for
 from controller.game.zero_sum import Game
-from hfa_policy.deployed import Deployed
-from hfa_policy.equilibrium import Equilibrium
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.equilibrium import Equilibrium
 from trim.point.operating_point import OperatingPoint
 from verification.network.search import Comparison, search
 

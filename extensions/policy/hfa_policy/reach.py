@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_policy.deployed import Deployed
-from hfa_policy.equilibrium import Equilibrium
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.equilibrium import Equilibrium
 from trim.linear.modes import modes_of
 
 #: Least and largest duration of a flight, s.

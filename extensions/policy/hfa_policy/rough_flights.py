@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.envelope import Departure, flight_envelope
-from hfa_flight.monte_carlo import MonteCarlo, fly_member, member_row
-from hfa_flight.nonlinear_flight import Flight
+from hfa_flight.flight import Flight
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.policy import DeployedPolicy, policy_about, sampled_scenario
+from hfa_flight.samples.monte_carlo import MonteCarlo, fly_member, member_row
 from hfa_flight.scenario import Scenario, Uncertainty
-from hfa_flight.turbulence import Turbulence
-from hfa_policy.deployed import Deployed
-from hfa_policy.flown import DeployedPolicy, policy_about, sampled_scenario
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result

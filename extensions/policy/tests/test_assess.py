@@ -24,13 +24,13 @@ import hfa
 from hfa.main import main
 from hfa_aircraft.loading import load_model
 from hfa_flight.envelope import flight_envelope
+from hfa_flight.held_step import parts_of_a_sample
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_policy.assess import assess
 from hfa_policy.assessment import Assessor
 from hfa_policy.assessment_report import Assessment
-from hfa_policy.deployed import Deployed
-from hfa_policy.deployment import Deployment
 from hfa_policy.flights import SampledFlight
-from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.outcomes import ends_from_trim, seeded_starts
 from hfa_policy.trims import trims_of
 

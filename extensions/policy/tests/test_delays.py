@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from policy_cases import AIRCRAFT, aircraft, stored_deployment, trims
 
+from hfa_flight.held_step import parts_of_a_sample
+from hfa_flight.initial_box import start_box
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.sampled_loop import chain_of, delays
 from hfa_policy.assessment import Assessor
-from hfa_policy.deployed import Deployed
 from hfa_policy.flights import SampledFlight
-from hfa_policy.held_step import parts_of_a_sample
-from hfa_policy.outcomes import start_box
-from hfa_policy.sampled_loop import chain_of, delays
 
 CASES = [(name, number) for name, (_, values) in AIRCRAFT.items() for number in range(len(values))]
 #: Duration of a flight, s, and size of the deviation relative to the initial-condition box.

@@ -14,13 +14,13 @@ import pytest
 from policy_cases import FOLDER, GTM, aircraft, gtm_deployment, model_of, stored_deployment
 from tolerances import FEW_ROUNDINGS
 
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_flight.policies.deployment.inert_pickle import inert
+from hfa_flight.policies.deployment.normalizer import read_normalizer
+from hfa_flight.policies.deployment.stable_baselines import read_zip
 from hfa_policy.assess import assess
-from hfa_policy.deployed import Deployed
-from hfa_policy.deployment import Deployment
 from hfa_policy.environment import environment, vector_environment
-from hfa_policy.inert_pickle import inert
-from hfa_policy.normalizer import read_normalizer
-from hfa_policy.stable_baselines import read_zip
 from hfa_support.errors import BadInputError
 
 CARD = """
@@ -451,7 +451,7 @@ def test_policies_for_frame_stacks_are_refused():
 
     A CrossQ actor is refused.
     """
-    from hfa_policy.stable_baselines import _algorithm
+    from hfa_flight.policies.deployment.stable_baselines import _algorithm
 
     one = gtm_deployment({"file": FOLDER / "ppo_raw.zip"}, observation={"speed": {}})
     with pytest.raises(

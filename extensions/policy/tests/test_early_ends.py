@@ -10,10 +10,10 @@ from policy_cases import ROOT, aircraft, gtm_deployment, stored_deployment, trim
 
 import hfa
 from hfa_aircraft.loading import load_model
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_flight.policies.deployment.equilibrium import EquilibriumSearch
 from hfa_policy.assessment import Assessor
-from hfa_policy.deployed import Deployed
-from hfa_policy.deployment import Deployment
-from hfa_policy.equilibrium import EquilibriumSearch
 from hfa_policy.outcomes import (
     _LOST,
     _RETURNED,

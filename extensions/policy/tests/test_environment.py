@@ -7,15 +7,15 @@ import pytest
 from policy_cases import FOLDER, aircraft, gtm_deployment, stored_deployment, trims
 from tolerances import SAME_FORMULA
 
+from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.envelope import flight_envelope
-from hfa_flight.nonlinear_flight import fly
+from hfa_flight.flight import fly
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_flight.policies.deployment.policy import flown_card, sampled_scenario
 from hfa_flight.scenario import Scenario, Uncertainty
-from hfa_flight.turbulence import Turbulence
-from hfa_policy.deployed import Deployed
-from hfa_policy.deployment import Deployment
 from hfa_policy.environment import environment, vector_environment
 from hfa_policy.episodes import Episodes
-from hfa_policy.flown import flown_card, sampled_scenario
 from hfa_policy.trims import trims_of
 from hfa_support.errors import BadInputError
 

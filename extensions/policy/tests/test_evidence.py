@@ -9,11 +9,11 @@ import pytest
 from policy_cases import AIRCRAFT, FOLDER, ROOT, aircraft, model_of, stored_deployment
 
 import hfa
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_flight.policies.deployment.normalizer import read_normalizer
+from hfa_flight.policies.deployment.notes import notes_on_files
 from hfa_policy.assess import assess
-from hfa_policy.deployed import Deployed
-from hfa_policy.deployment import Deployment
-from hfa_policy.file_notes import notes_on_files
-from hfa_policy.normalizer import read_normalizer
 
 DEGREES = 180.0 / np.pi
 OMITTED = "was trained with a VecNormalize that the deployment file omits"

@@ -8,7 +8,7 @@ import pytest
 from policy_cases import AIRCRAFT, FOLDER, aircraft, trims
 
 from hfa.main import main
-from hfa_policy.flown import flown_card
+from hfa_flight.policies.deployment.policy import flown_card
 from hfa_support.native.machine_code import c_compiler
 
 needs_compiler = pytest.mark.skipif(c_compiler() is None, reason="no C compiler")

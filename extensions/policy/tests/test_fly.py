@@ -9,14 +9,14 @@ from policy_cases import FOLDER, GTM, aircraft, stored_deployment, trims
 
 from hfa.main import main
 from hfa_flight.envelope import flight_envelope
-from hfa_flight.nonlinear_flight import fly
+from hfa_flight.flight import fly
+from hfa_flight.held_step import held_step, parts_of_a_sample
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_flight.policies.deployment.policy import DeployedPolicy, flown_card, sampled_scenario
 from hfa_flight.scenario import Scenario
-from hfa_policy.deployed import Deployed
-from hfa_policy.deployment import Deployment
 from hfa_policy.episodes import Episodes
 from hfa_policy.flights import SampledFlight
-from hfa_policy.flown import DeployedPolicy, flown_card, sampled_scenario
-from hfa_policy.held_step import held_step, parts_of_a_sample
 from hfa_support.errors import BadInputError
 
 START = np.array([2.0, 0.03, 0.1, -0.05])

@@ -11,10 +11,11 @@ from scipy.signal import cont2discrete
 from tolerances import FEW_ROUNDINGS, SAME_FORMULA
 
 import hfa
+from hfa_flight.export.deployment_c import exported_texts
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.policy import flown_deployment
 from hfa_policy.assess import assess
 from hfa_policy.assessment import Assessor
-from hfa_policy.deployed import Deployed
-from hfa_policy.flown import exported_texts, flown_deployment
 from hfa_policy.outcomes import SimulatedRows
 from hfa_support.errors import BadInputError
 from hfa_support.native.machine_code import c_compiler

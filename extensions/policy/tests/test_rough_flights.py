@@ -8,11 +8,11 @@ from policy_cases import aircraft, stored_deployment, trims
 from tolerances import SAME_FORMULA
 
 import hfa
-from hfa_flight.gusts import OneMinusCosine
+from hfa_flight.air.gusts import OneMinusCosine
+from hfa_flight.air.turbulence import Turbulence
+from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.scenario import Scenario, Uncertainty
-from hfa_flight.turbulence import Turbulence
 from hfa_policy.assess import assess
-from hfa_policy.deployed import Deployed
 from hfa_policy.rough_flights import rough_flights, rough_scenario
 
 NOISE = Uncertainty(noise={"pitch_rate": 0.02})

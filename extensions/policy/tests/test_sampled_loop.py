@@ -13,11 +13,18 @@ from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov, solve_lyap
 
 import hfa
 from controller.discrete.solution import sampled, solve_discrete
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.sampled_loop import (
+    Chain,
+    chain_of,
+    delays,
+    held,
+    margins,
+    slowest_swing,
+)
 from hfa_policy.assessment import Assessor
 from hfa_policy.cost_above_optimum import _sampled_costs, cost_above_optimum, lqr_at
-from hfa_policy.deployed import Deployed
 from hfa_policy.reach import _own_modes
-from hfa_policy.sampled_loop import Chain, chain_of, delays, held, margins, slowest_swing
 from hfa_policy.trims import trims_of
 
 DT = 0.02

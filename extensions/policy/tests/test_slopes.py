@@ -9,8 +9,8 @@ from policy_cases import FOLDER, aircraft, stored_deployment, trims
 from tolerances import SAME_FORMULA
 
 from controller.critic.network.tensors import tensors_in
+from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_policy.assessment import Assessor
-from hfa_policy.deployed import Deployed
 
 SLOPES = json.loads((FOLDER / "slopes.json").read_text())
 

@@ -10,9 +10,9 @@ from tolerances import SAME_FORMULA
 
 from controller.critic.network.activations import ACTIVATIONS
 from controller.critic.network.row_network import ROW_ACTIVATIONS
+from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_policy import outcomes
 from hfa_policy.assessment import Assessor
-from hfa_policy.deployed import Deployed
 from hfa_policy.outcomes import SimulatedRows, seeded_starts
 from hfa_policy.trims import trims_of
 

@@ -18,7 +18,8 @@ from controller.riccati.gare import unconfirmed_solution
 from controller.riccati.smallest_delta import minimum_delta
 from controller.schedule.scheduled_controller import COMMAND_SIGNALS, ScheduledController, identity
 from hfa_aircraft.model import Model
-from hfa_servo.design import Actuator, Design, Following, Shaping
+from hfa_flight.actuators import Actuator
+from hfa_servo.design import Design, Following, Shaping
 from hfa_servo.design_model import DesignModel, design_model, selection
 from hfa_servo.loop_shaping import (
     following_model,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -13,13 +12,12 @@ from controller.game.zero_sum import Game
 from hfa_aircraft.model import Model
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.units import signal_unit
+from hfa_flight.policies.controller import watched_outputs
 from hfa_servo.design import Design
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Reported
 from trim.linear.linear_model import LinearModel
-from trim.point.linearize import linearize
-from trim.point.operating_point import OperatingPoint
 
 #: Rows are dependent if their smallest singular value is below this, after scaling rows and columns
 #: to size 1.
@@ -220,34 +218,6 @@ def _refuse_direct_effects(
             if np.any(row):
                 why = f"sensor {sensor} depends directly on the {source}"
                 raise BadInputError(f"design {design.name}: {why}; measure a state instead")
-
-
-def watched_outputs(
-    model: Model, point: OperatingPoint, names: tuple[str, ...], **winds: Any
-) -> tuple[np.ndarray, ...]:
-    """Return the rows of C, D and F of named outputs or parts of outputs (`Model.measurable`), and
-    E.
-
-    The rows of a name that is not an output are 0. E is the disturbance matrix of the same linear
-    model.
-
-    point: operating point of the linear model
-    winds: keywords of `linearize` for disturbances
-    """
-    parts = [model.part(name) for name in names]
-    measurable = (model.part(name)[0] for name in names if name in model.measurable)
-    linear = linearize(model, point, outputs=tuple(dict.fromkeys(measurable)), **winds)
-    C = np.zeros((len(names), linear.C.shape[1]))
-    D = np.zeros((len(names), linear.D.shape[1]))
-    F = np.zeros((len(names), linear.F.shape[1]))
-    for row, (output, states) in enumerate(parts):
-        if output in linear.outputs:
-            source = linear.outputs.index(output)
-            C[row] = linear.C[source]
-            D[row] = linear.D[source]
-            F[row] = linear.F[source]
-            C[row, [state not in states for state in model.linear]] = 0.0
-    return C, D, F, linear.E
 
 
 def selection(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:

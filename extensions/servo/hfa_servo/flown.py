@@ -4,8 +4,8 @@ from controller.schedule.scheduled_controller import (
     load_controller as load_controller,
     load_controller_or_gains as load_controller_or_gains,
 )
-from hfa_servo.controller_c import (
+from hfa_flight.export.controller_c import (
     c_controller_texts as c_controller_texts,
     controller_steering as controller_steering,
 )
-from hfa_servo.servo_policy import servo_policy as servo_policy
+from hfa_flight.policies.controller import servo_policy as servo_policy

@@ -20,7 +20,8 @@ from controller.riccati.loop_margins import (
 from controller.riccati.margins import closed_at
 from controller.schedule.scheduled_controller import ScheduledController
 from hfa_aircraft.model import Model
-from hfa_servo.design import Actuator, Design
+from hfa_flight.actuators import Actuator
+from hfa_servo.design import Design
 from hfa_servo.design_model import DesignModel, design_model
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress, with_progress

@@ -29,12 +29,13 @@ from hfa import BadInputError, Game, linearize, solve, trim
 from hfa.paper import level_flight, published_game
 from hfa_aircraft.model import Model
 from hfa_aircraft.units import signal_unit
+from hfa_flight.actuators import Actuator
+from hfa_flight.policies.controller import MeasuredOutputs
 from hfa_model import LINEAR_STATES
 from hfa_model.outputs import moment_of, outputs_of
 from hfa_servo import load_design
-from hfa_servo.design import NAMED, Actuator, Design, design_of
+from hfa_servo.design import NAMED, Design, design_of
 from hfa_servo.design_model import DesignModel, design_model
-from hfa_servo.servo_policy import MeasuredOutputs
 
 DESIGNS = ROOT / "extensions/servo/hfa_servo"
 

@@ -20,8 +20,9 @@ import hfa
 from controller import GeneralizedPlant, basis
 from controller.learning.recording import natural_spread
 from hfa import Game, Solution, learn, solve
+from hfa_flight.actuators import Actuator
 from hfa_servo import load_design
-from hfa_servo.design import Actuator, Design
+from hfa_servo.design import Design
 from hfa_servo.design_model import design_model
 
 #: delta of a finite game. The smallest delta of `simvfa-1` is 95.

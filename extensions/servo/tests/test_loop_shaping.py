@@ -17,9 +17,10 @@ import hfa
 from controller.schedule.scheduled_controller import ScheduledController
 from hfa import BadInputError, NoSolutionError
 from hfa_aircraft.model import Model
+from hfa_flight.actuators import Actuator
 from hfa_servo import design_controller, load_design, loop_shaping
 from hfa_servo.controllers import controller_at
-from hfa_servo.design import Actuator, Design
+from hfa_servo.design import Design
 from hfa_servo.design_model import design_model
 from hfa_servo.loop_shaping import output_weights, robust_check, robust_controller
 from hfa_servo.servo_loop import check_margins, servo_loop, servo_margins, servo_plant

@@ -17,12 +17,11 @@ from hfa import BadInputError, OperatingPoint, fly, linearize
 from hfa_aircraft.model import Model
 from hfa_flight import ActuatorBank, CommandSteps, Scenario, Waveform, flight_envelope
 from hfa_flight.closed_loop import LinearPlant
-from hfa_flight.nonlinear_flight import Flight
-from hfa_flight.policies import Measurements
+from hfa_flight.flight import Flight
+from hfa_flight.policies.controller import MeasuredOutputs, servo_policy
+from hfa_flight.policies.policy import Measurements
 from hfa_flight.signals import CommandedStates, Harmonic
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Input
-from hfa_servo.measured_outputs import MeasuredOutputs
-from hfa_servo.servo_policy import servo_policy
 
 Z = "vertical_acceleration_short_period"
 FREE = ActuatorBank(

@@ -9,7 +9,7 @@ import pytest
 from project import ROOT
 
 import hfa
-from hfa_optimal.initial_conditions import drawn_starts
+from hfa_flight.initial_box import drawn_starts
 from hfa_optimal.search import BestFlights
 from studies.best_flights.__main__ import DEGREES, LIMITS, START, best_flight_and_policies
 from studies.best_flights.examination import (

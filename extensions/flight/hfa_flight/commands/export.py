@@ -142,9 +142,11 @@ def _write_deployed_policy(
     card: path of the deployment file
     origin: provenance, for comments in the source
     """
+    from hfa_flight.export.deployment_c import exported_texts
+
     policies = part(PARTS, "policies", "--policy")
     policy = policies.flown_card(card, model, point)
-    return write_texts(request.output, policies.exported_texts(policy, origin))
+    return write_texts(request.output, exported_texts(policy, origin))
 
 
 def _written(

@@ -86,10 +86,10 @@ def fly(request: FlyRequest) -> int:
             ("method", "frame"), f"applies only to a single flight; remove this option or {many}"
         )
         return _fly_members(request)
-    from hfa_flight.flight_figure import flight_figure
-    from hfa_flight.nonlinear_flight import fly
+    from hfa_flight.flight import fly
+    from hfa_flight.flight_report import flight_figure
     from hfa_flight.own_steps import refuse_method
-    from hfa_flight.scheduled_gains import ScheduledGainPolicy
+    from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
     from trim.point.linearize import linearize
 
     request.refuse(
@@ -178,10 +178,10 @@ def _fly_members(request: FlyRequest) -> int:
     With --samples, the exit code is 0 if at least one flight stays within its limits. With --draws,
     it is 0 if all flights do.
     """
-    from hfa_flight.drawn_aircraft import drawn_figure, with_stability
-    from hfa_flight.monte_carlo import MonteCarlo
-    from hfa_flight.monte_carlo_report import member_report
-    from hfa_flight.monte_carlo_store import run_monte_carlo, stream_members
+    from hfa_flight.samples.drawn_aircraft import drawn_figure, with_stability
+    from hfa_flight.samples.monte_carlo import MonteCarlo
+    from hfa_flight.samples.report import member_report
+    from hfa_flight.samples.store import run_monte_carlo, stream_members
 
     members = request.members
     assert members is not None

@@ -23,7 +23,7 @@ from hfa_flight.export.c_text import (
     positions,
     units_of,
 )
-from hfa_flight.policies import FunctionPolicy, GainPolicy
+from hfa_flight.policies.policy import FunctionPolicy, GainPolicy
 from hfa_support.native.c_code import c_function
 from trim.linear.linear_model import LinearModel
 

@@ -16,7 +16,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_flight.actuators import ActuatorBank
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
-from hfa_flight.policies import Measurements, Policy
+from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.scenario import Scenario
 from trim.point.operating_point import OperatingPoint
 

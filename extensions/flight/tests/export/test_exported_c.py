@@ -28,11 +28,7 @@ from hfa_flight import ActuatorBank, CommandSteps, GainPolicy, Scenario
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.export.aircraft_c import AIRCRAFT_FILES, c_model_texts
 from hfa_flight.export.c_text import write_texts
-from hfa_flight.policies import Measurements
-from hfa_flight.signals import CommandedStates
-from hfa_flight.simulation import CompiledLoop
-from hfa_model import LINEAR_STATES, STATES as HFA_STATES, Input
-from hfa_servo.controller_c import (
+from hfa_flight.export.controller_c import (
     COMMANDED,
     CONTROLLER_FILES,
     SECONDS,
@@ -40,7 +36,11 @@ from hfa_servo.controller_c import (
     commandable,
     longest_step,
 )
-from hfa_servo.servo_policy import servo_policy
+from hfa_flight.policies.controller import servo_policy
+from hfa_flight.policies.policy import Measurements
+from hfa_flight.signals import CommandedStates
+from hfa_flight.simulation import CompiledLoop
+from hfa_model import LINEAR_STATES, STATES as HFA_STATES, Input
 from hfa_support.native.c_code import c_function
 from trim.point.condition import usual_condition
 

@@ -18,6 +18,7 @@ from hfa_aircraft.model import Model
 from hfa_flight import ActuatorBank, CommandSteps, GainPolicy, Policy, Scenario, Waveform
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.export import fmu
+from hfa_flight.export.controller_c import controller_steering
 from hfa_flight.export.exported_loop import (
     ExportedLoop,
     exported_loop,
@@ -25,11 +26,10 @@ from hfa_flight.export.exported_loop import (
     interpolated_loop,
 )
 from hfa_flight.export.fmu import description, write_fmu
+from hfa_flight.policies.controller import servo_policy
 from hfa_flight.signals import CommandedStates
 from hfa_flight.simulation import CompiledLoop
 from hfa_model import LINEAR_STATES, STATES, Input
-from hfa_servo.controller_c import controller_steering
-from hfa_servo.servo_policy import servo_policy
 from hfa_support.provenance import Provenance
 from trim.sweeps.interpolated import InterpolatedModel
 

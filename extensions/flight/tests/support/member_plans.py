@@ -12,8 +12,8 @@ import hfa
 from hfa import OperatingPoint
 from hfa.paper import default_parameters
 from hfa_flight import GainPolicy, MonteCarlo, Scenario, Uncertainty, Waveform, flight_envelope
+from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.signals import Harmonic
-from hfa_flight.turbulence import Turbulence
 
 PARAMETERS = default_parameters().values
 EVERYTHING = Uncertainty(

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from hfa_boxes.check.cost_checker import VerifiedCost
     from hfa_boxes.check.cost_statement import CostStatement
     from hfa_boxes.search.cost import CostBound
-    from hfa_optimal.problem import FlightProblem
+    from hfa_flight.problem import FlightProblem
     from hfa_proof.commands.check import CheckRequest
 
 _OF_THE_SEARCH = ("degree", "margin", "seconds", "resume")
@@ -70,7 +70,7 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
 
     def problem(self) -> FlightProblem:
         """Return the optimal control problem of the flights to the trim."""
-        from hfa_optimal.problem import flight_problem
+        from hfa_flight.problem import flight_problem
 
         aircraft = self.flown_aircraft()
         point = self.operating_point(aircraft)
@@ -126,8 +126,8 @@ def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
     from hfa_boxes.check.cost_checker import check_cost_certificate
     from hfa_boxes.cost_report import checked_bound_report
     from hfa_boxes.fields import COST_FIELDS
+    from hfa_flight.problem import flight_problem
     from hfa_optimal.bound import given_of
-    from hfa_optimal.problem import flight_problem
     from hfa_proof.commands.given import aircraft_option, names_aircraft
     from hfa_proof.subject import Given, compare
 

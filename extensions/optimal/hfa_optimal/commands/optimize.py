@@ -22,8 +22,8 @@ from trim.point.linearize import linearize
 if TYPE_CHECKING:
     from controller.game.zero_sum import Game
     from hfa_boxes.check.cost_statement import CostStatement
+    from hfa_flight.problem import FlightProblem
     from hfa_optimal.pilots import Pilot
-    from hfa_optimal.problem import FlightProblem
     from hfa_optimal.search import BestFlights
     from trim.point.operating_point import OperatingPoint
 
@@ -93,7 +93,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         """Return the search for best flights to the trim, and the game of the linear model at
         this trim.
         """
-        from hfa_optimal.problem import flight_problem
+        from hfa_flight.problem import flight_problem
         from hfa_optimal.search import BestFlights
 
         aircraft = self.flown_aircraft()
@@ -250,7 +250,8 @@ def _table(
 
     Returns exit code 0, or 1 if no flight was found from any initial condition.
     """
-    from hfa_optimal.initial_conditions import drawn_starts, starts_table
+    from hfa_flight.initial_box import drawn_starts
+    from hfa_optimal.initial_conditions import starts_table
 
     assert request.starts is not None
     starts = drawn_starts(search.problem, request.starts, request.seed)

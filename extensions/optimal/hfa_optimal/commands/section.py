@@ -12,9 +12,10 @@ import numpy as np
 from controller.riccati.gare import unconfirmed_solution
 from hfa.options.games import NamedGame
 from hfa.options.output import ProgressLine
-from hfa_optimal.initial_conditions import drawn_starts, starts_table
+from hfa_flight.initial_box import drawn_starts
+from hfa_flight.problem import flight_problem
+from hfa_optimal.initial_conditions import starts_table
 from hfa_optimal.pilots import critic_pilot, gain_pilot
-from hfa_optimal.problem import flight_problem
 from hfa_optimal.search import BestFlights
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report

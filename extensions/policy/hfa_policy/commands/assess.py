@@ -24,6 +24,7 @@ from hfa.options.trims import (
     scheduled,
 )
 from hfa_aircraft.model import Model
+from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.options import (
     at_held_altitude,
     gust_at,
@@ -33,17 +34,16 @@ from hfa_flight.options import (
     turbulence_option,
 )
 from hfa_flight.scenario import Scenario, Uncertainty
-from hfa_flight.turbulence import Turbulence
 from hfa_support.entry_points import PARTS, offered, part
 from hfa_support.errors import BadInputError, choice_of
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 
 if TYPE_CHECKING:
+    from hfa_flight.policies.deployment.deployed import Deployed
+    from hfa_flight.policies.deployment.deployment import Deployment
+    from hfa_optimal.bracket import BestCosts
     from hfa_policy.assessment import AssessedPoint
-    from hfa_policy.best_costs import BestCosts
-    from hfa_policy.deployed import Deployed
-    from hfa_policy.deployment import Deployment
 
 _MOST_POINTS = 1000
 _MOST_SAMPLES = 100_000
@@ -214,7 +214,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
 
         model: aircraft of a gain
         """
-        from hfa_policy.deployment import Deployment, sampled_gain
+        from hfa_flight.policies.deployment.deployment import Deployment, sampled_gain
 
         gains = [card for card in self.cards if card.suffix.lower() != ".toml"]
         if gains and self.sample_time is None:
@@ -298,12 +298,11 @@ def assess(request: AssessRequest) -> int:
     Exit code 0: the policy holds at every trim and satisfies every --need. Exit code 1: otherwise.
     """
     from hfa.options.draws import reported
+    from hfa_flight.policies.deployment.deployed import Deployed
     from hfa_policy.assess import assessment_of
     from hfa_policy.assessment import Assessor
     from hfa_policy.comparison import Comparison
-    from hfa_policy.deployed import Deployed
-    from hfa_policy.drawn_aircraft import drawn_policy
-    from hfa_policy.variations import changes_of
+    from hfa_policy.variations import changes_of, drawn_policy
 
     model = request.flown_aircraft()
     deployed = [Deployed(deployment, model) for deployment in request.deployments(model)]

@@ -7,7 +7,7 @@ import numpy as np
 
 import hfa
 from hfa_aircraft.loading import load_model
-from hfa_policy.deployment import Deployment
+from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_policy.trims import trims_of
 
 FOLDER = Path(__file__).resolve().parent.parent / "policies"

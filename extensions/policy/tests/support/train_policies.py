@@ -20,9 +20,9 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.loading import load_model
-from hfa_policy.deployed import Deployed
-from hfa_policy.deployment import Deployment
-from hfa_policy.held_step import held_step, parts_of_a_sample
+from hfa_flight.held_step import held_step, parts_of_a_sample
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.deployment import Deployment
 from trim.point.condition import usual_condition
 from trim.point.solve import trim
 

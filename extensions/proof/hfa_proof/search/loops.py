@@ -16,6 +16,7 @@ from controller.riccati.gare import unconfirmed_solution
 from controller.schedule.gain_schedule import GainSchedule
 from controller.schedule.scheduled_controller import ScheduledController
 from hfa_aircraft.model import Model
+from hfa_flight.actuators import Actuator
 from hfa_proof.checker.statement import (
     Actuators,
     Controller,
@@ -24,7 +25,6 @@ from hfa_proof.checker.statement import (
     measurable,
 )
 from hfa_proof.search.family import Box, Family
-from hfa_servo.design import Actuator
 from hfa_support.errors import BadInputError
 from trim.point.linearize import linearize
 

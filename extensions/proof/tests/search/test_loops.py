@@ -19,6 +19,7 @@ from controller import ScheduledController
 from controller.hfa_game import usual_game
 from hfa import BadInputError, Model, Signal, linearize, solve
 from hfa_aircraft.loading import load_model
+from hfa_flight.actuators import Actuator
 from hfa_model import INPUTS, LINEAR_STATES, choice
 from hfa_proof import Family, check_certificate, prove_schedule
 from hfa_proof.checker.loop import closed_loop
@@ -27,7 +28,6 @@ from hfa_proof.search.checked_report import checked_report
 from hfa_proof.search.family import Box, TrimSearch
 from hfa_proof.search.loops import loop_of_gains, loop_of_servo
 from hfa_proof.search.uncertain_loop import common_lyapunov, decrease
-from hfa_servo.design import Actuator
 from verification.enclosure.balls import doubles
 
 SENSORS = (*LINEAR_STATES, "vertical_acceleration_short_period")

@@ -11,8 +11,8 @@ import numpy as np
 from controller.critic.critic import symbols_for
 from hfa_boxes.check.statement import Gain
 from hfa_boxes.commands.region import ProvedPolicy, SearchSettings, check, prove
-from hfa_policy.deployed import Deployed
-from hfa_policy.deployment import Deployment
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_proof.commands.given import at_one_value
 from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 from trim.linear.linear_model import LinearModel

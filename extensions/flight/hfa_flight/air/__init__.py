@@ -1,0 +1,1 @@
+"""Moving air: gusts and turbulence."""

@@ -1,0 +1,183 @@
+"""Gusts in the equations of an aircraft: linear and angular velocity of the air.
+
+The components u, v and w are air velocities forward, to the right and down, in level axes along
+the heading. p, q and r are added to the aircraft's angular rates relative to the air.
+
+A component acts through a disturbance that the model declares. If the model declares none but has
+the standard states and units, the still-air equations are evaluated at the motion relative to the
+air (`in_gusts`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_aircraft.rigid.motion import flow_rates, rotation, wind_axes
+from hfa_aircraft.signals import Signal
+from hfa_flight.air.names import UPDRAFT
+
+#: Component of a gust -> disturbance that `in_gusts` adds for it.
+ADDED = {
+    "u": "gust_forward",
+    "v": "gust_right",
+    "w": UPDRAFT,
+    "p": "gust_roll_rate",
+    "q": "gust_pitch_rate",
+    "r": "gust_yaw_rate",
+}
+_SIGN = {"w": -1.0}
+#: Component of a gust -> states that it requires and their units. The unit "" stands for any unit
+#: of speed.
+_NEEDED = {
+    "u": {"speed": "", "alpha": "rad", "pitch": "rad"},
+    "v": {"speed": "", "alpha": "rad", "pitch": "rad", "beta": "rad", "roll": "rad"},
+    "w": {"speed": "", "alpha": "rad", "pitch": "rad"},
+    "p": {"speed": "", "alpha": "rad", "roll_rate": "rad/s"},
+    "q": {"speed": "", "alpha": "rad", "pitch_rate": "rad/s"},
+    "r": {"speed": "", "alpha": "rad", "yaw_rate": "rad/s"},
+}
+_RATES = {"p": "roll_rate", "q": "pitch_rate", "r": "yaw_rate"}
+#: States whose rates depend on the motion over the ground.
+_OVER_GROUND = (
+    *("roll", "pitch", "yaw", "heading", "altitude", "height"),
+    *("north", "east", "distance", "position"),
+)
+
+
+def own_disturbances(model: Model, heading: float) -> dict[str, dict[str, float]]:
+    """Return the gust components u, v, w, p, q, r for which a model declares disturbances.
+
+    The result maps each component to {disturbance: factor}. The value of a disturbance is the sum
+    of factor times component. Disturbances to the north and east are resolved along the heading.
+
+    heading: heading of the trim, rad
+    """
+    declared = {
+        name: {added: _SIGN.get(name, 1.0)}
+        for name, added in ADDED.items()
+        if added in model.disturbances
+    }
+    if {"gust_north", "gust_east"} <= set(model.disturbances):
+        cosine = float(np.cos(heading))
+        sine = float(np.sin(heading))
+        declared.setdefault("u", {"gust_north": cosine, "gust_east": sine})
+        declared.setdefault("v", {"gust_north": -sine, "gust_east": cosine})
+    if "headwind" in model.disturbances:
+        declared.setdefault("u", {"headwind": -1.0})
+    return declared
+
+
+def taken_components(model: Model, heading: float) -> dict[str, dict[str, float]]:
+    """Return the gust components u, v, w, p, q, r that have an effect on `in_gusts(model)`.
+
+    The result maps each component to {disturbance: factor}, as `own_disturbances` does.
+
+    heading: heading of the trim, rad
+    """
+    taken = own_disturbances(model, heading)
+    for name in ADDED:
+        if name not in taken and not missing_states(model, name):
+            taken[name] = {ADDED[name]: _SIGN.get(name, 1.0)}
+    return {name: taken[name] for name in ADDED if name in taken}
+
+
+def missing_states(model: Model, component: str) -> list[str]:
+    """Return the states that a gust component requires but the model lacks.
+
+    A state that the model has in another unit counts as missing.
+    """
+    return [
+        name
+        for name, unit in _NEEDED[component].items()
+        if name not in model.states or (unit and model.unit(name) != unit)
+    ]
+
+
+@lru_cache(maxsize=16)
+def in_gusts(model: Model) -> Model:
+    """Return the model with added disturbances (`ADDED`) for undeclared gust components.
+
+    A component is added only if the model has the states that the component needs. The states
+    remain relative to the ground. Let V be the velocity and ω the angular velocity of the aircraft,
+    and V_g the velocity (u, v, w) of the air, all resolved in body axes. Relative to the air,
+    V_a = V - V_g and ω_a = ω + (p, q, r). Forces and moments are those of the model at V_a, ω_a.
+    The model's equation V' = a(V_a, ω_a) - ω_a x V_a becomes V' = a(V_a, ω_a) - ω x V. Angles and
+    position change with V and ω.
+
+    Approximation: gyroscopic moments are evaluated at ω_a, an error of second order in the rates.
+    """
+    own = own_disturbances(model, 0.0)
+    added = [name for name in ADDED if name not in own and not missing_states(model, name)]
+    if not added:
+        return model
+    speed = model.states["speed"].unit
+    signals = {ADDED[name]: Signal("rad/s" if name in _RATES else speed) for name in added}
+    return replace(
+        model,
+        equations=_InGusts(model, tuple(added)),
+        disturbances={**model.disturbances, **signals},
+    )
+
+
+@dataclass(frozen=True)
+class _InGusts:
+    """Equations (x, u, p, w) -> (rates by state, outputs by name) of a model in gusts.
+
+    added: gust components that the model does not declare
+    """
+
+    model: Model
+    added: tuple[str, ...]
+
+    def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Any]:
+        """Return the rates by state and the outputs by name."""
+        states = {name: getattr(x, name) for name in self.model.states}
+        layout = self.model.layout
+        own = layout.record("w", [getattr(w, name) for name in self.model.disturbances])
+        gust = {
+            name: _SIGN.get(name, 1.0) * getattr(w, ADDED[name]) if name in self.added else 0.0
+            for name in ADDED
+        }
+        angles = states["alpha"], states.get("beta", 0.0)
+        velocity = states["speed"] * wind_axes(*angles)[:, 0]
+        to_ground = rotation(states.get("roll", 0.0), states.get("pitch", 0.0), 0.0)
+        air = ca.mtimes(to_ground.T, ca.vertcat(gust["u"], gust["v"], gust["w"]))
+        in_air = velocity - air
+        rates = ca.vertcat(*(states.get(name, 0.0) for name in _RATES.values()))
+        rates_in_air = rates + ca.vertcat(gust["p"], gust["q"], gust["r"])
+        relative = {
+            "speed": ca.norm_2(in_air),
+            "alpha": ca.atan2(in_air[2], in_air[0]),
+            "beta": ca.asin(in_air[1] / ca.norm_2(in_air)),
+            **dict(zip(_RATES.values(), ca.vertsplit(rates_in_air), strict=True)),
+        }
+        seen = {name: relative.get(name, value) for name, value in states.items()}
+        moved, outputs = self.model.equations(layout.record("x", seen.values()), u, p, own)
+        acceleration = _acceleration(seen, moved)
+        acceleration += ca.cross(rates_in_air, in_air) - ca.cross(rates, velocity)
+        flow = zip(("speed", "alpha", "beta"), flow_rates(velocity, acceleration), strict=True)
+        over_ground, _ = self.model.equations(x, u, p, own)
+        found = {name: over_ground[name] for name in _OVER_GROUND if name in states}
+        found |= {name: rate for name, rate in flow if name in states}
+        return {**moved, **found}, outputs
+
+
+def _acceleration(states: Mapping[str, Any], rates: Mapping[str, Any]) -> Any:
+    """Return the time derivatives of the body-axis velocity components, (3,).
+
+    states, rates: speed, alpha and beta, and their rates. A missing beta is 0
+    """
+    speed, alpha, beta = (states.get(name, 0.0) for name in ("speed", "alpha", "beta"))
+    in_wind_axes = ca.vertcat(
+        rates["speed"],
+        speed * rates.get("beta", 0.0),
+        speed * ca.cos(beta) * rates["alpha"],
+    )
+    return ca.mtimes(wind_axes(alpha, beta), in_wind_axes)

@@ -1,0 +1,500 @@
+"""Turbulence of MIL-F-8785C with six components, given by level and altitude or by intensity.
+
+Source: MIL-F-8785C, *Flying Qualities of Piloted Airplanes*, 1980, Section 3.7: Dryden and
+von Karman spectra, spectra of the angular rates, scale lengths and intensities (Figure 7; at low
+altitude Figures 10 and 11). MIL-STD-1797A defines the same spectra with L_v and L_w half as long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_flight.air.gust_equations import ADDED, missing_states, taken_components
+from hfa_flight.air.gusts import Gust
+from hfa_flight.air.names import UPDRAFT, gust_speed
+from hfa_support.errors import BadInputError, is_finite, shown
+from hfa_support.units import si_factor
+from trim.point.operating_point import OperatingPoint
+
+LEVELS = ("light", "moderate", "severe")
+SPECTRA = ("dryden", "karman")
+_KNOT = 1852.0 / 3600.0 / 0.3048
+#: Wind 20 ft above the ground, ft/s, by level.
+_WIND_AT_20_FT = dict(zip(LEVELS, (15.0 * _KNOT, 30.0 * _KNOT, 45.0 * _KNOT), strict=True))
+#: Figure 7: altitudes, ft, and intensities, ft/s, with the exceedance probabilities 1e-2, 1e-3 and
+#: 1e-5.
+_ALTITUDES = (1750.0, 3750.0, 7500.0, 15e3, 25e3, 35e3, 45e3, 55e3, 65e3, 75e3, 80e3)
+_INTENSITIES = {
+    "light": (6.9, 7.4, 6.7, 4.6, 2.7, 0.4, 0.0, 0.0, 0.0, 0.0, 0.0),
+    "moderate": (9.6, 10.6, 10.1, 8.0, 6.6, 5.0, 4.2, 2.7, 0.0, 0.0, 0.0),
+    "severe": (17.6, 23.0, 23.6, 22.1, 20.0, 16.0, 15.1, 12.1, 7.9, 6.2, 5.1),
+}
+#: Altitudes, ft: the lowest one, the upper end of low altitude and the lower end of high altitude.
+_LOWEST = 10.0
+_LOW = 1000.0
+_HIGH = 2000.0
+_LENGTH = {"dryden": 1750.0, "karman": 2500.0}
+
+
+class Shape(NamedTuple):
+    """Normalized transfer function Π (1 + z s) / Π (1 + p s).
+
+    s is in units of V/L, with the airspeed V and the scale length L.
+
+    zeros: time constants z, in units of L/V
+    poles: time constants p, in units of L/V
+    """
+
+    zeros: tuple[float, ...]
+    poles: tuple[float, ...]
+
+
+#: Spectrum -> filters of u (along) and of v and w (across), with gain 1 at s = 0. The Dryden
+#: filters are exact. The von Karman filters were fitted to the spectra up to ωL/V = 1000, by least
+#: squares of high powers. There, the power is within 0.9 % (u) and 1.6 % (v, w). Beyond, it
+#: decreases with ω^-2 instead of ω^-5/3.
+FILTERS = {
+    "dryden": (Shape((), (1.0,)), Shape((3.0**0.5,), (1.0, 1.0))),
+    "karman": (
+        Shape(
+            (0.403033, 0.0728512, 0.0128230, 0.00214775),
+            (1.2275648, 0.3052184, 0.0545644, 0.00958817, 0.00154290),
+        ),
+        Shape(
+            (2.8717436, 0.1451688, 0.0200186, 0.00267668),
+            (2.3627811, 0.7898489, 0.1043219, 0.0143836, 0.00186558),
+        ),
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Turbulence:
+    """Turbulence with the spectra of MIL-F-8785C.
+
+    level: light, moderate or severe, with the intensities and scales of the specification; or
+      (intensity, scale) of u, v and w, in the model's units.
+    altitude: altitude at which a level is evaluated, in the model's unit of length. Default: that
+        of the trim.
+    span: wing span, in the model's unit of length. Without a span, p, q and r are 0.
+    spectrum: dryden or karman.
+
+    Raises BadInputError if level or spectrum is unknown, a number is not positive, or both altitude
+    and intensity are given.
+
+    >>> import hfa
+    >>> hfa.Turbulence("light", 500.0, span=36.0).level
+    'light'
+    """
+
+    level: str | tuple[float, float]
+    altitude: float | None = None
+    span: float | None = None
+    spectrum: str = "dryden"
+
+    def __post_init__(self) -> None:
+        """Raise BadInputError if level, spectrum or a number is wrong."""
+        numbers = {"altitude": self.altitude, "span": self.span}
+        if isinstance(self.level, tuple) and len(self.level) == 2:
+            numbers["intensity"], numbers["scale"] = self.level
+        elif self.level not in LEVELS:
+            raise BadInputError(
+                f"the level of turbulence is {shown(self.level)}; give light, moderate, severe, or"
+                " your own (intensity, scale)"
+            )
+        if self.spectrum not in SPECTRA:
+            raise BadInputError(
+                f"the spectrum of turbulence is {shown(self.spectrum)}; give {' or '.join(SPECTRA)}"
+            )
+        for name, value in numbers.items():
+            if value is not None and not (is_finite(value) and value > 0.0):
+                raise BadInputError(
+                    f"the {name} of turbulence is {shown(value)}; give a positive number"
+                )
+        if "scale" in numbers and self.altitude is not None:
+            raise BadInputError(
+                "turbulence of your own intensity does not depend on altitude; remove the altitude"
+            )
+
+    def air(self, point: OperatingPoint, interval: float, ticks: int, seed: int) -> TurbulentAir:
+        """Return the turbulence of a flight that begins at the trim `point`.
+
+        interval: duration of a tick, s
+        ticks: number of ticks
+        seed: seed of the noise
+
+        Raises BadInputError if the altitude is unknown, if the specification has no turbulence of
+        this level there, if the speed is neither in ft/s nor in m/s, or if the model supports no
+        component.
+        """
+        model = point.model
+        feet = _feet(model)
+        if isinstance(self.level, str):
+            altitude = self._altitude(point) / feet
+            scales = scales_and_intensities(self.level, altitude, self.spectrum)
+        else:
+            altitude = None
+            intensity, scale = self.level
+            scales = Scales((scale / feet,) * 3, (intensity / feet,) * 3)
+        trimmed_at = None
+        if "altitude" in model.states:
+            trimmed_at = float(point.values["altitude"]) / feet
+        heading = float(point.values.get("yaw", 0.0))
+        taken = taken_components(model, heading)
+        if self.span is None:
+            taken = {name: taken[name] for name in taken if name in "uvw"}
+        if not taken:
+            needed = ", ".join(missing_states(model, "w"))
+            raise BadInputError(
+                f"{model.name} has neither a gust input nor a state {needed}, which turbulence "
+                f"requires; declare a disturbance {UPDRAFT}"
+            )
+        return TurbulentAir(
+            self,
+            *scales,
+            altitude=altitude,
+            feet=feet,
+            speed=gust_speed(point) / feet,
+            interval=interval,
+            ticks=ticks,
+            seed=seed,
+            taken=taken,
+            trimmed_at=trimmed_at,
+        )
+
+    def _altitude(self, point: OperatingPoint) -> float:
+        """Return the altitude at which the turbulence is evaluated, in the unit of the model.
+
+        Raises BadInputError if `altitude` is None and the model has no altitude, or if the altitude
+        of the trim is the default of the model.
+        """
+        if self.altitude is not None:
+            return self.altitude
+        model = point.model
+        give = f"give --turbulence {self.level}:ALTITUDE (in Python altitude=)"
+        if "altitude" not in model.states:
+            raise BadInputError(
+                f"{model.name} has no state altitude, which turbulence requires; {give}"
+            )
+        altitude = float(point.values["altitude"])
+        if altitude == model.trim.get("altitude"):
+            unit = model.unit("altitude")
+            raise BadInputError(
+                f"turbulence requires an explicit altitude, not the default of {altitude:g} "
+                f"{unit}; {give}"
+            )
+        return altitude
+
+
+def _feet(model: Model) -> float:
+    """Return the length of a foot in the model's unit of length.
+
+    Raises BadInputError if the speed is neither in ft/s nor in m/s.
+    """
+    units = {"ft/s": 1.0, "m/s": si_factor("ft")}
+    if "speed" not in model.signals or model.unit("speed") not in units:
+        raise BadInputError(
+            f"{model.name} has no speed in ft/s or m/s, which turbulence requires; declare speed "
+            "in ft/s or m/s"
+        )
+    return units[model.unit("speed")]
+
+
+class Scales(NamedTuple):
+    """Scale lengths and intensities of turbulence.
+
+    lengths: L_u, L_v, L_w, ft
+    intensities: of u, v, w, ft/s
+    """
+
+    lengths: tuple[float, float, float]
+    intensities: tuple[float, float, float]
+
+
+def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales:
+    """Return scale lengths, ft, and intensities, ft/s, of u, v and w at an altitude in ft.
+
+    Between 1000 and 2000 ft both are interpolated linearly. Raises BadInputError below 10 ft, above
+    80,000 ft, and where Figure 7 defines no turbulence of this level.
+
+    level: light, moderate or severe
+    spectrum: dryden or karman
+    """
+    if not _LOWEST <= altitude <= _ALTITUDES[-1]:
+        raise BadInputError(
+            f"turbulence is requested at {altitude:g} ft, but MIL-F-8785C covers only 10 to "
+            "80000 ft; give an altitude in this range"
+        )
+    high_length = _LENGTH[spectrum]
+    high_intensity = float(np.interp(max(altitude, _HIGH), _ALTITUDES, _INTENSITIES[level]))
+    if high_intensity == 0.0:
+        raise BadInputError(
+            f"MIL-F-8785C defines no {level} turbulence at {altitude:g} ft; give another level or"
+            " altitude"
+        )
+    if altitude >= _HIGH:
+        return Scales((high_length,) * 3, (high_intensity,) * 3)
+    height = min(altitude, _LOW)
+    share = 0.177 + 0.000823 * height
+    vertical = 0.1 * _WIND_AT_20_FT[level]
+    along = height / share**1.2
+    low = np.array([[along, along, height], [*[vertical / share**0.4] * 2, vertical]])
+    high = np.array([[high_length], [high_intensity]])
+    part = max(0.0, (altitude - _LOW) / (_HIGH - _LOW))
+    lengths, intensities = (low + part * (high - low)).tolist()
+    return Scales(tuple(lengths), tuple(intensities))
+
+
+@dataclass(frozen=True)
+class TurbulentAir(Gust):
+    """Turbulence u, v, w, p, q, r of a flight, in its stationary distribution from the start.
+
+    Filtered white noise, exact at the ticks and linear between ticks. p is independent noise
+    through the filter
+
+      σ_w sqrt(.8/V) (π/4b)^(1/6) L_w^(-1/3) / (1 + (4b/πV) s).
+
+    q and r are the gradients of the frozen gust along the body, with the wing span b:
+
+      q = w (s/V) / (1 + (4b/πV) s),  r = -v (s/V) / (1 + (3b/πV) s).
+
+    turbulence: level or intensity, altitude, span and spectrum.
+    lengths, intensities: as in `Scales`.
+    altitude: altitude of the level, ft, or None for a given intensity.
+    feet: length of a foot in the model's unit.
+    speed: V, ft/s.
+    interval: duration of a tick, s.
+    ticks: number of ticks.
+    seed: seed of the noise.
+    taken: component -> disturbance of the model -> factor.
+    trimmed_at: altitude of the trim, ft.
+    """
+
+    turbulence: Turbulence
+    lengths: tuple[float, float, float]
+    intensities: tuple[float, float, float]
+    altitude: float | None
+    feet: float
+    speed: float
+    interval: float
+    ticks: int
+    seed: int
+    taken: Mapping[str, Mapping[str, float]]
+    trimmed_at: float | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Names of the model's disturbances that the turbulence sets."""
+        return tuple(dict.fromkeys(name for factors in self.taken.values() for name in factors))
+
+    @property
+    def held_size(self) -> int:  # type: ignore[override]
+        """Number of held inputs: time, values and slopes at the start of a tick."""
+        return 1 + 2 * len(self.names)
+
+    def held_inputs(self, tick: int) -> np.ndarray:
+        """Return [time; values; slopes] of the disturbances at the start of a tick.
+
+        The values are those of `values`, and the slopes are their time derivatives during the tick.
+        """
+        now, later = self.values[tick : tick + 2]
+        return np.concatenate([[tick * self.interval], now, (later - now) / self.interval])
+
+    def winds(self, t: Any, held: ca.SX) -> dict[str, Any]:
+        """Return the turbulence at time t, as disturbance of the model -> value."""
+        count = len(self.names)
+        now = held[1 : 1 + count] + (t - held[0]) * held[1 + count :]
+        return dict(zip(self.names, ca.vertsplit(now), strict=True))
+
+    @cached_property
+    def values(self) -> np.ndarray:
+        """Disturbances at the ticks, (ticks + 1, k), in the units of the model."""
+        components = AirFilter.of(self).drawn(self.ticks + 1, self.seed)
+        return components @ self.factors
+
+    @property
+    def factors(self) -> np.ndarray:
+        """Matrix (6, k) from the gust components to the k disturbances of the model.
+
+        The components u, v, w, p, q and r are in ft/s and rad/s. The disturbances are in the units
+        of the model.
+        """
+        matrix = np.zeros((len(ADDED), len(self.names)))
+        for row, name in enumerate(ADDED):
+            unit = self.feet if name in "uvw" else 1.0
+            for disturbance, factor in self.taken.get(name, {}).items():
+                matrix[row, self.names.index(disturbance)] = factor * unit
+        return matrix
+
+    def text(self, model: Model) -> str:
+        """Return one line on the turbulence: level, components, intensity and scale."""
+        unit = "ft" if self.feet == 1.0 else "m"
+        numbers = [
+            " ".join(f"{value * self.feet:.4g}" for value in dict.fromkeys(values))
+            for values in (self.intensities, self.lengths)
+        ]
+        spectrum = {"dryden": "Dryden", "karman": "von Karman"}[self.turbulence.spectrum]
+        which = f"turbulence of your own intensity ({spectrum})"
+        if self.altitude is not None:
+            altitude = f"{self.altitude * self.feet:,.0f} {unit}"
+            which = f"{self.turbulence.level} turbulence of MIL-F-8785C ({spectrum}) at {altitude}"
+            if self.trimmed_at is not None and abs(self.trimmed_at - self.altitude) > 1.0:
+                which += f" (the trim is at {self.trimmed_at * self.feet:,.0f} {unit})"
+        return (
+            f"{which}: {', '.join(self.taken)}; intensity {numbers[0]} {unit}/s, scale {numbers[1]}"
+            f" {unit}"
+        )
+
+    def left_out(self, model: Model) -> list[str]:
+        """Return a sentence for each reason why components are omitted."""
+        reasons: dict[str, list[str]] = {}
+        for name in ADDED:
+            if name in self.taken:
+                continue
+            reason = "the wing span is missing (the last number of --turbulence)"
+            if missing_states(model, name):
+                reason = "the equations have no such motion"
+            reasons.setdefault(reason, []).append(name)
+        return [f"turbulence without {', '.join(names)}: {why}" for why, names in reasons.items()]
+
+
+@dataclass(frozen=True)
+class AirFilter:
+    """Filter x' = A x + B ν with the gust components (u, v, w, p, q, r) = C x.
+
+    ν is white noise with a one-sided power spectral density of 1 per rad/s.
+
+    A: (n, n)
+    B: (n, 4), or (n, 3) without wing span
+    C: (6, n)
+    interval: duration of a tick, s
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    interval: float
+
+    @classmethod
+    def of(cls, air: TurbulentAir) -> AirFilter:
+        """Return the filter that generates the turbulence `air`."""
+        along, across = FILTERS[air.turbulence.spectrum]
+        parts = [
+            _cascade(
+                shape, length / air.speed, intensity * np.sqrt(gain * length / air.speed / np.pi)
+            )
+            for shape, length, intensity, gain in zip(
+                (along, across, across), air.lengths, air.intensities, (2.0, 1.0, 1.0), strict=True
+            )
+        ]
+        span = air.turbulence.span
+        if span is None:
+            A, B, C = _together(parts)
+            return cls(A, B, np.vstack([C, np.zeros_like(C)]), air.interval)
+        span = span / air.feet
+        size = air.intensities[2] * np.sqrt(0.8 / air.speed) * (np.pi / (4 * span)) ** (1 / 6)
+        size /= air.lengths[2] ** (1 / 3)
+        lag = 4 * span / (np.pi * air.speed)
+        rolling = np.array([[-1 / lag]]), np.array([[1 / lag]]), np.array([[size]])
+        A, B, C = _together([*parts, rolling])
+        for row, sign, share in ((2, 1.0, 4.0), (1, -1.0, 3.0)):
+            lag = share * span / (np.pi * air.speed)
+            A = np.block([[A, np.zeros((len(A), 1))], [C[[row]] / lag, np.array([[-1 / lag]])]])
+            B = np.vstack([B, np.zeros((1, 4))])
+            C = np.hstack([C, np.zeros((len(C), 1))])
+            rate = sign / (air.speed * lag) * C[row]
+            rate[-1] = -sign / (air.speed * lag)
+            C = np.vstack([C, rate])
+        return cls(A, B, C, air.interval)
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """Covariance P of the stationary states, (n, n): A P + P A' + π B B' = 0."""
+        from scipy.linalg import solve_continuous_lyapunov
+
+        return np.asarray(solve_continuous_lyapunov(self.A, -np.pi * self.B @ self.B.T))
+
+    @cached_property
+    def step(self) -> tuple[np.ndarray, np.ndarray]:
+        """Transition matrix Φ and noise gain G of a tick, x⁺ = Φ x + G ξ, ξ ~ N(0, I).
+
+        Source: C. Van Loan, IEEE Transactions on Automatic Control 23 (1978) 395.
+        """
+        from scipy.linalg import expm
+
+        n = len(self.A)
+        noise = np.pi * self.B @ self.B.T
+        both = np.block([[-self.A, noise], [np.zeros((n, n)), self.A.T]]) * self.interval
+        grown = expm(both)
+        Phi = grown[n:, n:].T
+        return Phi, _root(Phi @ grown[:n, n:])
+
+    @cached_property
+    def root(self) -> np.ndarray:
+        """Matrix G with G G' equal to `covariance`, (n, n)."""
+        return _root(self.covariance)
+
+    def drawn(self, count: int, seed: int) -> np.ndarray:
+        """Return random gust components at `count` ticks, (count, 6).
+
+        The initial state is drawn from the stationary distribution.
+        """
+        random = np.random.default_rng(seed)
+        Phi, G = self.step
+        x = self.root @ random.standard_normal(len(Phi))
+        noise = random.standard_normal((count, len(Phi))) @ G.T
+        rows = np.empty((count, len(Phi)))
+        for number in range(count):
+            rows[number] = x
+            x = Phi @ x + noise[number]
+        return rows @ self.C.T
+
+
+_Filter = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def _cascade(shape: Shape, tau: float, size: float) -> _Filter:
+    """Return A, b, c of first-order filters in series. The first filter has no zero.
+
+    shape: zeros and poles
+    tau: L/V, s
+    size: gain at s = 0
+    """
+    poles = [pole * tau for pole in reversed(shape.poles)]
+    zeros = [0.0, *(zero * tau for zero in reversed(shape.zeros))]
+    n = len(poles)
+    A = np.zeros((n, n))
+    b = np.zeros((n, 1))
+    enters = np.zeros(n)
+    from_noise = 1.0
+    for row, (zero, pole) in enumerate(zip(zeros, poles, strict=True)):
+        A[row] = enters / pole
+        A[row, row] = -1 / pole
+        b[row] = from_noise / pole
+        enters = zero / pole * enters
+        enters[row] = 1 - zero / pole
+        from_noise *= zero / pole
+    return A, b, size * enters[None]
+
+
+def _together(parts: list[_Filter]) -> _Filter:
+    """Return A, B, C of filters in parallel, each with its own noise input and its own output."""
+    from scipy.linalg import block_diag
+
+    A, B, C = (block_diag(*blocks) for blocks in zip(*parts, strict=True))
+    return A, B, C
+
+
+def _root(covariance: np.ndarray) -> np.ndarray:
+    """Return G with G G' equal to a positive semidefinite covariance matrix, up to rounding."""
+    scale = np.sqrt(np.diag(covariance))
+    scale[scale == 0.0] = 1.0
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    return scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))

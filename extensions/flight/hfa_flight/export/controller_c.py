@@ -1,0 +1,311 @@
+"""Export of a scheduled controller as expressions and as C with an example of a 100 Hz loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from controller.schedule.scheduled_controller import COMMAND_SIGNALS, ScheduledController
+from hfa_aircraft.model import Model
+from hfa_aircraft.units import signal_unit
+from hfa_flight.actuators import ActuatorBank
+from hfa_flight.export.c_text import (
+    comment_lines,
+    constant_tables,
+    displaced_state,
+    filled,
+    name_tables,
+    or_unused,
+    positions,
+)
+from hfa_flight.export.exported_loop import Argument, Channel, ExportedLoop, Steering, exported_loop
+from hfa_flight.policies.controller import MeasuredOutputs, ServoPolicy, servo_policy
+from hfa_flight.policies.policy import Measurements
+from hfa_flight.signals import COMMAND_FILTER, CommandSteps
+from hfa_support.native.c_code import c_function
+from hfa_support.reporting.text import shown_value
+from trim.point.operating_point import OperatingPoint
+
+#: Names of the header, the source and the example.
+CONTROLLER_FILES = ("hfa_controller.h", "hfa_controller.c", "controller_100hz.c")
+#: Command in the example, in the unit of the first commanded output.
+COMMANDED = 0.01
+#: Duration of the example, s.
+SECONDS = 20
+
+
+@dataclass(frozen=True)
+class CommandArguments:
+    """Commands of an exported controller as symbols, with the methods of `CommandSteps`.
+
+    names: commanded outputs
+    value: filtered commands r, (k,)
+    slope: rates r' of the filtered commands, (k,)
+    goal: unfiltered commands, (k,)
+    """
+
+    names: tuple[str, ...]
+    value: ca.SX
+    slope: ca.SX
+    goal: ca.SX
+
+    def at(self, t: ca.SX) -> ca.SX:
+        """Return the filtered commands r, (k,), for any time t."""
+        return self.value
+
+    def rate(self, t: ca.SX) -> ca.SX:
+        """Return the rates r' of the filtered commands, (k,), for any time t."""
+        return self.slope
+
+    def end(self, t: ca.SX) -> ca.SX:
+        """Return the unfiltered commands, (k,), for any time t."""
+        return self.goal
+
+
+class CommandedPolicy(NamedTuple):
+    """Controller about a trim, with the command filter r'' = ω² (goal - r) - 2 ζ ω r' as states.
+
+    r are the filtered commands. ω and ζ are the bandwidth and the damping of the filter.
+
+    policy: the controller
+    filtered: symbols of [r; r']
+    filtered_rate: rates of [r; r']
+    goal: symbols of the unfiltered commands
+    """
+
+    policy: ServoPolicy
+    filtered: ca.SX
+    filtered_rate: ca.SX
+    goal: ca.SX
+
+
+def commandable(controller: ScheduledController) -> tuple[str, ...]:
+    """Return the names of the outputs for which the controller accepts commands."""
+    value = COMMAND_SIGNALS[0]
+    return tuple(name.removesuffix(value) for name in controller.commands if name.endswith(value))
+
+
+def longest_step(controller: ScheduledController) -> float:
+    """Return the longest permitted integration step of a controller, s.
+
+    The step is the smaller of 1 ms and 1/|λ| for the fastest eigenvalue λ of the controller.
+    """
+    return 1.0 / max(float(np.abs(np.linalg.eigvals(controller.A)).max(initial=0.0)), 1e3)
+
+
+def commanded_policy(
+    controller: ScheduledController, model: Model, point: OperatingPoint
+) -> CommandedPolicy:
+    """Return a controller about a trim, with its command filter and with commands as symbols.
+
+    Raises BadInputError if the controller was made for another model, or does not cover the
+    scheduling variable at the trim.
+    """
+    names = commandable(controller)
+    r = ca.SX.sym("r", len(names))
+    slope = ca.SX.sym("slope", len(names))
+    goal = ca.SX.sym("goal", len(names))
+    none = CommandSteps((), np.zeros(0), np.zeros((0, 0)))
+    policy = replace(
+        servo_policy(controller, none, model, point),
+        commands=CommandArguments(names, r, slope, goal),
+    )
+    bandwidth, damping = controller.command_filter or COMMAND_FILTER
+    acceleration = bandwidth**2 * (goal - r) - 2 * damping * bandwidth * slope
+    return CommandedPolicy(policy, ca.vertcat(r, slope), ca.vertcat(slope, acceleration), goal)
+
+
+def controller_steering(
+    controller: ScheduledController, model: Model, point: OperatingPoint
+) -> Steering:
+    """Return the steering of an exported loop by a controller.
+
+    The arguments of the steering are the commands. The states of the controller and of its command
+    filter become states of the loop. Raises BadInputError if the controller was made for another
+    model, or does not cover the scheduling variable at the trim.
+    """
+    commanded = commanded_policy(controller, model, point)
+    names = commandable(controller)
+    units = {name: signal_unit(model, name) for name in names}
+    states = [Channel(f"controller_{name}", None) for name in controller.states]
+    states += [Channel(f"command_{name}_filtered", unit) for name, unit in units.items()]
+    states += [Channel(f"command_{name}_filtered_rate", None) for name in names]
+    return Steering(
+        policy=commanded.policy,
+        arguments=[Channel(f"command_{name}", unit) for name, unit in units.items()],
+        v=commanded.goal,
+        states=tuple(states),
+        filtered=commanded.filtered,
+        filtered_rate=commanded.filtered_rate,
+        longest_step=longest_step(controller),
+    )
+
+
+def c_controller_texts(
+    controller: ScheduledController,
+    model: Model,
+    point: OperatingPoint,
+    origin: str,
+    actuators: ActuatorBank | None = None,
+) -> dict[str, str]:
+    """Return the C files of a controller, file name -> text: header, source and an example.
+
+    The example simulates the closed loop. It is included if actuators are given.
+
+    origin: provenance, for comments
+    actuators: actuators of the example, or None
+
+    Raises BadInputError if the controller was made for another model or does not cover the
+    scheduling variable at the trim, a trim input is outside its actuator's limits, or the
+    controller measures actuator states that do not exist.
+    """
+    header, source, example = CONTROLLER_FILES
+    commanded = commanded_policy(controller, model, point)
+    names = commandable(controller)
+    memory = [*controller.states]
+    for suffix in COMMAND_SIGNALS[:2]:
+        memory += [f"{name}{suffix}" for name in names]
+    measured = {name: signal_unit(model, name) for name in controller.measurements}
+    command = or_unused({name: signal_unit(model, name) for name in names})
+    scheduled = model.schedule
+    arguments = (scheduled, "measured", "memory", "command", "lowest", "highest")
+    function = _controller_function(point, commanded)
+    texts = {
+        header: filled(
+            __package__,
+            header,
+            origin=comment_lines(origin),
+            name=comment_lines(controller.name),
+            lowest=shown_value(controller.breakpoints[0], model.unit(scheduled)),
+            highest=model.describe(scheduled, controller.breakpoints[-1]),
+            scheduled=scheduled,
+            memory=positions(or_unused(dict.fromkeys(memory, "")), "MEMORY_"),
+            measured=positions(measured, "MEASURED_"),
+            command=positions(command, "COMMAND_"),
+            inputs=len(point.inputs),
+            longest=longest_step(controller),
+        ),
+        source: filled(
+            __package__,
+            source,
+            origin=comment_lines(origin),
+            tables=constant_tables(
+                name_tables("measured", measured) | name_tables("command", command)
+            ),
+            scheduled=scheduled,
+            function=c_function(function, "controller", arguments, ("u", "rate")),
+            longest=repr(longest_step(controller)),
+        ),
+    }
+    if actuators is not None:
+        outputs = MeasuredOutputs(model, point, controller.measurements)
+        texts[example] = _example(point, outputs, actuators, command, origin)
+    return texts
+
+
+def _example(
+    point: OperatingPoint,
+    outputs: MeasuredOutputs,
+    actuators: ActuatorBank,
+    command: dict[str, str],
+    origin: str,
+) -> str:
+    """Return the C source of the example: a 100 Hz loop with aircraft, actuators and sensors.
+
+    point: trim at which the flight begins
+    outputs: measured outputs
+    actuators: actuators of the loop
+    command: output -> unit of its command, for all commands of the controller
+    origin: provenance, for a comment
+    """
+    model = point.model
+    state, amount = displaced_state(model)
+    loop = exported_loop(model, point, actuators=actuators)
+    trim = np.array(point.inputs)
+    name, unit = next(iter(command.items()))
+    is_commanded = name in model.measurable
+    tables = {
+        "static const char *const name": [f'"{channel.name}"' for channel in loop.states],
+        "static const double begin": [channel.start for channel in loop.states],
+        "static const double lowest": actuators.lowest - trim,
+        "static const double highest": actuators.highest - trim,
+    }
+    function = _measured_loop(outputs, loop, actuators, point)
+    results = ("rate", model.schedule, "measured")
+    return filled(
+        __package__,
+        CONTROLLER_FILES[2],
+        origin=comment_lines(origin),
+        command=f"{COMMANDED:g} {unit} of {name}" if is_commanded else "nothing",
+        commanded=COMMANDED if is_commanded else 0.0,
+        seconds=SECONDS,
+        states=len(loop.states),
+        displaced=list(model.states).index(state),
+        amount=amount,
+        unit=model.unit(state),
+        scheduled=model.schedule,
+        place=list(model.states).index(model.schedule),
+        tables=constant_tables(tables),
+        function=c_function(function, "loop", ("y", "u"), results),
+    )
+
+
+def _controller_function(point: OperatingPoint, commanded: CommandedPolicy) -> ca.Function:
+    """Return the Function (scheduled, measured, memory, command, lowest, highest) -> (u, memory').
+
+    All arguments except `scheduled` are deviations from trim.
+
+    scheduled: absolute value of the scheduling variable
+    memory: [states of the controller; r; r']
+    command: unfiltered commands
+    lowest, highest: limits of u
+    """
+    model = point.model
+    controller = commanded.policy.controller
+    t = ca.SX.sym("t")
+    none = ca.SX(0, 1)
+    own = ca.SX.sym("own", len(controller.states))
+    scheduled = ca.SX.sym("scheduled")
+    measured = ca.SX.sym("measured", len(controller.measurements))
+    lowest = ca.SX.sym("lowest", len(model.inputs))
+    highest = ca.SX.sym("highest", len(model.inputs))
+    policy = replace(commanded.policy, outputs=Argument(measured))
+    states = ca.SX(len(model.linear), 1)
+    states[model.linear.index(model.schedule)] = scheduled - policy.scheduled_at
+    measurements = Measurements(states, states, none, none)
+    u = ca.fmin(ca.fmax(policy.control(t, measurements, own, none), lowest), highest)
+    rate = policy.memory_rate(t, measurements, own, none, u)
+    memory = ca.vertcat(own, commanded.filtered)
+    results = [ca.densify(u), ca.densify(ca.vertcat(rate, commanded.filtered_rate))]
+    arguments = [scheduled, measured, memory, commanded.goal, lowest, highest]
+    return ca.Function("controller", arguments, results, {"cse": True})
+
+
+def _measured_loop(
+    outputs: MeasuredOutputs, loop: ExportedLoop, actuators: ActuatorBank, point: OperatingPoint
+) -> ca.Function:
+    """Return the CasADi Function (y, u) -> (y', scheduling variable, measured outputs) in still
+    air.
+
+    y contains the states X of the aircraft, then the actuator states. u contains the commands, as
+    deviations from trim.
+    """
+    model = point.model
+    trim = np.array(point.inputs)
+    y = ca.SX.sym("y", len(loop.states))
+    u = ca.SX.sym("u", len(trim))
+    still = ca.SX(len(loop.inputs) - len(trim), 1)
+    rate, _ = loop.function.call([y, ca.vertcat(still, u + ca.DM(trim))], True)
+    X = y[: loop.flown]
+    moved = y[loop.flown :]
+    names = list(model.states)
+    rows = [names.index(name) for name in model.linear]
+    x = X[rows] - ca.DM(np.array(point.states)[rows])
+    positions_of_actuators = actuators.position(moved, trim)
+    measurements = Measurements(x, x, positions_of_actuators, actuators.rates(moved))
+    measured = outputs.at(measurements)
+    results = [ca.densify(rate), X[names.index(model.schedule)], ca.densify(measured)]
+    return ca.Function("loop", [y, u], results, {"cse": True})

@@ -1,0 +1,664 @@
+"""Flight of the nonlinear aircraft, compared with the prediction of its linear model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hfa_aircraft.limits import Limits
+from hfa_aircraft.march.cost import cost_of_flight
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import StatesAndInputs
+from hfa_flight.air.gust_equations import in_gusts
+from hfa_flight.air.names import (
+    ALPHA,
+    ANGLE_OF_ATTACK,
+    LIMITED_OVER_GROUND,
+    OVER_GROUND,
+    UPDRAFT,
+    has_angle_of_attack,
+)
+from hfa_flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
+from hfa_flight.envelope import (
+    ControlExcess,
+    Departure,
+    control_excesses,
+    control_limits,
+    departure,
+    envelope_data,
+    flight_envelope,
+    limits_text,
+    outside,
+    refuse_start,
+)
+from hfa_flight.history import Deviations
+from hfa_flight.limit_cycle import (
+    Decay,
+    LimitCycle,
+    duration_for,
+    oscillation,
+    slowest_recognized,
+)
+from hfa_flight.own_steps import (
+    JSBSIM,
+    RUNGE_KUTTA,
+    in_own_steps,
+    refuse_method,
+    timed_by,
+)
+from hfa_flight.policies.given import policy_and_scenario
+from hfa_flight.policies.policy import GainPolicy
+from hfa_flight.scenario import MOST_STEPS, Scenario, Uncertainty, with_errors
+from hfa_flight.simulation import CompiledLoop
+from hfa_support.arguments import checks_arguments, need
+from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, warn
+from hfa_support.progress import Progress
+from hfa_support.reporting.checks import verdict_text
+from hfa_support.reporting.named import with_names
+from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.report import Part, Report, Reported
+from hfa_support.reporting.results import Result, Vector
+from hfa_support.reporting.text import Table, short_number, shown_unit
+from trim.point.operating_point import OperatingPoint
+from trim.tables import draw_curves
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+    from matplotlib.figure import Figure
+
+#: Note on a flight that remains at trim.
+UNDISTURBED = (
+    "this flight has no disturbance: give initial errors, a gust, turbulence, noise, a command or"
+    " errors of parameters"
+)
+#: Largest deviation at which a flight counts as remaining at trim, in the units of states and
+#: inputs.
+_STILL = 1e-6
+
+
+@checks_arguments
+def fly(
+    model: Model,
+    point: OperatingPoint,
+    policy: Any = None,
+    seconds: float | None = None,
+    *,
+    initial: Any = None,
+    scenario: Scenario | None = None,
+    envelope: Limits | Mapping[str, tuple[float, float]] | None = None,
+    predict: bool = True,
+    method: str = RUNGE_KUTTA,
+    step: float | None = None,
+    progress: Progress | None = None,
+) -> Flight:
+    """Simulate a policy u on the nonlinear aircraft X' = f(X, U0 + u, w) + d and return the flight.
+
+    The flight ends at the first tick in which it leaves the envelope. With `predict`, the flight of
+    the linear model x' = A x + B u + E w + d with nominal parameters is included, up to the same
+    time.
+
+    model: the aircraft with nominal parameters
+    point: the trim X0, U0, relative to which x and u are defined
+    policy: a gain K (m, k) of u = -K z, a critic, a solution, a network, a deployment, a file of
+      one of these, a `Policy`, steps of inputs or a function. Steps are deviations from trim,
+      {name: [(time, value), ...]}. A function of (t, X) returns U and is called once a tick. With
+      None, the inputs remain at trim.
+    seconds: duration, s. Default: that of the scenario, or 20 s without a scenario, or more if the
+      linear loop has growing modes
+    initial: deviations from trim at the start, by the names of states, or (n,)
+    scenario: disturbances, noise and faults. Its random quantities must be drawn already
+    envelope: limits of the states, or only those that differ from `flight_envelope(model, point)`
+    predict: whether the linear model is simulated too
+    method: "runge-kutta", or for a JSBSim aircraft "jsbsim": JSBSim's integration steps and Earth
+      model, with the lags of engines and filters
+    step: integration step of method "jsbsim", s. Default: 1/120
+    progress: called during the nonlinear flight
+
+    Raises BadInputError if the flight does not begin inside the envelope, the scenario has random
+    quantities that are not drawn yet, or the policy or method is not supported.
+
+    >>> import hfa
+    >>> model = hfa.aircraft()
+    >>> point = hfa.trim(model, hfa.paper.level_flight(0.2))
+    >>> solution = hfa.solve(hfa.paper.published_game(hfa.linearize(model, point)))
+    >>> hfa.fly(model, point, solution, 1.0, initial={"alpha": 0.01}).states.shape
+    (1001, 7)
+    """
+    need(model, Model, "fly: model", Model.how_to_make)
+    need(point, OperatingPoint, "fly: point", "a trim: hfa.trim(model)")
+    refuse_method(model, method, step)
+    happens = _scenario_of_flight(
+        model, Scenario() if scenario is None else scenario, seconds, initial
+    )
+    happens = timed_by(method, step, happens)
+    flown, happens = policy_and_scenario(policy, point, happens)
+    plant = NonlinearPlant(with_errors(model, happens), point)
+    loop = ClosedLoop(plant, flown, happens)
+    if seconds is None and scenario is None:
+        happens = lengthened(loop)
+        loop = replace(loop, scenario=happens)
+    within = envelope if isinstance(envelope, Limits) else flight_envelope(model, point, envelope)
+    compiled = in_own_steps(loop) if method == JSBSIM else CompiledLoop(loop)
+    result = replace(fly_within(compiled, within, progress=progress), method=method)
+    start = result.flight.limited[0] + np.array(point.states)
+    refuse_start(within, start, happens.moving_air)
+    if not predict:
+        return result
+    linear = replace(loop, plant=LinearPlant.at(model, point, loop.wind_names))
+    ticks = (len(result.flight.times) - 1) // happens.steps_per_tick
+    return replace(result, predicted=CompiledLoop(linear).fly(ticks=ticks))
+
+
+def _scenario_of_flight(
+    model: Model, given: Scenario, seconds: float | None, initial: Any
+) -> Scenario:
+    """Return the scenario for a flight of a model, with its duration and initial condition.
+
+    seconds: duration, or None for that of the scenario
+    initial: deviations by name or (n,), or None for those of the scenario
+
+    Raises BadInputError if random quantities are not drawn yet, an initial state is unknown, or the
+    scenario does not fit the model.
+    """
+    if given.uncertainty != Uncertainty():
+        raise BadInputError(
+            "the random quantities of the scenario are not drawn; call scenario.drawn(seed, "
+            "member, point)"
+        )
+    scenario = given if seconds is None else replace(given, duration=float(seconds))
+    if isinstance(initial, Mapping):
+        for name in initial:
+            refuse_unknown("initial names the unknown state", name, tuple(model.states))
+        initial = [initial.get(name, 0.0) for name in model.states]
+    if initial is not None:
+        scenario = replace(scenario, initial=numbers_in("initial", initial))
+    return scenario.on(model)
+
+
+def lengthened(loop: ClosedLoop) -> Scenario:
+    """Return the scenario of a loop, longer if limit cycles of growing modes require it.
+
+    A longer duration is printed as a warning. A scenario with turbulence or drawn noise is returned
+    unchanged, because these have its length.
+    """
+    scenario = loop.scenario
+    if scenario.gust is not None or scenario.samples is not None:
+        return scenario
+    growing = loop.growing_modes()
+    needed = min(duration_for(growing), MOST_STEPS * scenario.step)
+    if needed <= scenario.duration:
+        return scenario
+    fastest = growing[np.argmax(growing.real)]
+    warn(
+        f"the linear loop is unstable (growth {fastest.real:.3g} 1/s at {abs(fastest.imag):.3g} "
+        f"rad/s): the flight takes {needed:g} s in place of {scenario.duration:g} s"
+    )
+    return replace(scenario, duration=round(needed / scenario.tick) * scenario.tick)
+
+
+def fly_within(
+    compiled: CompiledLoop,
+    envelope: Limits,
+    scenario: Scenario | None = None,
+    parameters: np.ndarray | None = None,
+    *,
+    progress: Progress | None = None,
+) -> Flight:
+    """Return the flight of a nonlinear loop up to the first tick outside the envelope.
+
+    The linear model is not simulated.
+
+    compiled: the loop
+    envelope: limits of the states, absolute
+    scenario: used in place of the loop's scenario. `CompiledLoop.fly` lists the values that may
+        differ
+    parameters: parameters of the simulated aircraft, or None for those of the loop
+    progress: called during the flight
+    """
+    loop = compiled.loop if scenario is None else replace(compiled.loop, scenario=scenario)
+    trim = np.array(loop.plant.point.states)
+
+    def stop(rows: Deviations) -> np.ndarray:
+        return outside(envelope, rows.limited + trim)
+
+    flight = compiled.fly(loop.scenario, parameters=parameters, stop=stop, progress=progress)
+    left_at = departure(envelope, flight.times, flight.limited + trim, loop.scenario.moving_air)
+    found: LimitCycle | Decay | None = None
+    if left_at is None:
+        found = oscillation(loop.plant.point.model, flight, loop.scenario.driven_until)
+    cycle = found if isinstance(found, LimitCycle) else None
+    decay = found if isinstance(found, Decay) else None
+    return Flight(envelope, loop, flight, left_at, cycle, decay=decay)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightHistory(Result):
+    """Time history of a flight, written in addition to its summary.
+
+    history: once per tick, absolute: times (N,), states (N, n), inputs (N, m), angles_of_attack
+      (N,), errors (N, k), updrafts (N,), and winds, disturbance -> (N,).
+    """
+
+    history: Mapping[str, Any]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Flight(StatesAndInputs, Result, Reported):
+    """A simulated flight, up to the first tick outside the envelope.
+
+    envelope: limits of the states
+    loop: the simulated loop
+    flight: deviations from `point`
+    departure: first departure from the envelope: state, time, value, limit, or null if there is
+        none.
+    cycle: limit cycle at the end: name, amplitude, frequency in rad/s, unit, or null if there is
+        none.
+    predicted: flight of the linear model, or None if it was not simulated
+    decay: decaying oscillation at the end: name, time to half in s, frequency in rad/s, or None.
+    method: "runge-kutta" or "jsbsim"
+    weights: Q (k, k) and R (m, m) of the cost of the flight, or None without a cost
+
+    >>> import hfa
+    >>> model = hfa.aircraft()
+    >>> flight = hfa.fly(model, hfa.trim(model, hold={"dihedral": 0.2}), None, 1.0)
+    >>> flight.ok, flight["alpha"].shape
+    (True, (1001,))
+    """
+
+    schema = "hfa.flight/1"
+    made_by = "hfa fly"
+    json_keys = (
+        "dynamics=point.dynamics states=state_names state_units inputs=input_names input_units "
+        "operating_point=point scenario envelope=envelope_limits within_limits=ok held departure "
+        "limit_cycle=cycle decay? exceeded flown final largest_deviation rms_error "
+        "share_beyond_control_limits policy method largest_difference_from_linear? "
+        "commanded? cost? warnings"
+    )
+
+    envelope: Limits
+    loop: ClosedLoop
+    flight: Deviations
+    departure: Departure | None
+    cycle: LimitCycle | None
+    predicted: Deviations | None = None
+    decay: Decay | None = None
+    method: str = RUNGE_KUTTA
+    weights: tuple[np.ndarray, np.ndarray] | None = None
+
+    @property
+    def point(self) -> OperatingPoint:
+        """Trim from which deviations are measured."""
+        point: OperatingPoint = self.loop.plant.point
+        return point
+
+    @property
+    def model(self) -> Model:
+        """The model of the aircraft."""
+        return self.point.model
+
+    @property
+    def time(self) -> np.ndarray:
+        """Times (N,), s."""
+        return self.flight.times
+
+    @property
+    def states(self) -> np.ndarray:
+        """Absolute states X (N, n), also by name: states["alpha"]."""
+        return with_names(self.flight.states + np.array(self.point.states), (), self.state_names)
+
+    @property
+    def angles_of_attack(self) -> np.ndarray:
+        """Absolute angle of attack of the center of mass relative to the air, (N,), rad.
+
+        In still air, it is alpha.
+        """
+        alpha = list(self.point.model.states).index(ALPHA)
+        return np.asarray(self.flight.limited[:, alpha] + self.point.states[alpha])
+
+    @property
+    def inputs(self) -> np.ndarray:
+        """Absolute inputs U (N, m), also by name."""
+        return with_names(self.flight.inputs + np.array(self.point.inputs), (), self.input_names)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Return the absolute values, (N,), of a state, an input or an output, in its unit.
+
+        Raises BadInputError if the name is unknown.
+        """
+        from hfa_flight.flight_report import series
+
+        flown = getattr(self.loop.plant, "model", self.model)
+        return series(self, name, flown.p)
+
+    @property
+    def exceeded(self) -> tuple[ControlExcess, ...]:
+        """Inputs that exceeded their control limits inside the envelope, largest excess first.
+
+        Each entry has the fields input, value, limit and unit.
+        """
+        until = np.inf if self.departure is None else self.departure.time
+        return control_excesses(self.point.model, self.inputs[self.flight.times <= until])
+
+    @property
+    def ok(self) -> bool:
+        """True if the flight stayed inside all limits and does not end in a limit cycle.
+
+        The limits are the envelope of the states and the control limits of the inputs.
+        """
+        return self.departure is None and not self.exceeded and self.cycle is None
+
+    def __bool__(self) -> bool:
+        return self.ok
+
+    @property
+    def held(self) -> bool:
+        """True if the flight stayed inside the envelope and does not end in a limit cycle."""
+        return self.departure is None and self.cycle is None
+
+    @property
+    def scenario(self) -> Mapping[str, Any]:
+        """Scenario of the flight."""
+        return self.loop.scenario.to_dict()
+
+    @property
+    def envelope_limits(self) -> Mapping[str, Vector]:
+        """Lowest and highest permitted value of each state."""
+        limits = envelope_data(self.envelope, bool(self.flight.winds))
+        return {name: np.array(pair) for name, pair in limits.items()}
+
+    @property
+    def flown(self) -> float:
+        """Duration of the flight, s."""
+        return float(self.flight.times[-1])
+
+    @property
+    def final(self) -> Mapping[str, float]:
+        """Final absolute values of all states, and of the output `angle_of_attack` if it exists."""
+        values = _by_name(self.model.states, self.states[-1])
+        if has_angle_of_attack(self.model):
+            values[ANGLE_OF_ATTACK] = float(self.angles_of_attack[-1])
+        return values
+
+    @property
+    def largest_deviation(self) -> Mapping[str, float]:
+        """Largest deviation from trim of each state.
+
+        The angle of attack is included if the model outputs it and has the state alpha.
+        """
+        values = _by_name(self.model.states, np.abs(self.flight.states).max(axis=0))
+        if has_angle_of_attack(self.model):
+            trim = getattr(self.point.states, ALPHA)
+            values[ANGLE_OF_ATTACK] = float(np.abs(self.angles_of_attack - trim).max())
+        return values
+
+    @property
+    def rms_error(self) -> Mapping[str, float]:
+        """Root mean square of the error of each state of the linear model, over the second half."""
+        late = self.flight.errors[len(self.flight.errors) // 2 :]
+        return _by_name(self.model.linear, np.sqrt(np.mean(late**2, axis=0)))
+
+    @property
+    def share_beyond_control_limits(self) -> Mapping[str, float]:
+        """Fraction of the time during which each input exceeds its control limits."""
+        beyond = ~control_limits(self.model).within(self.inputs)
+        return _by_name(self.model.inputs, beyond.mean(axis=0))
+
+    @property
+    def policy(self) -> Mapping[str, Any]:
+        """Name and gain K of the policy, with the breakpoints of scheduled gains."""
+        return self.loop.policy.data(self.model)
+
+    @property
+    def largest_difference_from_linear(self) -> Mapping[str, float] | None:
+        """State -> largest difference from the linear prediction, omitted without a prediction."""
+        if self.predicted is None:
+            return None
+        difference = np.abs(self.flight.states - self.predicted.states).max(axis=0)
+        return _by_name(self.model.states, difference)
+
+    @property
+    def commanded(self) -> Mapping[str, Any] | None:
+        """Tracking errors of the outputs that a controller regulates, omitted if there are none."""
+        return self.loop.policy.tracking_errors(self.flight) or None
+
+    @property
+    def cost(self) -> float | None:
+        """Cost ∫ z'Qz + u'Ru dt up to the end of the flight, omitted without weights.
+
+        z: deviations of the states from trim and command
+        u: deviations of the inputs from trim
+        """
+        if self.weights is None:
+            return None
+        Q, R = self.weights
+        errors = self.flight.errors
+        inputs = self.flight.inputs
+        return cost_of_flight(self.time, errors, inputs, Q, R, self.loop.policy.is_held)
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """Notes on the operating point, and on moving inputs whose dynamics are not modeled."""
+        moved = np.ptp(self.inputs, axis=0) > 0.0
+        inputs = zip(self.model.inputs.values(), moved, strict=True)
+        return [
+            *self.point.warnings,
+            *(each.moving for each, moves in inputs if moves and each.moving),
+        ]
+
+    def title(self) -> str:
+        """Return the first lines of the report: the verdict, a line on the flight, and findings.
+
+        Each finding has its own line.
+        """
+        flight = f"Flight, {self.point.model.title}"
+        scheduled = self.point.at_scheduled.removeprefix("at ")
+        if scheduled:
+            flight += f", {scheduled}"
+        flight += f", law {self.loop.policy.name}"
+        if self.method == JSBSIM:
+            flight += f", JSBSim's steps of 1/{1.0 / self.loop.scenario.step:g} s and Earth model"
+        if isinstance(self.loop.policy, GainPolicy):
+            flight += ", frozen"
+        duration = f"{self.flown:g} s"
+        wrong = self.departure or self.cycle
+        if wrong is not None:
+            outcome = wrong.text()
+        elif self.exceeded:
+            outcome = f"inside the envelope for {duration}, but not within the control limits"
+        else:
+            outcome = f"{duration} inside the envelope and the control limits"
+        lines = [f"{verdict_text(self.ok)}: {outcome}", flight]
+        if self.decay is not None:
+            lines.append(self.decay.text())
+        lines += [f"exceeded control limit: {excess.text()}" for excess in self.exceeded]
+        if self.loop.scenario.gust is not None:
+            lines += self.loop.scenario.gust.left_out(self.model)
+        return "\n".join(lines)
+
+    def plot(self, *names: str) -> np.ndarray:
+        """Draw states and inputs over time in a new pyplot figure and return its Axes.
+
+        names: variables to be drawn, such as plot("alpha", "pitch"). By default, all states that
+            move and all inputs
+        """
+        if names:
+            across = ("time", self.model.time_unit, self.time)
+            return draw_curves(self.model, across, {name: self[name] for name in names})
+        from matplotlib import pyplot
+
+        from hfa_flight.flight_report import drawn_flight
+
+        figure = pyplot.figure(layout="constrained")
+        return np.array(drawn_flight(figure, self, self.title()).axes)
+
+    def figure(self) -> Figure:
+        """Return a new figure of the states and inputs over time."""
+        from hfa_flight.flight_report import flight_figure
+
+        return flight_figure(self, self.title())
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a `pandas.DataFrame` of states and inputs, absolute, indexed by time in s."""
+        from hfa_flight.flight_report import frame
+
+        return frame(self)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return an `xarray.Dataset` of states, inputs and linear prediction over time.
+
+        The Dataset contains the units.
+        """
+        from hfa_flight.flight_report import dataset
+
+        return dataset(self)
+
+    def report(self) -> Report:
+        """Return the report of the flight: outcome, tables of states and inputs, and a picture.
+
+        A table of tracking errors is included if there are commands, and the cost if there are
+        weights.
+        """
+        moving = bool(self.flight.winds) and has_angle_of_attack(self.model)
+        parts: list[Part] = []
+        if self.commanded:
+            parts.append(_tracking_table(self.commanded))
+        parts.append(self._states(moving))
+        parts += self._air_notes(moving)
+        parts.append(self._inputs())
+        if self.exceeded and isinstance(self.loop.policy, GainPolicy):
+            parts.append(
+                "the gain is not saturated at the control limits; networks, deployment files and "
+                "--actuators are"
+            )
+        if self.departure is None and self.cycle is None:
+            parts.append(
+                f"Oscillations slower than {slowest_recognized(self.flown):.2g} rad/s are not "
+                f"recognized in {self.flown:g} s."
+            )
+        if self.cost is not None:
+            parts.append(
+                f"Cost of this flight of {self.flown:g} s with Q and R: {self.cost:.6g}, "
+                "without the cost after its end."
+            )
+        parts.append(Picture("flight.png", "States and inputs over time", self.figure))
+        largest = max(np.abs(self.flight.states).max(), np.abs(self.flight.inputs).max())
+        notes = [UNDISTURBED] if largest <= _STILL else []
+        return Report(self.title(), parts, notes, self.as_data(), self._records())
+
+    def _air_notes(self, through_air: bool) -> list[str]:
+        """Return notes on moving air for the report: which flow angles are limited, and the gust.
+
+        through_air: whether the envelope limits the angle of attack relative to the air in place of
+            alpha
+        """
+        gust = self.loop.scenario.gust
+        limited = [OVER_GROUND] if through_air else []
+        if gust is None:
+            return limited
+        if not through_air and ALPHA in self.model.states:
+            limited = [LIMITED_OVER_GROUND]
+        return [*filter(None, [*limited, gust.text(self.model)])]
+
+    def _states(self, moving: bool) -> Table:
+        """Return a table of the states, one row each: deviations, errors, envelope, prediction.
+
+        moving: whether a row for the angle of attack relative to the air is added
+        """
+        model = self.model
+        header = ["state", "unit", "largest deviation", "final deviation", "rms error, 2nd half"]
+        header.append("envelope")
+        differences = self.largest_difference_from_linear
+        if differences is not None:
+            header.append("difference from linear")
+        final = self.final
+        largest = self.largest_deviation
+        errors = self.rms_error
+        rows = []
+        assumed = self.envelope.assumed.tolist()
+        pairs = zip(self.envelope.lowest, self.envelope.highest, assumed, strict=True)
+        for index, (state, (low, high, is_assumed)) in enumerate(
+            zip(model.states, pairs, strict=True)
+        ):
+            unit = model.unit(state)
+            limits = limits_text(low, high, unit, is_assumed)
+            names = (state, ANGLE_OF_ATTACK) if state == ALPHA and moving else (state,)
+            for name in names:
+                cells = [name, shown_unit(unit)]
+                cells.append(short_number(largest[name], unit))
+                cells.append(short_number(final[name] - self.point.states[index], unit))
+                cells.append(short_number(errors[name], unit) if name in errors else "")
+                cells.append(limits if name == names[-1] else "")
+                if differences is not None:
+                    shown = name in differences
+                    cells.append(short_number(differences[name], unit) if shown else "")
+                rows.append(tuple(cells))
+        return Table(tuple(header), rows)
+
+    def _inputs(self) -> Table:
+        """Return a table of the inputs, one row each: range, and time beyond the control limits."""
+        shares = self.share_beyond_control_limits
+        rows = []
+        for name, column in zip(self.model.inputs, self.inputs.T, strict=True):
+            unit = self.model.unit(name)
+            lowest = short_number(column.min(), unit)
+            highest = short_number(column.max(), unit)
+            rows.append((name, shown_unit(unit), lowest, highest, f"{100 * shares[name]:.3g} %"))
+        return Table(("input", "unit", "lowest", "highest", "time beyond control limits"), rows)
+
+    def history(self) -> FlightHistory:
+        """Return the time history, with one row for each tick."""
+        every = slice(None, None, self.loop.scenario.steps_per_tick)
+        columns = {
+            "times": self.flight.times[every],
+            "errors": self.flight.errors[every],
+            "updrafts": self.flight.updrafts[every],
+            "winds": {name: values[every] for name, values in self.flight.winds.items()},
+            "states": self.states[every],
+            "inputs": self.inputs[every],
+        }
+        if has_angle_of_attack(self.point.model):
+            columns["angles_of_attack"] = self.angles_of_attack[every]
+        return FlightHistory(history=columns)
+
+    def _records(self) -> Table:
+        """Return the time history as a table of numbers, one row for each tick.
+
+        The header contains the units.
+        """
+        history = self.history().history
+        model = self.point.model
+        units = {"time": "s"} | {name: model.unit(name) for name in (*model.states, *model.inputs)}
+        columns = [history["times"], history["states"], history["inputs"]]
+        winds = dict(history["winds"])
+        if UPDRAFT in model.disturbances:
+            winds.setdefault(UPDRAFT, history["updrafts"])
+        for name, values in winds.items():
+            units[name] = in_gusts(model).unit(name)
+            columns.append(values)
+        if has_angle_of_attack(model):
+            units[ANGLE_OF_ATTACK] = model.unit(ALPHA)
+            columns.append(history["angles_of_attack"])
+        rows: Any = np.column_stack(columns)
+        return Table(tuple(f"{name} [{unit}]" for name, unit in units.items()), rows)
+
+
+def _tracking_table(commanded: Mapping[str, Any]) -> Table:
+    """Return a table of the tracking errors of the commanded outputs: rms, largest error and unit.
+
+    commanded: result of `Policy.tracking_errors`
+    """
+    rows = []
+    for name, errors in commanded.items():
+        unit = errors["unit"]
+        rms = short_number(errors["rms_error"], unit)
+        largest = short_number(errors["largest_error"], unit)
+        rows.append((name, shown_unit(unit), rms, largest))
+    return Table(("commanded output", "unit", "rms error", "largest error"), rows)
+
+
+def _by_name(names: Iterable[str], values: np.ndarray) -> dict[str, float]:
+    return dict(zip(names, values.tolist(), strict=True))

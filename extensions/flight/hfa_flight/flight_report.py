@@ -1,0 +1,269 @@
+"""Figure of a nonlinear flight over time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hfa_flight.air.gust_equations import in_gusts
+from hfa_flight.air.names import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, has_angle_of_attack
+from hfa_flight.envelope import limits_text
+from hfa_support.errors import refuse_unknown
+from hfa_support.reporting.figure import new_figure
+from hfa_support.reporting.text import shown_unit, shown_values
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from hfa_flight.flight import Flight
+
+#: Position of a legend on the upper edge of its axes, where it covers no curve.
+_ABOVE: dict[str, Any] = {"bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderaxespad": 0.0}
+_SMALL: dict[str, Any] = {"loc": "right", "fontsize": 6, "pad": 2}
+#: A state is constant if it changes by less than this fraction of its nominal size.
+_STILL = 1e-9
+#: Group of the limit lines. The legend shows one of them.
+_LIMIT = "limit"
+
+
+def flight_figure(result: Flight, title: str) -> Figure:
+    """Return a new figure of a flight over time (`drawn_flight`)."""
+    return drawn_flight(new_figure(10.0, 2.1), result, title)
+
+
+def drawn_flight(figure: Figure, result: Flight, title: str) -> Figure:
+    """Draw a flight over time on an empty figure, set its size, and return it.
+
+    There is a panel for each state that moves, a panel for the inputs of each unit, and a panel for
+    the updraft if it is not zero.
+    """
+    model = result.point.model
+    input_units = list(dict.fromkeys(signal.unit for signal in model.inputs.values()))
+    has_updraft = bool(np.any(result.flight.updrafts))
+    moving = [index for index in range(len(model.states)) if _moves(result, index)]
+    count = len(moving) + len(input_units) + int(has_updraft)
+    rows = -(-count // 2)
+    figure.set_size_inches(10.0, 2.1 * rows)
+    panels = figure.subplots(rows, 2, sharex=True, squeeze=False).ravel()
+    for index, axes in zip(moving, panels, strict=False):
+        _draw_state(axes, result, index)
+    for unit, axes in zip(input_units, panels[len(moving) :], strict=False):
+        _draw_inputs(axes, result, unit)
+    constant = [name for index, name in enumerate(model.states) if index not in moving]
+    if constant:
+        title += f"\nconstant: {', '.join(constant)}"
+    if has_updraft:
+        air = panels[count - 1]
+        unit = in_gusts(model).unit(UPDRAFT)
+        air.plot(result.flight.times, shown_values(result.flight.updrafts, unit), color="C2")
+        _finish(air, f"updraft, {shown_unit(unit)}")
+    handles, labels = panels[0].get_legend_handles_labels()
+    lines = [line for axes in panels for line in axes.get_lines()]
+    limits = [line for line in lines if line.get_gid() == _LIMIT]
+    if limits:
+        handles.append(limits[0])
+        labels.append(_LIMIT)
+    figure.legend(
+        handles, labels, loc="outside upper center", ncols=len(labels), fontsize=8, title=title
+    )
+    for axes in panels[count:]:
+        axes.set_axis_off()
+    for axes in panels[count - 2 : count]:
+        axes.set_xlabel("time, s", fontsize=8)
+        axes.tick_params(labelbottom=True)
+    return figure
+
+
+def _moves(result: Flight, index: int) -> bool:
+    """Return whether a state or its reference changes during the flight by more than rounding.
+
+    index: index of the state
+    """
+    model = result.point.model
+    name = tuple(model.states)[index]
+    values = result.states[:, index]
+    if name in model.linear:
+        values = np.append(values, values - result.flight.errors[:, model.linear.index(name)])
+    return bool(np.ptp(values) > _STILL * model.states[name].nominal)
+
+
+def _widened(axes: Axes, nominal: float, unit: str) -> None:
+    """Widen the vertical range of a panel to hide rounding errors.
+
+    The range is at least 2 % of the nominal size of the variable.
+    """
+    low, high = axes.get_ylim()
+    least = 0.02 * float(shown_values(nominal, unit))
+    if high - low < least:
+        middle = (low + high) / 2
+        axes.set_ylim(middle - least / 2, middle + least / 2)
+
+
+def _draw_state(axes: Axes, result: Flight, index: int) -> None:
+    """Draw one state over time in a panel, as absolute values.
+
+    The panel shows the reference, the linear prediction, the nonlinear flight and the envelope. In
+    moving air, the panel of alpha also shows the angle of attack relative to the air.
+
+    index: index of the state
+    """
+    model = result.point.model
+    name = tuple(model.states)[index]
+    unit = model.unit(name)
+    times = result.flight.times
+    flown = result.states[:, index]
+    if name in model.linear:
+        reference = flown - result.flight.errors[:, model.linear.index(name)]
+        axes.plot(
+            times,
+            shown_values(reference, unit),
+            ":",
+            color="black",
+            linewidth=1.0,
+            label="reference",
+        )
+    if result.predicted is not None:
+        predicted = result.predicted.states[:, index] + result.point.states[index]
+        axes.plot(
+            result.predicted.times,
+            shown_values(predicted, unit),
+            "--",
+            color="C1",
+            label="linear",
+        )
+    axes.plot(times, shown_values(flown, unit), color="C0", linewidth=1.2, label="nonlinear")
+    limited = flown
+    label = name
+    if name == ALPHA and result.flight.winds and has_angle_of_attack(model):
+        limited = result.angles_of_attack
+        label = "alpha over ground"
+        (through_air,) = axes.plot(
+            times, shown_values(limited, unit), color="C2", linewidth=1.2, label=ANGLE_OF_ATTACK
+        )
+        axes.legend([through_air], [ANGLE_OF_ATTACK], fontsize=6, loc="lower left", **_ABOVE)
+    limits = (float(result.envelope.lowest[index]), float(result.envelope.highest[index]))
+    _limit_lines(axes, limited, limits, unit)
+    if np.isfinite(limits).any():
+        axes.set_title(f"envelope: {_limits_with_unit(limits, unit)}", **_SMALL)
+    _widened(axes, model.states[name].nominal, unit)
+    _finish(axes, f"{label}, {shown_unit(unit)}" if unit != "1" else label)
+
+
+def _draw_inputs(axes: Axes, result: Flight, unit: str) -> None:
+    """Draw all inputs that have one unit, and their limits, over time in a panel."""
+    inputs = result.point.model.inputs
+    names = [name for name, signal in inputs.items() if signal.unit == unit]
+    for name in names:
+        values = result.inputs[:, list(inputs).index(name)]
+        limits = (inputs[name].min, inputs[name].max)
+        shown_limits = "no limits"
+        if np.isfinite(limits).any():
+            shown_limits = _limits_with_unit(limits, unit)
+        axes.plot(
+            result.flight.times,
+            shown_values(values, unit),
+            label=f"{name}: {shown_limits}",
+            linewidth=1.0,
+        )
+        _limit_lines(axes, values, limits, unit)
+    _widened(axes, max(inputs[name].nominal for name in names), unit)
+    label = "inputs"
+    if len(names) == 1:
+        label = names[0]
+    elif unit == "rad":
+        label = "deflections"
+    if unit != "1":
+        label += f", {shown_unit(unit)}"
+    if len(names) == 1:
+        axes.set_title(f"limits: {shown_limits}", **_SMALL)
+    else:
+        axes.legend(loc="lower left", fontsize=6, ncols=2, **_ABOVE)
+    _finish(axes, label)
+
+
+def _limits_with_unit(limits: tuple[float, float], unit: str) -> str:
+    """Return limits with their unit, such as "-20 to 20 deg"."""
+    text = limits_text(*limits, unit)
+    return text if unit == "1" else f"{text} {shown_unit(unit)}"
+
+
+def _limit_lines(axes: Axes, limited: np.ndarray, limits: tuple[float, float], unit: str) -> None:
+    """Draw each limit that the values approach within 20 % of the distance between the limits.
+
+    limited: (N,), values of the variable during the flight
+    limits: lowest and highest permitted value
+    """
+    lowest, highest = limits
+    for limit, near in (
+        (lowest, limited.min() < lowest + 0.2 * (highest - lowest)),
+        (highest, limited.max() > highest - 0.2 * (highest - lowest)),
+    ):
+        if near:
+            axes.axhline(
+                float(shown_values(limit, unit)),
+                color="black",
+                linestyle="--",
+                linewidth=0.8,
+                gid=_LIMIT,
+            )
+
+
+def _finish(axes: Axes, label: str) -> None:
+    axes.set_ylabel(label, fontsize=8)
+    axes.tick_params(labelsize=7)
+    axes.ticklabel_format(useOffset=False)
+    axes.grid(alpha=0.3)
+
+
+def series(flight: Any, name: str, p: np.ndarray) -> np.ndarray:
+    """Return the absolute values, (N,), of a state, an input or an output of the model.
+
+    flight: `Flight`, or another object with `model`, `states` and `inputs`
+    p: parameters of the simulated model
+
+    Raises BadInputError if the name is unknown.
+    """
+    model = flight.model
+    refuse_unknown("unknown variable", name, (*model.states, *model.inputs, *model.outputs))
+    if name in model.states:
+        return np.asarray(flight.states[:, list(model.states).index(name)])
+    if name in model.inputs:
+        return np.asarray(flight.inputs[:, list(model.inputs).index(name)])
+    count = len(flight.states)
+    parameters = np.tile(p[:, None], (1, count))
+    function = model.functions((name,)).map(count)
+    return np.array(function(flight.states.T, flight.inputs.T, parameters)[1]).ravel()
+
+
+def frame(flight: Flight) -> pandas.DataFrame:
+    """Return a pandas table of the absolute states and inputs, indexed by time in s."""
+    import pandas
+
+    columns = [*flight.model.states, *flight.model.inputs]
+    index = pandas.Index(flight.time, name="time")
+    return pandas.DataFrame(np.hstack([flight.states, flight.inputs]), index, columns)
+
+
+def dataset(flight: Flight) -> xarray.Dataset:
+    """Return an xarray Dataset of the absolute states and inputs over time, with units.
+
+    A linear prediction is included as NAME_linear for each state.
+    """
+    import xarray
+
+    model = flight.model
+    values = dict(zip(model.states, flight.states.T, strict=True))
+    values |= dict(zip(model.inputs, flight.inputs.T, strict=True))
+    variables = {
+        name: ("time", column, {"units": model.unit(name)}) for name, column in values.items()
+    }
+    if flight.predicted is not None:
+        predicted = flight.predicted.states + np.array(flight.point.states)
+        for name, column in zip(model.states, predicted.T, strict=True):
+            variables[f"{name}_linear"] = ("time", column, {"units": model.unit(name)})
+    time = ("time", flight.time, {"units": model.time_unit})
+    return xarray.Dataset(variables, {"time": time}, {"model": model.title})

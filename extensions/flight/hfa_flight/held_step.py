@@ -1,0 +1,90 @@
+"""Simulation of the aircraft over one sample with held inputs, X⁺ = F(X, U)."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.layout import Layout, components
+from hfa_aircraft.model import Model
+from hfa_flight.air.gust_equations import in_gusts
+from trim.point.operating_point import OperatingPoint
+
+#: Longest integration step, in time constants of the fastest mode. The error is 1e-6 of a
+#: deviation.
+_LONGEST = 0.2
+_MOST_PARTS = 1000
+
+
+def parts_of_a_sample(points: list[OperatingPoint], dt: float) -> int:
+    """Return the number of integration steps in a sample, from 1 to `_MOST_PARTS`.
+
+    The number follows from the fastest mode of the aircraft over the trims.
+
+    dt: sample time, s
+    """
+    fastest = 0.0
+    for point in points:
+        A = point.model.at(point.states, point.inputs).A
+        fastest = max(fastest, float(np.abs(np.linalg.eigvals(A)).max()))
+    return min(max(1, math.ceil(dt * fastest / _LONGEST)), _MOST_PARTS)
+
+
+@lru_cache(maxsize=16)
+def step_of_integration(
+    layout: Layout, linear: tuple[str, ...], winds: tuple[str, ...] = ()
+) -> ca.Function:
+    """Return the function [X; U; push; p; h] -> X after h seconds, one Runge-Kutta step of order 4.
+
+    X' = f(X, U, p, w) + d with (d, w) = push.
+
+    linear: states to whose rates d is added
+    winds: disturbances w
+
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2.
+    """
+    states = layout.names[0]
+    inputs = layout.names[1]
+    parameters = layout.names[2]
+    sizes = (len(states), len(inputs), len(linear) + len(winds), len(parameters))
+    X, U, push, p = (ca.SX.sym("x", size) for size in sizes)
+    every_wind = None
+    if winds:
+        wind = dict(zip(winds, ca.vertsplit(push)[len(linear) :], strict=True))
+        every_wind = [wind.get(name, 0.0) for name in layout.names[3]]
+    rates, _ = layout.expressions([components(vector) for vector in (X, U, p)], (), every_wind)
+    pushed = [
+        rate + (push[linear.index(name)] if name in linear else 0.0)
+        for name, rate in zip(states, ca.vertsplit(rates), strict=True)
+    ]
+    once = {"cse": True, "never_inline": True}
+    rate = ca.Function("rate", [ca.vertcat(X, U, push, p)], [ca.densify(ca.vertcat(*pushed))], once)
+    h = ca.SX.sym("h")
+    k1 = rate(ca.vertcat(X, U, push, p))
+    k2 = rate(ca.vertcat(X + h / 2 * k1, U, push, p))
+    k3 = rate(ca.vertcat(X + h / 2 * k2, U, push, p))
+    k4 = rate(ca.vertcat(X + h * k3, U, push, p))
+    after = X + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return ca.Function("step", [ca.vertcat(X, U, push, p, h)], [after], {"never_inline": True})
+
+
+def held_step(model: Model, dt: float, parts: int, winds: tuple[str, ...] = ()) -> ca.Function:
+    """Return the function (X, U, push, p) -> X after dt seconds, in `parts` integration steps.
+
+    X: (n,), absolute values
+    U: (m,), absolute values, held
+    push: (k + w,), rates added to those of the linear states, then the disturbances `winds`
+    p: parameters of the model
+    """
+    layout = in_gusts(model).layout if winds else model.layout
+    step = step_of_integration(layout, model.linear, winds)
+    pushes = len(model.linear) + len(winds)
+    sizes = (len(model.states), len(model.inputs), pushes, len(model.parameters))
+    X, U, push, p = (ca.MX.sym("x", size) for size in sizes)
+    after = X
+    for _ in range(parts):
+        after = step(ca.vertcat(after, U, push, p, dt / parts))
+    return ca.Function("held_step", [X, U, push, p], [after])

@@ -1,0 +1,37 @@
+"""Time history of a flight as arrays, one row for each step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hfa_flight.air.names import UPDRAFT
+from hfa_support.reporting.report import Reported
+
+
+@dataclass(frozen=True, repr=False)
+class Deviations(Reported):
+    """Time history of a flight in deviations from the trim, one row for each of N steps.
+
+    times: (N,), s
+    states: (N, n), states of the plant
+    errors: (N, k), z = x - x_d of the states of the linear model, without noise
+    inputs: (N, m)
+    memory: (N, l), memory of the policy
+    limited: (N, n), the states. In moving air, the angle of attack replaces alpha
+    winds: disturbance of the model that the scenario sets -> (N,)
+    """
+
+    times: np.ndarray
+    states: np.ndarray
+    errors: np.ndarray
+    inputs: np.ndarray
+    memory: np.ndarray
+    limited: np.ndarray
+    winds: dict[str, np.ndarray]
+
+    @property
+    def updrafts(self) -> np.ndarray:
+        """Updraft at each time, (N,), positive up, in the model's units, or 0 in still air."""
+        return self.winds.get(UPDRAFT, np.zeros(len(self.times)))

@@ -1,0 +1,1 @@
+"""Policies that fly: gains, schedules, controllers and deployments."""

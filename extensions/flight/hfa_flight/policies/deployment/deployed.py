@@ -1,0 +1,372 @@
+"""Deployments on an aircraft, as CasADi functions of its state and input.
+
+Each function of X also has the argument `trim` = (X0; U0; p). One compiled function thus serves
+all trims.
+
+    observe(X, U, trim) -> o        observations of a sample; U is the input just before the sample
+    act(o) -> a                     action for the observations of all samples, the oldest first
+    inputs(a, X, U, trim) -> U      inputs of the aircraft, within its limits
+    sampled(X, U, trim, past) -> (U, past)   the three functions at a sample, with a history
+    command(X, U, trim) -> U        the three functions, with all earlier observations equal to o
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.critic import symbols_for
+from hfa_aircraft.layout import components
+from hfa_aircraft.limits import Limits
+from hfa_aircraft.model import Model
+from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_flight.policies.deployment.formulas import Formula, read_formula
+from hfa_support.arguments import checks_arguments
+from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown, shortened
+from trim.point.operating_point import OperatingPoint
+
+#: Names in a map in addition to the names of the aircraft.
+ACTION = "a"
+TRIM = "trim"
+
+
+@checks_arguments
+@dataclass(frozen=True, eq=False)
+class Deployed:
+    """Deployment on an aircraft, as functions of the aircraft's states and inputs.
+
+    deployment: the deployment.
+    model: the aircraft.
+
+    Raises a BadInputError that names the wrong entry of the deployment file and the known names.
+    """
+
+    deployment: Deployment
+    model: Model
+
+    def __post_init__(self) -> None:
+        """Check every name of the deployment, its formulas and its cost."""
+        with prefix_errors(self.deployment.origin):
+            _ = self.observed
+            for name in self.deployment.action:
+                refuse_unknown("action names the unknown input", name, tuple(self.model.inputs))
+            _ = self.maps
+            self._refuse_cost()
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Return the names that formulas may contain: states, inputs and outputs."""
+        return (*self.model.states, *self.model.inputs, *self.model.outputs)
+
+    @cached_property
+    def observed(self) -> tuple[Formula, ...]:
+        """Formula of each observation, in order.
+
+        Raises BadInputError for a wrong formula.
+        """
+        formulas = []
+        for name, entry in self.deployment.observation.items():
+            with prefix_errors(f"observation.{shortened(name)}"):
+                formulas.append(read_formula(entry.get("formula", name), self.names))
+        return tuple(formulas)
+
+    @cached_property
+    def maps(self) -> tuple[Formula, ...]:
+        """Formula of the input that each action moves, in the order of the actions.
+
+        Raises BadInputError for a formula that is wrong or lacks the action.
+        """
+        formulas = []
+        for name, entry in self.deployment.action.items():
+            with prefix_errors(f"action.{name}.map"):
+                text = entry.get("map", f"{TRIM} + {ACTION}")
+                formula = read_formula(text, (ACTION, TRIM, *self.names))
+                if ACTION not in formula.names:
+                    raise BadInputError(
+                        f"the formula does not contain the action; write {ACTION} for the action"
+                    )
+                formulas.append(formula)
+        return tuple(formulas)
+
+    @property
+    def commanded(self) -> tuple[str, ...]:
+        """Inputs that the policy moves, in the order of its actions."""
+        return tuple(self.deployment.action)
+
+    def _refuse_cost(self) -> None:
+        cost = self.deployment.cost
+        if cost is None:
+            return
+        for name in cost["Q"]:
+            known = (*self.model.linear, *self.model.outputs)
+            refuse_unknown("cost.Q names the unknown state or output", name, known)
+        for name in cost["R"]:
+            refuse_unknown("cost.R names the input that no action moves,", name, self.commanded)
+        for name in self.commanded:
+            if name not in cost["R"]:
+                raise BadInputError(
+                    f"cost.R has no weight for {name}; give a weight for each "
+                    "input that an action moves"
+                )
+
+    # Symbols.
+
+    def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Return new symbols of X (n,), U (m,) and trim = (X0; U0; p)."""
+        n, m = len(self.model.states), len(self.model.inputs)
+        count = n + m + len(self.model.parameters)
+        return ca.SX.sym("X", n), ca.SX.sym("U", m), ca.SX.sym("trim", count)
+
+    def trim_vector(self, point: OperatingPoint) -> np.ndarray:
+        """Return the vector trim = (X0; U0; p) of an operating point."""
+        return np.concatenate([point.states, point.inputs, point.model.p])
+
+    def values(self, X: ca.SX, U: ca.SX, trim: ca.SX) -> dict[str, ca.SX]:
+        """Return the expressions of all states, inputs and outputs in still air, by name."""
+        model = self.model
+        p = trim[len(model.states) + len(model.inputs) :]
+        vectors = [components(vector) for vector in (X, U, p)]
+        outputs = tuple(model.outputs)
+        _, y = model.layout.expressions(vectors, outputs)
+        columns = [*vectors[0], *vectors[1], *components(y)]
+        return dict(zip(self.names, columns, strict=True))
+
+    def _at_trim(self, trim: ca.SX) -> dict[str, ca.SX]:
+        """Return the expressions of all states, inputs and outputs at the trim, by name."""
+        n, m = len(self.model.states), len(self.model.inputs)
+        return self.values(trim[:n], trim[n : n + m], trim)
+
+    def refuse_undefined_at(
+        self, points: Iterable[OperatingPoint], action: np.ndarray | None = None
+    ) -> None:
+        """Raise BadInputError if an observation, the policy or a map is not finite at a trim.
+
+        Observations must have finite derivatives with respect to X and U, and maps with respect to
+        the action.
+
+        action: (m,), replaces the action of a policy that is not trained yet
+        """
+        with prefix_errors(self.deployment.origin):
+            for point in points:
+                n = len(self.model.states)
+                m = len(self.model.inputs)
+                trim = self.trim_vector(point)
+                at_trim = (trim[:n], trim[n : n + m], trim)
+                entries = self.deployment.observation
+                o = _refuse_undefined("observation", entries, self.observe, at_trim, (0, 1))
+                o = np.tile(o, self.deployment.history)
+                arguments = (self._action_at(o) if action is None else action, *at_trim)
+                inputs = tuple(self.model.inputs)  # those without a map stay at the trim
+                _refuse_undefined("action", inputs, self.unlimited_inputs, arguments, (0,))
+
+    def _action_at(self, o: np.ndarray) -> np.ndarray:
+        """Return the action (m,) of the policy for the observations o.
+
+        o: observations of all samples of the history
+
+        Raises BadInputError if the action is not finite.
+        """
+        a = np.array(self.act(o)).ravel()
+        if not np.isfinite(a).all():
+            raise BadInputError(
+                "the output of policy.file is not finite at the trim; check the weights and the "
+                "normalizer of the policy"
+            )
+        return a
+
+    # Functions.
+
+    @cached_property
+    def observe(self) -> ca.Function:
+        """Function (X, U, trim) -> o, the observations (k,) of one sample."""
+        X, U, trim = self._symbols()
+        values = self.values(X, U, trim)
+        at_trim = self._at_trim(trim)
+        entries = []
+        cards = self.deployment.observation.values()
+        for formula, card in zip(self.observed, cards, strict=True):
+            about: Any = card.get("about", "trim")
+            if about == "trim":
+                about = formula.value(at_trim)
+            entries.append((formula.value(values) - about) / card.get("scale", 1.0))
+        return ca.Function("observe", [X, U, trim], [ca.densify(ca.vertcat(*entries))])
+
+    @cached_property
+    def normalized(self) -> ca.Function:
+        """Function o -> (normalized observations without the clip, inputs of the network).
+
+        Without a normalizer, both results are o.
+        """
+        normalizer = self.deployment.normalizer
+        o = ca.SX.sym("o", self.deployment.width)
+        if normalizer is None:
+            return ca.Function("normalized", [o], [o, o])
+        normal = normalizer.before_clip(o)
+        seen = ca.fmin(ca.fmax(normal, -normalizer.clip), normalizer.clip)
+        return ca.Function("normalized", [o], [ca.densify(part) for part in (normal, seen)])
+
+    @cached_property
+    def action(self) -> ca.Function:
+        """Function that clips or squashes the outputs of the network to the box of the actions.
+
+        It maps the outputs (m,) to the action a (m,).
+        """
+        low, high = self.deployment.box
+        actor = self.deployment.actor
+        raw = ca.SX.sym("raw", len(self.commanded))
+        if actor.squash:
+            mean = ca.fmin(ca.fmax(raw, -actor.clip_mean), actor.clip_mean)
+            action = ca.DM(low) + 0.5 * (ca.tanh(mean) + 1.0) * ca.DM(high - low)
+        else:
+            action = ca.fmin(ca.fmax(raw, ca.DM(low)), ca.DM(high))
+        return ca.Function("action", [raw], [ca.densify(action)])
+
+    @cached_property
+    def stages(self) -> ca.Function:
+        """Function o -> (normalized observations without the clip, network's output, action)."""
+        network = self.deployment.actor.function
+        o = symbols_for([network], self.deployment.width)
+        normal, seen = self.normalized(o)
+        raw = ca.densify(ca.vec(network(seen)))
+        return ca.Function("stages", [o], [normal, raw, self.action(raw)])
+
+    @cached_property
+    def act(self) -> ca.Function:
+        """Function o -> a, the action (m,) in the units of the box, or nan if o contains nan."""
+        o = symbols_for([self.stages], self.deployment.width)
+        a = _unless_nan(ca.sum1(o), self.stages(o)[2])
+        return ca.Function("act", [o], [ca.densify(a)])
+
+    @cached_property
+    def unlimited_inputs(self) -> ca.Function:
+        """Function (a, X, U, trim) -> all inputs of the aircraft.
+
+        The inputs are not clipped to the control limits.
+        """
+        X, U, trim = self._symbols()
+        a = ca.SX.sym("a", len(self.commanded))
+        values = self.values(X, U, trim)
+        inputs = tuple(self.model.inputs)
+        n = len(self.model.states)
+        entries = [trim[n + index] for index in range(len(inputs))]
+        for number, (name, formula) in enumerate(zip(self.commanded, self.maps, strict=True)):
+            index = inputs.index(name)
+            own = {ACTION: a[number], TRIM: trim[n + index]}
+            entries[index] = formula.value({**values, **own})
+        return ca.Function("unlimited_inputs", [a, X, U, trim], [ca.densify(ca.vertcat(*entries))])
+
+    @cached_property
+    def inputs(self) -> ca.Function:
+        """Function (a, X, U, trim) -> all inputs of the aircraft.
+
+        Commanded inputs are within their limits.
+        """
+        X, U, trim = self._symbols()
+        a = ca.SX.sym("a", len(self.commanded))
+        limits = Limits.of(self.model, tuple(self.model.inputs))
+        unlimited = self.unlimited_inputs(a, X, U, trim)
+        # An input that no action moves keeps its trim value, even outside its limits.
+        low = np.where([name in self.commanded for name in limits.names], limits.lowest, -np.inf)
+        high = np.where([name in self.commanded for name in limits.names], limits.highest, np.inf)
+        within = ca.fmin(ca.fmax(unlimited, ca.DM(low)), ca.DM(high))
+        within = _unless_nan(unlimited, within)
+        return ca.Function("inputs", [a, X, U, trim], [ca.densify(within)])
+
+    @property
+    def past(self) -> int:
+        """Number of entries of `past`, the observations of all earlier samples of the history."""
+        return self.deployment.width - len(self.deployment.observation)
+
+    @cached_property
+    def sampled(self) -> ca.Function:
+        """Function (X, U, trim, past) -> (commanded U, past of the next sample).
+
+        past: observations of the earlier samples in the history, the oldest first.
+        """
+        n, m = len(self.model.states), len(self.model.inputs)
+        count = n + m + len(self.model.parameters)
+        kind = type(symbols_for([self.act], 1))
+        X = kind.sym("X", n)
+        U = kind.sym("U", m)
+        trim = kind.sym("trim", count)
+        past = kind.sym("past", self.past)
+        frames = ca.vertcat(past, self.observe(X, U, trim))
+        commanded = self.inputs(self.act(frames), X, U, trim)
+        later = frames[frames.numel() - self.past :]
+        results = [ca.densify(part) for part in (commanded, later)]
+        return ca.Function("sampled", [X, U, trim, past], results)
+
+    @cached_property
+    def command(self) -> ca.Function:
+        """Function (X, U, trim) -> commanded U.
+
+        The observations are equal in all samples of the history.
+        """
+        n, m = len(self.model.states), len(self.model.inputs)
+        count = n + m + len(self.model.parameters)
+        kind = type(symbols_for([self.act], 1))
+        X = kind.sym("X", n)
+        U = kind.sym("U", m)
+        trim = kind.sym("trim", count)
+        a = self.act(ca.repmat(self.observe(X, U, trim), self.deployment.history))
+        return ca.Function("command", [X, U, trim], [ca.densify(self.inputs(a, X, U, trim))])
+
+    @cached_property
+    def command_slopes(self) -> ca.Function:
+        """Function (X, U, trim) -> (commanded U, derivatives by X (m, n), derivatives by U (m, m)).
+
+        The argument U is the input just before the sample.
+        """
+        n, m = len(self.model.states), len(self.model.inputs)
+        count = n + m + len(self.model.parameters)
+        kind = type(symbols_for([self.command], 1))
+        X = kind.sym("X", n)
+        U = kind.sym("U", m)
+        trim = kind.sym("trim", count)
+        commanded = self.command(X, U, trim)
+        slopes = [ca.jacobian(commanded, X), ca.jacobian(commanded, U)]
+        parts = [ca.densify(part) for part in (commanded, *slopes)]
+        return ca.Function("command_slopes", [X, U, trim], parts)
+
+
+def _unless_nan(seen: ca.SX, value: ca.SX) -> ca.SX:
+    """Return an expression that equals `value`, but is NaN where `seen` is NaN.
+
+    It is needed because a ReLU or a clip removes a NaN of its argument.
+    """
+    is_number = ca.logic_or(seen <= 0.0, seen > 0.0)
+    return ca.if_else(is_number, value, ca.DM.nan())
+
+
+def _refuse_undefined(
+    table: str,
+    entries: Iterable[str],
+    function: ca.Function,
+    arguments: tuple[Any, ...],
+    varied: tuple[int, ...],
+) -> np.ndarray:
+    """Return the values of a function for the entries of a table of the deployment file, (k,).
+
+    Raises BadInputError if a value, or its derivative with respect to a varied argument, is not
+    finite.
+
+    table: name of the table
+    entries: names of the entries, in the order of the values
+    varied: positions of the varied arguments
+    """
+    values = np.array(function(*arguments)).ravel()
+    slopes = function.jacobian()(*arguments, function(*arguments))
+    by_varied = np.hstack([np.array(slopes[index]) for index in varied])
+    is_defined = np.isfinite(values) & np.isfinite(by_varied).all(axis=1)
+    for name, defined in zip(entries, is_defined.tolist(), strict=True):
+        if not defined:
+            raise BadInputError(
+                f"{table}.{name}: the formula or the derivative is not finite at the trim; write "
+                "a formula that is smooth at the trim"
+            )
+    return values

@@ -1,0 +1,404 @@
+"""Deployment of a policy: observations, actions and timing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from controller.critic.critic_file import critic_in
+from controller.game.zero_sum import Game
+from hfa_aircraft.names import PlantNames
+from hfa_flight.policies.deployment.actor import (
+    NONE as NONE,
+    Actor,
+    gain_function,
+    read_actor,
+    stored_gain,
+)
+from hfa_flight.policies.deployment.normalizer import Normalizer, normalizer_of, read_normalizer
+from hfa_support.arguments import checks_arguments
+from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown, shown
+from hfa_support.files import read_toml
+from hfa_support.reporting.report import Reported
+from hfa_support.schema import NUMBER, POSITIVE, Number, checked
+
+if TYPE_CHECKING:
+    from hfa_aircraft.model import Model
+
+#: Largest delay that is assessed, in samples.
+MOST_SAMPLES = 100
+#: Largest number of samples that a policy may use.
+MOST_FRAMES = 100
+#: Permitted sample times, s. A flight of minutes then has at most a million samples.
+_SAMPLE = Number(1e-4, 10.0)
+_FROM_0 = Number(0.0)
+_OBSERVED: dict[Any, Any] = {"about": None, "scale": NUMBER, "formula": str}
+_ACTED: dict[Any, Any] = {"box": [NUMBER], "map": str}
+_POLICY: dict[Any, Any] = {
+    "file": None,
+    "normalizer": None,
+    "activation": str,
+    "layout": [POSITIVE],
+    "squash": None,
+    "network": str,
+}
+_CARD: dict[Any, Any] = {
+    "policy": _POLICY,
+    "observation*": {str: _OBSERVED},
+    "action*": {str: _ACTED},
+    "timing*": {"dt*": _SAMPLE, "delay": _FROM_0, "history": Number(1, MOST_FRAMES)},
+    "cost": {"Q*": {str: _FROM_0}, "R*": {str: POSITIVE}},
+}
+_NORMALIZER: dict[Any, Any] = {
+    "mean*": [NUMBER],
+    "variance*": [_FROM_0],
+    "epsilon": _FROM_0,
+    "clip": Number(0.0, above=True, infinite=True),
+}
+
+
+@checks_arguments
+@dataclass(frozen=True, eq=False, repr=False)
+class Deployment(Reported):
+    """Observations, actions and timing of a policy.
+
+    policy: file (a path or a CasADi Function), normalizer, and settings that the file does not
+        store: activation, layout, squash, network. Without a file the deployment describes an
+        environment for training.
+    observation: name or formula -> about ("trim" or a number) and scale, in the order of the
+        network's inputs. An observation is (value - about) / scale.
+    action: input -> box (lowest, highest) and map, a formula of a, trim and names of the aircraft.
+    timing: dt, delay and history. dt is the sample time, s. delay is the time from a sample until
+        its action moves the input, s. history is the number of samples whose observations the
+        policy uses, the oldest first, by default 1.
+    cost: Q of states or outputs, R of inputs, or None if unknown.
+    folder: folder of relative file names.
+    origin: name of the deployment file, for messages.
+
+    Raises BadInputError for a wrong entry. `on(model)` checks the names.
+
+    >>> import casadi as ca
+    >>> import hfa
+    >>> o = ca.SX.sym("o", 2)
+    >>> card = hfa.Deployment(
+    ...     policy={"file": ca.Function("policy", [o], [-0.5 * o[1]])},
+    ...     observation={"alpha": {}, "pitch_rate": {}},
+    ...     action={"elevator": {"box": [-1, 1], "map": "trim + 0.3 * a"}},
+    ...     timing={"dt": 0.02},
+    ... )
+    >>> card.dt, card.delay
+    (0.02, 0.0)
+    """
+
+    how_to_make: ClassVar[str] = (
+        "hfa.Deployment.load(FILE) or hfa.Deployment(policy, observation, action, timing)"
+    )
+
+    policy: Mapping[str, Any]
+    observation: Mapping[str, Any]
+    action: Mapping[str, Any]
+    timing: Mapping[str, Any]
+    cost: Mapping[str, Any] | None = None
+    folder: Path = field(default_factory=Path)
+    origin: str = "the deployment"
+
+    def __post_init__(self) -> None:
+        """Check every entry that can be checked without the aircraft."""
+        with prefix_errors(self.origin):
+            entries = {
+                name: _plain(getattr(self, name))
+                for name in ("policy", "observation", "action", "timing", "cost")
+            }
+        if entries["cost"] is None:
+            del entries["cost"]
+        card = checked(self.origin, entries, _CARD)
+        for name, value in card.items():
+            object.__setattr__(self, name, value)
+        with prefix_errors(self.origin):
+            self._check_policy()
+            self._check_observation()
+            self._check_action()
+            self._check_timing()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the tables of the deployment for pickling.
+
+        The content of the policy's files is omitted. An unpickled copy reads the files again.
+        """
+        return {each.name: getattr(self, each.name) for each in fields(self)}
+
+    @staticmethod
+    @checks_arguments
+    def load(path: str | Path) -> Deployment:
+        """Load the deployment in the TOML file `path`.
+
+        Raises a BadInputError that names the file, the wrong entry and the correction.
+        """
+        if Path(path).suffix.lower() != ".toml":
+            raise BadInputError(
+                f"{path} is not a deployment file (.toml); give a .toml file in which policy.file "
+                "is the path of the policy"
+            )
+        try:
+            entries = read_toml(path)
+        except OSError as error:
+            raise BadInputError(
+                f"{path} cannot be read ({error.strerror or error}); give a readable file"
+            ) from error
+        tables = ("policy", "observation", "action", "timing", "cost")
+        for name in entries:
+            refuse_unknown(f"{path}: unknown table", name, tables)
+        for name in tables[:-1]:
+            if name not in entries:
+                raise BadInputError(f"{path}: the table [{name}] is missing; add this table")
+        if "file" not in entries["policy"]:
+            raise BadInputError(
+                f"{path}: policy.file is missing; give the path of the file that "
+                "contains the policy"
+            )
+        return Deployment(**entries, folder=Path(path).parent, origin=str(path))
+
+    @staticmethod
+    def of(given: Deployment | str | Path) -> Deployment:
+        """Return a deployment unchanged, or load it from the TOML file with this path."""
+        return given if isinstance(given, Deployment) else Deployment.load(given)
+
+    @staticmethod
+    @checks_arguments
+    def usual(model: Model, dt: float = 0.02) -> Deployment:
+        """Return a default deployment of a model, for training.
+
+        All linear states are observed, as deviations from the trim divided by the nominal values.
+        All inputs are actions. An action a in [-1, 1] moves an input by up to half its range, or by
+        its nominal value if a limit is not finite.
+
+        dt: sample time, s
+        """
+        action = {}
+        for name, signal in model.inputs.items():
+            half = (signal.max - signal.min) / 2
+            size = half if math.isfinite(half) else signal.nominal
+            action[name] = {"box": [-1.0, 1.0], "map": f"trim + {size!r} * a"}
+        return Deployment(
+            policy={},
+            observation={name: {"scale": model.states[name].nominal} for name in model.linear},
+            action=action,
+            timing={"dt": dt},
+        )
+
+    def _check_policy(self) -> None:
+        squash = self.policy.get("squash")
+        if squash is not None and not isinstance(squash, bool):
+            raise BadInputError(f"policy.squash is {shown(squash)}; give true or false")
+        normalizer = self.policy.get("normalizer")
+        if isinstance(normalizer, dict):
+            checked("policy.normalizer", normalizer, _NORMALIZER)
+        elif normalizer is not None and not isinstance(normalizer, (str, Path)):
+            raise BadInputError(
+                "policy.normalizer is neither a file nor a table; give a file, or a table of "
+                "mean, variance, epsilon and clip"
+            )
+
+    def _check_observation(self) -> None:
+        if not self.observation:
+            raise BadInputError("observation is empty; list the inputs of the network, in order")
+        for name, entry in self.observation.items():
+            about = entry.get("about", "trim")
+            if about != "trim" and NUMBER.of(about) is None:
+                raise BadInputError(
+                    f'observation.{name}.about is {shown(about)}; give "trim" or a number'
+                )
+            if entry.get("scale", 1.0) == 0.0:
+                raise BadInputError(f"observation.{name}.scale is 0; give a divisor other than 0")
+
+    def _check_action(self) -> None:
+        if not self.action:
+            raise BadInputError(
+                "action is empty; list the inputs of the aircraft that the "
+                "network commands, in order"
+            )
+        for name, entry in self.action.items():
+            box = entry.get("box")
+            if box is not None and not (len(box) == 2 and box[0] < box[1]):
+                raise BadInputError(
+                    f"action.{name}.box is {shown(box)}; give [lowest, highest] "
+                    "with lowest < highest"
+                )
+
+    def _check_timing(self) -> None:
+        history = self.timing.get("history", 1)
+        if history != int(history):
+            raise BadInputError(f"timing.history is {history:g}; give a whole number of samples")
+        if self.delay > MOST_SAMPLES * self.dt:
+            raise BadInputError(
+                f"timing.delay is {self.delay:g} s; give at most "
+                f"{MOST_SAMPLES * self.dt:g} s ({MOST_SAMPLES} samples)"
+            )
+
+    @property
+    def dt(self) -> float:
+        """Sample time, s."""
+        return float(self.timing["dt"])
+
+    @property
+    def delay(self) -> float:
+        """Time from a sample until the command computed from it acts, s."""
+        return float(self.timing.get("delay", 0.0))
+
+    @property
+    def history(self) -> int:
+        """Number of samples whose observations are inputs of the policy."""
+        return int(self.timing.get("history", 1))
+
+    @property
+    def width(self) -> int:
+        """Number of inputs of the policy: observations times samples of the history."""
+        return self.history * len(self.observation)
+
+    @cached_property
+    def actor(self) -> Actor:
+        """Network of the policy.
+
+        Raises BadInputError if the policy's file is missing, cannot be read or contradicts the
+        deployment file.
+        """
+        sizes = (len(self.observation), self.history, len(self.action))
+        try:
+            return read_actor(self.policy, self.folder, *sizes)
+        except BadInputError as error:  # its missing settings are given in this file, not typed
+            raise BadInputError(f"{self.origin}: {error}") from error
+
+    @cached_property
+    def normalizer(self) -> Normalizer | None:
+        """Normalizer of the observations before the network, or None if the deployment has none.
+
+        A normalizer for one sample is applied to each sample of the history. Raises BadInputError
+        if the normalizer cannot be read, or if its size fits neither one sample nor the history.
+        """
+        stored = self.policy.get("normalizer")
+        if stored is None or stored == NONE:
+            return None
+        with prefix_errors(self.origin):
+            if isinstance(stored, dict):
+                normalizer: Normalizer | None = normalizer_of(stored)
+            else:
+                normalizer = read_normalizer(self.folder / stored)
+            if normalizer is not None and normalizer.mean.size == len(self.observation):
+                return normalizer.of_frames(self.history)
+            if normalizer is not None and normalizer.mean.size != self.width:
+                raise BadInputError(
+                    f"{normalizer.origin} normalizes {normalizer.mean.size} observations, but the "
+                    f"deployment file lists {len(self.observation)}; give the normalizer of this "
+                    "policy"
+                )
+        return normalizer
+
+    @cached_property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest action, (m,) each, from the policy's file or the deployment file.
+
+        Without a box the limits are infinite. Raises BadInputError if the two files differ, or if a
+        squashed action has no finite box.
+        """
+        low = np.full(len(self.action), -np.inf)
+        high = np.full(len(self.action), np.inf)
+        stored = self.actor.box if "file" in self.policy else None
+        for index, (name, entry) in enumerate(self.action.items()):
+            if "box" in entry:
+                low[index], high[index] = entry["box"]
+            if stored is None:
+                continue
+            of_file = np.array([stored[0][index], stored[1][index]])
+            if "box" in entry and not np.allclose(entry["box"], of_file, rtol=1e-6, atol=1e-9):
+                raise BadInputError(
+                    f"{self.origin}: action.{name}.box is {shown(entry['box'])}, but the policy "
+                    f"contains the box {of_file.tolist()}; remove action.{name}.box"
+                )
+            low[index], high[index] = of_file
+        squash = self.actor.squash if "file" in self.policy else False
+        if squash and not np.all(np.isfinite(low) & np.isfinite(high)):
+            raise BadInputError(
+                f"{self.origin}: a policy with squashed actions requires a box for each action; "
+                "give box = [lowest, highest]"
+            )
+        return low, high
+
+    def changed(self, **changes: Any) -> Deployment:
+        """Return the deployment with some tables replaced.
+
+        The policy's files are reread only if the table `policy` is replaced.
+        """
+        made = replace(self, **changes)
+        if "policy" not in changes:
+            for name in ("actor", "normalizer"):
+                if name in self.__dict__:
+                    made.__dict__[name] = self.__dict__[name]
+        return made
+
+
+def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
+    """Return the deployment of the gain K in an .npz file or a critic's file.
+
+    The policy is u = -K x with all inputs. x are the deviations of all linear states from the trim,
+    sampled every dt seconds.
+
+    Raises BadInputError if K has another shape or the file contains no linear policy.
+    """
+    wanted = (len(model.inputs), len(model.linear))
+    in_arrays = path.suffix.lower() == ".npz"
+    K = stored_gain(path) if in_arrays else _gain_of_critic(path, model)
+    if K is None or K.shape != wanted:
+        given = "the file contains no K" if K is None else f"K is {K.shape[0]} x {K.shape[1]}"
+        raise BadInputError(
+            f"{path}: {given}; give a K of {wanted[0]} x {wanted[1]} (inputs "
+            f"{', '.join(model.inputs)} by states {', '.join(model.linear)}), or a "
+            "deployment file"
+        )
+    return Deployment(
+        policy={"file": path.name if in_arrays else gain_function(K)},
+        observation={name: {} for name in model.linear},
+        action={name: {} for name in model.inputs},
+        timing={"dt": dt},
+        folder=path.parent,
+        origin=str(path),
+    )
+
+
+def _gain_of_critic(path: Path, model: Model) -> np.ndarray:
+    """Return the gain K in a critic's file.
+
+    Raises BadInputError if the critic is not linear or its policy is given separately.
+    """
+    n, m = len(model.linear), len(model.inputs)
+    names = PlantNames(tuple(model.linear), tuple(model.inputs), origin=model.name)
+    plant = Game(np.eye(n), np.zeros((n, m)), np.eye(n), np.eye(n), np.eye(m), np.inf, names=names)
+    critic = critic_in(path, plant)
+    if critic.feedback is not None or not critic.linear:
+        raise BadInputError(
+            f"{path}: the file contains no linear policy u = -K x; write a "
+            "deployment file for this policy"
+        )
+    return critic.K
+
+
+def _plain(value: Any) -> Any:
+    """Return a value with mappings as dictionaries, tuples and arrays as lists, as read from TOML.
+
+    Raises BadInputError for a key that is not a string.
+    """
+    if isinstance(value, Mapping):
+        for name in value:
+            if not isinstance(name, str):
+                raise BadInputError(f"the key {shown(name)} is not text; write the key in quotes")
+        return {name: _plain(entry) for name, entry in value.items()}
+    if isinstance(value, tuple):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return value

@@ -1,0 +1,170 @@
+"""Contradictions between the files of a policy and its deployment file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from enum import Enum
+
+import numpy as np
+
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.deployment import NONE
+from hfa_flight.policies.deployment.normalizer import Normalizer
+from hfa_flight.policies.deployment.stable_baselines import Zip
+
+#: Least number of observations to recognize a line, and the largest distance from it, relative to
+#: their range. Observations are in single precision. Those one sample apart differ by about 1e-3.
+_ON_A_LINE = 3
+_STRAIGHT = 1e-4
+#: Largest standard deviation of a state in training, in ranges of the state, and least number of
+#: observations of a normalizer's statistics.
+_SPANS = 1.5
+_MANY = 1000.0
+#: Initial count of a VecNormalize.
+_COUNT_AT_FIRST = 1e-4
+
+
+def notes_on_files(deployed: Deployed) -> list[str]:
+    """Return a sentence for each contradiction between the policy's files and its deployment file.
+
+    A warning is added if the files leave open whether a normalizer is missing. The list is empty
+    for a policy that uses earlier samples.
+    """
+    stored = deployed.deployment.actor.stored
+    if deployed.past:
+        return []
+    notes: list[str] = []
+    normalizer = deployed.deployment.normalizer
+    if stored is not None and stored.timesteps > 0:
+        of_normalizer = _note_on_normalizer(deployed, stored, normalizer)
+        if of_normalizer:
+            return [of_normalizer]  # its statistics are not those of this training
+    if normalizer is not None:
+        notes += _impossible_spreads(deployed, normalizer)
+    return notes
+
+
+def _note_on_normalizer(deployed: Deployed, stored: Zip, normalizer: Normalizer | None) -> str:
+    """Return a sentence on an omitted, superfluous or other checkpoint's normalizer, or "".
+
+    If the files leave open whether a normalizer is omitted, the sentence says so.
+
+    stored: settings in the policy's zip
+    normalizer: normalizer of the deployment, or None
+    """
+    if deployed.deployment.policy.get("normalizer") is None:
+        training = _normalizer_in_training(stored)
+        if training is _Training.NORMALIZED:
+            return (
+                "the policy was trained with a VecNormalize that the deployment file omits: give "
+                f'its file as normalizer, or normalizer = "{NONE}" where it normalized only rewards'
+            )
+        if training is _Training.UNKNOWN:
+            return (
+                f"the file of the {stored.algorithm} does not show whether it was trained with a "
+                "VecNormalize, and the deployment file has no normalizer: if it was, give its "
+                f'file; else normalizer = "{NONE}"'
+            )
+        return ""
+    if normalizer is None:
+        return ""
+    has_records = stored.last is not None and (stored.on_policy or stored.last_original is not None)
+    if has_records and _normalizer_in_training(stored) is _Training.NONE:
+        return f"the policy was trained without a VecNormalize; leave {normalizer.origin} out"
+    if is_of_another_checkpoint(stored, normalizer):
+        return (
+            f"{normalizer.origin} has counted {normalizer.count:.0f} observations, the policy "
+            f"{stored.timesteps + stored.environments}: it belongs to another checkpoint"
+        )
+    return ""
+
+
+def _impossible_spreads(deployed: Deployed, normalizer: Normalizer) -> Iterator[str]:
+    """Yield a sentence for each state whose spread in training exceeds its limits.
+
+    The unit or the scale in the deployment file then differs from that in the training.
+    """
+    model = deployed.model
+    if normalizer.count <= _MANY:
+        return
+    entries = deployed.deployment.observation.items()
+    for (name, entry), variance in zip(entries, normalizer.variance.tolist(), strict=True):
+        state = entry.get("formula", name)
+        low, high = model.limits.get(state, (-math.inf, math.inf))
+        spread = math.sqrt(variance) * abs(float(entry.get("scale", 1.0)))
+        if state in model.states and spread > _SPANS * (high - low):
+            yield (
+                f"{name}: with this scale its spread in training was "
+                f"{model.describe(state, spread)}, more than its limits allow: its unit or scale "
+                "differs from the training"
+            )
+
+
+class _Training(Enum):
+    """Evidence in a policy's file of a VecNormalize in the training."""
+
+    NONE = "none, or none that normalized observations"
+    UNKNOWN = "nothing"
+    NORMALIZED = "one"
+
+
+def _normalizer_in_training(stored: Zip) -> _Training:
+    """Return the evidence on whether the training used a VecNormalize.
+
+    PPO and A2C store an original observation only with a VecNormalize. SAC and TD3 always store an
+    original observation. With a VecNormalize, each column of the last observation is a linear
+    function of the original one. Without a VecNormalize, the original is the observation one sample
+    earlier. With too few environments for a linear function, the result is UNKNOWN. The result is
+    NONE if the last or the original observation is not stored, or if both are equal.
+    """
+    if stored.last is None or stored.last_original is None:
+        return _Training.NONE
+    if stored.on_policy:
+        return _Training.NORMALIZED
+    if np.array_equal(stored.last, stored.last_original):
+        return _Training.NONE
+    distance = _distance_from_lines(stored.last_original, stored.last)
+    if not math.isfinite(distance):
+        return _Training.UNKNOWN
+    return _Training.NORMALIZED if distance < _STRAIGHT else _Training.NONE
+
+
+def _distance_from_lines(original: np.ndarray, last: np.ndarray) -> float:
+    """Return the distance of the last observations from a linear function of the original ones.
+
+    The distance is the largest over the columns, relative to the range of the column. Clipped
+    values are omitted. The result is nan if all columns have too few values or no range.
+
+    original, last: (E, k), for E environments
+    """
+    clip = np.abs(last).max()
+    distances = []
+    for before, after in zip(original.T, last.T, strict=True):
+        is_free = np.abs(after) < clip
+        span = np.ptp(after[is_free]) if is_free.sum() >= _ON_A_LINE else 0.0
+        if span > 0.0:
+            x = before[is_free] - before[is_free].mean()
+            y = after[is_free] - after[is_free].mean()
+            slope = x @ y / max(x @ x, np.finfo(float).tiny)
+            distances.append(float(np.abs(y - slope * x).max() / span))
+    return max(distances, default=math.nan)
+
+
+def is_of_another_checkpoint(stored: Zip, normalizer: Normalizer) -> bool:
+    """Return whether normalizer and policy are from different checkpoints.
+
+    At equal checkpoints, the normalizer has counted one observation per environment more than the
+    policy. A second call of `learn` restarts the policy's count. The result is therefore False if
+    the normalized last observations agree with those of the policy. The result is also False if the
+    normalizer's count or the policy's last observations are unknown.
+    """
+    if not math.isfinite(normalizer.count) or stored.last is None:
+        return False
+    for original in (normalizer.last, stored.last_original):
+        if original is not None and original.shape == stored.last.shape:
+            again = normalizer.normalized(original)
+            if np.allclose(again, stored.last, rtol=1e-2, atol=1e-2):
+                return False
+    expected = stored.timesteps + stored.environments + _COUNT_AT_FIRST
+    return abs(normalizer.count - expected) > 0.5

@@ -1,0 +1,178 @@
+"""Deployment files as policies of `hfa fly`, sampled and held."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_flight.held_step import parts_of_a_sample
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_flight.policies.deployment.equilibrium import EquilibriumSearch
+from hfa_flight.policies.deployment.notes import notes_on_files
+from hfa_flight.policies.deployment.sampled_loop import chain_of
+from hfa_flight.policies.policy import Measurements, Policy
+from hfa_flight.scenario import Scenario
+from hfa_support.errors import BadInputError, warn
+from hfa_support.native.bound import BoundFunction
+from trim.point.operating_point import OperatingPoint
+
+#: Longest step of a flight in moving air or with actuators, s.
+_FINE = 0.001
+#: Unit of sample time and delay, s. Both must be multiples of it.
+_CLOCK = 1e-6
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DeployedPolicy(Policy):
+    """Policy of `hfa fly` that holds the commanded inputs of a deployment between its samples.
+
+    deployed: the policy on its aircraft.
+    point: trim from which the deviations are measured.
+    """
+
+    is_held = True
+
+    deployed: Deployed
+    point: OperatingPoint
+
+    @property
+    def tick(self) -> float:
+        """Greatest common divisor of sample time and delay, s.
+
+        Raises BadInputError unless both are multiples of a microsecond.
+        """
+        deployment = self.deployed.deployment
+        dt = round(deployment.dt / _CLOCK)
+        delay = round(deployment.delay / _CLOCK)
+        for name, value, whole in (("dt", deployment.dt, dt), ("delay", deployment.delay, delay)):
+            if not math.isclose(value, whole * _CLOCK, abs_tol=1e-12):
+                raise BadInputError(
+                    f"{deployment.origin}: timing.{name} is {value:.12g} s; give a multiple of "
+                    "1e-6 s, which a simulation requires"
+                )
+        return math.gcd(dt, delay) * _CLOCK
+
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+        """Return the inputs held since the last sample, as deviations from trim, (m,)."""
+        return held
+
+    def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
+        """Return the function that computes the inputs of the aircraft at each tick of a flight.
+
+        The function maps (number of the tick, measured deviations of the states from trim (n,)) to
+        the deviations of the inputs from trim, (m,).
+        """
+        deployment = self.deployed.deployment
+        trim = self.deployed.trim_vector(self.point)
+        states = np.array(self.point.states)
+        inputs = np.array(self.point.inputs)
+        ticks = round(deployment.dt / self.tick)
+        late = round(deployment.delay / self.tick)
+        waiting: list[tuple[int, np.ndarray]] = []
+        acting = [inputs]
+        past: list[np.ndarray] = []
+        sampled = BoundFunction(self.deployed.sampled)
+
+        def arrived(tick: int) -> np.ndarray:
+            while waiting and waiting[0][0] <= tick:
+                acting[0] = waiting.pop(0)[1]
+            return acting[0]
+
+        def sample(tick: int, measured: np.ndarray) -> np.ndarray:
+            if tick % ticks == 0:
+                # The input just before the sample; a command that arrives at this tick acts after
+                # it.
+                before = arrived(tick - 1)
+                at = (states + measured, before, trim)
+                if not past:
+                    first = np.array(self.deployed.observe(*at)).ravel()
+                    past.append(np.tile(first, deployment.history - 1))
+                U, past[0] = sampled.at(*at, past[0])
+                waiting.append((tick + late, U))
+            return np.asarray(arrived(tick) - inputs)
+
+        return sample
+
+    def sampled_modes(self) -> np.ndarray | None:
+        """Return the eigenvalues of the loop at the equilibrium near the trim, 1/s, or None."""
+        timing = self.deployed.deployment
+        search = EquilibriumSearch(self.deployed, self.point)
+        equilibrium = search.from_point(np.array(self.point.states), np.array(self.point.inputs))
+        if equilibrium is None:
+            return None
+        values = np.linalg.eigvals(chain_of(equilibrium, timing.dt, timing.delay).closed)
+        return np.log(values[values != 0.0].astype(complex)) / timing.dt
+
+    def data(self, model: Model) -> dict[str, Any]:
+        """Return the policy's name, deployment file and network, for the JSON output."""
+        deployment = self.deployed.deployment
+        return {
+            "law": self.name,
+            "deployment_file": deployment.origin,
+            "card": deployment.origin,
+            "network": deployment.actor.chain,
+        }
+
+
+def flown_card(path: Path, model: Model, point: OperatingPoint) -> DeployedPolicy:
+    """Return the policy of a deployment file about a trim.
+
+    Warnings are those of `flown_deployment`. Raises the errors of `Deployment.load` and
+    `flown_deployment`.
+    """
+    return flown_deployment(Deployment.load(path), point, f"of {path}")
+
+
+def flown_deployment(
+    deployment: Deployment, point: OperatingPoint, name: str = "deployment"
+) -> DeployedPolicy:
+    """Return the policy of a deployment about a trim.
+
+    Warns of contradictions that the policy's files prove. Raises BadInputError if the deployment
+    does not fit the aircraft, or if an observation, the policy or a map is not finite at the trim.
+
+    name: name of the policy in reports
+    """
+    deployed = Deployed(deployment, point.model)
+    deployed.refuse_undefined_at([point])
+    for note in notes_on_files(deployed):
+        warn(note)
+    return policy_about(deployed, point, name)
+
+
+def policy_about(deployed: Deployed, point: OperatingPoint, name: str) -> DeployedPolicy:
+    """Return a deployment on its aircraft as a policy for flights from a trim.
+
+    name: name of the policy in reports
+    """
+    text = deployed.sampled.serialize()
+    identity = {"card": hashlib.sha256(text.encode()).hexdigest()}
+    held = np.zeros((1, len(point.model.inputs)))
+    return DeployedPolicy(name, deployed, point, held=held, identity=identity)
+
+
+def sampled_scenario(policy: DeployedPolicy, scenario: Scenario, point: OperatingPoint) -> Scenario:
+    """Return the scenario with the duration, tick and step that a policy requires.
+
+    The duration is a whole number of ticks. With moving air or actuators, a step is at most
+    `_FINE`. Otherwise the steps are those of `hfa assess`. Raises BadInputError unless sample time
+    and delay are multiples of a microsecond.
+    """
+    dt = policy.deployed.deployment.dt
+    parts = parts_of_a_sample([point], dt)
+    steps = max(1, math.ceil(parts * policy.tick / dt - 1e-9))
+    if scenario.moving_air or scenario.actuators is not None:
+        steps = max(steps, math.ceil(policy.tick / _FINE - 1e-9))
+    count = max(1, round(scenario.duration / policy.tick))
+    return replace(
+        scenario, duration=count * policy.tick, tick=policy.tick, step=policy.tick / steps
+    )

@@ -1,0 +1,234 @@
+"""Exact sampled loop at an equilibrium, with held inputs and delayed commands.
+
+For a delay of d samples plus a fraction f of a sample, the state is
+s = (x_k; u_{k-1}; ...; u_{k-d-1}), and
+
+    x_{k+1} = Φ x_k + Γ_late u_{k-d} + Γ_early u_{k-d-1},    u_k = -K x_k + K_inputs u_{k-d-1}.
+
+Γ_early acts during the first f dt of a sample and Γ_late during the remainder. u_{k-d-1} is the
+input just before the sample. For a policy that uses several samples, s also contains the earlier
+observations o = C x + D u. Source: Franklin, Powell and Workman, Digital Control of Dynamic
+Systems, Section 4.3.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.riccati.loop_margins import LoopMargin, single_margin
+from controller.riccati.margins import ClosedLoop, DiskMargin, disk_of
+from hfa_flight.policies.deployment.deployment import MOST_SAMPLES
+from hfa_flight.policies.deployment.equilibrium import Equilibrium
+
+#: Largest delay that is searched, s.
+MOST_SECONDS = 3.0
+#: An oscillation is well damped if at most this fraction of it remains after half a period.
+_DAMPED = 0.05
+#: Steps per sample of the search for the first unstable delay.
+_PARTS = 20
+#: A delay this close to a complete number of samples, in samples, is rounded to it.
+_WHOLE = 1e-9
+
+
+class Chain(NamedTuple):
+    """Sampled loop s⁺ = F s + G v with the command u = C s, closed by v = u.
+
+    F: (N, N).
+    G: (N, m).
+    C: (m, N).
+    states: number of aircraft states, the first entries of s.
+    dt: sample time, s.
+    start: (N, states), matrix from the deviations of the states to s at the first sample.
+    """
+
+    F: np.ndarray
+    G: np.ndarray
+    C: np.ndarray
+    states: int
+    dt: float
+    start: np.ndarray
+
+    @property
+    def closed(self) -> np.ndarray:
+        """Closed-loop matrix F + G C."""
+        return self.F + self.G @ self.C
+
+    @property
+    def slowest(self) -> complex:
+        """Eigenvalue of the closed loop with the largest absolute value.
+
+        The value is inf if the matrix is not finite.
+        """
+        closed = self.closed
+        if not np.isfinite(closed).all():
+            return math.inf
+        values = np.linalg.eigvals(closed)
+        return complex(values[np.argmax(np.abs(values))])
+
+    @property
+    def radius(self) -> float:
+        """Spectral radius of the closed loop."""
+        return abs(self.slowest)
+
+
+def slowest_swing(chain: Chain) -> float:
+    """Return half the period, s, of the slowest lightly damped oscillation of a loop, or 0 if none.
+
+    An oscillation is lightly damped if more than 5 % of its amplitude remains after half a period.
+    """
+    values = np.linalg.eigvals(chain.closed)
+    values = values[np.angle(values) != 0.0]
+    halves = math.pi * chain.dt / np.abs(np.angle(values))
+    remaining = np.abs(values) ** (halves / chain.dt)
+    return float(halves[remaining > _DAMPED].max(initial=0.0))
+
+
+def held(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the matrices of a plant with held inputs, x⁺ = Φ x + Γ u.
+
+    Φ = exp(A dt), and Γ = ∫ exp(A t) dt B over [0, dt].
+    """
+    from scipy.linalg import expm
+
+    n, m = B.shape
+    moved = expm(dt * np.vstack([np.hstack([A, B]), np.zeros((m, n + m))]))
+    return moved[:n, :n], moved[:n, n:]
+
+
+def chain_of(equilibrium: Equilibrium, dt: float, delay: float) -> Chain:
+    """Return the sampled loop at an equilibrium.
+
+    dt, delay: sample time and delay, s
+    """
+    samples = delay / dt
+    whole = round(samples) if abs(samples - round(samples)) <= _WHOLE else math.floor(samples)
+    early_time = max(0.0, delay - whole * dt) if samples - whole > _WHOLE else 0.0
+    n, m = equilibrium.B.shape
+    blocks = whole + 1
+    past = n + blocks * m
+    frames = equilibrium.frames
+    size = past + (0 if frames is None else frames.past.shape[1])
+    before = slice(past - m, past)
+    Phi, Gamma = held(equilibrium.A, equilibrium.B, dt)
+    late = Gamma
+    early = np.zeros_like(Gamma)
+    if early_time:
+        Phi_after, late = held(equilibrium.A, equilibrium.B, dt - early_time)
+        early = Phi_after @ held(equilibrium.A, equilibrium.B, early_time)[1]
+    F = np.zeros((size, size))
+    G = np.zeros((size, m))
+    C = np.zeros((m, size))
+    F[:n, :n] = Phi
+    F[:n, before] += early
+    if whole:
+        F[:n, n + (whole - 1) * m : n + whole * m] += late
+    else:
+        G[:n] = late
+    G[n : n + m] = np.eye(m)
+    for block in range(1, blocks):
+        begin = n + block * m
+        F[begin : begin + m, begin - m : begin] = np.eye(m)
+    start = np.eye(size, n)
+    slopes = equilibrium if frames is None else frames
+    C[:, :n] = -slopes.K
+    C[:, before] += slopes.K_inputs
+    if frames is not None:
+        count = len(frames.C)
+        C[:, past:] = frames.past
+        F[past : size - count, past + count :] = np.eye(size - count - past)
+        F[size - count :, :n] = frames.C
+        F[size - count :, before] = frames.D
+        start[past:] = np.tile(frames.C, ((size - past) // count, 1))
+    return Chain(F, G, C, n, dt, start)
+
+
+class Delays(NamedTuple):
+    """Effect of delays on a loop.
+
+    radii: spectral radius with delays of 0, 1, 2, ... samples, up to `searched`.
+    limit: first unstable delay in complete samples, s, not below the deployed delay, or None if
+        there is none up to `searched`.
+    fine: first unstable delay to 5 % of a sample, s, or None if there is none up to `searched`.
+    searched: longest delay that was examined, s.
+    """
+
+    radii: tuple[float, ...]
+    limit: float | None
+    fine: float | None
+    searched: float
+
+
+def delays(equilibrium: Equilibrium, dt: float, deployed_delay: float) -> Delays:
+    """Return the effect of delays up to the first unstable one.
+
+    The first unstable delay is not below the deployed delay. With a longer delay, the loop may be
+    stable again. If no delay is unstable, the delays reach `MOST_SAMPLES` samples, `MOST_SECONDS`
+    or the deployed delay.
+
+    dt, deployed_delay: s
+    """
+    first = math.ceil(deployed_delay / dt - _WHOLE)
+    most = max(first, min(MOST_SAMPLES, math.ceil(MOST_SECONDS / dt)))
+    radii: list[float] = []
+    for samples in range(most + 1):
+        radii.append(chain_of(equilibrium, dt, samples * dt).radius)
+        if samples >= first and radii[-1] >= 1.0:
+            fine = _first_unstable_delay(equilibrium, dt, deployed_delay, samples)
+            return Delays(tuple(radii), samples * dt, fine, samples * dt)
+    return Delays(tuple(radii), None, None, most * dt)
+
+
+def _first_unstable_delay(
+    equilibrium: Equilibrium, dt: float, deployed_delay: float, samples: int
+) -> float:
+    """Return the first unstable delay within one sample, s.
+
+    The resolution is 1/`_PARTS` of a sample. Delays below the deployed delay are omitted.
+
+    samples: end of this sample, in samples. A delay of this length is unstable
+    """
+    for part in range(1, _PARTS):
+        delay = (samples - 1 + part / _PARTS) * dt
+        if delay >= deployed_delay and chain_of(equilibrium, dt, delay).radius >= 1.0:
+            return delay
+    return samples * dt
+
+
+class Margins(NamedTuple):
+    """Margins of a stable sampled loop, opened at the commanded inputs.
+
+    inputs: margins of each commanded input, with the other loops closed.
+    disk: disk margin for simultaneous changes of all inputs.
+    """
+
+    inputs: tuple[LoopMargin, ...]
+    disk: DiskMargin
+
+
+def margins(chain: Chain) -> Margins:
+    """Return the margins of a stable loop at z = exp(jω dt), for ω up to π / dt."""
+    loop = _closed_loop(chain)
+    loops = tuple(single_margin(loop, i) for i in range(len(chain.C)))
+    return Margins(loops, disk_of(loop))
+
+
+def _closed_loop(chain: Chain) -> ClosedLoop:
+    """Return M = I/2 + C (z I - closed)⁻¹ G as a continuous-time system in s.
+
+    z is replaced by (1 + s) / (1 - s). This maps the axis s = jω to the unit circle.
+    """
+    closed = chain.closed
+    one = np.eye(len(closed))
+    total = closed + one
+    enters = np.linalg.solve(total, chain.G)
+    leaves = np.linalg.solve(total.T, chain.C.T).T
+    return ClosedLoop(
+        A=np.linalg.solve(total, closed - one),
+        B=math.sqrt(2.0) * enters,
+        C=math.sqrt(2.0) * leaves,
+        D=0.5 * np.eye(len(chain.C)) - chain.C @ enters,
+        dt=chain.dt,
+    )

@@ -1,0 +1,198 @@
+"""Conversion of user input to the policy of a flight.
+
+The input may be a gain, a critic, a solution, a network, a deployment file, input steps or a Python
+function.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.critic import Critic
+from controller.critic.critic_file import entries_in, is_network, read_critic, single_parts
+from controller.game.linear_game import names_of_linear
+from hfa_flight.policies.policy import (
+    GainPolicy,
+    Measurements,
+    OpenLoop,
+    Policy,
+    function_policy,
+    open_loop,
+)
+from hfa_flight.scenario import Scenario
+from hfa_flight.signals import CommandSteps
+from hfa_support.entry_points import PARTS, loaded, offered, part
+from hfa_support.errors import BadInputError, numbers_in, prefix_errors, refuse_unknown, shown
+from trim.point.operating_point import OperatingPoint
+
+_FORMS = (
+    "give a gain K, a critic, a solution, a Deployment, a file that contains one of these, input "
+    "steps {name: [(time, value), ...]} or a function of (t, X)"
+)
+
+
+def policy_and_scenario(
+    given: Any, point: OperatingPoint, scenario: Scenario
+) -> tuple[Policy, Scenario]:
+    """Return the policy of a flight and the scenario.
+
+    If `given` is a deployment, the scenario is changed to the sampling of the deployment.
+    Otherwise, it is returned unchanged.
+
+    given: policy in any form that `hfa.fly` accepts
+    point: the trim
+
+    Raises BadInputError if `given` has no accepted form.
+    """
+    inputs = tuple(point.model.inputs)
+    if isinstance(given, (str, Path)):
+        given = _policy_of_file(Path(given), point)
+    if isinstance(given, Policy):
+        return given, scenario
+    if given is None:
+        return OpenLoop("none", held=np.zeros((1, len(inputs)))), scenario
+    if isinstance(given, Mapping):
+        steps = command_steps(given)
+        return open_loop(steps, inputs, scenario.tick, scenario.ticks), scenario
+    if isinstance(given, Critic) and not given.linear:
+        return function_policy(given.origin, given.policy, point), scenario
+    if hasattr(given, "K"):
+        return GainPolicy(getattr(given, "origin", "exact"), given.K), scenario
+    if callable(given):
+        return PythonPolicy.of(given, point, scenario.tick), scenario
+    if "policies" in offered(PARTS):
+        policies = loaded(offered(PARTS)["policies"])
+        if isinstance(given, policies.Deployment):
+            deployed = policies.flown_deployment(given, point)
+            return deployed, policies.sampled_scenario(deployed, scenario, point)
+    try:
+        return GainPolicy("gain", numbers_in("policy", given)), scenario
+    except BadInputError as error:
+        raise BadInputError(f"policy is {shown(given)}; {_FORMS}") from error
+
+
+def _policy_of_file(path: Path, point: OperatingPoint) -> Any:
+    """Return the deployment in a .toml file, or the critic in any other file.
+
+    A gain K is converted to the units of the aircraft.
+    """
+    if path.suffix.lower() == ".toml":
+        return part(PARTS, "policies", f"the deployment file {path}").Deployment.load(path)
+    entries = {} if is_network(path) else entries_in(path)
+    if "K" not in entries:
+        return read_critic(path)
+    of_gain = {name: entry for name, entry in entries.items() if name not in ("W", "P")}
+    with prefix_errors(path):
+        return Critic(single_parts(of_gain, names_of_linear(point.linearize()), None)["K"])
+
+
+def command_steps(given: Mapping[str, Any]) -> CommandSteps:
+    """Return commands of several inputs as one table of steps.
+
+    The times are the union of the times of all inputs. Each input is 0 before its first step and
+    constant between steps.
+
+    given: name of an input -> pairs (time in s, value)
+
+    Raises BadInputError unless the steps of each input are pairs with increasing times of at least
+    0.
+    """
+    for name, pairs in given.items():
+        if callable(pairs):
+            raise BadInputError(f"the steps of {name} are given as a function; {_FORMS}")
+    steps = {name: numbers_in(f"the steps of {name}", pairs) for name, pairs in given.items()}
+    for name, pairs in steps.items():
+        if pairs.ndim != 2 or pairs.shape[1] != 2:
+            raise BadInputError(
+                f"the steps of {name} are {shown(given[name])}; give pairs [(time, value), ...], "
+                "time in s"
+            )
+        times = pairs[:, 0].tolist()
+        if times[0] < 0.0 or any(later <= earlier for earlier, later in pairwise(times)):
+            raise BadInputError(
+                f"the times of {name} are {times}; give increasing times of at least 0 s"
+            )
+    times = sorted({time for pairs in steps.values() for time in pairs[:, 0].tolist()})
+    values = np.zeros((len(times), len(steps)))
+    for column, pairs in enumerate(steps.values()):
+        for time, value in pairs.tolist():
+            values[times.index(time) :, column] = value
+    return CommandSteps(tuple(steps), np.array(times), values)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PythonPolicy(Policy):
+    """Policy U = function(t, X) in absolute values.
+
+    The function is called at the beginning of each tick, and U is constant during the tick.
+
+    function: (t in s, X by name) -> U, (m,), or U by name. Inputs without a value remain at trim
+    point: the trim
+    tick: s
+    """
+
+    is_held = True
+
+    function: Callable[[float, Any], Any]
+    point: OperatingPoint
+    tick: float
+
+    @classmethod
+    def of(cls, function: Callable[..., Any], point: OperatingPoint, tick: float) -> PythonPolicy:
+        """Return the policy of a function of (t, X), named after the function.
+
+        Raises BadInputError if the function does not accept two arguments.
+        """
+        name = getattr(function, "__name__", type(function).__name__)
+        try:
+            inspect.signature(function).bind(0.0, point.states)
+        except (TypeError, ValueError):
+            raise BadInputError(f"the policy {name} does not accept (t, X); {_FORMS}") from None
+        held = np.zeros((1, len(point.model.inputs)))
+        return cls(name, function, point, tick, held=held)
+
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+        """Return the inputs held during the tick, as deviations from trim, (m,)."""
+        return held
+
+    def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
+        """Return the function that computes u (m,), deviations of the inputs, at each tick.
+
+        Its arguments are the number of the tick and the measured deviations of the states from
+        trim, (n,). It raises BadInputError if the Python function does not return finite inputs.
+        """
+        trim = np.array(self.point.inputs)
+        states = np.array(self.point.states)
+        record = type(self.point.states)
+
+        def sample(tick: int, measured: np.ndarray) -> np.ndarray:
+            U = self.function(tick * self.tick, record(*(states + measured).tolist()))
+            return self._numbers(U) - trim
+
+        return sample
+
+    def _numbers(self, returned: Any) -> np.ndarray:
+        """Return the result of the Python function as U, (m,).
+
+        Raises BadInputError for a wrong name or size, or a number that is not finite.
+        """
+        inputs = self.point.inputs._asdict()
+        if isinstance(returned, Mapping):
+            for name in returned:
+                refuse_unknown(f"the policy {self.name} returns the unknown input", name, inputs)
+            returned = [*{**inputs, **returned}.values()]
+        U = numbers_in(f"the result of the policy {self.name}", returned)
+        if U.shape != (len(inputs),) or not np.isfinite(U).all():
+            raise BadInputError(
+                f"the policy {self.name} returns {shown(returned)}; give {len(inputs)} finite "
+                f"numbers, or a mapping by name ({', '.join(inputs)})"
+            )
+        return U

@@ -1,0 +1,249 @@
+"""Policies of a flight as CasADi expressions, with their held inputs and their memory."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.limits import Limits
+from hfa_aircraft.model import Model
+from hfa_flight.history import Deviations
+from hfa_flight.signals import CommandSteps
+from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
+from hfa_support.reporting.report import Reported
+from trim.point.operating_point import OperatingPoint
+
+
+class Measurements(NamedTuple):
+    """Measured values that a policy receives, as deviations from trim, with sensor noise.
+
+    error: (k,), x - x_d of the states of the linear model
+    states: (k,), x
+    positions: (m,), actuator positions, or (0,) without actuators
+    rates: (m,), actuator rates, or (0,) without actuators of order 2
+    updraft: (1,), or (0,) in still air
+    """
+
+    error: ca.SX
+    states: ca.SX
+    positions: ca.SX
+    rates: ca.SX
+    updraft: ca.SX = ca.SX(0, 1)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Policy(Reported):
+    """Base class of policies u = control(t, measurements, memory, held).
+
+    A memory is optional: memory' = memory_rate(t, measurements, memory, held, applied).
+
+    name: name in reports
+    held: (N, h), inputs of the policy that are constant during a tick: row k during tick k, and the
+      last row afterwards
+    start: (l,), initial memory
+    identity: JSON data that identify the policy
+    fastest: magnitude of the policy's fastest mode, 1/s. It determines the number of substeps
+    is_held: whether u is constant during a tick
+    """
+
+    is_held: ClassVar[bool] = False
+
+    name: str
+    held: np.ndarray = field(default_factory=lambda: np.zeros((1, 0)), kw_only=True)
+    start: np.ndarray = field(default_factory=lambda: np.zeros(0), kw_only=True)
+    identity: Mapping[str, Any] = field(default_factory=dict, kw_only=True)
+    fastest: float = field(default=0.0, kw_only=True)
+
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+        """Return the commanded inputs as deviations from trim, (m,)."""
+        raise NotImplementedError
+
+    def memory_rate(
+        self,
+        t: ca.SX,
+        measurements: Measurements,
+        memory: ca.SX,
+        held: ca.SX,
+        applied: ca.SX,
+    ) -> ca.SX:
+        """Return the time derivative of the memory, (l,). It is empty without memory.
+
+        t: s
+        measurements: measured values at t
+        memory: (l,)
+        held: held inputs of the tick
+        applied: command u within the limits of the actuators
+        """
+        return ca.SX(0, 1)
+
+    def held_inputs(self, tick: int) -> np.ndarray:
+        """Return the held inputs of a tick, (h,)."""
+        row: np.ndarray = self.held[min(tick, len(self.held) - 1)]
+        return row
+
+    def sampler(self) -> Callable[[int, np.ndarray], np.ndarray] | None:
+        """Return the function (tick, measured) -> held inputs (h,) of a sampled policy, or None.
+
+        measured: (n,), deviations of the states from the trim, with noise
+        """
+        return None
+
+    @property
+    def gain(self) -> np.ndarray | None:
+        """Gain K (m, k) of u = -K z near the trim, or None.
+
+        None means that the policy has no constant gain or has a memory.
+        """
+        return None
+
+    def sampled_modes(self) -> np.ndarray | None:
+        """Return the eigenvalues of the loop of a sampled policy, 1/s, or None if unknown."""
+        return None
+
+    def data(self, model: Model) -> dict[str, Any]:
+        """Return the JSON data on the policy for the result of a flight."""
+        return {"law": self.name}
+
+    def tracking_errors(self, flight: Deviations) -> dict[str, dict[str, Any]]:
+        """Return commanded output -> `rms_error`, `largest_error` and `unit` over a flight.
+
+        The result is empty if the policy regulates no outputs.
+        """
+        return {}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GainPolicy(Policy):
+    """Policy u = -K z, with the measured error z = x - x_d of the states of the linear model.
+
+    gains: K (m, k), or (N, m, k) with a gain for each tick. Both are stored as (N, m, k)
+
+    Raises BadInputError for another shape or a number that is not finite.
+    """
+
+    gains: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Raise BadInputError for invalid gains, and store them column by column in `held`."""
+        gains = numbers_in("the gain", self.gains)
+        if gains.ndim not in (2, 3) or not gains.size or not np.all(np.isfinite(gains)):
+            raise BadInputError(
+                f"the gain has shape {np.shape(self.gains)}; give a matrix of finite numbers, "
+                "inputs x states"
+            )
+        stack = gains.reshape(-1, *gains.shape[-2:])
+        object.__setattr__(self, "gains", stack)
+        object.__setattr__(self, "held", np.array([column_by_column(K) for K in stack]))
+        object.__setattr__(self, "identity", {"K": gains})
+
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+        """Return the commanded inputs u = -K z, (m,)."""
+        return -ca.mtimes(ca.reshape(held, *self.gains.shape[1:]), measurements.error)
+
+    @property
+    def gain(self) -> np.ndarray | None:
+        """Gain K (m, k), or None if the gain changes from tick to tick."""
+        return self.gains[0] if len(self.gains) == 1 else None
+
+    def data(self, model: Model) -> dict[str, Any]:
+        """Return the JSON data on the policy: name, units of the states, and the last gain."""
+        units = list(model.units(model.linear))
+        return {"law": self.name, "state_units": units, "K": self.gains[-1]}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FunctionPolicy(Policy):
+    """Policy u = sat(π(z), lowest, highest) of a nonlinear critic, such as a network.
+
+    z = x - x_d is the measured error of the states of the linear model.
+
+    function: π as a CasADi Function, z (k,) -> u (m,)
+    lowest, highest: (m,), limits of the inputs as deviations from trim
+    """
+
+    function: ca.Function
+    lowest: np.ndarray
+    highest: np.ndarray
+
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+        """Return the commanded inputs π(z), (m,), clipped to the limits."""
+        return self.limited(measurements.error)
+
+    @property
+    def gain(self) -> np.ndarray:
+        """Gain K (m, k) = -∂π/∂z at z = 0."""
+        z = ca.SX.sym("z", self.function.numel_in(0))
+        slope = ca.Function("slope", [z], [ca.jacobian(self.function(z), z)])
+        return -slope(np.zeros(z.numel())).full()
+
+    @cached_property
+    def limited(self) -> ca.Function:
+        """Policy u = sat(π(z)) as a CasADi Function z -> u.
+
+        The Function is never inlined, because a network has many operations.
+        """
+        z = ca.SX.sym("z", self.function.numel_in(0))
+        return ca.Function("policy", [z], [self.expression(z)], {"never_inline": True})
+
+    def expression(self, z: ca.SX) -> ca.SX:
+        """Return u = sat(π(z), lowest, highest) as an expression of z, (m,)."""
+        u = ca.fmin(ca.fmax(self.function(z), ca.DM(self.lowest)), ca.DM(self.highest))
+        return ca.densify(u)
+
+
+def function_policy(name: str, function: ca.Function, point: OperatingPoint) -> FunctionPolicy:
+    """Return the policy π(z) about a trim, saturated at the control limits of the model.
+
+    function: π, z (k,) -> u (m,)
+    """
+    limits = Limits.of(point.model, tuple(point.model.inputs))
+    trim = np.array(point.inputs)
+    identity = {"function": hashlib.sha256(function.serialize().encode()).hexdigest()}
+    return FunctionPolicy(
+        name, function, limits.lowest - trim, limits.highest - trim, identity=identity
+    )
+
+
+def column_by_column(matrix: np.ndarray) -> np.ndarray:
+    """Return the entries of a matrix in CasADi's order, column by column."""
+    return np.asarray(matrix, dtype=float).ravel(order="F")
+
+
+class OpenLoop(Policy):
+    """Policy whose inputs depend on time alone.
+
+    held: (N, m), inputs during each tick as deviations from trim
+    """
+
+    is_held = True
+
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+        """Return the stored inputs of the tick, as deviations from trim, (m,)."""
+        return held
+
+
+def open_loop(commands: CommandSteps, inputs: tuple[str, ...], tick: float, ticks: int) -> OpenLoop:
+    """Return the policy that applies commanded steps of inputs, as deviations from trim.
+
+    Each step begins at the first tick at or after its time. The steps are not filtered.
+
+    inputs: names of all m inputs
+    tick: s
+    ticks: number of ticks
+
+    Raises BadInputError if a commanded name is not an input.
+    """
+    for name in commands.names:
+        refuse_unknown("without a law only inputs are commanded; unknown input", name, inputs)
+    columns = [inputs.index(name) for name in commands.names]
+    table = np.zeros((ticks, len(inputs)))
+    for time, row in zip(commands.times, commands.values, strict=True):
+        table[math.ceil(time / tick - 1e-9) :, columns] = row
+    return OpenLoop("none", held=table, identity={"u": table})

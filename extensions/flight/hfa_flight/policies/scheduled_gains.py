@@ -1,0 +1,173 @@
+"""Scheduled gains in flight, with the trims of the commanded scheduling variable as reference."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from controller.schedule.gain_schedule import GainSchedule
+from hfa_aircraft.model import Model
+from hfa_flight.policies.policy import Measurements, Policy
+from hfa_flight.policies.tables import table_expression
+from hfa_flight.signals import CommandSteps
+from hfa_support.errors import BadInputError
+from hfa_support.linear_table import LinearTable
+from hfa_support.reporting.results import Result
+from trim.point.condition import TrimCondition
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import trim
+
+#: Number of trims along a command, with linear interpolation between them.
+_TRIMS = 41
+
+
+@dataclass(frozen=True, eq=False)
+class TrimPath(Result):
+    """Trims at the commanded scheduling variable r(t), as the reference of a flight.
+
+    The reference is x_d(t) = X0(r(t)) - X_base, with the inputs U0(r(t)) - U_base.
+
+    base: initial trim of the flight, X_base and U_base
+    states: X0 over the scheduling variable, linear between trims
+    inputs: U0 over the scheduling variable, linear between trims
+    commands: r as a deviation from its value at `base`
+    """
+
+    json_keys = "names=commands.names values=commands.values times=commands.times filter"
+
+    base: OperatingPoint
+    states: LinearTable
+    inputs: LinearTable
+    commands: CommandSteps
+
+    @property
+    def size(self) -> int:
+        """Number of states of the linear model."""
+        return len(self.base.model.linear)
+
+    @property
+    def until(self) -> float:
+        """Time of the last step, s."""
+        return float(self.commands.times[-1])
+
+    def commanded(self, t: ca.SX) -> ca.SX:
+        """Return the commanded value of the scheduling variable, r(t), absolute."""
+        return self.base.values[self.base.model.schedule] + self.commands.at(t)
+
+    def at(self, t: Any) -> ca.SX:
+        """Return the reference x_d(t) of the states of the linear model, (k,).
+
+        The entry for the rate of the scheduling variable, a state named NAME_rate, is r'(t).
+        """
+        model = self.base.model
+        deviation = table_expression(self.states, self.commanded(t)) - ca.DM(
+            np.array(self.base.states)
+        )
+        rows = dict(zip(model.states, ca.vertsplit(deviation), strict=True))
+        rows[f"{model.schedule}_rate"] = self.commands.rate(t)
+        return ca.vertcat(*(rows[name] for name in model.linear))
+
+    def inputs_at(self, t: Any) -> ca.SX:
+        """Return the inputs of the reference, U0(r(t)) - U_base, (m,)."""
+        return table_expression(self.inputs, self.commanded(t)) - ca.DM(np.array(self.base.inputs))
+
+    @property
+    def filter(self) -> tuple[float, float]:
+        """Bandwidth, rad/s, and damping of the filter of the commands."""
+        return self.commands.bandwidth, self.commands.damping
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ScheduledGainPolicy(Policy):
+    """Policy u = U0(r(t)) - U_base - K(η) z with scheduled gains.
+
+    r is the commanded and η the measured scheduling variable. z = x - x_d is the deviation from the
+    reference of `path`. U0 depends on r and not on η. Therefore the policy is u = -K z if
+    linearized about a trim, with the K of that trim.
+
+    schedule: K(η)
+    path: trims at the commanded scheduling variable
+    """
+
+    schedule: GainSchedule
+    path: TrimPath
+
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+        """Return the commanded inputs U0(r(t)) - U_base - K(η) z, (m,)."""
+        model = self.schedule.model
+        row = model.linear.index(model.schedule)
+        measured = self.path.base.values[model.schedule] + measurements.states[row]
+        entries = table_expression(self.schedule.table, measured)
+        K = ca.reshape(entries, len(model.linear), len(model.inputs)).T
+        return self.path.inputs_at(t) - ca.mtimes(K, measurements.error)
+
+    def data(self, model: Model) -> dict[str, Any]:
+        """Return the JSON data on the policy: name, units of the states, breakpoints and gains."""
+        return {
+            "law": self.name,
+            "state_units": list(model.units(model.linear)),
+            model.schedule_key: self.schedule.file_breakpoints,
+            "K": self.schedule.gains,
+        }
+
+
+def scheduled_gains(
+    name: str,
+    schedule: GainSchedule,
+    base: OperatingPoint,
+    commands: CommandSteps,
+    condition: Callable[[float], TrimCondition],
+) -> ScheduledGainPolicy:
+    """Return the policy of a gain schedule that follows commands of the scheduling variable.
+
+    name: name of the policy
+    base: initial trim of the flight
+    commands: steps of the scheduling variable, as deviations from `base`. If empty, the variable
+        remains constant
+    condition: function from the scheduling variable to its trim condition
+
+    Raises BadInputError if the model is not scheduled over a state of its linear model, K has more
+    columns than states, another variable is commanded, or the gains do not cover the commands.
+    Raises NoSolutionError if a trim does not exist.
+    """
+    model = schedule.model
+    if model.schedule not in model.linear:
+        raise BadInputError(
+            f"the scheduling variable of {model.name} is {model.schedule or 'not declared'}; "
+            "declare a state of the linear model as the scheduling variable"
+        )
+    if schedule.gains.shape[-1] != len(model.linear):
+        raise BadInputError(
+            f"K has {schedule.gains.shape[-1]} columns; give {len(model.linear)},"
+            " one for each state of the linear model"
+        )
+    for commanded in commands.names:
+        if commanded != model.schedule:
+            raise BadInputError(
+                f"a gain schedule follows only commands of {model.schedule}; remove the command "
+                f"of {commanded}"
+            )
+    start = base.values[model.schedule]
+    if not commands.names:
+        commands = CommandSteps((model.schedule,), np.zeros(1), np.zeros((1, 1)))
+    values = np.append(start + commands.values, start)
+    schedule.refuse_beyond(float(values.min()), float(values.max()))
+    breakpoints = np.unique(np.linspace(values.min(), values.max(), _TRIMS))
+    trims = [trim(model, condition(value)) for value in breakpoints.tolist()]
+    path = TrimPath(
+        base,
+        LinearTable(breakpoints, np.array([point.states for point in trims])),
+        LinearTable(breakpoints, np.array([point.inputs for point in trims])),
+        commands,
+    )
+    identity = {
+        "breakpoints": schedule.breakpoints,
+        "gains": schedule.gains,
+        "trims": path.states.values,
+        "commands": path.to_dict(),
+    }
+    return ScheduledGainPolicy(name, schedule, path, identity=identity)

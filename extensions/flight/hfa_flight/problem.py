@@ -1,0 +1,324 @@
+"""Optimal control problem of flights: aircraft, trim, cost and limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from controller.game.linear_game import game
+from controller.game.weights import nominal_weights
+from controller.riccati.gare import unconfirmed_solution
+from hfa_aircraft.layout import components
+from hfa_aircraft.limits import Limits
+from hfa_aircraft.model import Model
+from hfa_flight.envelope import control_limits, flight_envelope
+from hfa_flight.flight_report import series
+from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
+from hfa_support.reporting.results import Matrix
+from trim.linear.linear_model import LinearModel
+from trim.point.linearize import linearize
+from trim.point.operating_point import OperatingPoint
+
+#: Fraction by which the state limits of a proposal are narrowed, so that the flight that follows it
+#: stays in the envelope.
+MARGIN = 4e-3
+#: Two trims have the same value of a state if they differ by less than this fraction of its nominal
+#: value.
+_SAME = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class FlightProblem:
+    """Problem of minimizing ∫ z'Qz + v'Rv dt for flights to a trim within limits.
+
+    z are the deviations of the linear model's k states from the trim. v are the deviations of the m
+    moving inputs.
+
+    linear: linear model at the trim, with the moving inputs only
+    Q: weight of z, (k, k)
+    R: weight of v, (m, m)
+    P: matrix of the linear model's least cost z'Pz without limits, (k, k)
+    K: gain of the linear model's optimal policy v = -K z, (m, k)
+    envelope: limits of all states
+    """
+
+    linear: LinearModel
+    Q: np.ndarray
+    R: np.ndarray
+    P: np.ndarray
+    K: np.ndarray
+    envelope: Limits
+
+    @property
+    def point(self) -> OperatingPoint:
+        """Trim to which flights converge."""
+        return self.linear.point
+
+    @property
+    def model(self) -> Model:
+        """Model of the aircraft."""
+        return self.point.model
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the linear model's states, whose deviations are z."""
+        return self.linear.states
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the moving inputs."""
+        return self.linear.inputs
+
+    @cached_property
+    def places(self) -> list[int]:
+        """Indices of the linear model's states among all states."""
+        names = list(self.model.states)
+        return [names.index(name) for name in self.states]
+
+    @cached_property
+    def carried(self) -> tuple[str, ...]:
+        """Names of the states outside the linear model on which the rates of its states depend.
+
+        A state is included if these rates depend on it directly or through another such state.
+        An example is the altitude.
+        """
+        every = ca.SX.sym("x", len(self.model.states))
+        vectors = ca.vertsplit(every), list(self.point.inputs), components(ca.DM(self.model.p))
+        every_rate, _ = self.model.layout.expressions(vectors, ())
+        depends = ca.DM(ca.jacobian(every_rate, every).sparsity(), 1).full() != 0.0
+        followed = set(self.places)
+        while True:
+            needed = set(np.flatnonzero(depends[sorted(followed)].any(axis=0)).tolist())
+            if needed <= followed:
+                break
+            followed |= needed
+        names = list(self.model.states)
+        return tuple(names[place] for place in sorted(followed - set(self.places)))
+
+    @property
+    def followed(self) -> tuple[str, ...]:
+        """Names of the states of the optimizer: the linear model's, then the carried states."""
+        return (*self.states, *self.carried)
+
+    @cached_property
+    def followed_places(self) -> list[int]:
+        """Indices of the followed states among all states."""
+        names = list(self.model.states)
+        return [names.index(name) for name in self.followed]
+
+    def padded(self, z: np.ndarray) -> np.ndarray:
+        """Return the deviations of the followed states, (..., followed).
+
+        Carried states that are missing from the argument are 0.
+
+        z: deviations, (..., k) or (..., followed)
+        """
+        missing = len(self.followed) - z.shape[-1]
+        return np.pad(z, [(0, 0)] * (z.ndim - 1) + [(0, missing)])
+
+    @cached_property
+    def moved(self) -> list[int]:
+        """Indices of the moving inputs among all inputs."""
+        names = list(self.model.inputs)
+        return [names.index(name) for name in self.inputs]
+
+    @cached_property
+    def sizes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Nominal values of the followed states, (followed,), and of the moving inputs, (m,)."""
+        signals = self.model.signals
+        of_states = np.array([signals[name].nominal for name in self.followed])
+        return of_states, np.array([signals[name].nominal for name in self.inputs])
+
+    @cached_property
+    def input_limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest values of v, (m,) each."""
+        limits = control_limits(self.model)
+        trim = np.array(self.point.inputs)
+        return (limits.lowest - trim)[self.moved], (limits.highest - trim)[self.moved]
+
+    @cached_property
+    def state_limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest deviations of the followed states, (followed,) each."""
+        trim = np.array(self.point.states)
+        lowest = (self.envelope.lowest - trim)[self.followed_places]
+        return lowest, (self.envelope.highest - trim)[self.followed_places]
+
+    def inner_limits(self, start: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return lowest and highest deviations of the followed states, (followed,) each, for an
+        optimizer.
+
+        The limits are narrower than `state_limits`. A limit that would exclude the initial
+        condition is moved to the initial condition.
+
+        start: initial deviations of the followed states, (followed,)
+        margin: fraction by which each limit is narrowed
+        """
+        lowest, highest = self.state_limits
+        lowest = np.minimum((1.0 - margin) * lowest, start)
+        return lowest, np.maximum((1.0 - margin) * highest, start)
+
+    @cached_property
+    def rates(self) -> ca.Function:
+        """CasADi function (followed states, v) -> time derivatives of the followed states.
+
+        The argument is one column of deviations. All deviations and derivatives are divided by
+        nominal values. Inputs that do not move have their trim values.
+        """
+        of_states, of_inputs = self.sizes
+        both = ca.SX.sym("both", len(self.followed) + len(self.inputs))
+        X = [ca.SX(value) for value in self.point.states]
+        U = [ca.SX(value) for value in self.point.inputs]
+        for row, place in enumerate(self.followed_places):
+            X[place] += float(of_states[row]) * both[row]
+        for row, place in enumerate(self.moved):
+            U[place] += float(of_inputs[row]) * both[len(self.followed) + row]
+        vectors = X, U, components(ca.DM(self.model.p))
+        every_rate, _ = self.model.layout.expressions(vectors, ())
+        rates = every_rate[self.followed_places] / ca.DM(of_states)
+        return ca.Function("rates", [both], [ca.densify(rates)], {"cse": True})
+
+    def scaled_weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return Q, (followed, followed), R, (m, m), and P, (followed, followed), for nominal
+        values.
+
+        The weights of carried states are 0.
+        """
+        of_states, of_inputs = self.sizes
+        of_both = np.outer(of_states, of_states)
+        carried = [(0, len(self.carried))] * 2
+        Q, P = (np.pad(weight, carried) * of_both for weight in (self.Q, self.P))
+        return Q, self.R * np.outer(of_inputs, of_inputs), P
+
+    def deviations(self, start: Mapping[str, float] | OperatingPoint) -> np.ndarray:
+        """Return an initial condition as deviations z from the trim, (k,).
+
+        start: state -> deviation, or another trim
+
+        Raises BadInputError in these cases:
+        - A name is unknown, or a number is not finite.
+        - The other trim belongs to another model, or differs in a state outside the linear model.
+        - The initial condition is outside the limits, or equals the trim of the problem.
+        """
+        z = self._deviations_of(start)
+        if not z.any():
+            raise BadInputError(
+                "the initial condition equals the final trim; give another initial condition"
+            )
+        self.refuse_outside(z)
+        return z
+
+    def _deviations_of(self, start: Mapping[str, float] | OperatingPoint) -> np.ndarray:
+        if isinstance(start, OperatingPoint):
+            return self._deviations_of_trim(start)
+        z = np.zeros(len(self.states))
+        for name, value in start.items():
+            refuse_unknown("a flight has no initial deviation of", name, self.states)
+            if not is_finite(value):
+                raise BadInputError(
+                    f"the initial deviation of {name} is {shown(value)}; give a finite number"
+                )
+            z[self.states.index(name)] = value
+        return z
+
+    def _deviations_of_trim(self, other: OperatingPoint) -> np.ndarray:
+        """Return another trim as deviations z from the trim of the problem, (k,).
+
+        Raises BadInputError if `other` is a trim of another model, or differs in a state outside
+        the linear model.
+        """
+        other.refuse_other(self.model)
+        off: np.ndarray = np.array(other.states) - np.array(self.point.states)
+        for place, name in enumerate(self.model.states):
+            if (
+                place not in self.places
+                and abs(off[place]) > _SAME * self.model.states[name].nominal
+            ):
+                raise BadInputError(
+                    f"the two trims differ in {name}, which is not a state of the linear model; "
+                    f"impose the same value of {name} in both trims"
+                )
+        return off[self.places]
+
+    def refuse_outside(self, z: np.ndarray) -> None:
+        """Raise BadInputError if an initial condition is outside the limits.
+
+        z: initial deviations, (k,)
+        """
+        X = np.array(self.point.states)
+        X[self.places] += z
+        broken = self.envelope.broken(X)
+        if broken:
+            what = broken[0].replace("would have to be", "begins at", 1)
+            raise BadInputError(f"{what}; give an initial condition within the limits")
+
+
+class OfProblem:
+    """Base class of results that have a `problem`: access to its aircraft, trim and weights."""
+
+    problem: FlightProblem
+
+    @property
+    def point(self) -> OperatingPoint:
+        """Trim to which flights converge."""
+        return self.problem.point
+
+    @property
+    def model(self) -> Model:
+        """Model of the aircraft."""
+        return self.problem.model
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Return the values of a state, an input or an output during the flight, (N,), not as
+        deviations.
+        """
+        return series(self, name, self.model.p)
+
+    @property
+    def Q(self) -> Matrix:
+        """Weight of the linear model's states, (k, k)."""
+        return self.problem.Q
+
+    @property
+    def R(self) -> Matrix:
+        """Weight of the moving inputs, (m, m)."""
+        return self.problem.R
+
+
+def flight_problem(
+    model: Model,
+    point: OperatingPoint,
+    Q: Any = None,
+    R: Any = None,
+    inputs: Sequence[str] | None = None,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+) -> FlightProblem:
+    """Return the optimal control problem of flights to a trim.
+
+    Q, R: weights, as `hfa.game` accepts them, by default diag(1/nominal²); R is the weight of the
+        moving inputs
+    inputs: inputs that move, by default all; the others are constant
+    limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
+
+    Raises BadInputError for a point of another model, a trim outside the limits, and for names and
+    weights that do not fit the model. Raises NoSolutionError if the linear model cannot be
+    stabilized at a finite cost.
+    """
+    point.refuse_other(model)
+    linear = linearize(model, point)
+    if inputs is not None:
+        for name in inputs:
+            refuse_unknown("there is no input", name, linear.inputs)
+        linear = linear.select(inputs=tuple(inputs))
+    lqr = game(
+        linear,
+        nominal_weights(model, linear.states) if Q is None else Q,
+        nominal_weights(model, linear.inputs) if R is None else R,
+    )
+    solution = unconfirmed_solution(lqr)
+    envelope = flight_envelope(model, point, limits)
+    return FlightProblem(linear, lqr.Q, lqr.R, solution.P, solution.K, envelope)

@@ -1,0 +1,1 @@
+"""Many flights with random differences."""

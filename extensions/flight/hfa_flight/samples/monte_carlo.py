@@ -1,0 +1,267 @@
+"""Monte Carlo simulation of flights: the plan of random scenarios, and the stored results."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property, lru_cache, wraps
+from typing import Any, TypeVar
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.layout import components
+from hfa_aircraft.limits import Limits
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import VECTORS, StatesAndInputs
+from hfa_aircraft.uncertain import ParameterSpread
+from hfa_flight.air.names import ALPHA, limited_names
+from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
+from hfa_flight.envelope import envelope_data, refuse_start
+from hfa_flight.flight import Flight, fly_within
+from hfa_flight.policies.policy import Policy
+from hfa_flight.scenario import Scenario, with_errors
+from hfa_flight.simulation import CompiledLoop
+from hfa_support.arguments import checks_arguments
+from hfa_support.errors import BadInputError, refuse_unless_whole
+from hfa_support.native.bound import MAKING
+from hfa_support.reporting.report import Reported
+from trim.point.operating_point import OperatingPoint
+
+Made = TypeVar("Made")
+
+
+def cached_per_thread(maxsize: int | None) -> Callable[[Callable[..., Made]], Callable[..., Made]]:
+    """Return a decorator like `functools.lru_cache` with one cache for each thread.
+
+    Threads must not share results such as a `BoundFunction`, because each call overwrites the
+    memory of the result.
+
+    maxsize: number of results in each cache, or None for no limit
+    """
+
+    def decorate(make: Callable[..., Made]) -> Callable[..., Made]:
+        own = threading.local()
+
+        def make_alone(*key: Any) -> Made:
+            with MAKING:
+                return make(*key)
+
+        @wraps(make)
+        def cached(*key: Any) -> Made:
+            if not hasattr(own, "cache"):
+                own.cache = lru_cache(maxsize)(make_alone)
+            made: Made = own.cache(*key)
+            return made
+
+        return cached
+
+    return decorate
+
+
+#: Stored result of a member -> its meaning, and its axis or, for a single number, its unit.
+KEPT = {
+    "left": ("number in the attribute left; -1: stayed inside", ""),
+    "cycle": (
+        "number of the input or state that still oscillates at the end; -1: none",
+        "",
+    ),
+    "factors": ("factor on a parameter", "error"),
+    "flown": ("time inside the envelope", "s"),
+    "rms_error": ("root mean square error over that time, without noise", "error_state"),
+    "peak_error": ("largest error, over ground", "error_state"),
+    "peak_angle_of_attack": ("largest angle of attack relative to the air, from trim", "rad"),
+    "effort": ("root mean square from trim", "input"),
+    "lowest_input": ("lowest value inside the envelope", "input"),
+    "highest_input": ("highest value inside the envelope", "input"),
+    "final": ("at the end", "state"),
+    "memory": ("memory of the policy at the end", "memory_state"),
+}
+
+
+@checks_arguments
+@dataclass(frozen=True, eq=False, repr=False)
+class MonteCarlo(StatesAndInputs, Reported):
+    """Plan of N flights (members), each with its own draw of one scenario.
+
+    Plans with the same results compare equal. A member depends only on the seed and its number, so
+    members can be simulated in any order and on any machine.
+
+    members: N
+    seed: seed of all random quantities
+    model: model with its nominal parameters
+    point: trim in which each member begins
+    policy: policy of all members
+    scenario: scenario with the random quantities to be drawn
+    envelope: limits of the states. A flight ends at the first tick outside
+    spread: distribution of the members' parameters, or None for the parameters of the model
+
+    Raises BadInputError if a number is wrong, the flight does not begin inside its envelope, a
+    relative error is given for a parameter of value 0, a signal has no formula, or the random
+    quantities are already drawn.
+    """
+
+    members: int
+    seed: int
+    model: Model
+    point: OperatingPoint
+    policy: Policy
+    scenario: Scenario
+    envelope: Limits
+    spread: ParameterSpread | None = None
+
+    def __post_init__(self) -> None:
+        """Raise BadInputError if the plan cannot be simulated."""
+        refuse_unless_whole("members", self.members, 1)
+        refuse_unless_whole("seed", self.seed, 0)
+        object.__setattr__(self, "scenario", self.scenario.on(self.model))
+        for name in ("reference", "disturbance", "noise"):
+            if not hasattr(getattr(self.scenario, name), "to_dict"):
+                raise BadInputError(
+                    f"the {name} of a Monte Carlo simulation is not a Waveform; give a Waveform"
+                )
+        if self.scenario.samples is not None:
+            raise BadInputError(
+                "the random quantities of the scenario are already drawn; give the scenario "
+                "without drawn()"
+            )
+        refuse_start(self.envelope, np.array(self.point.states) + self.scenario.initial)
+        for name in self.scenario.uncertainty.errors:
+            if self.model.parameters[name].start == 0.0:
+                raise BadInputError(
+                    f"{name} is 0, so a relative error has no effect; remove the error of {name}"
+                )
+        self.loop()  # refuses here what a worker could not simulate
+
+    def member(self, number: int) -> Scenario:
+        """Return the drawn scenario of one member, with turbulence at the trim speed."""
+        return self.scenario.drawn(self.seed, number, self.point)
+
+    def loop(self) -> ClosedLoop:
+        """Return the closed loop of the first member.
+
+        The loops of other members have the same equations and differ in parameters and random
+        values.
+        """
+        plant = NonlinearPlant(self.model, self.point, uncertain=True)
+        return ClosedLoop(plant, self.policy, self.member(0))
+
+    @property
+    def least_within(self) -> int:
+        """Number of members that must stay within their limits for a PASS.
+
+        It is 1 if all members have the same aircraft, and N if the aircraft are drawn.
+        """
+        return 1 if self.spread is None else self.members
+
+    @cached_property
+    def aircraft(self) -> list[Model]:
+        """The drawn aircraft of each member, or an empty list if all members use `model`."""
+        if self.spread is None:
+            return []
+        return self.spread.aircraft(self.model, self.members, self.seed)
+
+    @cached_property
+    def identity(self) -> str:
+        """JSON text of all that determines the results, such as seed, scenario and policy."""
+        data = {
+            "members": self.members,
+            "seed": self.seed,
+            "parameters": {name: each.start for name, each in self.model.parameters.items()},
+            "dynamics": self.model.name,
+            "model": _equations_identity(self.model),
+            "states": self.point.states._asdict(),
+            "inputs": self.point.inputs._asdict(),
+            "law": {"name": self.policy.name, **self.policy.identity},
+            "scenario": self.scenario.to_dict(),
+            "uncertainty": asdict(self.scenario.uncertainty),
+            "envelope": envelope_data(self.envelope, self.scenario.moving_air),
+        }
+        if self.spread is not None:
+            data["spread"] = asdict(self.spread)
+        return json.dumps(data, default=lambda value: np.asarray(value).tolist())
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, MonteCarlo) and self.identity == other.identity
+
+    def __hash__(self) -> int:
+        return hash(self.identity)
+
+
+def _equations_identity(model: Model) -> tuple[str, ...]:
+    """Return path and hash of a model's file, or without a file a hash of its expressions."""
+    if model.extras.source[0]:
+        return model.extras.source
+    vectors = model.layout.symbols(*VECTORS)
+    *given, w = map(components, vectors)
+    rates = model.layout.expressions(given, (), w)[0]
+    return (hashlib.sha256(ca.Function("f", vectors, [rates]).serialize().encode()).hexdigest(),)
+
+
+@cached_per_thread(maxsize=4)
+def member_loop(plan: MonteCarlo) -> CompiledLoop:
+    """Return the compiled closed loop of a plan, cached for each thread."""
+    return CompiledLoop(plan.loop(), plan.members)
+
+
+def fly_member(plan: MonteCarlo, member: int) -> Flight:
+    """Draw the member with this number and return its flight."""
+    scenario = plan.member(member)
+    aircraft = plan.aircraft[member] if plan.aircraft else plan.model
+    parameters = with_errors(aircraft, scenario).p
+    return fly_within(member_loop(plan), plan.envelope, scenario, parameters)
+
+
+def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
+    """Return the results of members `start` to `stop` - 1: name -> array, one row for each member.
+
+    The names are those in `KEPT`.
+    """
+    rows = [member_row(plan, fly_member(plan, member)) for member in range(start, stop)]
+    return {name: np.array([row[name] for row in rows]) for name in KEPT}
+
+
+def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
+    """Return the stored results of one member's flight: name -> number or array.
+
+    Errors and inputs are evaluated at the steps inside the envelope. The final states and memory
+    are those after the last of these steps.
+    """
+    scenario = result.loop.scenario
+    flight = result.flight
+    left = result.departure
+    states = list(plan.model.states)
+    trim = np.array(plan.point.inputs)
+    flown = scenario.duration if left is None else left.time
+    end = round(flown / scenario.step)  # 0 if turbulence exceeds the envelope at the start
+    errors = flight.errors[:end]
+    inputs = flight.inputs[:end]
+    angles = flight.limited[:end, states.index(ALPHA)] if ALPHA in states else np.zeros(0)
+    left_number = -1
+    if left is not None:
+        left_number = limited_names(plan.model, scenario.moving_air).index(left.state)
+    cycle_number = -1
+    if result.cycle is not None:
+        cycle_number = [*plan.model.inputs, *states].index(result.cycle.name)
+    return {
+        "left": left_number,
+        "cycle": cycle_number,
+        "factors": [scenario.errors[name] for name in plan.scenario.uncertainty.errors],
+        "flown": flown,
+        "rms_error": _rms(errors),
+        "peak_error": np.abs(errors).max(axis=0, initial=0.0),
+        "peak_angle_of_attack": np.abs(angles).max(initial=0.0),
+        "effort": _rms(inputs),
+        "lowest_input": inputs.min(axis=0, initial=np.inf) + trim,
+        "highest_input": inputs.max(axis=0, initial=-np.inf) + trim,
+        "final": result.states[end],
+        "memory": flight.memory[end],
+    }
+
+
+def _rms(rows: np.ndarray) -> np.ndarray:
+    """Return the root mean square of each column of (N, k), or 0 if N is 0."""
+    return np.asarray(np.sqrt(np.square(rows).sum(axis=0) / max(len(rows), 1)))

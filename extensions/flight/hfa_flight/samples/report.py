@@ -1,0 +1,167 @@
+"""Report of a Monte Carlo simulation: counts of flights within limits, quantiles of errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_flight.air.names import ANGLE_OF_ATTACK, OVER_GROUND, has_angle_of_attack, limited_names
+from hfa_flight.envelope import control_limits
+from hfa_flight.results import MemberSummary
+from hfa_flight.samples.monte_carlo import MonteCarlo
+from hfa_flight.scenario import Uncertainty
+from hfa_support.reporting.checks import verdict_text
+from hfa_support.reporting.report import Part, Report
+from hfa_support.reporting.text import Table, short_number, shown_unit
+
+#: Levels of the reported quantiles.
+QUANTILES = (0.05, 0.5, 0.95, 1.0)
+#: Note if all members are the same flight.
+_ALIKE = "all members are the same flight; give parameter errors, noise or turbulence"
+#: Function from the name of a result of `fly_members` to its values, (N, ...).
+Read = Callable[[str], np.ndarray]
+
+
+def summary(plan: MonteCarlo, read: Read) -> MemberSummary:
+    """Return the outcomes of all flights of a Monte Carlo plan.
+
+    read: function from the name of a result to its values, (N, ...), one row for each member
+    """
+    model = plan.model
+    left = read("left")
+    cycle = read("cycle")
+    inside = left < 0
+    limits = control_limits(model)
+    within = limits.within(read("lowest_input")) & limits.within(read("highest_input"))
+    states = limited_names(model, plan.scenario.moving_air)
+    oscillating = (*model.inputs, *model.states)
+    return MemberSummary(
+        dynamics=model.name,
+        plant="nonlinear",
+        law=plan.policy.name,
+        members=plan.members,
+        seed=plan.seed,
+        duration=plan.scenario.duration,
+        within_limits=int((inside & within.all(axis=1) & (cycle < 0)).sum()),
+        held=int(inside.sum()),
+        first_left=None if inside.all() else float(read("flown")[~inside].min()),
+        left={name: int((left == index).sum()) for index, name in enumerate(states)},
+        exceeded=dict(zip(model.inputs, (~within).sum(axis=0).tolist(), strict=True)),
+        limit_cycle={name: int((cycle == index).sum()) for index, name in enumerate(oscillating)},
+        quantiles=np.array(QUANTILES),
+        drawn=None if plan.spread is None else list(plan.spread.values),
+        **quantiles(model, read, inside),
+    )
+
+
+def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
+    """Return the report of a Monte Carlo plan: outcomes, and quantiles of the results.
+
+    The quantiles are over the members inside the envelope. The data of the report are a
+    `MemberSummary`.
+
+    read: function from the name of a result to its values, (N, ...), one row for each member
+    where: where the members are stored, for the title
+    """
+    found = summary(plan, read)
+    flown = (
+        f"Monte Carlo, {plan.point.model.title}, law {plan.policy.name}: "
+        f"{plan.members} members of {plan.scenario.duration:g} s, seed {plan.seed}"
+    )
+    if where:
+        flown += f", {where}"
+    verdict = verdict_text(found.within_limits >= plan.least_within)
+    inside = f"{found.within_limits} of {plan.members} members stayed within limits"
+    title = "\n".join([f"{verdict}: {inside}", flown, *_outcomes(found)])
+    parts: list[Part] = []
+    if found.held:
+        parts.append(_quantile_table(plan, found))
+        if plan.scenario.moving_air and has_angle_of_attack(plan.model):
+            parts.append(OVER_GROUND)
+    gust = plan.member(0).gust
+    if gust is not None and gust.text(plan.model):
+        parts += [gust.text(plan.model), *gust.left_out(plan.model)]
+    alike = plan.scenario.uncertainty == Uncertainty() and plan.spread is None
+    notes = [_ALIKE] if alike else []
+    return Report(title, parts, notes, found.as_data())
+
+
+def _outcomes(found: MemberSummary) -> list[str]:
+    """Return lines on the drawn aircraft, if any, and on each kind of failure that occurred.
+
+    Each line on failures gives the numbers of members that failed.
+    """
+    lines = []
+    if found.drawn is not None:
+        lines.append(
+            "members are aircraft with drawn parameters, each simulated from the trim of the model"
+        )
+    if found.first_left is not None:
+        lines.append(
+            f"left the envelope (members by first state): {_listed(found.left)};"
+            f" the earliest after {found.first_left:.3g} s"
+        )
+    if any(found.exceeded.values()):
+        lines.append(f"exceeded control limits: {_listed(found.exceeded)}")
+    if any(found.limit_cycle.values()):
+        lines.append(f"limit cycle that does not decay: {_listed(found.limit_cycle)}")
+    return lines
+
+
+def _listed(counts: Mapping[str, float]) -> str:
+    """Return text such as "alpha 3, pitch 1", without the counts that are 0."""
+    return ", ".join(f"{name} {count}" for name, count in counts.items() if count)
+
+
+def quantiles(model: Model, read: Read, inside: np.ndarray) -> dict[str, Any]:
+    """Return quantiles of the results of the members inside the envelope.
+
+    The result maps quantity -> variable -> values at the levels `QUANTILES`. The values of a
+    variable are None if no member is inside.
+
+    read: function from the name of a result to its values, (N, ...), one row for each member
+    inside: mask of these members, (N,)
+    """
+    quantities = {
+        "rms_error": (read("rms_error"), model.linear),
+        "peak_error": (read("peak_error"), model.linear),
+        "effort": (read("effort"), tuple(model.inputs)),
+        "final": (read("final"), tuple(model.states)),
+    }
+    if has_angle_of_attack(model):
+        angles = read("peak_angle_of_attack")[:, None]
+        quantities["peak_deviation"] = (angles, (ANGLE_OF_ATTACK,))
+    if not inside.any():
+        return {name: dict.fromkeys(names) for name, (_, names) in quantities.items()}
+    return {
+        name: dict(
+            zip(names, np.quantile(values[inside], QUANTILES, axis=0).T.tolist(), strict=True)
+        )
+        for name, (values, names) in quantities.items()
+    }
+
+
+def _quantile_table(plan: MonteCarlo, found: MemberSummary) -> Table:
+    """Return a table with one row for each variable of each quantity.
+
+    In moving air, a row for the angle of attack relative to the air is added if the model outputs
+    this angle.
+    """
+    shown: dict[str, Any] = {
+        "rms error": found.rms_error,
+        "peak error": found.peak_error,
+        "effort": found.effort,
+    }
+    if plan.scenario.moving_air and found.peak_deviation is not None:
+        shown["peak deviation"] = found.peak_deviation
+    rows = []
+    for quantity, by_variable in shown.items():
+        for variable, values in by_variable.items():
+            unit = plan.model.unit(variable)
+            cells = [short_number(value, unit) for value in values]
+            rows.append((f"{quantity} {variable}", *cells, shown_unit(unit)))
+    shares = ["largest" if share == 1.0 else f"{100 * share:g} %" for share in QUANTILES]
+    return Table(("members inside the envelope", *shares, "unit"), rows)

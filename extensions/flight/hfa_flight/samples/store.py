@@ -1,0 +1,117 @@
+"""Simulation of the members of a Monte Carlo plan, with results in memory or in a Zarr store."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hfa_flight.air.names import limited_names
+from hfa_flight.results import MemberAttributes
+from hfa_flight.samples.monte_carlo import KEPT, MonteCarlo, fly_members
+from hfa_support.arguments import checks_arguments
+from hfa_support.progress import Progress
+from hfa_support.rows.store import RowJob, array_of_rows, fill_store
+from hfa_support.rows.workers import open_workers
+
+#: Steps in a chunk. At 0.8 µs or more a step, a chunk takes at least half a second.
+CHUNK_STEPS = 1_000_000
+#: Overhead of a member, expressed in steps: 0.6 to 1.2 ms for drawing it and making its model.
+MEMBER_STEPS = 1_000
+_MEMBER = "member"
+
+
+def chunk_of(plan: MonteCarlo) -> int:
+    """Return the number of flights of a Monte Carlo plan that one task simulates."""
+    steps = MEMBER_STEPS + plan.scenario.ticks * plan.scenario.steps_per_tick
+    return min(-(-CHUNK_STEPS // steps), plan.members)
+
+
+@checks_arguments
+def run_monte_carlo(
+    plan: MonteCarlo, workers: int | str = 1, progress: Progress | None = None
+) -> Mapping[str, np.ndarray]:
+    """Return the results of all members: name -> array, one row for each member.
+
+    The names are those in `KEPT`. The results are kept in memory.
+
+    workers: as for `open_workers`. The number has no effect on the results
+    progress: called with (chunks done, number of chunks), first at the start
+    """
+    starts = range(0, plan.members, chunk_of(plan))
+    ends = (*starts[1:], plan.members)
+    tasks = [(number, (plan, *ends)) for number, ends in enumerate(zip(starts, ends, strict=True))]
+    chunks = {}
+    if progress is not None:
+        progress(0, len(tasks))  # the first chunk may take long because code is compiled
+    with open_workers(workers) as run:
+        for number, rows in run(fly_members, tasks):
+            chunks[number] = rows
+            if progress is not None:
+                progress(len(chunks), len(tasks))
+    in_order = [chunks[number] for number in sorted(chunks)]
+    return {name: np.concatenate([rows[name] for rows in in_order]) for name in KEPT}
+
+
+def stream_members(plan: MonteCarlo, path: Path, **options: Any) -> Any:
+    """Simulate all members of a plan into the store at `path` and return it as `xarray.Dataset`.
+
+    options: arguments of `fill_store`
+    """
+
+    def task(start: int, stop: int) -> tuple[MonteCarlo, int, int]:
+        return plan, start, stop
+
+    job = RowJob("Monte Carlo", _MEMBER, _template(plan), fly_members, task)
+    return fill_store(job, path, **options)
+
+
+def _template(plan: MonteCarlo) -> Any:
+    """Return the `xarray.Dataset` of an empty store for the results of a plan."""
+    model = plan.model
+    errors = tuple(plan.scenario.uncertainty.errors)
+    states = tuple(model.states)
+    inputs = tuple(model.inputs)
+    names = {"error": errors, "error_state": model.linear, "state": states, "input": inputs}
+    sizes = {axis: len(members) for axis, members in names.items()}
+    sizes["memory_state"] = len(plan.policy.start)
+
+    coordinates: dict[str, Any] = {}
+    for axis, members in names.items():
+        if members:
+            coordinates[axis] = (axis, np.array(members, dtype=object))
+        if members and axis != "error":  # factors have no unit
+            units = np.array(model.units(members), dtype=object)
+            coordinates[f"{axis}_unit"] = (axis, units)
+
+    arrays = {}
+    for name, (meaning, axis_or_unit) in KEPT.items():
+        fill: Any = np.int8(-1) if name in ("left", "cycle") else np.nan
+        attributes = {"long_name": meaning}
+        axes: tuple[str, ...] = (_MEMBER,)
+        if axis_or_unit in sizes:
+            axes = (_MEMBER, axis_or_unit)
+            if f"{axis_or_unit}_unit" in coordinates:
+                attributes["units_of"] = f"{axis_or_unit}_unit"
+        elif axis_or_unit:
+            attributes["units"] = axis_or_unit
+        shape = (plan.members, *(sizes[axis] for axis in axes[1:]))
+        if 0 not in shape:  # empty if nothing is drawn or the policy has no memory
+            arrays[name] = array_of_rows(axes, shape, fill, chunk_of(plan), attributes)
+
+    import xarray
+
+    attributes_of_store = MemberAttributes(
+        errors=errors,
+        left=limited_names(model, plan.scenario.moving_air),
+        error_states=model.linear,
+        error_units=model.units(model.linear),
+        states=plan.state_names,
+        state_units=plan.state_units,
+        inputs=plan.input_names,
+        input_units=plan.input_units,
+        plan=plan.identity,
+    ).as_data()
+    return xarray.Dataset(arrays, coordinates, attributes_of_store)
