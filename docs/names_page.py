@@ -27,8 +27,8 @@ PACKAGES = {
     "controller": "games, critics and learning",
     "verification": "checks",
     "hfa_flight": "flights of the nonlinear aircraft",
-    "hfa_servo": "designs of controllers",
-    "hfa_proof": "certificates",
+    "hfa_design": "designs of controllers",
+    "hfa_prove": "certificates",
 }
 
 

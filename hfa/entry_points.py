@@ -277,12 +277,12 @@ OPTIMIZE = CommandEntry(
 COST = CommandEntry(
     "proof",
     "lower bound of the cost of every nonlinear flight",
-    "hfa_optimal.commands.cost:cost",
+    "hfa_prove.commands.cost:cost",
     example="hfa prove cost --aircraft examples/pendulum.py:PENDULUM",
     install=".[proof]",
     results=(
-        "hfa_boxes.cost_results:FoundLowerBound",
-        "hfa_boxes.cost_results:CheckedLowerBound",
+        "hfa_prove.results:FoundLowerBound",
+        "hfa_prove.results:CheckedLowerBound",
     ),
 )
 #: Formats to which `--draws N` adds a section.
@@ -307,52 +307,52 @@ IDENTIFY = CommandEntry(
 CHECK = CommandEntry(
     "proof",
     "verify a certificate of the commands below: --check FILE",
-    "hfa_proof.commands.check:prove",
+    "hfa_prove.commands.check:prove",
     example="hfa prove --check certificate.json",
     install=".[proof]",
-    results=("hfa_proof.search.results:ProofData", "hfa_proof.search.results:CertificateData"),
+    results=("hfa_prove.results:ProofData", "hfa_prove.results:CertificateData"),
 )
 SCHEDULE = CommandEntry(
     "proof",
     "stability of a gain schedule at every point of an interval",
-    "hfa_proof.commands.schedule:schedule",
+    "hfa_prove.commands.schedule:schedule",
     example="hfa prove schedule --dihedral 14:14.5 -o certificate.json",
     install=".[proof]",
 )
 MODELS = CommandEntry(
     "proof",
     "fewest linear models for a bounded interpolation error",
-    "hfa_proof.commands.models:models",
+    "hfa_prove.commands.models:models",
     example="hfa prove models --dihedral 14:14.5 --limit-error 0.05",
     install=".[proof]",
-    results=("hfa_proof.search.results:InterpolatedModels",),
+    results=("hfa_prove.results:InterpolatedModels",),
 )
 SOLUTION = CommandEntry(
     "proof",
     "existence and uniqueness of a game's solution, near P",
-    "hfa_proof.commands.games:solution",
+    "hfa_prove.commands.games:solution",
     example="hfa prove solution --dihedral 15",
     install=".[proof]",
 )
 CRITIC = CommandEntry(
     "proof",
     "distance of a critic from the exact solution",
-    "hfa_proof.commands.games:critic",
+    "hfa_prove.commands.games:critic",
     example="hfa prove critic learned.npz --dihedral 15",
     install=".[proof]",
 )
 REGION = CommandEntry(
     "proof",
     "region of attraction of a loop with saturated inputs",
-    "hfa_region.commands.region:region",
+    "hfa_prove.commands.region:region",
     example="hfa prove region --aircraft examples/pendulum.py:PENDULUM --degree 2",
     install=".[proof]",
     results=(
-        "hfa_region.results:FoundSet",
-        "hfa_region.results:CheckedSet",
-        "hfa_boxes.results:FoundBoxes",
-        "hfa_boxes.results:CheckedBoxes",
-        "hfa.critic-check/1 hfa_region.results:WithRegion",
+        "hfa_prove.results:FoundSet",
+        "hfa_prove.results:CheckedSet",
+        "hfa_prove.results:FoundBoxes",
+        "hfa_prove.results:CheckedBoxes",
+        "hfa.critic-check/1 hfa_prove.results:WithRegion",
     ),
 )
 #: Shipped designs.
@@ -360,7 +360,7 @@ ABOUT_DESIGN = "paper, servo"
 DESIGN = CommandEntry(
     "flight",
     "design a certified controller for every point of a schedule",
-    "hfa_servo.commands.design:design",
+    "hfa_design.commands.design:design",
     example="hfa design --design paper --dihedral 5,10,15 -o gains.npz",
     results=(
         "controller.schedule.scheduled_controller:ControllerData",

@@ -20,9 +20,9 @@ import numpy as np
 import hfa
 from hfa_flight.initial_box import drawn_starts
 from hfa_flight.problem import flight_problem
-from hfa_optimal.bound_search import bound_search
 from hfa_optimal.initial_conditions import starts_table
 from hfa_optimal.search import BestFlights
+from hfa_prove.search.cost import bound_search
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
 from studies.bounds.aircraft import VAN_DER_POL, navion_of_the_tutorial

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_boxes.check.cost_statement import CostStatement
 from hfa_flight.initial_box import usual_box
 from hfa_flight.problem import FlightProblem
+from hfa_prove.statements.cost import CostStatement
 from hfa_support.native.bound import RowFunction
 from hfa_support.native.machine_code import machine_code
 

@@ -22,13 +22,13 @@ from hfa import BadInputError, OperatingPoint, linearize, solve, trim
 from hfa.extend import Report
 from hfa.paper import level_flight, published_game
 from hfa_aircraft.model import Model
+from hfa_design import design_controller, load_design
 from hfa_flight import ActuatorFault, CommandSteps, GainPolicy, Policy, Scenario, flight_envelope
 from hfa_flight.actuators import Actuator
 from hfa_flight.flight import Flight, fly
 from hfa_flight.policies.controller import MeasuredOutputs, Tracked, servo_policy, tracked
 from hfa_flight.signals import CommandedStates
 from hfa_model import INPUTS, LINEAR_STATES
-from hfa_servo import design_controller, load_design
 from hfa_support.errors import refuse_unknown
 from hfa_support.files import write_text
 from hfa_support.provenance import Provenance

@@ -18,6 +18,7 @@ from hfa import LinearModel
 from hfa.extend import Report
 from hfa.paper import level_model
 from hfa_aircraft.model import Model
+from hfa_design.servo_loop import ServoLoop, check_margins, servo_loop, servo_plant
 from hfa_flight import (
     ActuatorBank,
     ActuatorFault,
@@ -33,7 +34,6 @@ from hfa_flight.flight import Flight, fly
 from hfa_flight.policies.controller import servo_policy
 from hfa_model import INPUTS, LINEAR_STATES, Input
 from hfa_model.vectors import CONTROL_LIMITS
-from hfa_servo.servo_loop import ServoLoop, check_margins, servo_loop, servo_plant
 from hfa_support.reporting.text import Table
 
 #: Time step, interval of tests of the envelope, and duration of a flight with a gust, s.

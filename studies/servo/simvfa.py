@@ -22,14 +22,14 @@ from controller import ScheduledController
 from hfa import OperatingPoint, solve
 from hfa.paper import level_model
 from hfa_aircraft.model import Model
+from hfa_design import load_design
+from hfa_design.design import Design
+from hfa_design.design_model import DesignModel, design_model
 from hfa_flight import CommandSteps
 from hfa_flight.policies.controller import MatrixTables, MeasuredOutputs
 from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.signals import COMMAND_FILTER
 from hfa_model import INPUTS, LINEAR_STATES
-from hfa_servo import load_design
-from hfa_servo.design import Design
-from hfa_servo.design_model import DesignModel, design_model
 from hfa_support.provenance import parameter_hash
 
 #: Output that is measured besides the integrals, and regulated outputs.

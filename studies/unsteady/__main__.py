@@ -21,11 +21,11 @@ import hfa
 from controller import ScheduledController
 from hfa import LinearModel, Model, fly, solve
 from hfa.paper import level_model, published_game
+from hfa_design import design_controller, load_design
+from hfa_design.servo_loop import servo_loop, servo_margins, servo_plant
 from hfa_flight import GainPolicy, OneMinusCosine, Scenario, flight_envelope
 from hfa_flight.actuators import Actuator
 from hfa_model.unsteady import UNSTEADY
-from hfa_servo import design_controller, load_design
-from hfa_servo.servo_loop import servo_loop, servo_margins, servo_plant
 from studies.servo.flights import largest_held
 from studies.servo.simvfa import simvfa_design
 

@@ -22,8 +22,8 @@ pytestmark = pytest.mark.filterwarnings("default")
 #: The corrupted files include files of extensions.
 IN_FILES = needs(
     "hfa_jsbsim",
-    "hfa_proof",
-    "hfa_servo",
+    "hfa_prove",
+    "hfa_design",
 )
 #: Number of inputs of each kind, and number of the first one.
 INPUTS = int(os.environ.get("HOSTILE_INPUTS", "1"))

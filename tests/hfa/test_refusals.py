@@ -138,14 +138,14 @@ REFUSED = {
 #: (required package, command, words, text in the error)
 REFUSED_BY_EXTENSIONS = (
     (
-        "hfa_servo",
+        "hfa_design",
         "solve",
         "--design servo --dihedral 11 --units si",
         "in the units of the declaration; remove this option",
     ),
-    ("hfa_servo", "design", "given.npz", "given.npz: the file is not a controller file"),
+    ("hfa_design", "design", "given.npz", "given.npz: the file is not a controller file"),
     (
-        "hfa_servo",
+        "hfa_design",
         "design",
         "--design paper --dihedral 0:5",
         "--dihedral is '0:5'; give start:stop:step",

@@ -15,6 +15,7 @@ from project import ROOT
 
 import controller
 import hfa
+import hfa_design
 import trim
 import verification
 from hfa import BadInputError, NoSolutionError
@@ -86,7 +87,6 @@ def valid_calls() -> Calls:
 @cache
 def valid_calls_of_extensions() -> Calls:
     import hfa_flight
-    import hfa_servo
 
     calls = valid_calls()
     model = calls["linearize"][1]["model"]
@@ -114,7 +114,7 @@ def valid_calls_of_extensions() -> Calls:
             "gains": np.array([K, K]),
             "model": model,
         },
-        hfa_servo.load_design: {"name": "paper", "model": model},
+        hfa_design.load_design: {"name": "paper", "model": model},
     }
     return {function.__name__: (function, right) for function, right in functions.items()}
 
@@ -169,7 +169,7 @@ def test_a_wrong_argument_is_named(name: str) -> None:
     assert faults(function, arguments) == {}
 
 
-@needs("hfa_flight", "hfa_servo")
+@needs("hfa_flight", "hfa_design")
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_every_wrong_argument_of_every_function_is_named() -> None:

@@ -81,7 +81,7 @@ try:
     hfa.solve_game
 except AttributeError as error:
     print(error)
-print(sorted({"numpy", "casadi", "trim", "controller", "hfa_servo"} & {*sys.modules}))
+print(sorted({"numpy", "casadi", "trim", "controller", "hfa_design"} & {*sys.modules}))
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == [

@@ -13,7 +13,7 @@ import pytest
 import hfa
 import hfa_flight
 import hfa_model
-import hfa_proof
+import hfa_prove
 import trim
 import verification
 from controller.schedule.gain_schedule import GainSchedule
@@ -60,7 +60,7 @@ def results() -> dict[str, Any]:
     point = hfa.trim(aircraft, condition)
     model = hfa.linearize(aircraft, point)
     game = hfa.paper.published_game(model)
-    family = hfa_proof.Family(aircraft)
+    family = hfa_prove.Family(aircraft)
     gain = hfa.solve(game).K
     gains = GainSchedule(np.radians([15.0, 15.25]), np.stack([gain, gain]), hfa.aircraft())
     regeneration = verification.regenerate_all(aircraft)
@@ -79,7 +79,7 @@ def results() -> dict[str, Any]:
         game,
         hfa.from_gain(game, gain),
         hfa_model.published_models()[0],
-        hfa_proof.prove_schedule(family, gains, 15.0, 15.25),
+        hfa_prove.prove_schedule(family, gains, 15.0, 15.25),
         hfa_flight.GainPolicy("mine", gain),
         hfa_flight.Scenario(gust=hfa_flight.OneMinusCosine(100.0, 3.0, 68.0)),
     )

@@ -24,7 +24,7 @@ from hfa_support.reporting.text import Table, shown_unit
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from hfa_boxes.check.cost_statement import CostStatement
+    from hfa_prove.statements.cost import CostStatement
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hfa_boxes.interruption import interruption
 from hfa_flight.problem import FlightProblem, OfProblem
 from hfa_optimal.best_flight import (
     PolicyFlight,
@@ -18,6 +17,7 @@ from hfa_optimal.best_flight import (
 from hfa_optimal.bracket import Bracket, bracket_sentence, bracket_table
 from hfa_optimal.pilots import Pilot
 from hfa_optimal.search import AFTER, MESHES_AGREE, BestFlights
+from hfa_prove.search.interruption import interruption
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
@@ -25,7 +25,7 @@ from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 
 if TYPE_CHECKING:
-    from hfa_boxes.check.cost_statement import CostStatement
+    from hfa_prove.statements.cost import CostStatement
 
 
 @dataclass(frozen=True, eq=False)

@@ -110,7 +110,7 @@ def optimize(
     z = problem.deviations(initial)
     proved = None
     if bound is not None:
-        from hfa_optimal.bound import lower_bound
+        from hfa_prove.bound import lower_bound
 
         proved = lower_bound(Path(bound), problem)
     best = BestFlight(problem, BestFlights(problem).found(z, seconds))

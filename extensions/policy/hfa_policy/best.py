@@ -51,7 +51,7 @@ def best_costs(
     problem = flight_problem(model, point, Q, R, inputs=deployed.commanded)
     bound = None
     if certificate is not None:
-        from hfa_optimal.bound import lower_bound
+        from hfa_prove.bound import lower_bound
 
         bound = lower_bound(certificate, problem, progress, deployed.deployment.origin)
     search = BestFlights(problem, count)

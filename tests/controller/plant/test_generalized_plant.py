@@ -30,7 +30,7 @@ from controller.riccati.frequency_response import peak_gain
 from controller.riccati.smallest_delta import DeltaMin
 from hfa import BadInputError, Game, NoSolutionError, solve
 from hfa_aircraft.model import Model
-from hfa_servo.design_model import design_model
+from hfa_design.design_model import design_model
 
 DOUBLE = {"A": [[0.0, 1.0], [0.0, 0.0]], "B1": [[0.0, 0.0], [1.0, 0.0]], "B2": [[0.0], [1.0]]}
 DOUBLE |= {

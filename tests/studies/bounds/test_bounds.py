@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import hfa
-from hfa_boxes.check.cost_statement import CostStatement
-from hfa_boxes.check.piece import Piece, Polynomial
 from hfa_flight.problem import flight_problem
-from hfa_optimal.bound import plant_of
+from hfa_prove.problem import plant_of
+from hfa_prove.statements.cost import CostStatement
+from hfa_prove.statements.piece import Piece, Polynomial
 from studies.bounds.__main__ import main
 from studies.bounds.aircraft import navion_of_the_tutorial
 from studies.bounds.flexible import FLEXIBLE

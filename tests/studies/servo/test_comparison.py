@@ -19,10 +19,10 @@ import hfa
 from controller import save_controller
 from hfa import BadInputError
 from hfa_aircraft.model import Model
+from hfa_design import design_controller
+from hfa_design.servo_loop import check_margins, servo_loop, servo_margins, servo_plant
 from hfa_flight import OneMinusCosine
 from hfa_flight.actuators import Actuator
-from hfa_servo import design_controller
-from hfa_servo.servo_loop import check_margins, servo_loop, servo_margins, servo_plant
 from studies.servo.__main__ import main
 from studies.servo.comparison import CASES, ServoFlight, designed_servo, fly_case, laws_of, rows_of
 from studies.servo.flights import delayed, gust_held, simulated_flight, slowest_delayed

@@ -13,9 +13,9 @@ import pytest
 
 from hfa.paper import level_model
 from hfa_aircraft.model import Model
+from hfa_design.design_model import design_model
 from hfa_flight.policies.policy import Measurements
 from hfa_model import INPUTS
-from hfa_servo.design_model import design_model
 from studies.servo.simvfa import (
     A0,
     A1,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from flint import arb
 
-from hfa_boxes.search.doubles import values_at
+from hfa_prove.search.monomials import values_at
 from hfa_support.errors import BadInputError
 from verification.enclosure.elementary import (
     EXP_ERROR,

@@ -21,10 +21,10 @@ from trim.point.linearize import linearize
 
 if TYPE_CHECKING:
     from controller.game.zero_sum import Game
-    from hfa_boxes.check.cost_statement import CostStatement
     from hfa_flight.problem import FlightProblem
     from hfa_optimal.pilots import Pilot
     from hfa_optimal.search import BestFlights
+    from hfa_prove.statements.cost import CostStatement
     from trim.point.operating_point import OperatingPoint
 
 _MOST_STARTS = 10_000
@@ -208,7 +208,7 @@ def _bound(path: Path, search: BestFlights) -> CostStatement:
     Raises BadInputError if the certificate is about other flights. Raises BadInputError or
     NoSolutionError if the certificate does not prove its statement.
     """
-    from hfa_optimal.bound import lower_bound
+    from hfa_prove.bound import lower_bound
     from verification.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()

@@ -1,1 +1,0 @@
-"""Proof by branch and bound over boxes: regions of attraction and lower bounds of the cost."""

@@ -1,1 +1,0 @@
-"""Search for regions and cost bounds that the checker proves."""

@@ -1,0 +1,4 @@
+"""Design of a controller."""
+
+from .controllers import design_controller as design_controller
+from .design import load_design as load_design

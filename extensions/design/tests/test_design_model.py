@@ -1,0 +1,368 @@
+"""Designs in files and their design models.
+
+Gains are compared with those of the independent program SimVFA, and matrices with finite
+differences. Faulty designs are refused.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cli import refusal
+from known_models import model_at, released_simulation
+from project import ROOT
+from random_points import rising
+from servo_cases import SIMVFA, simvfa_design
+from tolerances import SAME_FORMULA
+
+import hfa
+import hfa_model
+from hfa import BadInputError, Game, linearize, solve, trim
+from hfa.paper import level_flight, published_game
+from hfa_aircraft.model import Model
+from hfa_aircraft.units import signal_unit
+from hfa_design import load_design
+from hfa_design.design import NAMED, Design, design_of
+from hfa_design.design_model import DesignModel, design_model
+from hfa_flight.actuators import Actuator
+from hfa_flight.policies.controller import MeasuredOutputs
+from hfa_model import LINEAR_STATES
+from hfa_model.outputs import moment_of, outputs_of
+
+DESIGNS = ROOT / "extensions/design/hfa_design"
+
+
+def test_every_design_file_has_name_and_source() -> None:
+    """Every design file of the package is listed in `NAMED` and names its source."""
+    assert {path.name for path in DESIGNS.glob("*.toml")} == set(NAMED.values())
+    assert all("source = " in path.read_text(encoding="utf-8") for path in DESIGNS.glob("*.toml"))
+
+
+def test_disturbances_and_actuators_of_designs_are_read(tmp_path: Path) -> None:
+    """Intensities of disturbances and data of actuators are read from a design file."""
+    own = tmp_path / "own.toml"
+    more = "[sensors]\npitch_rate = 1e-4\n[disturbance]\nupdraft = 2.0\ncommands = 3.0\n"
+    own.write_text(Path(SIMVFA["simvfa-2"]).read_text(encoding="utf-8") + more, encoding="utf-8")
+    design = load_design(str(own), hfa.aircraft())
+    assert design.disturbances == {"updraft": 2.0, "commands": 3.0}
+    assert design.actuators == dict.fromkeys(design.inputs, Actuator(2, 2.0, 0.7, 1.0))
+    assert simvfa_design("simvfa-1").disturbances == {"states": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("inputs = 'throttle'", "inputs is 'throttle'; give a list"),
+        ("weight = 3", "unknown entry weight; did you mean weights?"),
+        (
+            "[weights.inputs]\nthrottle = -1",
+            "weights.inputs.throttle is -1; give a finite number of at least 0",
+        ),
+        (
+            "[actuators]\nthrottle = 3",
+            "actuators.throttle is 3; give a table [actuators.throttle]",
+        ),
+        (
+            "[actuators.throttle]\neffectiveness = 0.0",
+            "actuators.throttle: the effectiveness of an actuator is 0.0",
+        ),
+        ("[actuators.throttle]\norder = 3", "actuators.throttle: the order of an actuator is 3"),
+        ("[disturbance]\nupdraft = 'x'", "disturbance.updraft is 'x'; give a finite number"),
+        ("delta = -1", "delta is -1; give a number above 0"),
+        ("delta = [", "is not a TOML file"),
+    ],
+)
+def test_faulty_design_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    """A faulty entry of a design file is refused with its name and the correction."""
+    path = tmp_path / "own.toml"
+    path.write_text(text, encoding="utf-8")
+    assert message in refusal(lambda name: load_design(name, hfa.aircraft()), path)
+
+
+def test_an_unknown_design_is_refused() -> None:
+    """A name that is not a design and not a readable file is refused with the list of designs."""
+    with pytest.raises(
+        BadInputError,
+        match="no design and no readable file of this name; choose from paper, servo",
+    ):
+        load_design("nobody", hfa.aircraft())
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("speed_estimate", "ft/s"),
+        ("throttle_rate", "1/s"),
+        ("aileron_outer_position_estimate", "rad"),
+        ("vertical_acceleration_short_period_command_end_lag_12", "ft/s^2"),
+        ("vertical_acceleration_short_period_integral_estimate", "ft/s^2 s"),
+        ("vertical_acceleration_short_period_command_rate", "(ft/s^2)/s"),
+        ("x1_integral", ""),
+    ],
+)
+def test_signal_names_have_units(name: str, unit: str) -> None:
+    """The unit of a controller's signal follows from its name."""
+    assert signal_unit(hfa.aircraft(), name) == unit
+
+
+#: Weights of a design without actuators and integrals.
+BARE: dict = {"integrals": (), "state_weights": {}}
+PEER = json.loads((Path(__file__).parent / "peer_gains.json").read_text(encoding="utf-8"))["gains"]
+
+
+def design_at(aircraft: Model, design: Design, degrees: float) -> DesignModel:
+    return design_model(aircraft, model_at(degrees, hfa_model.variant_of(aircraft).name), design)
+
+
+@pytest.mark.parametrize("name", PEER)
+@pytest.mark.parametrize("degrees", ["0", "5", "11", "20"])
+def test_settings_of_simvfa_give_its_gain(
+    published_aircraft: Model, name: str, degrees: str
+) -> None:
+    """The exact gain for the settings of the program SimVFA equals SimVFA's gain within 2e-5."""
+    theirs = np.array(PEER[name][degrees])
+    ours = solve(design_at(published_aircraft, simvfa_design(name), float(degrees)).game()).K
+    assert np.linalg.norm(ours - theirs) <= 2e-5 * np.linalg.norm(theirs)
+
+
+@pytest.mark.parametrize("degrees", ["0", "5", "11", "20"])
+def test_density_of_simvfa_gives_six_equal_digits(degrees: str) -> None:
+    """At the altitude with SimVFA's air density, gains agree with SimVFA in all six stored digits.
+
+    At 40,000 ft, some digits differ.
+    """
+    own, in_its_air = released_simulation()
+    for altitude, digits in ((in_its_air, True), (40_000.0, False)):
+        point = trim(own, level_flight(math.radians(float(degrees)), altitude=altitude))
+        model = linearize(own, point)
+        for name, tables in PEER.items():
+            theirs = np.array(tables[degrees])
+            half_units = 0.5 * 10.0 ** (np.floor(np.log10(np.abs(theirs))) - 5.0)
+            ours = solve(design_model(own, model, simvfa_design(name)).game()).K
+            assert (np.abs(ours - theirs) <= half_units).all() == digits
+
+
+def test_the_paper_design_equals_the_papers_game(published_aircraft: Model, game: Game) -> None:
+    """The game of the design `paper` has the matrices and delta of the paper's game."""
+    built = design_at(published_aircraft, load_design("paper", hfa.aircraft()), 15.0).game()
+    for name in ("A", "B", "E", "Q", "R"):
+        np.testing.assert_array_equal(getattr(built, name), getattr(game, name))
+    assert built.delta == game.delta
+    assert published_game(game.A, game.B).delta == 200.0
+
+
+def test_integrated_outputs_of_a_servo_reach_zero(
+    published_aircraft: Model,
+) -> None:
+    """With a constant disturbance of the inputs, a servo's integrated outputs are 0 in steady
+    state.
+    """
+    built = design_at(published_aircraft, simvfa_design("simvfa-2"), 11.0)
+    K = solve(built.game()).K
+    closed = built.A - built.B @ K
+    assert np.linalg.eigvals(closed).real.max() < 0.0
+    rest = -np.linalg.solve(closed, built.B @ np.array([0.01, -0.02]))
+    integrals = [index for index, name in enumerate(built.states) if name.endswith("_integral")]
+    assert np.abs(built.A[integrals] @ rest).max() < 1e-12
+
+
+def _gust_by_differences(aircraft: Model, built: DesignModel) -> np.ndarray:
+    """Return the rates of states and integrals per ft/s of updraft, by finite differences.
+
+    The differences are those of the nonlinear equations.
+    """
+    point = built.model.point
+    h = 1e-4
+    winds = (rising(side * h) for side in (1.0, -1.0))
+    up, down = (
+        moment_of(
+            point.states,
+            point.inputs,
+            hfa_model.parameters_of(aircraft),
+            hfa_model.variant_of(aircraft),
+            each,
+        )
+        for each in winds
+    )
+    plain = [built.design.model.part(name)[0] for name in built.design.integrals]
+    rates = [
+        (getattr(up.rates, name) - getattr(down.rates, name)) / (2 * h) for name in LINEAR_STATES
+    ]
+    seen = [{**moment.x._asdict(), **outputs_of(moment)} for moment in (up, down)]
+    outputs = [(seen[0][name], seen[1][name]) for name in plain]
+    return np.array(
+        [float(each) for each in (*rates, 0.0, 0.0, *((a - b) / (2 * h) for a, b in outputs))]
+    )
+
+
+@pytest.mark.parametrize("dynamics", ["published", "newton"])
+def test_updraft_columns_agree_with_finite_differences(dynamics: str) -> None:
+    """The column of E for an updraft agrees with finite differences, including the rows of
+    integrals.
+    """
+    aircraft = hfa.aircraft(dynamics)
+    built = design_at(
+        aircraft, replace(simvfa_design("simvfa-1"), disturbances={"updraft": 1.0}), 11.0
+    )
+    found = _gust_by_differences(aircraft, built)
+    np.testing.assert_allclose(built.E[:, 0], found, rtol=1e-6, atol=1e-9)
+    flown = MeasuredOutputs(aircraft, built.model.point, built.design.integrals).F
+    np.testing.assert_allclose(built.E[-2:, 0], flown.sum(axis=1), rtol=SAME_FORMULA)
+    without = np.append(built.E[:-1, 0], 0.0)
+    assert not np.allclose(without, found, rtol=1e-6, atol=1e-9)
+
+
+def test_sensor_rows_follow_the_order_of_names(
+    published_aircraft: Model,
+) -> None:
+    """The rows of C and D of a design model are those of its sensors, in their order.
+
+    A sensor is a state or an output.
+    """
+    names = (
+        "dihedral_integral",
+        "load_factor",
+        "pitch_rate",
+        "aileron_outer_position",
+        "alpha_air_outer",
+    )
+    design = replace(
+        simvfa_design("simvfa-1"), sensors={name: 0.1 * (k + 1) for k, name in enumerate(names)}
+    )
+    built = design_at(published_aircraft, design, 11.0)
+    assert built.sensors == names
+    np.testing.assert_allclose(built.V, np.diag([0.1, 0.2, 0.3, 0.4, 0.5]))
+    for row in (0, 2, 3):
+        np.testing.assert_array_equal(
+            built.C[row], [float(name == names[row]) for name in built.states]
+        )
+    found = linearize(published_aircraft, built.model.point, outputs=("load_factor",))
+    columns = [built.model.inputs.index(name) for name in built.inputs]
+    through_actuators = np.hstack([found.C[0], found.D[0, columns]])
+    np.testing.assert_allclose(built.C[1, :8], through_actuators, rtol=SAME_FORMULA)
+    np.testing.assert_array_equal(built.D, np.zeros((5, 2)))
+    direct = design_at(
+        published_aircraft,
+        replace(design, actuators={}, sensors={"load_factor": 1.0}, **BARE),
+        11.0,
+    )
+    np.testing.assert_allclose(direct.D, found.D[:, columns], rtol=SAME_FORMULA)
+    np.testing.assert_allclose(direct.C[:, :6], found.C, rtol=SAME_FORMULA)
+
+
+def test_a_command_disturbance_enters_through_b(published_aircraft: Model) -> None:
+    """A disturbance of the commands enters through the columns of B, scaled by the root of its
+    intensity.
+    """
+    design = replace(simvfa_design("simvfa-1"), disturbances={"commands": 4.0, "states": 1e-6})
+    built = design_at(published_aircraft, design, 11.0)
+    np.testing.assert_array_equal(built.E[:, :2], 2.0 * built.B)
+    np.testing.assert_array_equal(built.game().E, built.E)
+    at_once = replace(design, actuators={}, sensors={"load_factor": 1.0}, **BARE)
+    with pytest.raises(BadInputError, match="sensor load_factor depends directly on the commands"):
+        design_at(published_aircraft, at_once, 11.0)
+
+
+def test_an_output_and_its_part_are_sensors(
+    published_aircraft: Model,
+) -> None:
+    """An output and its short-period part may both be sensors of a design.
+
+    Only the row of the part omits the speed.
+    """
+    name = "vertical_acceleration"
+    design = replace(simvfa_design("simvfa-1"), sensors={name: 1.0, f"{name}_short_period": 1.0})
+    built = design_at(published_aircraft, design, 11.0)
+    assert built.C[0, 0] != 0.0 == built.C[1, 0]
+    assert built.C[0, 1] == built.C[1, 1]
+
+
+def test_integrals_the_inputs_cannot_change_are_refused(published_aircraft: Model) -> None:
+    """Integrated outputs whose steady values the inputs cannot change independently are refused."""
+    one = replace(
+        simvfa_design("simvfa-1"),
+        actuators={},
+        inputs=("elevator_center",),
+        input_weights={"elevator_center": 1.0},
+        **BARE,
+    )
+    with pytest.raises(
+        BadInputError,
+        match="gamma: no input changes the steady-state value independently of dihedral",
+    ):
+        design_at(published_aircraft, replace(one, integrals=("dihedral", "gamma")), 11.0).game()
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_an_actuator_follows_its_command(published_aircraft: Model, order: int) -> None:
+    """An actuator has the specified poles and steady gain, and drives the aircraft through its
+    column of B.
+    """
+    weak = Actuator(order=order, bandwidth=0.5, damping=0.9, effectiveness=0.2)
+    design = Design(
+        "own",
+        ("throttle",),
+        {"throttle": weak},
+        input_weights={"throttle": 1.0},
+        model=hfa.aircraft(),
+    )
+    assert design.disturbances == {"states": 1.0}
+    built = design_at(published_aircraft, design, 5.0)
+    rows = slice(6, None)
+    rest = -np.linalg.solve(built.A[rows, rows], built.B[rows])
+    assert rest[0, 0] == pytest.approx(0.2)
+    poles = np.linalg.eigvals(built.A[rows, rows])
+    assert np.abs(poles) == pytest.approx(np.full(order, 0.5))
+    assert built.A[0, 6] == pytest.approx(built.model.B[0, 0])
+
+
+def own(**changes: Any) -> Design:
+    return replace(simvfa_design("simvfa-1"), **changes)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: own(inputs=("flaps",)), "design simvfa-1: unknown input 'flaps'"),
+        (
+            lambda: own(integrals=("dihedral", "dihedral")),
+            "integrated output dihedral is named twice",
+        ),
+        (lambda: own(input_weights={}), "input aileron_outer has no weight"),
+        (
+            lambda: own(disturbances={"wind": 1.0}),
+            "unknown disturbance 'wind'; did you mean headwind, headwind_center or",
+        ),
+        (
+            lambda: own(disturbances={"updraft": 0.0}),
+            "the intensity of disturbance updraft is 0.0; give a positive number",
+        ),
+        (lambda: Actuator(order=3), "the order of an actuator is 3; give 1 or 2"),
+        (
+            lambda: Actuator(damping=math.nan),
+            "the damping of an actuator is nan; give a positive number",
+        ),
+    ],
+)
+def test_unusable_designs_are_refused(make: Callable[[], object], message: str) -> None:
+    """Unknown names, missing weights and wrong numbers in a design are refused."""
+    with pytest.raises(BadInputError, match=re.escape(message)):
+        make()
+
+
+@pytest.mark.parametrize("entry", ["weights", "actuators", "sensors"])
+@pytest.mark.parametrize("value", [3, "text", [1.0]])
+def test_a_number_in_place_of_table_is_refused(entry: str, value: object) -> None:
+    """A number given in place of a table, such as `[newton] weights = 3`, is refused by name."""
+    table = {"states": {"alpha": 1.0}} if entry == "weights" else {}
+    data = {"inputs": ["throttle"], entry: table, "newton": {entry: value}}
+    with pytest.raises(BadInputError, match=entry):
+        design_of("mine.toml", data, hfa.aircraft())

@@ -1,5 +1,0 @@
-"""Proofs in ball arithmetic for every value of the scheduling variable."""
-
-from hfa_support.public_names import public_names
-
-__getattr__, __dir__ = public_names(__name__, __file__)

@@ -1,1 +1,0 @@
-"""Checker of certificates, which imports nothing from the prover."""

@@ -1,1 +1,0 @@
-"""Search for proofs, and their certificates and reports."""

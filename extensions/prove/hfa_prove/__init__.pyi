@@ -1,0 +1,6 @@
+"""Proofs and their checkers."""
+
+from .check.schedule import check_certificate as check_certificate
+from .search.family import Family as Family
+from .search.models import prove_models as prove_models
+from .search.schedule import prove_schedule as prove_schedule

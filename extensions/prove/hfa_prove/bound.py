@@ -1,0 +1,57 @@
+"""Lower bounds of the cost of flights, read from certificates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+
+from hfa_flight.problem import FlightProblem
+from hfa_prove.check.cost import check_cost_certificate
+from hfa_prove.fields_boxes import COST_FIELDS
+from hfa_prove.problem import given_of
+from hfa_prove.statements.cost import CostStatement
+from hfa_prove.subject import Given, compare
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.progress import Progress
+
+
+def lower_bound(
+    path: Path,
+    problem: FlightProblem,
+    progress: Progress | None = None,
+    weights_from: str = "",
+) -> CostStatement:
+    """Return the lower bound of the cost that a certificate proves for the flights of a problem.
+
+    weights_from: file that contains Q and R, or "" if they are given by options
+
+    Raises BadInputError if an input of the problem is constant, derivatives depend on a state that
+    the cost omits, or the certificate is about other flights. Raises BadInputError or
+    NoSolutionError if the certificate does not prove its statement.
+    """
+    if problem.inputs != tuple(problem.model.inputs):
+        raise BadInputError(
+            f"the bound in {path} applies to flights in which all inputs move; "
+            "remove the argument inputs"
+        )
+    given = given_of(problem, "this command", {})
+    for name in ("Q", "R"):
+        given[name] = Given(getattr(problem, name), weights_from or f"--{name}")
+    agrees = partial(refuse_other, path, given)
+    return check_cost_certificate(path, progress, problem.model, agrees).statement
+
+
+def refuse_other(
+    path: Path, given: Mapping[str, Given], statement: CostStatement, advice: str = ""
+) -> None:
+    """Raise BadInputError if the statement of a certificate differs from the user's problem.
+
+    path: file of the certificate
+    given: path of a value in the certificate -> value in the user's problem
+    advice: end of the message
+    """
+    try:
+        compare(statement.content(), COST_FIELDS, given)
+    except NoSolutionError as error:
+        raise BadInputError(f"{path}: {error}{advice}") from error

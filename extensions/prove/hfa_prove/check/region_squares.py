@@ -1,0 +1,299 @@
+"""Checker of a region, which proves the statement from its witness in ball arithmetic.
+
+Theorem. S = {V <= rho} lies in the open unit ball of y and is therefore compact. S is divided into
+parts, in which each input is free or at a limit. On each part V' < 0 except at the equilibrium. The
+rates are Lipschitz on the ball. Hence a trajectory that begins in S exists for all time, stays in
+S, and converges to the only point of S where V' = 0 (LaSalle). V > 0 elsewhere in S follows.
+
+Sums of squares prove V' < 0 for y != 0. At y = 0, V = 0 and every deviation is 0. There either all
+inputs are free and V' = 0, or the part is empty.
+
+With disturbances, V' < 0 is proved where V = rho, with each disturbance at its lowest and at its
+highest value. V' is affine in the disturbances and therefore negative for all values between.
+Therefore no trajectory leaves S.
+
+The checker imports nothing from the search.
+
+    statement.py  the claim               witness.py      data for the proof
+    loop.py       loop, equilibrium       positivity.py   sums of squares
+    taylor.py     Taylor polynomials      polynomial.py   polynomials of balls
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from flint import arb, ctx
+
+from hfa_aircraft.model import Model
+from hfa_prove.certificate import claims_of, read_sealed, write_sealed
+from hfa_prove.check.cover import covering
+from hfa_prove.check.loop_squares import RegionLoop
+from hfa_prove.check.positivity import check_positive
+from hfa_prove.fields import Rejected, naming
+from hfa_prove.statements.evidence import Evidence
+from hfa_prove.statements.loop import FREE, HIGHEST, LOWEST
+from hfa_prove.statements.region_squares import (
+    ANY,
+    BALL,
+    EDGE,
+    LEVEL,
+    OUTSIDE,
+    Part,
+    RegionStatement,
+    RegionWitness,
+)
+from hfa_support.progress import Progress, with_progress
+from verification.enclosure.balls import exact, matrix, norm
+from verification.enclosure.polynomial import Polynomial, power_of_length
+
+#: Bits of a midpoint.
+PRECISION = 192
+#: Command interval of an input that is free or at a limit, with 0 its lowest and 1 its highest
+#: value.
+_ENDS = {LOWEST: (-1.0, 0.0), FREE: (0.0, 1.0), HIGHEST: (1.0, 2.0), ANY: (-1.0, 2.0)}
+#: Interval of a disturbance that is at one of its two ends.
+_ENDS_OF_A_DISTURBANCE = {LOWEST: (0.0, 1.0), HIGHEST: (1.0, 2.0), ANY: (0.0, 2.0)}
+
+
+@ctx.workprec(PRECISION)
+def check_region(
+    statement: RegionStatement, witness: RegionWitness, progress: Progress | None = None
+) -> int:
+    """Prove a statement and return the number of parts of the set on which V' < 0 is proved.
+
+    Raises Rejected unless the statement is proved.
+    """
+    loop = RegionLoop(statement, witness.T, witness.order)
+    one = Polynomial.constant(arb(1))
+    length = power_of_length(loop.n, 2)
+    inside = {LEVEL: one - loop.V, BALL: one - length}
+    outside = {OUTSIDE: length - one}
+    check_positive("inside", loop.V - one, outside, witness.inside, loop.n)
+    _check_extents(loop, witness.extents, inside)
+    statement.loop.check_held()
+    check_covered(loop, [part.inputs for part in (*witness.parts, *witness.empty)])
+    where = dict(inside)
+    if statement.loop.disturbances:
+        where[EDGE] = loop.V - one
+    nothing = Polynomial.constant(arb(-1))
+    for part in witness.empty:
+        what = f"empty {_named(part)}"
+        constraints = inside | limits_of(loop, part.inputs)
+        check_positive(what, nothing, constraints, part.evidence, loop.n)
+    for part in with_progress(list(witness.parts), progress):
+        degree = min(2 * part.evidence.main.high, loop.order + 1)
+        lowest = loop.decrease(part.inputs).lowest(loop.n, degree - degree % 2)
+        constraints = where | limits_of(loop, part.inputs)
+        check_positive(f"decrease {_named(part)}", lowest, constraints, part.evidence, loop.n)
+    return len(witness.parts)
+
+
+def check_covered(loop: RegionLoop, parts: Sequence[Mapping[str, str]]) -> None:
+    """Raise Rejected unless the parts cover all conditions that may occur on the unit ball of y.
+
+    An input is free or at a limit that it may reach. A disturbance is at its lowest or highest
+    value.
+
+    parts: name of an input or disturbance -> its condition in the part
+    """
+    stated = [_ENDS[FREE]]  # a coordinate of all parts, so that a loop without inputs has one
+    for name in loop.statement.loop.inputs:
+        low, high = loop.reaches(name)
+        stated.append((_ENDS[LOWEST if low else FREE][0], _ENDS[HIGHEST if high else FREE][1]))
+    disturbances = loop.statement.loop.disturbances
+    stated += [_ENDS_OF_A_DISTURBANCE[ANY]] * len(disturbances)
+
+    def box_of(part: Mapping[str, str]) -> list[tuple[float, float]]:
+        box = [_ENDS[FREE]]
+        for name, what in part.items():
+            box.append((_ENDS_OF_A_DISTURBANCE if name in disturbances else _ENDS)[what])
+        return box
+
+    covering("the parts of the set", stated, parts, box_of)
+
+
+def limits_of(loop: RegionLoop, inputs: Mapping[str, str]) -> dict[str, Polynomial]:
+    """Return the constraints that define a part of the set, name -> polynomial in y.
+
+    All polynomials are >= 0 exactly where the inputs are free or at limits as stated.
+
+    inputs: input -> free, or at its lowest or highest value, or any. The last has no constraint.
+    """
+    constraints = {}
+    for name in loop.statement.loop.inputs:
+        what = inputs.get(name, ANY)
+        for side, limit in zip((LOWEST, HIGHEST), loop.sides(name), strict=True):
+            if limit is None:
+                continue
+            if what == FREE:
+                constraints[f"{name} {side}"] = limit
+            elif what == side:
+                constraints[f"{name} {side}"] = -limit
+    return constraints
+
+
+def _check_extents(
+    loop: RegionLoop,
+    extents: Mapping[str, tuple[Evidence, Evidence]],
+    inside: Mapping[str, Polynomial],
+) -> None:
+    """Raise Rejected unless every state is proved to stay within its stated extent and its limits.
+
+    extents: state -> proofs of its lowest and highest deviation
+    inside: constraints that define the set
+    """
+    statement = loop.statement
+    for index, (name, (lowest, highest)) in enumerate(statement.extents.items()):
+        reach = loop.reach(index)
+        low = exact(lowest)
+        high = exact(highest)
+        if not (low <= -reach and reach <= high):
+            if name not in extents:
+                raise Rejected(f"the set may exceed the bounds on {name} given in the certificate")
+            _check_deviation(loop, index, (low, high), extents[name], inside)
+        least, most = statement.loop.limits.get(name, (-float("inf"), float("inf")))
+        at = loop.equilibrium.x[index]
+        if not (exact(least) <= at + low and at + high <= exact(most)):
+            raise Rejected(f"{name} is not proved to stay within its limits in the set")
+
+
+def _check_deviation(
+    loop: RegionLoop,
+    index: int,
+    ends: tuple[arb, arb],
+    evidence: tuple[Evidence, Evidence],
+    inside: Mapping[str, Polynomial],
+) -> None:
+    """Raise Rejected unless a state's deviation in the set is proved to be between stated ends.
+
+    index: index of the state
+    ends: lowest and highest deviation
+    evidence: proofs of the lowest and of the highest deviation
+    inside: constraints that define the set
+    """
+    name = loop.statement.loop.states[index]
+    deviation = loop.deviation(index)
+    from_low = deviation - Polynomial.constant(ends[0])
+    to_high = Polynomial.constant(ends[1]) - deviation
+    for side, room, proof in zip((LOWEST, HIGHEST), (from_low, to_high), evidence, strict=True):
+        check_positive(f"{name} {side}", room, inside, proof, loop.n)
+
+
+def _named(part: Part) -> str:
+    return ", ".join(part.inputs.values())
+
+
+#: Bits of a midpoint.
+_PRECISION = 192
+
+
+@ctx.workprec(_PRECISION)
+def extents_of(statement: RegionStatement, T: np.ndarray) -> dict[str, tuple[float, float]]:
+    """Return state -> lowest and highest deviation in a proved set, rounded outward.
+
+    - V = z'P z: the extents of the ellipsoid, ±sqrt(rho P⁻¹_ii)
+    - V of higher degree: the stated extents, limited to the unit ball
+
+    T: matrix of the coordinates z = T y, (n, n). The set is in the unit ball of y.
+    """
+    states = statement.loop.states
+    n = len(states)
+    inverse = None
+    if all(sum(exponents) == 2 for _, exponents in statement.terms):
+        P = np.zeros((n, n))
+        for coefficient, exponents in statement.terms:
+            i, j = np.repeat(np.arange(n), exponents)
+            P[i, j] += coefficient / 2.0
+            P[j, i] += coefficient / 2.0
+        inverse = matrix(P).inv()
+    found = {}
+    for index, name in enumerate(states):
+        if inverse is not None:
+            reach = _above((exact(statement.rho) * inverse[index, index]).sqrt())
+            found[name] = (-reach, reach)
+            continue
+        reach = _above(norm(matrix(T).table()[index]))
+        low, high = statement.extents[name]
+        found[name] = (max(low, -reach), min(high, reach))
+    return found
+
+
+def _above(ball: arb) -> float:
+    """Return a double above every number of the ball."""
+    return float(np.nextafter(float(ball.upper()), np.inf))
+
+
+#: Kind of the certificate.
+KIND = "region"
+
+
+@dataclass(frozen=True, eq=False)
+class VerifiedRegion:
+    """A region of attraction that the checker has proved.
+
+    statement: the proved statement
+    parts: number of parts of the set on which V' < 0 is proved
+    extents: state -> lowest and highest deviation in the set, computed by the checker
+    written: version, command and date stored in the certificate, not verified
+    """
+
+    statement: RegionStatement
+    parts: int
+    extents: Mapping[str, tuple[float, float]]
+    written: dict[str, str]
+
+
+def check_certificate(
+    path: Path, progress: Progress | None = None, model: Model | None = None
+) -> VerifiedRegion:
+    """Return the region of attraction that a certificate proves.
+
+    path: file of the certificate
+    progress: called with the progress of the proof, or None
+    model: the user's aircraft, or None if the certificate concerns a built-in model
+
+    Raises BadInputError if the file is not a certificate, was edited, or concerns another model.
+    Raises Rejected if an entry is not understood or the statement is not proved.
+    """
+    content, written = read_sealed(path)
+    with naming(path):
+        statement, witness = read_content(content, model)
+        parts = check_region(statement, witness, progress)
+    return VerifiedRegion(statement, parts, extents_of(statement, witness.T), written)
+
+
+def read_content(
+    content: dict[str, Any], model: Model | None
+) -> tuple[RegionStatement, RegionWitness]:
+    """Return the statement and the witness of a certificate.
+
+    content: the entries of the file
+    model: the user's aircraft, or None if the certificate concerns a built-in model
+
+    Raises Malformed for the first invalid entry.
+    Raises BadInputError if the certificate concerns another model.
+    """
+    entries = claims_of(content)
+    entries.same("kind", KIND)
+    statement = RegionStatement.read(entries.value("statement", lambda value: True), model)
+    witness = RegionWitness.read(entries.fields("witness"), statement)
+    entries.close()
+    return statement, witness
+
+
+def write_certificate(
+    path: Path, statement: RegionStatement, witness: dict[str, Any], origin: dict[str, Any]
+) -> None:
+    """Write a certificate of a region of attraction.
+
+    path: file of the certificate
+    statement: the claim
+    witness: data for the proof, in the form that `RegionWitness.read` accepts
+    origin: version, command and date, which the digest of the file does not cover
+    """
+    write_sealed(path, KIND, statement.content(), witness, origin)

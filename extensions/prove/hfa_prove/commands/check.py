@@ -1,0 +1,71 @@
+"""The command `hfa prove --check`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hfa.options.output import ProgressLine, show
+from hfa.options.request import command
+from hfa_prove.commands.request import CheckRequest
+from hfa_support.entry_points import PARTS, loaded, offered
+from hfa_support.errors import BadInputError
+
+#: Statements that a command `hfa prove STATEMENT` proves.
+STATEMENTS = ("cost", "critic", "models", "region", "schedule", "solution")
+
+
+@command(CheckRequest)
+def prove(request: CheckRequest) -> int:
+    """Verify a certificate by proving the statement again in ball arithmetic.
+
+    For your own aircraft, give the file with --aircraft. The other options are compared with the
+    statement: the aircraft with parameters, trim and limits, or the plant of --model, and the
+    weights, gains or critic. The first line of the report names the parts that were not given.
+    Exit code 0: the statement is proved. Exit code 1: the statement is not proved, or differs from
+    an option. The command requires `pip install .[proof]`."""
+    from hfa_prove.certificate import kind_of
+    from verification.enclosure.precision import flint_or_refusal
+
+    flint_or_refusal()
+    if request.check is None:
+        known = ", ".join(STATEMENTS)
+        raise BadInputError(
+            f"no statement to prove is given; choose from {known}, or add --check FILE"
+        )
+    of_others = offered(PARTS).get(f"check.{kind_of(request.check)}")
+    if of_others is not None:
+        code: int = loaded(of_others)(request, request.check)
+        return code
+    return _check(request, request.check)
+
+
+def _check(request: CheckRequest, certificate: Path) -> int:
+    """Verify a certificate of a schedule, a game or models, and return the exit code.
+
+    The code is 0 if the full claim is proved, and 1 if only a part is proved or the claim is
+    refuted.
+
+    Raises BadInputError if an option does not apply. Raises NoSolutionError if the statement is not
+    proved or differs from the user's data.
+    """
+    from hfa_prove.check.schedule import check_certificate
+    from hfa_prove.commands.given import given_for
+    from hfa_prove.fields import FIELDS
+    from hfa_prove.report import checked_report
+    from hfa_prove.statements.schedule import content_of, kind_of_statement
+    from hfa_prove.subject import compare
+
+    request.refuse(
+        ("policy", "network", "set"),
+        "applies to the region of a network or deployment file, but the certificate is about "
+        "another statement; remove this option",
+    )
+    own = request.model if request.own else None
+    verified = check_certificate(certificate, ProgressLine("check"), own)
+    content = content_of(verified.statement)
+    table = FIELDS[kind_of_statement(verified.statement)]
+    report = checked_report(
+        verified, compare(content, table, given_for(verified.statement, request))
+    )
+    show(report, request)
+    return 0 if report.data["proved"] else 1

@@ -1,0 +1,210 @@
+"""The command `hfa prove cost`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+from hfa.options.argument_types import input_file, number, one_of, positive, span
+from hfa.options.games import WeightOptions
+from hfa.options.output import ProgressLine, print_report, show
+from hfa.options.request import OfModel, command, option
+from hfa.options.trims import AircraftOptions, OutputOptions, TrimOptions
+from hfa_support.errors import BadInputError
+from hfa_support.files import forget_read
+from trim.point.linearize import linearize
+
+if TYPE_CHECKING:
+    from hfa.options.games import PlantOptions
+    from hfa_flight.problem import FlightProblem
+    from hfa_prove.check.cost import VerifiedCost
+    from hfa_prove.commands.request import CheckRequest
+    from hfa_prove.search.cost import CostBound
+    from hfa_prove.statements.cost import CostStatement
+
+_OF_THE_SEARCH = ("degree", "margin", "seconds", "resume")
+_DEGREES = ("2", "4", "6", "8", "10", "12")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
+    """Arguments of `hfa prove cost`."""
+
+    start: None = None
+    delta: None = None
+    limit: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    degree: int = option(
+        "degree of the polynomial W: 2, 4, 6, 8, 10 or 12; default 4",
+        "N",
+        lambda text: int(one_of(*_DEGREES)(text)),
+        default=4,
+    )
+    margin: float = option(
+        "relative distance of W below the linear quadratic cost; a smaller distance requires more "
+        "time; default 0.02",
+        "PART",
+        lambda text: _part(text),
+        default=0.02,
+    )
+    seconds: float = option(
+        "limit of processor time for the proof, s; default 120",
+        "S",
+        positive,
+        default=120.0,
+    )
+    limits: Mapping[str, tuple[float, float]] = option(
+        "limits of a state, instead of the limits of the flight envelope, degrees for angles; "
+        "repeatable",
+        "NAME=LOW:HIGH",
+        OfModel(span),
+        names="--limit",
+        named=True,
+    )
+    resume: bool = option("resume the proof of the unfinished certificate given by -o", rare=True)
+    check: Path | None = option(
+        "verify this certificate instead of proving a bound", "FILE", input_file(".json")
+    )
+
+    def problem(self) -> FlightProblem:
+        """Return the optimal control problem of the flights to the trim."""
+        from hfa_flight.problem import flight_problem
+
+        aircraft = self.flown_aircraft()
+        point = self.operating_point(aircraft)
+        game = self.game_on(linearize(aircraft, point))
+        return flight_problem(aircraft, point, game.Q, game.R, limits=self.limits)
+
+
+def _part(text: str) -> float:
+    """Return the fraction in the text of an option.
+
+    Raises BadInputError unless the text is a number from 0.0001 to 0.5.
+    """
+    part = number(text)
+    if not 1e-4 <= part <= 0.5:
+        raise BadInputError(f"is {text}; give a number from 0.0001 to 0.5")
+    return part
+
+
+@command(CostRequest)
+def cost(request: CostRequest) -> int:
+    """Prove a lower bound on the cost of every flight of the nonlinear aircraft to its trim.
+
+    The cost is the integral of x'Qx + u'Ru, in deviations from the trim. The bound consists of a
+    polynomial W in the initial condition and a level. Every flight that ends at the trim, within
+    the envelope and the limits of the inputs, costs at least the smaller of W and the level. -o
+    FILE.json writes a certificate, also if the run is interrupted. --check FILE verifies a
+    certificate. `hfa optimize --bound FILE` compares flights with the bound. Exit code 0 if the
+    bound is proved. The command requires `pip install .[proof]`.
+    """
+    from verification.enclosure.precision import flint_or_refusal
+
+    flint_or_refusal()
+    if request.check is not None:
+        return check(request, request.check)
+    if request.output is not None and request.output.suffix.lower() != ".json":
+        raise BadInputError(
+            f"{request.output}: a certificate must be a .json file; give a path "
+            "with the suffix .json"
+        )
+    if request.resume and request.output is None:
+        raise BadInputError(
+            "--resume requires an unfinished certificate; give the path with -o FILE.json"
+        )
+    return _prove(request)
+
+
+def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
+    """Verify a certificate of a lower bound of the cost, print the report, and return exit code 0.
+
+    Raises BadInputError for an option that does not apply. Raises BadInputError or NoSolutionError
+    if the certificate contradicts the user's values or does not prove its statement.
+    """
+    from hfa_flight.problem import flight_problem
+    from hfa_prove.check.cost import check_cost_certificate
+    from hfa_prove.commands.given import aircraft_option, names_aircraft
+    from hfa_prove.fields_boxes import COST_FIELDS
+    from hfa_prove.problem import given_of
+    from hfa_prove.report_cost import checked_bound_report
+    from hfa_prove.subject import Given, compare
+
+    request.refuse(_OF_THE_SEARCH, "has no effect with --check; remove this option")
+    request.refuse(
+        ("plant",),
+        "is a linear plant, but the certificate is about a nonlinear aircraft; give --aircraft "
+        "instead",
+    )
+    request.refuse(
+        ("weights", "policy", "basis", "network", "set", "design", "delta"),
+        "does not apply to a bound of the cost; remove this option",
+    )
+    own = request.model if request.own else None
+    weights = request.changed_weights()
+    given = {name: Given(value, f"--{name}") for name, value in weights.items()}
+    if names_aircraft(cast("PlantOptions", request)):
+        option_named = aircraft_option(cast("PlantOptions", request))
+        aircraft = request.flown_aircraft()
+        point = request.operating_point(aircraft)
+        limits = getattr(request, "limits", None)
+        problem = flight_problem(aircraft, point, limits=limits)
+        given |= given_of(problem, option_named, {})
+    not_given: list[str] = []
+
+    def agrees(statement: CostStatement) -> None:
+        not_given.extend(compare(statement.content(), COST_FIELDS, given))
+
+    verified = check_cost_certificate(certificate, ProgressLine("check"), own, agrees)
+    show(checked_bound_report(verified, not_given), request)
+    return 0
+
+
+def _prove(request: CostRequest) -> int:
+    from hfa_prove.check.cost import write_cost_certificate
+    from hfa_prove.report_cost import found_bound_report
+    from hfa_prove.search.cost import bound_search
+    from hfa_prove.search.interruption import interruptible
+
+    problem = request.problem()
+    origin = request.provenance.to_dict()
+
+    def save(found: CostBound) -> None:
+        if request.output is not None:
+            write_cost_certificate(request.output, found.statement, found.witness, origin)
+
+    earlier = _earlier(request, problem)
+    with interruptible(ProgressLine("cost")) as progress:
+        search = bound_search(
+            problem,
+            degree=request.degree,
+            margin=request.margin,
+            seconds=request.seconds,
+            progress=progress,
+            save=save,
+        )
+        found = search.found(earlier)
+    print_report(found_bound_report(found, search.starts), request)
+    return 0
+
+
+def _earlier(request: CostRequest, problem: FlightProblem) -> VerifiedCost | None:
+    """Return the verified bound in the output file of an earlier run, or None without --resume.
+
+    Raises BadInputError if the earlier certificate is about other flights. Raises BadInputError or
+    NoSolutionError if the certificate does not prove its statement.
+    """
+    from hfa_prove.bound import refuse_other
+    from hfa_prove.check.cost import check_cost_certificate
+    from hfa_prove.problem import given_of
+
+    if not request.resume:
+        return None
+    assert request.output is not None
+    path = request.output
+    given = given_of(problem, "this command", {"Q": problem.Q, "R": problem.R})
+    agrees = partial(refuse_other, path, given, advice="; write to another file")
+    verified = check_cost_certificate(path, ProgressLine("check"), problem.model, agrees)
+    forget_read(path)
+    return verified

@@ -1,0 +1,153 @@
+"""The commands `hfa prove solution` and `hfa prove critic`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from hfa.options.argument_types import input_file
+from hfa.options.games import NamedGame, PlantOptions
+from hfa.options.output import ProgressLine, print_report
+from hfa.options.request import command, option
+from hfa.options.trims import OutputOptions, called_at, scheduled
+from hfa_prove.commands.options import family_of, interval_of, refuse_no_certificate
+from hfa_support.errors import BadInputError, prefix_errors
+from hfa_support.files import MATRIX_FILES
+
+if TYPE_CHECKING:
+    from hfa_prove.search.family import Family
+    from hfa_prove.search.proof import Proof
+
+
+class Stated(NamedTuple):
+    """The game about which a statement is proved.
+
+    request: options of the command
+    named: the game
+    family: aircraft and its trims, or None for a plant from a file
+    value: scheduling value in the unit of the option, by default that of the model's trim, or None
+        for a plant from a file
+    """
+
+    request: SolutionRequest
+    named: NamedGame
+    family: Family | None = None
+    value: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SolutionRequest(PlantOptions, OutputOptions):
+    """Options of `hfa prove solution`."""
+
+    at: Any = scheduled(interval_of, "DEG", "taken as an exact decimal number")
+
+    def stated(self) -> Stated:
+        """Return the game that the options define.
+
+        Raises BadInputError if several scheduling values are given, or if the trim has properties
+        that proofs do not support.
+        """
+        typed = self.at
+        request = self
+        if typed is not None and len(typed) != 1:
+            raise BadInputError(
+                f"a game is defined at one value of {self.model.schedule}; give "
+                f"--{called_at(self.model)} with one value"
+            )
+        if typed is not None:  # the other commands of one trim store the value in the model's unit
+            in_degrees = self.model.schedule_unit == "deg"
+            request = replace(self, at=math.radians(typed[0]) if in_degrees else typed[0])
+        named = request.game()
+        if self.plant is not None:
+            return Stated(request, named)
+        family = family_of(request)
+        model = family.model
+        start = model.signals[model.schedule].start if model.schedule else 0.0
+        value = {**model.trim, **self.hold}.get(model.schedule, start)
+        if typed:
+            value = typed[0]
+        elif model.schedule_unit == "deg":
+            value = math.degrees(value)
+        family.check(value, value)
+        return Stated(request, named, family, value)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CriticRequest(SolutionRequest):
+    """Options of `hfa prove critic`."""
+
+    file: Path = option(
+        f"file with a critic: W, P or K ({' '.join(MATRIX_FILES)})",
+        "FILE",
+        input_file(*MATRIX_FILES),
+        names="file",
+        required=True,
+    )
+    basis: str = option(
+        "basis functions of W; default quadratic", "NAME", default="quadratic", rare=True
+    )
+
+
+@command(SolutionRequest)
+def solution(request: SolutionRequest) -> int:
+    """Prove that the game has one stabilizing solution within a radius of P, and bracket delta_min.
+
+    The proof uses ball arithmetic. delta_min is the smallest delta for which the game has a
+    solution. -o FILE.json writes a certificate for `hfa prove --check FILE`. Exit code 0: the
+    statement is proved. Exit code 1: the statement is refuted or remains open. The command requires
+    `pip install .[proof]`."""
+    from hfa_prove.search.game import prove_solution
+
+    _prepared(request)
+    stated = request.stated()
+    progress = ProgressLine("prove")
+    proof = prove_solution(stated.named.game, stated.family, stated.value, progress)
+    return _shown(stated, proof, "")
+
+
+@command(CriticRequest)
+def critic(request: CriticRequest) -> int:
+    """Prove whether a critic's gain stabilizes the plant.
+
+    The distance of W, P or K from the exact solution is bounded from below and above. The proof
+    uses ball arithmetic. -o FILE.json writes a certificate for `hfa prove --check FILE`.
+    Exit code 0: the gain is proved to stabilize the plant. Exit code 1: stability is refuted or
+    remains open. The command requires `pip install .[proof]`."""
+    from controller.critic.critic_file import critic_in
+    from controller.critic.reading import Reading
+    from hfa_prove.search.game import prove_critic
+
+    _prepared(request)
+    stated = request.stated()
+    game = stated.named.game
+    stored = critic_in(request.file, game, Reading(request.basis))
+    with prefix_errors(request.file):
+        proof = prove_critic(game, stored, stated.family, stated.value)
+    return _shown(stated, proof, str(request.file))
+
+
+def _prepared(request: SolutionRequest) -> None:
+    """Raise BadInputError if python-flint is missing or the output file is not a .json file."""
+    from verification.enclosure.precision import flint_or_refusal
+
+    flint_or_refusal()
+    refuse_no_certificate(request.output)
+
+
+def _shown(stated: Stated, proof: Proof, critic_file: str) -> int:
+    """Print the report of a proof and return the exit code, 0 if the full claim is proved.
+
+    The certificate is written if an output file is given and the proof has a witness.
+
+    critic_file: file of the critic, for the report, or ""
+    """
+    from hfa_prove.report import game_report
+
+    request = stated.request
+    if request.output is not None and proof.witness:
+        proof.write(request.output, request.provenance)
+    names = stated.named.game.names
+    print_report(game_report(proof.data, names.states, names.origin, critic_file), request)
+    return 0 if proof.proved else 1

@@ -1,0 +1,256 @@
+"""The user's data in the form of a statement, for comparison with a certificate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from controller.critic.critic_file import entries_in, single_parts
+from controller.game.basis import basis
+from controller.hfa_game import usual_game
+from controller.schedule.gain_schedule import load_gain_schedule
+from hfa.options.trims import OF_THE_TRIM, called_at
+from hfa_aircraft.names import UNNAMED, PlantNames
+from hfa_prove.check.game import matrix_of_weights
+from hfa_prove.commands.options import family_of, loop_of_file
+from hfa_prove.search.loops import Intervals
+from hfa_prove.statements.schedule import (
+    Flight,
+    GameStatement,
+    ModelsStatement,
+    ScheduleStatement,
+    Statement,
+    UncertainActuators,
+    content_of,
+    flight_content,
+)
+from hfa_prove.subject import Given
+from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
+
+if TYPE_CHECKING:
+    from hfa.options.games import PlantOptions
+    from hfa_prove.commands.request import CheckRequest
+
+#: Options that name an aircraft.
+_OF_THE_AIRCRAFT = ("aircraft", "dynamics", "parameters", "glide", *OF_THE_TRIM)
+
+
+def names_aircraft(request: PlantOptions) -> bool:
+    """Return whether an option that defines the aircraft or its trim is given."""
+    return any(name in request.typed for name in _OF_THE_AIRCRAFT)
+
+
+def aircraft_option(request: PlantOptions) -> str:
+    """Return the first given option that defines the aircraft or its trim, for messages.
+
+    If there is no such option, return the option of the scheduling value.
+    """
+    named = [name for name in _OF_THE_AIRCRAFT if name in request.typed]
+    return f"--{named[0]}" if named else f"--{called_at(request.model)}"
+
+
+def at_one_value(request: PlantOptions) -> Any:
+    """Return the request with its one scheduling value in the unit of the model.
+
+    The scheduling values of a `CheckRequest` are a tuple as typed. Other requests are returned
+    unchanged.
+
+    Raises BadInputError if several values are given.
+    """
+    if not isinstance(request.at, tuple):
+        return request
+    if len(request.at) != 1:
+        raise BadInputError(f"--{called_at(request.model)} is an interval; give one value")
+    (typed,) = request.at
+    in_degrees = request.model.schedule_unit == "deg"
+    return replace(request, at=math.radians(typed) if in_degrees else typed)
+
+
+def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
+    """Return path of an entry of the statement -> the value that the user's options give.
+
+    statement: the proved statement
+    request: options of the command
+
+    Raises BadInputError if an option does not apply to the statement. Raises NoSolutionError if the
+    critic has no K and the statement does not determine K from the critic's P or W.
+    """
+    flight = getattr(statement, "flight", getattr(statement, "plant", None))
+    if not isinstance(flight, Flight):
+        assert isinstance(statement, GameStatement)
+        return _given_plant(statement, request)
+    if request.plant is not None:
+        raise BadInputError(
+            "--model is a linear plant, but the certificate is about an aircraft; remove --model"
+        )
+    given = _given_flight(flight, request)
+    given |= _given_weights(flight, request)
+    if isinstance(statement, GameStatement):
+        return given | _given_critic(statement, request)
+    if request.weights is None:
+        request.refuse(
+            ("design",),
+            "requires a controller; add --weights FILE with the controller, or remove this option",
+        )
+        return given
+    return given | _given_controller(statement, request)
+
+
+def _given_flight(flight: Flight, request: CheckRequest) -> dict[str, Given]:
+    """Return the entries on the aircraft and its trims from the options.
+
+    The entries are the scheduling values, and the model with its parameters, imposed values and
+    limits.
+    """
+    given = {}
+    if request.at:
+        option = f"--{called_at(request.model)}"
+        given["flight.range"] = Given([request.at[0], request.at[-1]], option)
+    if not names_aircraft(request):
+        return given
+    own = family_of(request).flight(flight.low, flight.high)
+    option = aircraft_option(request)
+    of_others = ("range", "spread", "trims")
+    given |= {
+        f"flight.{name}": Given(value, option)
+        for name, value in flight_content(own).items()
+        if name not in of_others
+    }
+    return given
+
+
+def _given_weights(flight: Flight, request: CheckRequest) -> dict[str, Given]:
+    """Return the entries Q, R and delta from the options.
+
+    Raises BadInputError for --N, because no certificate contains cross weights.
+
+    If one of them and an aircraft are given, the entry E of the default game is also returned.
+    """
+    request.refuse(("N",), "is not in a certificate of hfa prove; remove this option")
+    given = {
+        f"weights.{name}": Given(value, f"--{name}")
+        for name, value in request.changed_weights().items()
+    }
+    if names_aircraft(request) and given:
+        n = len(flight.model.linear)
+        m = len(flight.model.inputs)
+        usual = usual_game(flight.model, np.eye(n), np.ones((n, m)))
+        given["weights.E"] = Given(usual.E, aircraft_option(request))
+    return given
+
+
+def _given_plant(statement: GameStatement, request: CheckRequest) -> dict[str, Given]:
+    """Return the entries on the plant, its weights and the critic from the options.
+
+    Raises BadInputError if an option defines an aircraft, and for --N.
+    """
+    request.refuse(("N",), "is not in a certificate of hfa prove; remove this option")
+    request.refuse(
+        (*_OF_THE_AIRCRAFT, "at"),
+        "gives an aircraft, but the certificate is about a plant; remove this option",
+    )
+    given = {
+        f"weights.{name}": Given(value, f"--{name}")
+        for name, value in request.changed_weights().items()
+    }
+    if request.plant is not None:
+        game = request.game().game
+        game.refuse_cross_weights("a certificate of hfa prove")
+        option = f"--model {request.plant}"
+        given |= {"plant.A": Given(game.A, option), "plant.B": Given(game.B, option)}
+        weights = {name: getattr(game, name) for name in ("Q", "R", "E", "delta")}
+        given |= {f"weights.{name}": Given(value, option) for name, value in weights.items()}
+    return given | _given_critic(statement, request)
+
+
+def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, Given]:
+    """Return the entries K, P and W of the critic file that is given, or {} if no file is given.
+
+    Raises BadInputError if an option does not apply to a critic.
+    Raises NoSolutionError if the file has no K and the statement does not claim that K is the gain
+    of the critic's P or W.
+    """
+    request.refuse(
+        ("design",),
+        "applies to a schedule, but the certificate is about a game; remove this option",
+    )
+    if request.weights is None:
+        request.refuse(
+            ("basis",), "applies only to W in --weights; add --weights FILE, or remove this option"
+        )
+        return {}
+    option = f"--weights {request.weights}"
+    names = UNNAMED
+    if isinstance(statement.plant, Flight):
+        model = statement.plant.model
+        names = PlantNames(model.linear, tuple(model.inputs), model.units(model.linear))
+    states = len(statement.weights.Q)
+    entries = entries_in(request.weights)
+    with prefix_errors(request.weights):
+        parts = single_parts(entries, names, basis(request.basis or "quadratic", states))
+    if "W" in parts:
+        if "P" in statement.critic and "P" not in parts:
+            parts["P"] = matrix_of_weights(parts["W"], states)
+        parts["W"] = parts["W"][:, None]
+    given = {f"critic.{name}": Given(value, option) for name, value in parts.items()}
+    if "K" not in parts:
+        if not statement.gain_of_value:
+            raise NoSolutionError(
+                f"{request.weights} contains no K, and the certificate's K is not the gain of the "
+                "certificate's P or W; give a file with K"
+            )
+        given["critic.K"] = Given(statement.critic["K"], option)
+    return given
+
+
+def _given_controller(
+    statement: ScheduleStatement | ModelsStatement, request: CheckRequest
+) -> dict[str, Given]:
+    """Return the entries on the controller and the actuators from the options.
+
+    The options are --weights and --design. For a statement about models, the entries are the
+    breakpoints and gains of the file of --weights.
+
+    Raises BadInputError if either the given loop or the statement has no actuators, but not both.
+    """
+    assert request.weights is not None
+    option = f"--weights {request.weights}"
+    model = statement.flight.model
+    if isinstance(statement, ModelsStatement):
+        request.refuse(
+            ("design",),
+            "applies to a controller, but the certificate is about models; remove this option",
+        )
+        gains = load_gain_schedule(request.weights, model)
+        return {
+            "breakpoints": Given(gains.file_breakpoints, option),
+            "K": Given(gains.gains, option),
+        }
+    loop = loop_of_file(request.weights, request.design, model, _stated_intervals(statement))
+    if loop.actuators is None and statement.actuators is not None:
+        raise BadInputError(
+            f"{option} gives no actuators, but the certificate has actuators; add --design"
+        )
+    if loop.actuators is not None and statement.actuators is None:
+        raise BadInputError(
+            "--design gives actuators, but the certificate has no actuators; remove --design"
+        )
+    stated = replace(statement, controller=loop.controller, actuators=loop.actuators)
+    content: Mapping[str, Any] = content_of(stated)
+    return {
+        f"{part}.{name}": Given(value, option)
+        for part in ("controller", "fixed_actuators", "uncertain_actuators")
+        for name, value in content.get(part, {}).items()
+    }
+
+
+def _stated_intervals(statement: ScheduleStatement) -> Intervals | None:
+    """Return the intervals of the statement's uncertain actuators, or None if there are none."""
+    actuators = statement.actuators
+    if not isinstance(actuators, UncertainActuators):
+        return None
+    return Intervals(actuators.bandwidth, actuators.effectiveness, actuators.delay)

@@ -1,0 +1,303 @@
+"""The command `hfa prove region`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from controller.critic.critic_file import is_network
+from hfa.options.argument_types import input_file, one_of, positive, quantity
+from hfa.options.critics import READING_SETTINGS, ReadingOptions, critic_path
+from hfa.options.games import PlantOptions, setting_option
+from hfa.options.output import ProgressLine, print_report, show
+from hfa.options.request import OfModel, command, option
+from hfa.options.trims import OutputOptions, picture_option
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.files import forget_read
+from trim.linear.linear_model import LinearModel
+
+if TYPE_CHECKING:
+    from hfa_prove.commands.request import CheckRequest
+    from hfa_prove.search.monomials import PolynomialFunction
+    from hfa_prove.statements.loop import SaturatedLoop
+
+#: Options that have no effect on the check of a certificate.
+_OF_THE_SEARCH = ("degree", "seconds", "resume", "picture", "prover")
+
+
+def _size(model: Model, name: str, text: str) -> float:
+    """Return the largest absolute value of a disturbance, in the unit of the model.
+
+    name: name of the disturbance
+    text: the value of the option, with or without a unit
+
+    Raises BadInputError if the model has no such disturbance or the value is not positive.
+    """
+    refuse_unknown(f"{model.name} declares no disturbance", name, tuple(model.disturbances))
+    positive(text)
+    return quantity(model, name, text)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
+    """Options of `hfa prove region`."""
+
+    weights: Path | None = option(
+        "file with a policy: K, P, W, or a network (the region is proved with boxes); default: "
+        "policy of the exact game",
+        "FILE",
+        critic_path,
+    )
+    policy: Path | None = option(
+        "deployment file of a policy, which is evaluated in continuous time; the region is proved "
+        "with boxes",
+        "DEPLOYMENT.toml",
+        input_file(".toml"),
+    )
+    set: Mapping[str, Any] = setting_option(
+        "setting of a critic: scale=a,b,... (network: factor on each state), "
+        "activation=HIDDEN[,OUTPUT] (state dict)",
+        READING_SETTINGS,
+    )
+    check: Path | None = option(
+        "verify this certificate instead of proving a region", "FILE", input_file(".json")
+    )
+    degree: int = option(
+        "highest degree of V: 2, 4 or 6; default 4", "N", lambda text: _degree(text), default=4
+    )
+    seconds: float = option(
+        "limit of processor time for the search, s; default 60",
+        "S",
+        positive,
+        default=60.0,
+    )
+    prover: str | None = option(
+        "method of proof: squares (sums of squares) or boxes (branch and bound); default: "
+        "depends on the loop",
+        "NAME",
+        lambda text: one_of("squares", "boxes")(text),
+    )
+    disturbance: Mapping[str, float] = option(
+        "instead of a region of attraction, prove a set that is invariant under every "
+        "disturbance NAME up to SIZE; repeatable",
+        "NAME=SIZE",
+        OfModel(_size),
+        named=True,
+    )
+    resume: bool = option(
+        "resume from the Lyapunov function V in the certificate given by -o", rare=True
+    )
+    picture: Path | None = picture_option(
+        "sections of the proved set, and initial conditions that do not converge"
+    )
+
+
+def _degree(text: str) -> int:
+    return int(one_of("2", "4", "6")(text))
+
+
+@command(RegionRequest)
+def region(request: RegionRequest) -> int:
+    """Prove a region of attraction of the nonlinear loop with saturated inputs.
+
+    Every trajectory that begins in {V(z) <= rho} stays there and within all limits of the model,
+    and converges to the trim. z is the deviation from the trim. The policy is u = sat(u0 - K z)
+    with K of the exact game, or the gain, polynomial or network in the file of --weights. With
+    --disturbance NAME=SIZE, the set is proved invariant under every disturbance up to SIZE, and
+    convergence is not claimed. The report also names a state with V' >= 0, an initial condition
+    that does not converge, and the active limits. -o FILE.json writes a certificate, and --check
+    FILE verifies a certificate. To verify the region of a network or of a deployment file, give
+    --weights or --policy again.
+    Not covered: sampling, actuators, delays, and a linearization that is not Hurwitz. Exit code 0:
+    the set is proved. The command requires `pip install .[proof]`."""
+    from verification.enclosure.precision import flint_or_refusal
+
+    flint_or_refusal()
+    request.refuse(
+        ("plant",),
+        "is a linear plant, but a region requires nonlinear equations; give --aircraft instead",
+    )
+    if request.check is not None:
+        return _checked(request, request.check)
+    if request.output is not None and request.output.suffix.lower() != ".json":
+        raise BadInputError(
+            f"{request.output}: a certificate must be a .json file; give a path "
+            "with the suffix .json"
+        )
+    if request.resume and request.output is None:
+        raise BadInputError(
+            "--resume requires an unfinished certificate; give the path with -o FILE.json"
+        )
+    if request.policy is None and not _is_network(request):
+        return _prove(request)
+    from hfa_prove.commands.region_boxes import prove_on_boxes
+
+    return prove_on_boxes(request)
+
+
+def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
+    """Verify a certificate of a region proved by sums of squares and return exit code 0.
+
+    certificate: path of the certificate
+
+    Raises BadInputError if an option does not apply to the check. Raises NoSolutionError if the
+    statement is not proved or differs from the user's data.
+    """
+    from hfa_prove.check.region_squares import check_certificate
+    from hfa_prove.commands.given_region import given_for
+    from hfa_prove.fields_squares import FIELDS
+    from hfa_prove.report_squares import checked_report
+    from hfa_prove.subject import compare
+
+    request.refuse(_OF_THE_SEARCH, "has no effect with --check; remove this option")
+    request.refuse(
+        ("plant",),
+        "is a linear plant, but the certificate is about an aircraft; give --aircraft instead",
+    )
+    _refuse_design(request)
+    request.refuse(
+        ("policy", "network", "set"),
+        "applies to a region proved on boxes, but the certificate is about a polynomial policy; "
+        "remove this option",
+    )
+    own = request.model if request.own else None
+    verified = check_certificate(certificate, ProgressLine("check"), own)
+    given = given_for(verified.statement, request)
+    show(checked_report(verified, compare(verified.statement.content(), FIELDS, given)), request)
+    return 0
+
+
+def _checked(request: RegionRequest, certificate: Path) -> int:
+    from hfa_prove.certificate import kind_of
+    from hfa_prove.check.region_boxes import KIND
+
+    if kind_of(certificate) == KIND:
+        return check_on_boxes(request, certificate)
+    return check(request, certificate)
+
+
+def check_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> int:
+    """Verify a certificate of a region proved on boxes and return exit code 0.
+
+    certificate: path of the certificate
+
+    Raises BadInputError if an option of the search is given. Raises NoSolutionError if the
+    statement is not proved or differs from the user's data.
+    """
+    from hfa_prove.commands.region_boxes import checked_gain_on_boxes, checked_on_boxes
+
+    request.refuse(_OF_THE_SEARCH, "has no effect with --check; remove this option")
+    _refuse_design(request)
+    if request.policy is not None or _is_network(request):
+        return checked_on_boxes(request, certificate)
+    return checked_gain_on_boxes(request, certificate)
+
+
+def _refuse_design(request: CheckRequest | RegionRequest) -> None:
+    request.refuse(
+        ("design",),
+        "applies to a schedule, but the certificate is about a region; remove this option",
+    )
+
+
+def _is_network(request: CheckRequest | RegionRequest) -> bool:
+    return request.weights is not None and is_network(request.weights)
+
+
+def _prove(request: RegionRequest) -> int:
+    from hfa_prove.check.loop_squares import refuse_curved
+    from hfa_prove.check.region_squares import write_certificate
+    from hfa_prove.commands.given_region import loop_of
+    from hfa_prove.commands.region_boxes import better_on_boxes, prove_gain_on_boxes
+    from hfa_prove.report_squares import region_report
+    from hfa_prove.search.interruption import interruptible
+    from hfa_prove.search.invariant import invariant_region
+    from hfa_prove.search.level import ProvedLevel
+    from hfa_prove.search.plant import saturated_loop
+    from hfa_prove.search.region_squares import RegionSearch
+    from hfa_prove.statements.region_boxes import Gain
+
+    linear, K, P, policy = loop_of(request)
+    loop = saturated_loop(linear, K, policy)
+    refuse_curved(replace(loop, disturbances=request.disturbance))
+    reason = "" if request.prover else better_on_boxes(request, loop)
+    if reason or request.prover == "boxes":
+        return prove_gain_on_boxes(request, linear, Gain(K, policy), P, reason)
+    known = _known(request, loop)
+    origin = request.provenance.to_dict()
+
+    def save(proved: ProvedLevel) -> None:
+        if request.output is not None:
+            write_certificate(request.output, proved.statement, proved.witness, origin)
+
+    with interruptible(ProgressLine("region")) as progress:
+        search = RegionSearch(
+            loop,
+            P,
+            seconds=request.seconds,
+            degree=request.degree,
+            progress=progress,
+            save=None if request.disturbance else save,
+        )
+        found = search.found(known)
+        if request.disturbance:
+            found = invariant_region(found, request.disturbance, progress)
+            save(found.proved)
+    if request.picture is not None:
+        from hfa_prove.picture import region_figure
+        from hfa_support.reporting.figure import save as save_figure
+
+        figure = region_figure(found, _box(linear))
+        save_figure(figure, request.picture, request.provenance.text())
+    print_report(region_report(found), request)
+    return 0
+
+
+def _box(linear: LinearModel) -> np.ndarray | None:
+    """Return the half-widths (n,) of the box in which `hfa verify` compares critics, or None.
+
+    The result is None if the model is not the paper's and a state has no limits, or its trim is at
+    or beyond a limit.
+
+    linear: linear model at the trim
+    """
+    from verification.hfa_box import ordinary_box
+    from verification.scope import box_within_limits
+
+    units = linear.point.model.units(linear.states)
+    box = ordinary_box(linear.states, linear.inputs, units) or box_within_limits(linear)
+    return None if box is None else box.half_widths
+
+
+def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | None:
+    """Return V of an earlier run's certificate, scaled to level 1, or None without --resume.
+
+    loop: the loop of this run
+
+    Raises BadInputError if the certificate concerns another loop.
+    """
+    if not request.resume:
+        return None
+    from hfa_prove.check.region_squares import check_certificate
+    from hfa_prove.search.monomials import PolynomialFunction
+
+    path = request.output
+    assert path is not None
+    own = request.model if request.own else None
+    statement = check_certificate(path, model=own).statement
+    forget_read(path)
+    if _subject(statement.loop) != _subject(loop):
+        raise BadInputError(f"{path} is the certificate of another loop; give another path with -o")
+    return PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
+
+
+def _subject(loop: SaturatedLoop) -> str:
+    """Return a JSON text that identifies a loop by its parameters, trim, inputs and policy."""
+    parts: list[Any] = [dict(loop.parameters), dict(loop.trim), dict(loop.inputs), loop.K.tolist()]
+    return json.dumps([*parts, dict(loop.policy)])

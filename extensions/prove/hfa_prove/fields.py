@@ -1,0 +1,341 @@
+"""Reader of the entries of a certificate, which refuses wrong types and unread entries."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from flint import arb
+
+from hfa_support.errors import BadInputError, NoSolutionError, shown
+
+_DECIMAL = re.compile(r"-?\d{1,80}(\.\d{1,80})?(e[+-]?\d{1,3})?", re.ASCII)
+#: Larger numbers are refused, because their squares overflow.
+_LARGEST = 1e300
+_LARGEST_INTEGER = 2**53
+#: Coefficient and powers of each term of a polynomial.
+Terms = tuple[tuple[float, tuple[int, ...]], ...]
+
+
+class Malformed(NoSolutionError):
+    """Raised if a certificate has an invalid entry."""
+
+
+class Rejected(NoSolutionError):
+    """Raised if a witness does not prove its statement."""
+
+
+def require(holds: bool, where: str, value: Any = None) -> None:
+    """Raise Malformed unless the condition is true.
+
+    where: name of the entry, with the defect if it is not obvious
+    value: value of the entry for the message, or None to omit it
+    """
+    if not holds:
+        shown_value = "" if value is None else f" ({shown(value)})"
+        raise Malformed(f"invalid entry: {where}{shown_value}")
+
+
+#: Errors of reading and checking for a wrong entry, or for evidence that does not prove the claim.
+NOT_PROVED = (
+    NoSolutionError,
+    LookupError,
+    TypeError,
+    ValueError,
+    AttributeError,
+    ArithmeticError,
+)
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Add the name of a file to the errors that are raised in the block.
+
+    A BadInputError is raised again. An error in `NOT_PROVED` is raised as Rejected.
+    """
+    try:
+        yield
+    except BadInputError as error:
+        raise BadInputError(f"{path}: {error}") from error
+    except NOT_PROVED as error:
+        raise Rejected(f"{path}: not proved: {error or type(error).__name__}") from error
+
+
+class Fields:
+    """The entries of a JSON object, each of which is read once.
+
+    where: name of the object in messages
+
+    The reading methods raise Malformed if an entry is missing or invalid.
+    """
+
+    def __init__(self, where: str, content: Any) -> None:
+        require(isinstance(content, dict), where, content)
+        self.where = where
+        self._remaining: dict[str, Any] = dict(content)
+
+    def has(self, name: str) -> bool:
+        """Return whether the entry with the given name exists and has not been read."""
+        return name in self._remaining
+
+    def close(self) -> None:
+        """Raise Malformed if an entry was not read."""
+        require(
+            not self._remaining, f"{self.where}: unknown entry", sorted(self._remaining, key=str)
+        )
+
+    def value(self, name: str, holds: Callable[[Any], bool]) -> Any:
+        """Return the entry with the given name if it passes the test `holds`."""
+        require(name in self._remaining, f"{self._called(name)}: missing entry")
+        value = self._remaining.pop(name)
+        require(bool(holds(value)), self._called(name), value)
+        return value
+
+    def same(self, name: str, expected: Any) -> None:
+        """Raise Malformed unless an entry equals `expected`."""
+        self.value(name, lambda value: value == expected)
+
+    def fields(self, name: str) -> Fields:
+        """Return a reader of an entry that is a JSON object."""
+        return Fields(self._called(name), self.value(name, lambda value: isinstance(value, dict)))
+
+    def items(self, name: str) -> list[Fields]:
+        """Return a reader of each object in an entry that is a list."""
+        entries = self.value(name, lambda value: isinstance(value, list))
+        return [Fields(f"{self._called(name)} {i}", entry) for i, entry in enumerate(entries)]
+
+    def texts(self, name: str, allowed: Any) -> tuple[str, ...]:
+        """Return an entry that is a list of strings, each of which must be in `allowed`."""
+        entries = self.value(name, lambda value: isinstance(value, list))
+        for entry in entries:
+            require(isinstance(entry, str) and entry in allowed, self._called(name), entry)
+        return tuple(entries)
+
+    def flag(self, name: str) -> bool:
+        """Return an entry that is true or false."""
+        return bool(self.value(name, lambda value: isinstance(value, bool)))
+
+    def count(self, name: str, most: int) -> int:
+        """Return an entry that is a whole number from 0 to `most`."""
+        return int(self.value(name, lambda value: type(value) is int and 0 <= value <= most))
+
+    def number(self, name: str, least: float = -math.inf, above: float = -math.inf) -> float:
+        """Return an entry that is a finite number, at least `least` and larger than `above`."""
+        value = float(self.array(name))
+        require(value >= least and value > above, self._called(name), value)
+        return value
+
+    def positive(self, name: str) -> float:
+        """Return an entry that is a positive number, or infinity if the entry is "inf"."""
+        if self._remaining.get(name) == "inf":
+            del self._remaining[name]
+            return math.inf
+        return self.number(name, above=0.0)
+
+    def pair(self, name: str, least: float = -math.inf) -> tuple[float, float]:
+        """Return an entry that is two numbers (low, high) with least <= low <= high."""
+        low, high = self.array(name, 2).tolist()
+        require(least <= low <= high, self._called(name), [low, high])
+        return low, high
+
+    def numbers(self, name: str, allowed: Any) -> dict[str, float]:
+        """Return name -> number of an entry that is an object whose names must be in `allowed`."""
+        entries = self.fields(name)
+        values = {}
+        for key in list(entries._remaining):
+            require(key in allowed, f"{entries.where}: unknown entry", key)
+            values[key] = entries.number(key)
+        return values
+
+    def all_numbers(self, name: str, names: Sequence[str]) -> dict[str, float]:
+        """Return name -> number of an entry that is an object with exactly the given names."""
+        numbers = self.numbers(name, names)
+        require(set(numbers) == set(names), self._called(name), sorted(numbers))
+        return {each: numbers[each] for each in names}
+
+    def terms(self, name: str, variables: int, highest: int) -> Terms:
+        """Return the terms of a polynomial, at least one, from an entry.
+
+        Each term has a degree from 2 to `highest`, and no monomial is listed twice.
+
+        variables: number of variables of the polynomial
+        """
+        listed = self.value(name, lambda value: isinstance(value, list) and bool(value))
+        terms = []
+        for number, entry in enumerate(listed):
+            where = f"{self._called(name)} {number}"
+            require(isinstance(entry, list) and len(entry) == 2, where, entry)
+            powers = entry[1]
+            require(isinstance(powers, list) and len(powers) == variables, where, powers)
+            require(all(type(power) is int and power >= 0 for power in powers), where, powers)
+            require(2 <= sum(powers) <= highest, where, powers)
+            terms.append((_double(where, entry[0]), tuple(powers)))
+        require(len({powers for _, powers in terms}) == len(terms), self._called(name))
+        return tuple(terms)
+
+    def array(self, name: str, *shape: int | None) -> np.ndarray:
+        """Return an entry of nested lists of finite numbers as an array.
+
+        shape: length of each level of lists, or None for any length
+        """
+        entries = self.value(name, lambda value: True)
+        numbers = _walked(self._called(name), entries, list(shape), _double)
+        try:
+            values = np.array(numbers, dtype=float)
+        except ValueError as error:  # rows of any length that differ
+            raise Malformed(f"{self._called(name)} has rows of different lengths") from error
+        sides = [length for length in shape if length is not None]
+        return values.reshape(sides) if len(sides) == len(shape) else values
+
+    def increasing(self, name: str) -> np.ndarray:
+        """Return an entry that is a list of at least two numbers in strictly increasing order."""
+        values = self.array(name, None)
+        require(len(values) > 1 and bool(np.all(np.diff(values) > 0.0)), self._called(name))
+        return values
+
+    def symmetric(self, name: str, n: int) -> np.ndarray:
+        """Return an entry that is a matrix (n, n) equal to its transpose."""
+        values = self.array(name, n, n)
+        require(np.array_equal(values, values.T), f"{self._called(name)}: not symmetric")
+        return values
+
+    def balls(self, name: str, *shape: int) -> Any:
+        """Return an entry of nested lists of balls.
+
+        A ball is exact for a double. For a decimal number in a string, the ball encloses the
+        number.
+
+        shape: length of each level of lists
+        """
+        entries = self.value(name, lambda value: True)
+        return _walked(self._called(name), entries, list(shape), _ball)
+
+    def _called(self, name: str) -> str:
+        return f"{self.where}: {name}" if self.where else name
+
+
+def rows_of(terms: Terms) -> list[list[Any]]:
+    """Return the terms of a polynomial in the form that `Fields.terms` reads from a file."""
+    return [[coefficient, list(powers)] for coefficient, powers in terms]
+
+
+def _walked(where: str, part: Any, shape: list[int | None], leaf: Callable[[str, Any], Any]) -> Any:
+    """Return a nested list with `leaf` applied to each number.
+
+    where: name of the entry, for messages
+    shape: length of each level of lists, or None for any length
+    leaf: (where, number) -> value
+
+    Raises Malformed if the list has another shape.
+    """
+    if not shape:
+        return leaf(where, part)
+    require(isinstance(part, list), where, part)
+    require(shape[0] in (None, len(part)), where, part)
+    return [_walked(where, entry, shape[1:], leaf) for entry in part]
+
+
+def _double(where: str, value: Any) -> float:
+    require(type(value) in (int, float), where, value)
+    require(math.isfinite(value) and abs(value) <= _LARGEST, where, value)
+    require(type(value) is float or abs(value) <= _LARGEST_INTEGER, where, value)
+    return float(value)
+
+
+def _ball(where: str, value: Any) -> arb:
+    if isinstance(value, str):
+        require(_DECIMAL.fullmatch(value) is not None, where, value)
+        _double(where, float(value))
+        return arb(value)
+    return arb(_double(where, value))
+
+
+class Field(NamedTuple):
+    """Treatment of an entry of a statement.
+
+    subject: name of the entry in the first line of a report if the user does not give a value, or
+        "" for a claim, which is not compared
+    shown: whether a report shows the entry, apart from the digest
+    """
+
+    subject: str = ""
+    shown: bool = True
+
+
+#: Path of an entry of a statement, such as "flight.parameters" -> its treatment. If the path of an
+#: object is not in the table, the paths of its entries are.
+FieldTable = Mapping[str, Field]
+_AIRCRAFT = Field("aircraft")
+#: Fields of the aircraft, of the imposed values of its trims, and of the limits.
+_FLIGHT: FieldTable = {
+    "flight.dynamics": _AIRCRAFT,
+    "flight.source": _AIRCRAFT,
+    "flight.over": _AIRCRAFT,
+    "flight.unit": _AIRCRAFT,
+    "flight.state_units": _AIRCRAFT,
+    "flight.input_units": _AIRCRAFT,
+    "flight.input_scales": _AIRCRAFT,
+    "flight.parameters": Field("parameters"),
+    "flight.imposed": Field("trim"),
+    "flight.limits": Field("limits"),
+    "flight.range": Field(),
+    "flight.spread": Field(),
+    "flight.trims": Field(),
+}
+_WEIGHTS: FieldTable = {
+    "weights.Q": Field("weights"),
+    "weights.R": Field("weights"),
+    "weights.E": Field("weights"),
+    "weights.delta": Field("weights"),
+}
+_CONTROLLER: FieldTable = {
+    f"controller.{name}": Field("gains")
+    for name in ("breakpoints", "A", "B", "C", "D", "measurements", "inputs", "states")
+}
+_ACTUATORS: FieldTable = {
+    f"{kind}.{name}": Field("actuators")
+    for kind in ("fixed_actuators", "uncertain_actuators")
+    for name in ("order", "damping", "bandwidth", "effectiveness")
+} | {"uncertain_actuators.delay": Field("actuators")}
+#: Kind of certificate -> its fields.
+FIELDS: dict[str, FieldTable] = {
+    "schedule": {
+        **_FLIGHT,
+        **_CONTROLLER,
+        **_ACTUATORS,
+        "loop": Field(),
+        "modes": Field(),
+        "decay_rate": Field(),
+        "scheduled_rate": Field(),
+    },
+    "game": {
+        **_FLIGHT,
+        "plant.A": Field("plant"),
+        "plant.B": Field("plant"),
+        **_WEIGHTS,
+        "decimals": Field(),
+        "critic.K": Field("critic"),
+        "critic.P": Field("critic"),
+        "critic.W": Field("critic"),
+        "gain_of_value": Field(),
+        "distances": Field(),
+        "loop": Field(),
+        "delta_min": Field(),
+        "modes": Field(),
+    },
+    "models": {
+        **_FLIGHT,
+        **_WEIGHTS,
+        "breakpoints": Field("gains"),
+        "A": Field("tables"),
+        "B": Field("tables"),
+        "inputs": Field("tables"),
+        "K": Field("gains"),
+        "errors": Field(),
+    },
+}

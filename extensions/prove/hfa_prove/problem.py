@@ -1,0 +1,102 @@
+"""Statement of a cost bound for a problem of flights."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+
+from hfa_flight.problem import FlightProblem
+from hfa_prove.statements.plant import SAME_TRIM, Plant, facts
+from hfa_prove.subject import Given, within
+from hfa_support.errors import BadInputError
+
+#: If the condition number is larger, an input replaces a state as an unknown.
+_CONDITION = 1e6
+
+
+def plant_of(problem: FlightProblem) -> Plant:
+    """Return the aircraft at the trim of a problem, with its envelope and input limits.
+
+    Raises BadInputError if derivatives depend on a state that the cost omits. A bound would then be
+    valid only while this state is constant.
+    """
+    model = problem.model
+    if problem.carried:
+        names = " and ".join(problem.carried)
+        raise BadInputError(
+            f"the rates of {model.title} depend on {names}, which the cost does not include; "
+            "give an aircraft without these variables"
+        )
+    states = {name: float(value) for name, value in problem.point.states._asdict().items()}
+    envelope = problem.envelope
+    limits = dict(
+        zip(
+            envelope.names,
+            zip(envelope.lowest.tolist(), envelope.highest.tolist(), strict=True),
+            strict=True,
+        )
+    )
+    limits |= {name: (signal.min, signal.max) for name, signal in model.inputs.items()}
+    return Plant(
+        model,
+        {name: signal.start for name, signal in model.parameters.items()},
+        {name: states[name] for name in model.linear},
+        {name: float(value) for name, value in problem.point.inputs._asdict().items()},
+        {name: value for name, value in states.items() if name not in model.linear},
+        {name: ends for name, ends in limits.items() if np.isfinite(ends).any()},
+    )
+
+
+def unknowns_of(problem: FlightProblem, plant: Plant) -> tuple[int, ...]:
+    """Return the indices of the n states or inputs for which the equilibrium equations are solved.
+
+    The indices count the states, then the inputs. The n states are selected if their scaled
+    Jacobian is well conditioned. Otherwise a QR decomposition with pivoting selects states and
+    inputs.
+    """
+    n = len(plant.states)
+    both = np.hstack([problem.linear.A, problem.linear.B])
+    scaled = both / plant.nominal[:n, None] * plant.nominal[None, : both.shape[1]]
+    if np.linalg.cond(scaled[:, :n]) < _CONDITION:
+        return tuple(range(n))
+    order = scipy.linalg.qr(scaled, mode="r", pivoting=True)[1]
+    return tuple(sorted(order[:n].tolist()))
+
+
+def given_of(problem: FlightProblem, option: str, weights: Mapping[str, Any]) -> dict[str, Given]:
+    """Return the values in the user's problem that a certificate must state, by path in the
+    certificate.
+
+    option: option that selects the aircraft, for messages
+    weights: Q and R if the user gave them, else {}
+
+    Raises BadInputError if derivatives depend on a state that the cost omits.
+    """
+    plant = plant_of(problem)
+    widths = SAME_TRIM * plant.nominal
+    names = (*plant.states, *plant.inputs)
+    signals = problem.model.signals
+    by_name = dict(zip(names, widths.tolist(), strict=True))
+    by_name |= {name: SAME_TRIM * signals[name].nominal for name in plant.held}
+    given = {name: Given(fact, option) for name, fact in facts(problem.model).items()}
+    given["parameters"] = Given(dict(plant.parameters), option)
+    given["limits"] = Given(dict(plant.limits), option, _not_narrower)
+    for name in ("trim", "inputs", "held"):
+        given[name] = Given(dict(getattr(plant, name)), option, within(by_name))
+    return given | {name: Given(value, f"--{name}") for name, value in weights.items()}
+
+
+def _not_narrower(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
+    """Return whether a certificate's limits contain the user's limits.
+
+    stated: name -> (lowest, highest) in the certificate; None is no limit
+    own: name -> (lowest, highest) of the user; a missing name has no limits
+    """
+    for name, (low, high) in stated.items():
+        least, most = own.get(name, (-np.inf, np.inf))
+        if (low is not None and least < low) or (high is not None and most > high):
+            return False
+    return True

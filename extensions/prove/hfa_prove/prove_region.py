@@ -1,0 +1,68 @@
+"""`hfa.prove_region`: the command `hfa prove region` for a gain, as a function."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_prove.search.plant import saturated_loop
+from hfa_prove.search.region_squares import Region, RegionSearch
+from hfa_support.arguments import checks_arguments, need
+from hfa_support.errors import BadInputError
+from hfa_support.progress import Progress
+from hfa_support.reporting.report import Report, Reported
+from trim.point.operating_point import OperatingPoint
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ProvedRegion(Reported, Region):
+    """A proved region that is displayed as the report of `hfa prove region`."""
+
+    def report(self) -> Report:
+        """Return the report that `hfa prove region` prints."""
+        from hfa_prove.report_squares import region_report
+
+        return region_report(self)
+
+
+@checks_arguments
+def prove_region(
+    model: Model,
+    point: OperatingPoint,
+    K: Any,
+    *,
+    seconds: float = 60.0,
+    degree: int = 2,
+    progress: Progress | None = None,
+) -> ProvedRegion:
+    """Return a proved region of attraction of the nonlinear loop u = sat(u0 - K (x - x0)).
+
+    model: the aircraft
+    point: trim x0, u0 of this aircraft
+    K: gain from states to inputs of the linear model, (m, n), or an object with the attribute K
+    seconds: limit of the processor time of the search, s
+    degree: highest degree of V
+    progress: called with the current step, or None. A KeyboardInterrupt from the callback ends the
+        search.
+
+    Raises NoSolutionError if no region is proved. Raises BadInputError if the equations cannot be
+    enclosed, K has another shape, or the point belongs to another model.
+
+    >>> import hfa
+    >>> region = hfa.prove_region(model, point, K, seconds=60.0)  # doctest: +SKIP
+    """
+    need(model, Model, "prove_region: model", Model.how_to_make)
+    need(point, OperatingPoint, "prove_region: point", "a trim: hfa.trim(model)")
+    linear = point.linearize()
+    point.refuse_other(model)
+    gain = np.asarray(getattr(K, "K", K), dtype=float)
+    wanted = (len(linear.inputs), len(linear.states))
+    if gain.shape != wanted:
+        raise BadInputError(f"K has the shape {gain.shape}; give {wanted}, inputs x states")
+    search = RegionSearch(
+        saturated_loop(linear, gain), None, seconds=seconds, degree=degree, progress=progress
+    )
+    return ProvedRegion(**vars(search.found()))

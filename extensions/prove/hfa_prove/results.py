@@ -1,0 +1,671 @@
+"""Results of `hfa prove`, as written in JSON. Each entry is declared once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, TypeVar
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import StatesAndInputs
+from hfa_prove.statements.cost import CostStatement
+from hfa_prove.statements.loop import Loop, SaturatedLoop
+from hfa_prove.statements.piece import Piece
+from hfa_prove.statements.plant import Plant
+from hfa_prove.statements.region_boxes import BoxStatement, Gain
+from hfa_prove.statements.region_squares import RegionStatement
+from hfa_prove.statements.schedule import (
+    ModelsStatement,
+    Run,
+    ScheduleStatement,
+    UncertainActuators,
+)
+from hfa_prove.words import ProvedResult
+from hfa_support.reporting.results import Matrix, Result, Vector
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ProofData(Result):
+    """Result of a proof or a check. null means open. Fields that a kind does not have are omitted.
+
+    statement: schedule, solution, critic or check.
+    dynamics: published, newton, or the name of another model.
+    dihedral_deg: interval of the dihedral angle, degrees.
+    proved: whether the full claim is proved.
+    one_branch: whether the trims of all boxes are on one branch.
+    decay_rate: proved decay rate where the loop is stable, 1/s.
+    loop: intervals with the number of unstable modes of the loop, and open intervals.
+    modes: intervals with the number of unstable modes of A, and open intervals with bounds of the
+        number.
+    refuted: intervals where the loop is proved unstable.
+    not_covered: effects that the statement does not cover.
+    boxes: enclosures of A and B, or the number of boxes.
+    source: SHA-256 of the files of another aircraft, for a checked certificate.
+    P: matrix of the value z'P z.
+    delta: disturbance weight, null without a disturbance.
+    scheduled: scheduling variable -> interval, for another aircraft.
+    dihedral_rate_deg_s: proved rate of the dihedral angle, deg/s, with --rate.
+    scheduled_rate: proved rate of the scheduling variable, per second, with --rate for another
+        aircraft.
+    actuators: bandwidth, effectiveness and delay, with --bandwidth.
+    lyapunov: Lyapunov function for a moving scheduling variable, with --rate.
+    kind: schedule, game or models, for a checked certificate.
+    parameters: name of the parameter set, or the parameters, for a checked certificate.
+    parameter_hash: hash of the parameters, for a checked certificate.
+    written: version, command and date in the file, not verified, for a checked certificate.
+    statement_sha256: SHA-256 of the JSON text of the statement, for a checked certificate.
+    claim: every field of the statement, for a checked certificate.
+    not_given: fields that were not compared, because no option gave them, for a checked
+        certificate.
+    limits: lowest and highest value of each limited signal of the trims, for a checked certificate.
+    spread: half-widths of the parameters, for a checked certificate.
+    game: Q, R, E and delta, for a checked certificate.
+    error: proved bounds of the interpolation errors, for checked models.
+    nodes: number of breakpoints, for checked models.
+    relative_radius: relative radius of the enclosure of P.
+    positive_definite: whether P is proved positive definite.
+    worst_case_hurwitz: whether A - S P is proved Hurwitz.
+    closed_loop_hurwitz: true if A - B K is proved Hurwitz, false if proved not Hurwitz.
+    delta_min_above: proved lower bound of delta_min.
+    delta_min_at_most: proved upper bound of delta_min.
+    unstable_modes: number of unstable modes of A, null if only bounds are proved.
+    unstable_modes_between: lowest and highest number of unstable modes of A.
+    distances: part of the critic -> bounds of its relative distance, at_least and at_most.
+    """
+
+    schema = "hfa.proof/1"
+    made_by = "hfa prove"
+
+    statement: str
+    dynamics: str | None = None
+    dihedral_deg: Vector | None = None
+    proved: bool | None = None
+    one_branch: bool | None = None
+    decay_rate: float | None = None
+    loop: Any = None
+    modes: Any = None
+    refuted: Sequence[Mapping[str, Any]] | None = None
+    not_covered: str | None = None
+    boxes: Any = None
+    source: str | None = None
+    P: Matrix | None = None
+    delta: float | None = None
+    scheduled: Mapping[str, Any] | None = None
+    dihedral_rate_deg_s: float | None = None
+    scheduled_rate: float | None = None
+    actuators: Mapping[str, Any] | None = None
+    lyapunov: Mapping[str, Any] | None = None
+    kind: str | None = None
+    parameters: Any = None
+    parameter_hash: str | None = None
+    written: Mapping[str, Any] | None = None
+    statement_sha256: str | None = None
+    claim: Mapping[str, Any] | None = None
+    not_given: Sequence[str] | None = None
+    limits: Mapping[str, Any] | None = None
+    spread: Mapping[str, Any] | None = None
+    game: Mapping[str, Any] | None = None
+    error: Mapping[str, float] | None = None
+    nodes: int | None = None
+    relative_radius: float | None = None
+    positive_definite: Any = None
+    worst_case_hurwitz: Any = None
+    closed_loop_hurwitz: Any = None
+    delta_min_above: float | None = None
+    delta_min_at_most: float | None = None
+    unstable_modes: Any = None
+    unstable_modes_between: Vector | None = None
+    distances: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InterpolatedModels(StatesAndInputs, Result):
+    """Linear models that are interpolated within a proved bound of the error.
+
+    statement: the models and their bounds.
+    tolerance: the largest error that the user permits.
+    """
+
+    schema = "hfa.lpv/1"
+    made_by = "hfa prove models"
+    json_keys = (
+        "dynamics=model.name tolerance error=statement.errors dihedral_deg? A=statement.A "
+        "B=statement.B K=statement.K inputs_offset states=state_names inputs=input_names "
+        "state_units input_units scheduled?"
+    )
+
+    statement: ModelsStatement
+    tolerance: float
+
+    @property
+    def model(self) -> Model:
+        """The aircraft whose models are interpolated."""
+        return self.statement.flight.model
+
+    @property
+    def dihedral_deg(self) -> Vector | None:
+        """Breakpoints of the dihedral angle, degrees, or None for another aircraft."""
+        return self.statement.breakpoints if self.model.extras.names_schedule else None
+
+    @property
+    def scheduled(self) -> Mapping[str, Vector] | None:
+        """Scheduling variable -> breakpoints, or None for the flexible aircraft of the paper."""
+        if self.model.extras.names_schedule:
+            return None
+        return {self.model.schedule: self.statement.breakpoints}
+
+    @property
+    def inputs_offset(self) -> Matrix:
+        """Trim inputs U0 at each breakpoint, (g, m)."""
+        return self.statement.inputs[..., 0]
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states, in the order of A."""
+        return self.model.linear
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CertificateData(Result):
+    """Content of the file of a certificate.
+
+    kind: schedule, game, models, region, region-boxes or cost-boxes.
+    toolchain: version of the program that wrote the file.
+    statement: the claim.
+    witness: data for the proof.
+    digest: SHA-256 of the text before this entry, equal for equal proofs.
+    checksum: SHA-256 of the text before this entry, including the provenance.
+    """
+
+    schema = "hfa.certificate/9"
+    made_by = "hfa prove -o FILE.json: the certificate"
+
+    kind: Literal["schedule", "game", "models", "region", "region-boxes", "cost-boxes"]
+    toolchain: str
+    statement: Mapping[str, Any]
+    witness: Mapping[str, Any]
+    digest: str
+    checksum: str
+
+
+class Place(NamedTuple):
+    """A level of V, and a state deviation from the equilibrium at that level."""
+
+    V: float
+    z: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class ProvedSet(ProvedResult):
+    """Set proved by sums of squares, a region of attraction or an invariant set.
+
+    statement: the proved statement.
+    parts: number of parts of the set, or of its boundary, on which V' < 0 is proved.
+    reaches: state -> lowest and highest deviation in the set.
+    """
+
+    json_keys = (
+        "proved prover rho states state_units trim parameters K policy limits disturbances extents "
+        "terms P? parts"
+    )
+
+    statement: RegionStatement
+    parts: int
+    reaches: Mapping[str, tuple[float, float]]
+
+    @property
+    def subject(self) -> SaturatedLoop:
+        """The closed loop: model, trim, limits and policy."""
+        return self.statement.loop
+
+    @property
+    def prover(self) -> str:
+        """Method of the proof: `squares`, sums of squares."""
+        return "squares"
+
+    @property
+    def rho(self) -> float:
+        """Level of V. The set is {V(z) <= rho}, with z the deviation from the equilibrium."""
+        return self.statement.rho
+
+    @property
+    def K(self) -> Matrix:
+        """Gain K (m, n) of u = sat(u0 - K (x - x0) + q(x - x0)), with the trim x0, u0."""
+        return self.statement.loop.K
+
+    @property
+    def policy(self) -> Mapping[str, Sequence[Any]]:
+        """Input -> q as a list of [coefficient, exponents], omitted if q = 0.
+
+        q is the nonlinear part of u = sat(u0 - K (x - x0) + q(x - x0)), with the trim x0, u0.
+        """
+        return self.statement.loop.policy
+
+    @property
+    def disturbances(self) -> Mapping[str, float]:
+        """Disturbance -> its largest absolute value."""
+        return self.statement.loop.disturbances
+
+    @property
+    def extents(self) -> Mapping[str, float]:
+        """State -> upper bound of the absolute deviation in the set.
+
+        The set is smaller than the box of these bounds.
+        """
+        return {name: max(-low, high) for name, (low, high) in self.reaches.items()}
+
+    @property
+    def terms(self) -> Sequence[Any]:
+        """Terms of V = Σ coefficient z^exponents, as a list of [coefficient, exponents]."""
+        return self.statement.terms
+
+    @property
+    def degree(self) -> int:
+        """Degree of V."""
+        return max(sum(exponents) for _, exponents in self.terms)
+
+    @property
+    def P(self) -> Matrix | None:
+        """Matrix P (n, n) of V = z'P z, or None if V has a degree above 2."""
+        if self.degree > 2:
+            return None
+        n = len(self.states)
+        P = np.zeros((n, n))
+        for coefficient, exponents in self.terms:
+            i, j = np.repeat(np.arange(n), exponents)
+            P[i, j] += coefficient / 2
+            P[j, i] += coefficient / 2
+        return P
+
+
+@dataclass(frozen=True, eq=False)
+class FoundSet(ProvedSet):
+    """Set that a search has found and proved by sums of squares.
+
+    origin: description of how V was found.
+    decrease_fails_at: lowest level of V at which V' >= 0 was found, with the state, or None.
+    leaves_limits_at: lowest level of V at an initial condition whose trajectory exceeds a limit,
+        with the state, or None.
+    lost_at: lowest level of V at an initial condition whose trajectory diverges or converges to
+        another equilibrium, with the state, or None.
+    limits_that_bind: signals whose limits the set nearly reaches.
+    stopped: "interrupted" after Ctrl-C, otherwise "".
+    """
+
+    schema = "hfa.region/1"
+    made_by = "hfa prove region"
+    json_keys = (
+        f"{ProvedSet.json_keys} origin decrease_fails_at leaves_limits_at lost_at limits_that_bind "
+        "stopped"
+    )
+
+    origin: str
+    decrease_fails_at: Place | None
+    leaves_limits_at: Place | None
+    lost_at: Place | None
+    limits_that_bind: Sequence[str]
+    stopped: str = ""
+
+
+@dataclass(frozen=True)
+class NothingProved(Result):
+    """Result of a search in which no set is proved.
+
+    proved: False.
+    """
+
+    proved: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class WithRegion(Result):
+    """Entries that `--region S` adds to a result.
+
+    region: region of attraction of the saturated loop, or None without the option.
+    """
+
+    region: FoundSet | NothingProved | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedSet(ProvedSet):
+    """Set that a certificate proves by sums of squares.
+
+    written: version, command and date in the file, not verified.
+    not_given: parts of the statement that were not compared, because no option gave them.
+    """
+
+    schema = "hfa.region-check/1"
+    made_by = "hfa prove region --check FILE"
+    json_keys = f"{ProvedSet.json_keys} written not_given"
+
+    written: Mapping[str, str]
+    not_given: Sequence[str] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class BoxSet(ProvedResult):
+    """Region of attraction proved on boxes.
+
+    statement: the proved statement.
+    boxes: number of boxes that the proof evaluated.
+    """
+
+    json_keys = (
+        "proved prover rho states state_units trim parameters equilibrium policy limits extents "
+        "degree P? M coefficients powers boxes"
+    )
+
+    statement: BoxStatement
+    boxes: int
+
+    @property
+    def subject(self) -> Loop:
+        """The closed loop of the statement: model, trim, limits and policy."""
+        return self.statement.loop
+
+    @property
+    def prover(self) -> str:
+        """Method of the proof: `boxes`, branch and bound."""
+        return "boxes"
+
+    @property
+    def rho(self) -> float:
+        """Level of V. The set is {V <= rho}."""
+        return self.statement.rho
+
+    @property
+    def equilibrium(self) -> Mapping[str, float]:
+        """State -> approximate value at the proved equilibrium of the loop."""
+        return self.statement.equilibrium
+
+    @property
+    def policy(self) -> str | Mapping[str, Any]:
+        """SHA-256 of the policy's instructions, or the coefficients of a polynomial policy.
+
+        The coefficients are K and the terms of q in u0 - K (x - x0) + q(x - x0), with the trim x0,
+        u0.
+        """
+        stated = self.statement.policy
+        return stated.content() if isinstance(stated, Gain) else stated
+
+    @property
+    def extents(self) -> Mapping[str, float]:
+        """State -> upper bound of the absolute deviation from the equilibrium in the set."""
+        return {name: max(-low, high) for name, (low, high) in self.statement.extents.items()}
+
+    @property
+    def degree(self) -> int:
+        """Degree of V."""
+        return self.statement.degree
+
+    @property
+    def P(self) -> Matrix | None:
+        """Matrix P (n, n) of V = z'P z, rounded to doubles, or None if V has a degree above 2."""
+        return quadratic_form(self.statement.piece)
+
+    @property
+    def M(self) -> Matrix:
+        """Matrix M (n, n) of the coordinates y = M z of V. The set is within |y_i| < 1."""
+        return self.statement.piece.M
+
+    @property
+    def coefficients(self) -> Vector:
+        """Coefficients of the monomials of V in y."""
+        return np.array([value for value, _ in self.statement.piece.W.terms])
+
+    @property
+    def powers(self) -> Sequence[Sequence[int]]:
+        """Powers of each monomial of V, (terms, n)."""
+        return [powers for _, powers in self.statement.piece.W.terms]
+
+
+def quadratic_form(piece: Piece) -> Matrix | None:
+    """Return P (n, n) with W(M z) = z'P z, rounded to doubles.
+
+    Return None if W has a degree above 2.
+    """
+    M = piece.M
+    S = np.zeros((len(M), len(M)))
+    for value, powers in piece.W.terms:
+        if sum(powers) > 2:
+            return None
+        i, j = np.repeat(np.arange(len(M)), powers)
+        S[i, j] += value / 2
+        S[j, i] += value / 2
+    return np.asarray(M.T @ S @ M)
+
+
+@dataclass(frozen=True, eq=False)
+class FoundBoxes(BoxSet):
+    """Region of attraction that a search has found and proved.
+
+    origin: description of how V was found.
+    decrease_fails_at: state -> deviation at the first obstacle to a larger level if V' >= 0 there,
+        otherwise None.
+    stopped: reason why no larger level is proved.
+    """
+
+    schema = "hfa.region-boxes/1"
+    made_by = "hfa prove region --prover boxes"
+    json_keys = f"{BoxSet.json_keys} origin decrease_fails_at stopped"
+
+    origin: str
+    decrease_fails_at: Mapping[str, float] | None
+    stopped: str
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedBoxes(BoxSet):
+    """Region of attraction that a certificate proves.
+
+    written: version, command and date in the file, not verified.
+    not_given: parts of the statement that were not compared, because no option gave them.
+    """
+
+    schema = "hfa.region-boxes-check/1"
+    made_by = "hfa prove region --check FILE"
+    json_keys = f"{BoxSet.json_keys} written not_given"
+
+    written: Mapping[str, str]
+    not_given: Sequence[str] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class BoundPiece(Result):
+    """Lower bound of the cost by one polynomial W(M z), with z the deviation from the equilibrium.
+
+    A flight that begins with |(M z)_i| < 1 for all i costs at least min(W(M z), c). A flight that
+    begins elsewhere costs at least c.
+
+    c: level.
+    M: (n, n).
+    coefficients: coefficients of the monomials of W.
+    powers: (terms, n), powers of each monomial.
+    boxes: number of boxes that the proof of the piece evaluated.
+    """
+
+    c: float
+    M: Matrix
+    coefficients: Vector
+    powers: Sequence[Sequence[int]]
+    boxes: int
+
+
+@dataclass(frozen=True, eq=False)
+class LowerBound(ProvedResult):
+    """Proved lower bound of the cost of every flight to the equilibrium.
+
+    statement: the proved statement.
+    boxes: number of boxes that the proof of each piece evaluated.
+    """
+
+    json_keys = "proved states state_units trim parameters equilibrium limits Q R pieces"
+
+    statement: CostStatement
+    boxes: Sequence[int]
+
+    @property
+    def subject(self) -> Plant:
+        """The aircraft with its trim and limits."""
+        return self.statement.plant
+
+    @property
+    def equilibrium(self) -> Mapping[str, float]:
+        """State or input -> approximate value at the proved equilibrium."""
+        return self.statement.equilibrium
+
+    @property
+    def Q(self) -> Matrix:
+        """Weight of the states, (n, n)."""
+        return self.statement.Q
+
+    @property
+    def R(self) -> Matrix:
+        """Weight of the inputs, (m, m)."""
+        return self.statement.R
+
+    @property
+    def pieces(self) -> Sequence[BoundPiece]:
+        """Bounds by single polynomials. The cost is at least the largest of these bounds."""
+        found = []
+        for piece, boxes in zip(self.statement.pieces, self.boxes, strict=True):
+            values = np.array([value for value, _ in piece.W.terms])
+            powers = [powers for _, powers in piece.W.terms]
+            found.append(BoundPiece(piece.c, piece.M, values, powers, boxes))
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class FoundLowerBound(LowerBound):
+    """Lower bound that a search has found and proved.
+
+    stopped: reason why no larger level is proved, or "" if every level that was tried is proved.
+    """
+
+    schema = "hfa.lower-bound/1"
+    made_by = "hfa prove cost"
+    json_keys = f"{LowerBound.json_keys} stopped"
+
+    stopped: str
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedLowerBound(LowerBound):
+    """Lower bound that a certificate proves.
+
+    written: version, command and date in the file, not verified.
+    not_given: parts of the statement that were not compared, because no option gave them.
+    """
+
+    schema = "hfa.lower-bound-check/1"
+    made_by = "hfa prove cost --check FILE"
+    json_keys = f"{LowerBound.json_keys} written not_given"
+
+    written: Mapping[str, str]
+    not_given: Sequence[str] = ()
+
+
+SCHEMA = ProofData.schema
+Content = dict[str, Any]
+Found = TypeVar("Found")
+
+
+def joined(runs: Sequence[tuple[float, float, Found]]) -> list[tuple[float, float, Found]]:
+    """Return consecutive intervals with results, in which neighbors with equal results are merged.
+
+    runs: (low, high, result), in ascending order
+    """
+    together: list[tuple[float, float, Found]] = []
+    for low, high, result in runs:
+        if together and together[-1][1:] == (low, result):
+            together[-1] = (together[-1][0], high, result)
+        else:
+            together.append((low, high, result))
+    return together
+
+
+def gaps(runs: Sequence[Run], low: float, high: float) -> list[tuple[float, float]]:
+    """Return the intervals (low, high) between `low` and `high` that no run covers, ascending.
+
+    runs: intervals with results, in any order, which may overlap
+    """
+    empty = []
+    reached = low
+    for run in sorted(runs):
+        if run.low > reached:
+            empty.append((reached, run.low))
+        reached = max(reached, run.high)
+    if reached < high:
+        empty.append((reached, high))
+    return empty
+
+
+def breakpoint_data(model: Model, breakpoints: Any) -> Content:
+    """Return key -> scheduling values, as an entry of the data of a report.
+
+    For the flexible aircraft, the entry is `dihedral_deg`. For another aircraft, the entry is
+    `scheduled` and contains the name of the scheduling variable.
+    """
+    if model.extras.names_schedule:
+        return {model.schedule_key: breakpoints}
+    return {"scheduled": {model.schedule: breakpoints}}
+
+
+def schedule_data(statement: ScheduleStatement, moving: bool) -> Content:
+    """Return the data of a statement about a schedule: proved, refuted and open intervals.
+
+    moving: whether a rate of the scheduling variable is claimed
+    """
+    flight = statement.flight
+    model = flight.model
+    suffix = "_deg" if model.schedule_unit == "deg" else ""
+
+    def ends(run: Run, **more: Any) -> Content:
+        return {f"from{suffix}": run.low, f"to{suffix}": run.high} | more
+
+    def counted(runs: Sequence[Run]) -> list[Content]:
+        return [ends(run, unstable=run.least) for run in runs if run.least == run.most]
+
+    refuted = [ends(run, unstable=run.least) for run in statement.loop if run.least > 0]
+    still_open = [ends(run) for run in statement.loop if run.least == 0 < run.most]
+    crossings = [
+        ends(run, at_least=run.least, at_most=run.most)
+        for run in statement.modes
+        if run.least < run.most
+    ]
+    stable = not (refuted or still_open)
+    one_branch = len(flight.trims) == 1
+    data: Content = {
+        "schema": SCHEMA,
+        "statement": "schedule",
+        "dynamics": model.name,
+        **breakpoint_data(model, [flight.low, flight.high]),
+        "proved": stable and one_branch and not (moving and statement.scheduled_rate is None),
+        "one_branch": one_branch,
+        "decay_rate": statement.decay_rate,
+        "loop": {"proved": counted(statement.loop), "open": still_open},
+        "modes": {"proved": counted(statement.modes), "open": crossings},
+        "refuted": refuted,
+        "not_covered": _not_covered(statement),
+    }
+    if isinstance(statement.actuators, UncertainActuators):
+        names = ("bandwidth", "effectiveness", "delay")
+        data["actuators"] = {name: getattr(statement.actuators, name) for name in names}
+    if moving:
+        key = f"{model.schedule}_rate_deg_s" if model.extras.names_schedule else "scheduled_rate"
+        data[key] = statement.scheduled_rate or 0.0
+    return data
+
+
+def _not_covered(statement: ScheduleStatement) -> str:
+    others = "other actuators"
+    if not isinstance(statement.actuators, UncertainActuators):
+        others = "actuators outside the loop, delay"
+    return (
+        f"not covered: {others}, sampling of the states of a controller, a "
+        f"{statement.flight.model.schedule} that the loop itself\nmoves, limits of the inputs, the "
+        "nonlinear aircraft"
+    )

@@ -1,0 +1,1 @@
+"""Search for what the checkers prove."""

@@ -1,0 +1,70 @@
+"""Interruption of long searches by Ctrl-C.
+
+The result found so far is kept.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from hfa_support.errors import NoSolutionError
+from hfa_support.progress import Progress
+
+
+@contextmanager
+def interruption() -> Iterator[threading.Event]:
+    """Yield an event that is set by the first Ctrl-C.
+
+    A second Ctrl-C has its usual effect. The event is never set outside the main thread, or if
+    SIGINT is ignored. An exception could not replace the event, because CasADi discards exceptions
+    that are raised during IPOPT.
+    """
+    asked = threading.Event()
+    before = signal.getsignal(signal.SIGINT)
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    if before in (None, signal.SIG_IGN) or not in_main_thread:
+        yield asked
+        return
+
+    def on_interrupt(number: int, frame: object) -> None:
+        signal.signal(signal.SIGINT, before)
+        asked.set()
+
+    signal.signal(signal.SIGINT, on_interrupt)
+    try:
+        yield asked
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def interruptible(progress: Progress) -> Iterator[Progress]:
+    """Yield a progress function that raises KeyboardInterrupt when it is called after Ctrl-C.
+
+    progress: the progress function that is called otherwise
+    """
+    with interruption() as asked:
+
+        def report(done: float, total: float, what: str = "", /) -> None:
+            if asked.is_set():
+                raise KeyboardInterrupt
+            progress(done, total, what)
+
+        yield report
+
+
+class OutOfTimeError(NoSolutionError):
+    """Raised if a proof or fit exceeds its processor time."""
+
+    def __init__(self, what: str, step: str, done: float) -> None:
+        """Compose the message of the error.
+
+        what: clause about the time, such as "the time limit was reached"
+        step: description of the last step
+        done: share of the cube that is decided, 0 in a fit
+        """
+        undecided = f", {1.0 - done:.2g} of the cube undecided" if done > 0.0 else ""
+        super().__init__(f"{what} after {step}{undecided}")

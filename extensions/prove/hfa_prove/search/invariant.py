@@ -1,0 +1,304 @@
+"""Search for a large set that is proved invariant under disturbances."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+
+import casadi as ca
+import numpy as np
+
+from hfa_prove.search.level import LevelSearch, ProvedLevel, Setting, accepted, holding_ball
+from hfa_prove.search.monomials import PolynomialFunction, edge_points
+from hfa_prove.search.plant import Plant
+from hfa_prove.search.region_squares import (
+    LYAPUNOV,
+    Region,
+    bounds_of,
+    lyapunov_matrices,
+    measured,
+    origin_of,
+    settings_of,
+)
+from hfa_prove.search.squares import ONE, Terms
+from hfa_prove.statements.loop import HIGHEST, LOWEST, SaturatedLoop
+from hfa_prove.statements.region_squares import ANY, EDGE, LEVEL
+from hfa_support.errors import NoSolutionError
+from hfa_support.progress import Progress
+
+#: Number of Lyapunov matrices that are tried besides V of the loop without disturbance.
+_CANDIDATES = 6
+#: Number of V with the largest sampled sets for which a proof is tried.
+_TRIED = 4
+#: Sampled levels of a V whose level 1 is about the largest.
+_LEVELS = np.geomspace(2.0, 1e-3, 30)
+#: Bisections between two sampled levels.
+_FINER = 4
+#: Decreasing shares of the sampled level for which a proof is tried.
+_SHARES = (0.99, 0.95, 0.9, 0.8, 0.65, 0.5, 0.3)
+#: Bisections between the largest proved share and the next larger one.
+_STEPS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class DisturbedPlant(Plant):
+    """The closed loop under the disturbance that increases V fastest at each state.
+
+    loop: the loop with its disturbances
+    V: the polynomial V
+    """
+
+    V: PolynomialFunction
+
+    @cached_property
+    def _winds(self) -> ca.Function:
+        """Function z -> ∂z'/∂w as a vector (n d,), the columns of the matrix (n, d) in order."""
+        loop = self.loop
+        z, v, states, inputs = self._symbols()
+        w = ca.SX.sym("w", len(loop.disturbances))
+        acting = dict(zip(loop.disturbances, ca.vertsplit(w), strict=True))
+        every = [acting.get(name, 0.0) for name in loop.model.disturbances]
+        parameters = list(loop.parameters.values())
+        f, _ = loop.model.layout.expressions((states, inputs, parameters), (), every)
+        rows = [list(loop.model.states).index(name) for name in loop.states]
+        slopes = ca.substitute(ca.jacobian(f[rows], w), w, 0)
+        held = self.saturated(self.command(z))
+        return ca.Function("winds", [z], [ca.densify(ca.vec(ca.substitute(slopes, v, held)))])
+
+    def rates(self, z: np.ndarray) -> np.ndarray:
+        """Return z' (N, n) at state deviations z (N, n) under the worst disturbance.
+
+        The worst disturbance increases V fastest.
+        """
+        count, n = z.shape
+        sizes = np.array(list(self.loop.disturbances.values()))
+        by_wind = np.array(self._winds(z.T)).T.reshape(count, len(sizes), n)
+        raised = np.einsum("kdn,kn->kd", by_wind, self.V.slope(z))
+        worst = np.where(raised >= 0.0, sizes, -sizes)
+        return super().rates(z) + np.einsum("kdn,kd->kn", by_wind, worst)
+
+
+class EdgeSearch(LevelSearch):
+    """Search for proved levels of one V on whose boundary V' < 0 under all disturbances."""
+
+    def _split(self) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
+        """Return the parts on which V' < 0 is to be proved, and the parts to be proved empty.
+
+        The parts of the inputs are combined with the lowest and the highest value of every
+        disturbance. An empty part covers all values of the disturbances.
+        """
+        names = self.statement.loop.disturbances
+        parts, empty = super()._split()
+        parts_at_ends = []
+        for part in parts:
+            for ends in product((LOWEST, HIGHEST), repeat=len(names)):
+                parts_at_ends.append(part | dict(zip(names, ends, strict=True)))
+        return parts_at_ends, [part | dict.fromkeys(names, ANY) for part in empty]
+
+    def _level_constraints(self, share: float) -> list[tuple[str, Terms]]:
+        """Return (name, polynomial) of the two constraints that define {V = share rho}.
+
+        The polynomials are share - V / rho and V / rho - share.
+
+        share: the level as a share of rho
+        """
+        edge = self.V_terms + ONE.scaled(-share)
+        return [(LEVEL, edge.scaled(-1.0)), (EDGE, edge)]
+
+
+def invariant_region(
+    region: Region, disturbances: Mapping[str, float], progress: Progress | None = None
+) -> Region:
+    """Return the largest set that is proved invariant under disturbances.
+
+    region: proved region of the loop without disturbance
+    disturbances: name -> largest absolute value
+    progress: called for each V that is tried, or None. A KeyboardInterrupt from the callback ends
+        the search with the largest set proved so far.
+
+    Raises NoSolutionError if no set is proved.
+    """
+    loop = replace(region.plant.loop, disturbances=disturbances)
+    best: tuple[float, _Candidate, ProvedLevel] | None = None
+    candidates = sorted(_sampled(loop, region), key=lambda candidate: -candidate.size)[:_TRIED]
+    stopped = ""
+    for index, candidate in enumerate(candidates):
+        try:
+            if progress is not None:
+                progress(index, len(candidates), f"proving {candidate.origin}")
+        except KeyboardInterrupt:
+            stopped = "interrupted"
+        if best is not None and (stopped or candidate.size <= best[0]):
+            break
+        proved = _largest(loop, candidate)
+        if proved is None:
+            continue
+        size = measured(candidate.V, proved.statement.rho, candidate.T)
+        if best is None or size > best[0]:
+            best = (size, candidate, proved)
+    if best is None:
+        raise NoSolutionError(
+            "no set is proved invariant under a disturbance of this size: for every V tried, "
+            "V' >= 0 somewhere on each level, or no level was proved; reduce the disturbance"
+        )
+    return replace(_region(*best[1:]), stopped=stopped)
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """A V that decreases at samples of one of its levels, under the worst disturbance.
+
+    V: the polynomial V
+    origin: description of V
+    plant: the loop under the worst disturbance
+    T: coordinates z = T y in which the sets of V are measured, (n, n)
+    level: highest level found with V' < 0 and the limits satisfied at all samples
+    size: size of the set of this level
+    beyond: the next level that was tried and a state on it with V' >= 0, or (inf, None) if no such
+        state was found
+    """
+
+    V: PolynomialFunction
+    origin: str
+    plant: DisturbedPlant
+    T: np.ndarray
+    level: float
+    size: float
+    beyond: tuple[float, np.ndarray | None]
+
+
+def _functions(region: Region) -> Iterator[tuple[str, PolynomialFunction]]:
+    """Yield pairs of a description and a V, in this order:
+
+    - V of the loop without disturbance
+    - the other V that the search for that V tried. A V with a smaller set may prove more under a
+      disturbance.
+    - Lyapunov functions of the linear loop, scaled to similar sets
+
+    region: proved region of the loop without disturbance
+    """
+    yield region.origin, region.V.scaled(1.0 / region.rho)
+    for V in region.tried:
+        yield origin_of(V), V
+    points = edge_points(region.V, region.T, region.rho) @ region.T.T
+    for P in lyapunov_matrices(region.plant, _CANDIDATES):
+        V = PolynomialFunction.quadratic(P)
+        yield LYAPUNOV, V.scaled(1.0 / float(np.median(V(points))))
+
+
+def _sampled(loop: SaturatedLoop, region: Region) -> Iterator[_Candidate]:
+    """Yield a candidate for each V that has a level with V' < 0 at all samples.
+
+    loop: the loop with its disturbances
+    region: proved region of the loop without disturbance
+    """
+    for origin, V in _functions(region):
+        plant = DisturbedPlant(loop, V)
+        T = V.coordinates()
+        falling = (level for level in _LEVELS.tolist() if _falls(plant, V, T, level)[0])
+        highest = next(falling, None)
+        if highest is None:
+            continue
+        level, above = _bisected(plant, V, T, highest)
+        _, place = _falls(plant, V, T, above)
+        beyond = (np.inf, None) if place is None else (above, place)
+        yield _Candidate(V, origin, plant, T, level, measured(V, level, T), beyond)
+
+
+def _bisected(
+    plant: DisturbedPlant, V: PolynomialFunction, T: np.ndarray, low: float
+) -> tuple[float, float]:
+    """Return the highest level at which the samples pass `_falls`, and a slightly higher level.
+
+    The search is by bisection up to the next higher level of `_LEVELS`. The samples of the second
+    level do not pass, unless this level is above all `_LEVELS`.
+
+    low: a level at which the samples pass
+    """
+    above = low * float(_LEVELS[0] / _LEVELS[1])
+    for _ in range(_FINER):
+        middle = float(np.sqrt(low * above))
+        if _falls(plant, V, T, middle)[0]:
+            low = middle
+        else:
+            above = middle
+    return low, above
+
+
+def _falls(
+    plant: DisturbedPlant, V: PolynomialFunction, T: np.ndarray, level: float
+) -> tuple[bool, np.ndarray | None]:
+    """Return whether V' < 0 and the limits hold at all samples of a level, and a state or None.
+
+    The state is the sample with the largest V' if this V' is not negative, otherwise None.
+    """
+    points = edge_points(V, T, level) @ T.T
+    if not len(points):
+        return False, None
+    with np.errstate(all="ignore"):
+        rises = np.sum(V.slope(points) * plant.rates(points), axis=1)
+    highest = int(np.argmax(rises))
+    if not rises[highest] < 0.0:
+        return False, points[highest]
+    return not np.any(plant.away(points)), None
+
+
+def _largest(loop: SaturatedLoop, candidate: _Candidate) -> ProvedLevel | None:
+    """Return the proof of the largest level of a candidate, or None if no level is proved.
+
+    The levels are fractions of the candidate's level. The fractions `_SHARES` are tried in order
+    until one is proved. `_STEPS` bisections toward the next larger fraction follow.
+    """
+    n = len(candidate.T)
+    degree = candidate.V.degree
+    setting = next(tried for tried in settings_of(n, degree) if tried.degree >= degree)
+    above = 1.0
+    for share in _SHARES:
+        proved = _at(loop, candidate, share, setting)
+        if proved is not None:
+            break
+        above = share
+    else:
+        return None
+    low = share
+    for _ in range(_STEPS):
+        middle = (low + above) / 2
+        more = _at(loop, candidate, middle, setting)
+        if more is None:
+            above = middle
+        else:
+            low = middle
+            proved = more
+    return proved
+
+
+def _at(
+    loop: SaturatedLoop, candidate: _Candidate, share: float, setting: Setting
+) -> ProvedLevel | None:
+    """Return the proof of `share` times the level of a candidate, or None if there is no proof."""
+    rho = share * candidate.level
+    held = holding_ball(candidate.V, rho, candidate.T)
+    if held is None:
+        return None
+    try:
+        return accepted(EdgeSearch(loop, candidate.V, rho, held, setting))
+    except NoSolutionError:  # not enclosed on such a large ball
+        return None
+
+
+def _region(candidate: _Candidate, proved: ProvedLevel) -> Region:
+    """Return the proved set with the obstacles to a larger set.
+
+    These obstacles are included if found:
+
+    - a state where V' >= 0 under a disturbance
+    - initial conditions from which the simulated loop does not converge, leaves the limits or
+      remains undecided, under the disturbance that increases V fastest
+    - signals whose limits the set nearly reaches
+    """
+    T = np.array(proved.witness["T"])
+    rho = proved.statement.rho
+    bounds = bounds_of(candidate.plant, candidate.V, rho, T, candidate.beyond)
+    return Region(proved, candidate.V, candidate.origin, bounds, candidate.plant, T)

@@ -1,0 +1,35 @@
+"""Description of a kink of the rates at an equilibrium."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hfa_prove.check.equilibrium import Equilibrium
+from hfa_prove.statements.plant import Plant
+from verification.enclosure.program import Program
+from verification.enclosure.slopes import Intervals, jacobian
+
+#: A slope changes at the equilibrium where it varies by more than this part of the largest, in
+#: nominal values.
+_CHANGE = 1e-5
+
+
+def kink_at(plant: Plant, program: Program, equilibrium: Equilibrium) -> str:
+    """Return a sentence on the largest kink of the rates at the equilibrium, or "".
+
+    The sentence names the rate, the signal in which the slope of the rate jumps, and the value of
+    the signal. The result is "" if the rates have no kink.
+
+    program: function from the states, or the states and inputs, to the rates of the states
+    """
+    slopes = jacobian(program, Intervals(equilibrium.x, equilibrium.radius)).slopes
+    names = (*plant.states, *plant.inputs)[: program.inputs]
+    nominal = plant.nominal
+    sizes = nominal[: program.inputs] / nominal[: len(plant.states), None]
+    changes = slopes.radius * sizes
+    if not np.max(changes) > _CHANGE * np.max(np.abs(slopes.middle) * sizes):
+        return ""
+    row, column = np.unravel_index(np.argmax(changes), changes.shape)
+    signal = names[column]
+    at = plant.model.describe(signal, round(float(equilibrium.x[column]), 12))
+    return f"the rate of {plant.states[row]} has a kink in {signal} at the equilibrium, {at}"

@@ -1,0 +1,350 @@
+"""The saturated loop in double precision.
+
+The module computes rates at many states at once, samples and simulations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cached_property
+from math import prod
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_prove.fields import Terms
+from hfa_prove.statements.loop import SaturatedLoop
+from hfa_prove.statements.plant import model_limits
+from hfa_support.errors import NoSolutionError
+from hfa_support.native.bound import RowFunction
+from trim.linear.linear_model import LinearModel
+
+#: Simulation steps in the time constant of the fastest mode.
+_STEPS = 3.0
+#: Nominal deviations beyond which a trajectory diverges.
+_FAR = 1e4
+#: Multiples of the largest initial deviation beyond which a trajectory diverges.
+_FAR_OF_STARTS = 1e2
+#: A trajectory is at an equilibrium if it would move by fewer nominal values in the same time
+#: again.
+_RESTS = 1e-2
+#: Function of deviations (N, n): V (N,), or its slope (N, n).
+ValueOf = Callable[[np.ndarray], np.ndarray]
+
+
+def saturated_loop(
+    linear: LinearModel, K: np.ndarray, policy: Mapping[str, Terms] | None = None
+) -> SaturatedLoop:
+    """Return the closed loop of a polynomial policy about the trim of a linear model.
+
+    K: gain of the linear part of the policy, (m, n)
+    policy: input -> terms of the nonlinear part of the policy
+    """
+    model = linear.point.model
+    states = {name: float(value) for name, value in linear.point.states._asdict().items()}
+    parameters = {name: signal.start for name, signal in model.parameters.items()}
+    held = {name: value for name, value in states.items() if name not in model.linear}
+    return SaturatedLoop(
+        model,
+        parameters,
+        {name: states[name] for name in model.linear},
+        {name: float(value) for name, value in linear.point.inputs._asdict().items()},
+        held,
+        model_limits(model, states, parameters),
+        np.array(K, dtype=float),
+        policy or {},
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """Evaluation of the closed loop at deviations z of the states from its trim.
+
+    loop: the closed loop with its limits
+    """
+
+    loop: SaturatedLoop
+
+    @cached_property
+    def nominal(self) -> np.ndarray:
+        """Nominal values of the moving states, (n,)."""
+        signals = self.loop.model.signals
+        return np.array([signals[name].nominal for name in self.loop.states])
+
+    @cached_property
+    def input_ends(self) -> np.ndarray:
+        """Lowest and highest permitted deviation of each input from the trim, (m, 2)."""
+        pairs = [self.loop.limits.get(name, (-np.inf, np.inf)) for name in self.loop.inputs]
+        at = np.array(list(self.loop.inputs.values()))
+        return np.array(pairs).reshape(-1, 2) - at[:, None]
+
+    @cached_property
+    def limited(self) -> tuple[str, ...]:
+        """Names of the moving states and outputs that have limits."""
+        loop = self.loop
+        return tuple(name for name in (*loop.states, *loop.model.outputs) if name in loop.limits)
+
+    @cached_property
+    def limited_rows(self) -> np.ndarray:
+        """Gradients (k, n) in z of the signals `limited`, at the trim."""
+        rows = np.vstack([np.eye(len(self.loop.states)), self._outputs[1]])
+        return np.asarray(rows[[self._signals.index(name) for name in self.limited]])
+
+    @cached_property
+    def permitted_deviations(self) -> np.ndarray:
+        """Lowest and highest permitted deviation of each signal in `limited`, (k, 2)."""
+        at = dict(zip(self._signals, (*self.loop.trim.values(), *self._outputs[0]), strict=True))
+        pairs = [np.array(self.loop.limits[name]) - at[name] for name in self.limited]
+        return np.array(pairs).reshape(-1, 2)
+
+    @property
+    def _signals(self) -> list[str]:
+        return [*self.loop.states, *self.loop.model.outputs]
+
+    @cached_property
+    def _outputs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Values (p,) of all outputs at the trim, and their Jacobian (p, n) in z.
+
+        The inputs follow the policy without saturation.
+        """
+        z, v, states, inputs = self._symbols()
+        names = tuple(self.loop.model.outputs)
+        parameters = list(self.loop.parameters.values())
+        _, y = self.loop.model.layout.expressions((states, inputs, parameters), names)
+        if not names:
+            return np.zeros(0), np.zeros((0, z.numel()))
+        closed = ca.substitute(y, v, self.command(z))
+        function = ca.Function("outputs", [z], [closed, ca.jacobian(closed, z)])
+        values, slopes = function(np.zeros(z.numel()))
+        return np.array(values).ravel(), np.array(slopes)
+
+    def _symbols(self) -> tuple[ca.SX, ca.SX, list[Any], list[Any]]:
+        """Return symbols of z and of the input deviations, and all states and inputs.
+
+        The states and inputs are expressions in these symbols.
+        """
+        loop = self.loop
+        z = ca.SX.sym("z", len(loop.states))
+        v = ca.SX.sym("v", len(loop.inputs))
+        moving = zip(loop.trim.items(), ca.vertsplit(z), strict=True)
+        values = dict(loop.held) | {name: at + part for (name, at), part in moving}
+        states = [values[name] for name in loop.model.states]
+        parts = zip(loop.inputs.values(), ca.vertsplit(v), strict=True)
+        return z, v, states, [at + part for at, part in parts]
+
+    def command(self, z: ca.SX) -> ca.SX:
+        """Return the deviation u - u0 (m,) that the policy commands at z, before saturation."""
+        curved = ca.SX.zeros(len(self.loop.inputs))
+        for index, name in enumerate(self.loop.inputs):
+            for coefficient, exponents in self.loop.policy.get(name, ()):
+                powers = [z[i] ** power for i, power in enumerate(exponents) if power]
+                curved[index] += coefficient * prod(powers)
+        return curved - ca.DM(self.loop.K) @ z
+
+    def saturated(self, command: ca.SX) -> ca.SX:
+        """Return a command u - u0 (m,) limited such that the inputs are within their limits."""
+        low = ca.DM(self.input_ends[:, 0])
+        high = ca.DM(self.input_ends[:, 1])
+        return ca.fmin(ca.fmax(command, low), high)
+
+    @cached_property
+    def _function(self) -> ca.Function:
+        loop = self.loop
+        z, v, states, inputs = self._symbols()
+        parameters = list(loop.parameters.values())
+        f, _ = loop.model.layout.expressions((states, inputs, parameters), ())
+        rows = [list(loop.model.states).index(name) for name in loop.states]
+        f = f[rows]
+        command = self.command(z)
+        held = self.saturated(command)
+        closed = ca.substitute(f, v, held)
+        slopes = [ca.substitute(ca.jacobian(f, part), v, command) for part in (z, v)]
+        return ca.Function("loop", [z], [closed, *slopes])
+
+    @cached_property
+    def _rates(self) -> RowFunction:
+        z = ca.SX.sym("z", len(self.loop.states))
+        return RowFunction(ca.Function("rates", [z], [ca.densify(self._function(z)[0])]))
+
+    def beyond(self, z: np.ndarray) -> np.ndarray:
+        """Return the mask (N,) of deviations z (N, n) beyond a limit of a state or output.
+
+        Outputs are linearized at the trim.
+        """
+        signals = z @ self.limited_rows.T
+        low, high = self.permitted_deviations.T
+        return ~np.all((signals >= low) & (signals <= high), axis=1)
+
+    def away(self, z: np.ndarray) -> np.ndarray:
+        """Return the mask (N,) of deviations z (N, n) beyond a limit or `_FAR` nominal values.
+
+        Deviations that are not finite are included.
+        """
+        return self.beyond(z) | ~np.all(np.abs(z) <= _FAR * self.nominal, axis=1)
+
+    def rates(self, z: np.ndarray) -> np.ndarray:
+        """Return z' (N, n) at state deviations z (N, n)."""
+        return self._rates(z)[0]
+
+    @cached_property
+    def closed_matrix(self) -> np.ndarray:
+        """Matrix A - B K (n, n) of the linear loop at the trim."""
+        _, A, B = self._function(np.zeros(len(self.loop.states)))
+        return np.array(A) - np.array(B) @ self.loop.K
+
+
+def first_rise(
+    plant: Plant, V: ValueOf, slope: ValueOf, T: np.ndarray, *, quick: bool = False
+) -> tuple[float, np.ndarray | None]:
+    """Return the lowest V found with V' >= 0, and the state deviation z (n,) there, or (inf, None).
+
+    V, slope: V and its gradient as functions of state deviations (N, n)
+    T: matrix of the coordinates z = T y, (n, n), with samples in the unit ball of y
+    quick: whether to use fewer samples
+    """
+    n = len(T)
+    samples = 300 if quick else 2000
+    turns = 6 if quick else 14
+    radii = np.linspace(0.05, 1.0, 20 if quick else 40)
+    generator = np.random.default_rng(0)
+    directions = _unit(generator.normal(size=(samples, n)))
+    best = np.inf
+    place = None
+    spread = 0.5
+    for _ in range(turns):
+        found = _along(plant, slope, directions @ T.T, radii)
+        values = np.where(np.isfinite(found), found, 1.0)
+        points = (directions * values[:, None]) @ T.T
+        levels = np.where(np.isfinite(found), V(points), np.inf)
+        order = np.argsort(levels)[:12]
+        if levels[order[0]] < best:
+            best = float(levels[order[0]])
+            place = points[order[0]]
+        if not np.isfinite(best):
+            directions = _unit(generator.normal(size=(samples, n)))
+            continue
+        near = directions[order[np.isfinite(levels[order])]]
+        tried = np.repeat(near, 30, axis=0)
+        directions = _unit(tried + spread * generator.normal(size=tried.shape) / np.sqrt(n))
+        directions = np.concatenate([near, directions])
+        spread *= 0.7
+    return best, place
+
+
+def _along(plant: Plant, slope: ValueOf, rays: np.ndarray, radii: np.ndarray) -> np.ndarray:
+    """Return for each ray z (N, n) the lowest factor at which V' >= 0 is found, or inf, (N,).
+
+    slope: z (N, n) -> gradients (N, n) of V
+    radii: increasing factors that are tried before the bisection
+    """
+    count, n = rays.shape
+    points = (radii[:, None, None] * rays).reshape(-1, n)
+    rising = _rises(plant, slope, points).reshape(len(radii), count)
+    first = np.where(rising.any(axis=0), rising.argmax(axis=0), -1)
+    found = np.full(count, np.inf)
+    hit = first >= 0
+    high = radii[first[hit]]
+    low = np.where(first[hit] > 0, radii[first[hit] - 1], 0.0)
+    for _ in range(12):
+        middle = (low + high) / 2
+        up = _rises(plant, slope, middle[:, None] * rays[hit])
+        high = np.where(up, middle, high)
+        low = np.where(up, low, middle)
+    found[hit] = high
+    return found
+
+
+def _rises(plant: Plant, slope: ValueOf, points: np.ndarray) -> np.ndarray:
+    """Return the mask (N,) of the points z (N, n) at which V' >= 0 or V' is not a number.
+
+    slope: z (N, n) -> gradients (N, n) of V
+    """
+    with np.errstate(all="ignore"):
+        falls = np.sum(slope(points) * plant.rates(points), axis=1) < 0.0
+    return ~falls
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(vectors / lengths)
+
+
+class Outcome(IntEnum):
+    """Outcome of a simulation from an initial condition."""
+
+    RETURNED = 0  # it enters the proved set
+    UNKNOWN = 1  # no other outcome within the time
+    LEFT = 2  # it exceeds a limit
+    LOST = 3  # it diverges or converges to another equilibrium
+
+
+#: Descriptions of flights that do not enter the proved set.
+NOT_RETURNED = {
+    Outcome.LEFT: "flight leaves the limits",
+    Outcome.LOST: "flight does not converge",
+    Outcome.UNKNOWN: "flight undecided within the time",
+}
+
+
+def outcomes(
+    plant: Plant, starts: np.ndarray, holds: Callable[[np.ndarray], np.ndarray], seconds: float
+) -> np.ndarray:
+    """Return the `Outcome` of a simulation from each initial condition, (N,).
+
+    Outcomes are tested at every step of the classical Runge-Kutta method. A trajectory diverges if
+    a state is not finite, or exceeds both `_FAR` nominal values and `_FAR_OF_STARTS` times the
+    largest initial deviation. A trajectory that is nearly at rest after `seconds` has converged to
+    another equilibrium.
+
+    starts: initial deviations from the trim, (N, n)
+    holds: deviations (N, n) -> mask (N,) of those in the proved set
+    seconds: longest duration of each simulation, s
+    """
+    largest = np.max(np.abs(starts), axis=0, initial=0.0)
+    far = np.maximum(_FAR * plant.nominal, _FAR_OF_STARTS * largest)
+    fastest = float(np.max(np.abs(np.linalg.eigvals(plant.closed_matrix))))
+    step = 1.0 / (_STEPS * fastest)
+    z = np.array(starts, dtype=float)
+    result = np.full(len(z), Outcome.UNKNOWN)
+    flying = np.arange(len(z))
+    with np.errstate(all="ignore"):  # diverging states overflow
+        for _ in range(int(np.ceil(seconds / step)) + 1):
+            now = z[flying]
+            returned = holds(now)
+            diverged = ~np.all(np.abs(now) <= far, axis=1)
+            left = plant.beyond(now) & ~diverged
+            result[flying[left]] = Outcome.LEFT
+            result[flying[diverged]] = Outcome.LOST
+            result[flying[returned]] = Outcome.RETURNED
+            flying = flying[~(returned | left | diverged)]
+            if not len(flying):
+                return result
+            z[flying] = _advanced(plant, z[flying], step)
+        moved = np.abs(plant.rates(z[flying])) * seconds
+    result[flying[np.all(moved <= _RESTS * plant.nominal, axis=1)]] = Outcome.LOST
+    return result
+
+
+def _advanced(plant: Plant, z: np.ndarray, step: float) -> np.ndarray:
+    """Return the state deviations (N, n) after one Runge-Kutta step of `step` seconds."""
+    k1 = plant.rates(z)
+    k2 = plant.rates(z + step / 2 * k1)
+    k3 = plant.rates(z + step / 2 * k2)
+    k4 = plant.rates(z + step * k3)
+    return z + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+
+def refuse_unstable(J: np.ndarray) -> None:
+    """Raise NoSolutionError unless every eigenvalue of J (n, n) has a negative real part.
+
+    J: linearization of the loop
+    """
+    modes = np.linalg.eigvals(J)
+    if not np.all(modes.real < 0.0):
+        raise NoSolutionError(
+            "the loop's linearization is not Hurwitz (largest real part of an eigenvalue: "
+            f"{modes.real.max():.3g}); only equilibria with a stable linearization are supported"
+        )

@@ -1,0 +1,1 @@
+"""Statements of certificates and the data of their proofs."""

@@ -1,0 +1,97 @@
+"""Statement of a certificate about a lower bound of the cost.
+
+The checker interprets or refuses every field. The digest covers all fields, and reports show them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_prove.fields import Fields, require
+from hfa_prove.statements.piece import Piece
+from hfa_prove.statements.plant import Plant, read_plant
+from verification.enclosure.balls import lowest_sign
+
+
+@dataclass(frozen=True, eq=False)
+class CostStatement:
+    """Claim that the cost of a flight is at least the largest lower bound that a piece gives.
+
+    The claim covers every flight within the limits that ends at the equilibrium. The cost is
+    ∫ z'Qz + v'Rv dt, with z and v the deviations of states and inputs from the equilibrium.
+
+    plant: the model, whose state limits are the envelope
+    equilibrium: moving state or input -> value, within `SAME_TRIM` nominal values of the proved
+        equilibrium
+    Q: (n, n), symmetric, positive semidefinite
+    R: (m, m), symmetric, positive semidefinite
+    pieces: polynomials W with levels, each proved separately
+    """
+
+    plant: Plant
+    equilibrium: Mapping[str, float]
+    Q: np.ndarray
+    R: np.ndarray
+    pieces: tuple[Piece, ...]
+
+    @classmethod
+    def read(cls, content: Any, own: Model | None) -> CostStatement:
+        """Return the statement of a certificate.
+
+        content: the certificate's entry `statement`
+        own: the user's model, if the statement concerns one
+
+        Raises Malformed for the first wrong entry, and BadInputError if the statement concerns
+        another model.
+        """
+        entries = Fields("statement", content)
+        plant = read_plant(entries, content, own)
+        _check_limits(plant)
+        n, m = len(plant.states), len(plant.inputs)
+        equilibrium = entries.all_numbers("equilibrium", (*plant.states, *plant.inputs))
+        Q = entries.symmetric("Q", n)
+        R = entries.symmetric("R", m)
+        require(lowest_sign(Q) >= 0, "statement: Q: not positive semidefinite")
+        require(lowest_sign(R) >= 0, "statement: R: not positive semidefinite")
+        pieces = tuple(Piece.read(fields, n) for fields in entries.items("pieces"))
+        require(bool(pieces), "statement: pieces")
+        entries.close()
+        return cls(plant, equilibrium, Q, R, pieces)
+
+    def content(self) -> dict[str, Any]:
+        """Return the certificate's entry `statement`, in the form that `read` accepts."""
+        return {
+            **self.plant.content(),
+            "equilibrium": dict(self.equilibrium),
+            "Q": self.Q.tolist(),
+            "R": self.R.tolist(),
+            "pieces": [piece.content() for piece in self.pieces],
+        }
+
+    @property
+    def level(self) -> float:
+        """Largest level c of the pieces, which is the largest value of `bound`."""
+        return max(piece.c for piece in self.pieces)
+
+    def bound(self, z: np.ndarray) -> np.ndarray:
+        """Return the lower bounds (N,) of the cost from deviations z (N, n) from the trim.
+
+        The bounds are computed in double precision without outward rounding.
+        """
+        plant = self.plant
+        offset = np.array([self.equilibrium[name] - plant.trim[name] for name in plant.states])
+        return np.asarray(np.max([piece.bound(z - offset) for piece in self.pieces], axis=0))
+
+
+def _check_limits(plant: Plant) -> None:
+    """Raise Malformed if an input limit differs from the model's, or an output has a limit."""
+    for name, signal in plant.model.inputs.items():
+        stated = plant.limits.get(name, (-np.inf, np.inf))
+        require(stated == (signal.min, signal.max), f"limits: {name} not the model's", stated)
+    for name in plant.model.outputs:
+        require(name not in plant.limits, f"limits: {name} is an output")

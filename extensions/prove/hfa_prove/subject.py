@@ -1,0 +1,190 @@
+"""Comparison of a certificate's statement with the user's data.
+
+Each kind of statement has a table of its entries. An entry that is not a claim is compared if the
+user gave a value. The first line of the report names the entries that were not given.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hfa_prove.fields import FieldTable
+from hfa_support.errors import BadInputError, NoSolutionError
+
+#: Largest number of columns of the first line of a report.
+_COLUMNS = 100
+
+
+def _same(stated: Any, own: Any) -> bool:
+    """Return whether two entries are exactly equal, with names in any order."""
+    if isinstance(own, Mapping):
+        return (
+            isinstance(stated, Mapping)
+            and set(stated) == set(own)
+            and all(_same(stated[name], value) for name, value in own.items())
+        )
+    if isinstance(own, float) and math.isinf(own):
+        return stated in ("inf", own)
+    if isinstance(own, (list, tuple, np.ndarray)):
+        return (
+            isinstance(stated, (list, tuple, np.ndarray))
+            and len(stated) == len(own)
+            and all(_same(*pair) for pair in zip(stated, own, strict=True))
+        )
+    return bool(stated == own)
+
+
+def _numbers(stated: Any) -> np.ndarray:
+    """Return the entries of an array as doubles, or an empty array if they are not numbers."""
+    try:
+        return np.asarray(stated, dtype=float)
+    except (TypeError, ValueError):
+        return np.zeros(0)
+
+
+class Given(NamedTuple):
+    """A value from the user's data that is compared with an entry of a statement.
+
+    value: the value, in the form that is stored in a certificate
+    option: the option that gave the value
+    same: (value in the certificate, user's value) -> whether the values agree, exact equality by
+        default
+    """
+
+    value: Any
+    option: str
+    same: Callable[[Any, Any], bool] = _same
+
+
+def close_to(relative: float) -> Callable[[Any, Any], bool]:
+    """Return a comparison of matrices.
+
+    The comparison has the arguments (value in the certificate, user's value). Two matrices agree if
+    their shapes are equal and no difference exceeds `relative` times the largest absolute entry of
+    the user's matrix.
+    """
+
+    def same(stated: Any, own: Any) -> bool:
+        claimed = _numbers(stated)
+        values = np.asarray(own, dtype=float)
+        if claimed.shape != values.shape:
+            return False
+        size = np.max(np.abs(values), initial=0.0)
+        return bool(np.all(np.abs(claimed - values) <= relative * size))
+
+    return same
+
+
+def within(widths: Mapping[str, float]) -> Callable[[Any, Any], bool]:
+    """Return a comparison of objects with numbers.
+
+    The comparison has the arguments (value in the certificate, user's value). Two objects agree if
+    their names are equal and no difference exceeds the permitted difference.
+
+    widths: name -> largest permitted difference
+    """
+
+    def same(stated: Any, own: Any) -> bool:
+        return set(stated) == set(own) and all(
+            abs(stated[name] - value) <= widths[name] for name, value in own.items()
+        )
+
+    return same
+
+
+def compare(content: Mapping[str, Any], table: FieldTable, given: Mapping[str, Given]) -> list[str]:
+    """Return the subjects (`Field.subject`) that the user did not give, in the order of the table.
+
+    content: content of a statement
+    table: all entries of statements of this kind
+    given: path of an entry -> the user's value
+
+    Raises NoSolutionError if an entry differs from the user's value. Raises BadInputError if the
+    user gave a value for an entry that the statement does not have.
+    """
+    stated = dict(entries_of(content, table))
+    for path, own in given.items():
+        name = path.rpartition(".")[2]
+        if path not in stated:
+            raise BadInputError(
+                f"{own.option} gives {name}, which the certificate does not contain; remove {name}"
+            )
+        if not own.same(stated[path], own.value):
+            name = _first_other(name, stated[path], own)
+            raise NoSolutionError(
+                f"{name} in the certificate differs from the value of {own.option}"
+            )
+    subjects = [table[path].subject for path in stated if path not in given]
+    order = dict.fromkeys(field.subject for field in table.values())
+    return [subject for subject in order if subject and subject in subjects]
+
+
+def _first_other(name: str, stated: Any, own: Given) -> str:
+    """Return the name of the first entry that differs from the user's value, for a message.
+
+    - Entry `limits`: "limit of KEY", with the first key whose values differ
+    - Other entries that are objects: the first key whose values differ
+    - Other entries: `name`
+
+    name: name of the entry
+    stated: value in the certificate
+    own: the user's value
+    """
+    if isinstance(stated, Mapping) and isinstance(own.value, Mapping):
+        for key in (*own.value, *stated):
+            changed = {other: value for other, value in own.value.items() if other != key}
+            if key in stated:
+                changed[key] = stated[key]
+            if not own.same(changed, own.value):
+                return f"limit of {key}" if name == "limits" else str(key)
+    return name
+
+
+def entries_of(content: Mapping[str, Any], table: FieldTable) -> Iterator[tuple[str, Any]]:
+    """Yield path and value of every entry of a statement.
+
+    Raises LookupError if an entry is not in the table.
+    """
+    waiting = [(name, value) for name, value in content.items()]
+    while waiting:
+        path, value = waiting.pop(0)
+        if path in table:
+            yield path, value
+        elif isinstance(value, Mapping) and any(name.startswith(f"{path}.") for name in table):
+            waiting += [(f"{path}.{name}", entry) for name, entry in value.items()]
+        else:
+            raise LookupError(f"the table of fields has no {path}")
+
+
+def qualified(claim: str, not_given: Iterable[str]) -> str:
+    """Return a claim followed by the subjects that the user did not give.
+
+    If the line would exceed 100 columns, the subjects are on a second line.
+
+    not_given: names of the subjects
+    """
+    names = list(not_given)
+    if not names:
+        return claim
+    *first, last = names
+    listed = f"{', '.join(first)} and {last}" if first else last
+    line = f"{claim}, of the {listed} in the certificate"
+    return line if len(line) <= _COLUMNS else f"{claim}, of the certificate's\n{listed}"
+
+
+def first_line(claim: str, not_given: Iterable[str], not_covered: str) -> str:
+    """Return the first line of a report.
+
+    The line contains the claim, the subjects that the user did not give, and the effects not
+    covered. The effects are on a second line if the line would exceed 100 columns.
+
+    not_given: names of the subjects
+    not_covered: names of the effects
+    """
+    line = qualified(claim, not_given)
+    whole = f"{line}, without {not_covered}"
+    return whole if len(whole) <= _COLUMNS else f"{line}\nwithout {not_covered}"

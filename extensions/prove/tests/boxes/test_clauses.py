@@ -1,0 +1,309 @@
+"""One quick forgery for each clause of the checker of regions on boxes.
+
+Each forgery is refused with the message of its clause.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from hfa_aircraft.model import Model, Signal
+from hfa_aircraft.source import Extras
+from hfa_prove.certificate import SCHEMA
+from hfa_prove.check.cover import Boxes
+from hfa_prove.check.equilibrium import Equilibrium
+from hfa_prove.check.loop_boxes import Decrease, equilibrium_near
+from hfa_prove.check.region_boxes import BoxWitness, check_region, read_content
+from hfa_prove.statements.loop import Loop
+from hfa_prove.statements.piece import Piece, Polynomial
+from hfa_prove.statements.region_boxes import BoxStatement, Gain, digest_of
+from hfa_support.errors import BadInputError, NoSolutionError
+
+Content = dict[str, Any]
+
+
+def _tank(x: Any, u: Any, p: Any, w: Any) -> Any:
+    """Equations of a tank with the states level, heat and slope, and the outputs load and peak.
+
+    The level rises unless the valve drains the tank. The heat decays.
+    """
+    rates = {"level": p.inflow * x.level + u.valve, "heat": -x.heat, "slope": 0.0 * x.slope}
+    off = (x.level - 0.0625) ** 2 + (x.heat - 0.0625) ** 2
+    return rates, {"load": x.level + x.heat, "peak": 1.0 - 40.0 * off}
+
+
+TANK = Model(
+    "tank",
+    {"level": Signal("m"), "heat": Signal("K"), "slope": Signal("rad", 1.0, -1.0, 1.0)},
+    {"valve": Signal("m/s", 1.0, -1.0, 1.0)},
+    _tank,
+    outputs={"load": Signal("1", 1.0, -3.0, 3.0), "peak": Signal("1", 1.0, -999.0, 9.0)},
+    parameters={"inflow": Signal("1/s", start=0.5)},
+    linear=("level", "heat"),
+    trim={"level": 0.0, "heat": 0.0, "slope": 0.25},
+    extras=Extras(source=("tank.py:TANK", "3" * 64)),
+)
+
+
+def tank() -> Content:
+    """Return a true certificate of the region level² + heat² <= 0.81."""
+    limits = {
+        "slope": (-1.0, 1.0),
+        "valve": (-1.0, 1.0),
+        "load": (-3.0, 3.0),
+        "peak": (-999.0, 9.0),
+    }
+    gain = Gain(np.array([[2.0, 0.0]]), {})
+    at = {"level": 0.0, "heat": 0.0}
+    loop = Loop(
+        TANK,
+        {"inflow": 0.5},
+        at,
+        {"valve": 0.0},
+        {"slope": 0.25},
+        limits,
+        gain.function(("valve",)),
+    )
+    piece = Piece(np.eye(2), Polynomial(2, ((1.0, (2, 0)), (1.0, (0, 2)))), 0.81)
+    statement = BoxStatement(loop, gain, at, piece, dict.fromkeys(at, (-0.91, 0.91)))
+    return {
+        **{"schema": SCHEMA, "toolchain": "", "digest": "", "provenance": {}, "checksum": ""},
+        "kind": "region-boxes",
+        "statement": statement.content(),
+        "witness": {"multipliers": np.full((2, 2), 0.55).tolist(), "boxes": 2000},
+    }
+
+
+def checked(content: Content) -> int:
+    return check_region(*read_content(content, TANK, None))
+
+
+def _decrease(
+    statement: BoxStatement, witness: BoxWitness, at: Equilibrium, piece: Piece | None = None
+) -> Decrease:
+    extents = np.array(list(statement.extents.values()))
+    return Decrease(statement.loop, at, piece or statement.piece, extents, witness.multipliers)
+
+
+def test_the_true_certificate_is_accepted() -> None:
+    """The certificate from which the forgeries are made is accepted."""
+    assert 0 < checked(tank()) < 1000
+
+
+def test_different_policies_have_different_digests() -> None:
+    """Policies that differ in a coefficient's last digit or in the state have different digests."""
+    z = ca.SX.sym("z", 2)
+    commands = [0.25 * z[0], np.nextafter(0.25, 1.0) * z[0], 0.25 * z[1]]
+    policies = [ca.Function("u", [z], [command]) for command in commands]
+    assert len({digest_of(policy) for policy in policies}) == 3
+
+
+def test_the_hole_has_the_expected_half_width() -> None:
+    """The hole around the equilibrium, where the Jacobian proves the decrease of V, ends at 0.25.
+
+    The command contains the sixth power of the level, and the level increases above 0.4. A box
+    outside the hole is not proved.
+    """
+    content = tank()
+    content["statement"]["policy"]["terms"] = {"valve": [[146.0, [6, 0]]]}
+    statement, witness = read_content(content, TANK, None)
+    equilibrium = equilibrium_near(statement.loop, np.zeros(2))
+    found = _decrease(statement, witness, equilibrium)
+    assert found.hole == 2
+    box = Boxes(np.array([[0.375, 0.0]]), np.array([[3, 3]]))
+    assert np.all(found.edges(box) >= 0)
+
+
+def test_rotated_coordinates_do_not_shrink_the_hole() -> None:
+    """In coordinates turned by 45 deg, the hole around the equilibrium still has the half-width
+    0.25.
+
+    The valve saturates at a level of 0.5. The corners of the next larger hole exceed this level.
+    """
+    statement, witness = read_content(tank(), TANK, None)
+    side = 0.5**0.5
+    turned = statement.piece._replace(M=np.array([[side, side], [-side, side]]))
+    equilibrium = equilibrium_near(statement.loop, np.zeros(2))
+    found = _decrease(statement, witness, equilibrium, turned)
+    assert found.hole == 2
+
+
+def test_deviations_contain_those_of_the_exact_inverse() -> None:
+    """The models of z contain M⁻¹ y for M = diag(3, 7), whose inverse is not exact."""
+    statement, witness = read_content(tank(), TANK, None)
+    stretched = statement.piece._replace(M=np.diag([3.0, 7.0]))
+    equilibrium = equilibrium_near(statement.loop, np.zeros(2))
+    found = _decrease(statement, witness, equilibrium, stretched)
+    linear, radius = found.symbols_on(Boxes(np.array([[0.375, 0.625]]), np.array([[3, 3]])))
+    for i, (centre, factor) in enumerate(((0.375, 3), (0.625, 7))):
+        value, *slopes = (Fraction(each) for each in linear[2 + i, :, 0].tolist())
+        off = abs(value - Fraction(centre) / factor) + abs(sum(slopes) - Fraction(1, 8) / factor)
+        assert 0 < off <= Fraction(float(radius[2 + i, 0]))
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.3])
+def test_the_error_of_the_equilibrium_is_included(radius: float) -> None:
+    """V decreases on the box from 0.25 to 0.5 of the level only for an exactly known equilibrium.
+
+    For an equilibrium known within 0.3, the decrease is not proved.
+    """
+    statement, witness = read_content(tank(), TANK, None)
+    equilibrium = Equilibrium(np.zeros(2), np.array([radius, 0.0]))
+    found = _decrease(statement, witness, equilibrium)
+    box = Boxes(np.array([[0.375, 0.0]]), np.array([[3, 3]]))
+    assert (found.edges(box) >= 0).tolist() == [radius > 0.0]
+
+
+def test_the_equilibrium_is_compared_in_nominal_values() -> None:
+    """A stated equilibrium with an error of 2e-7 m is refused if the nominal value is 0.01 m.
+
+    The tolerance is 1e-6 nominal values.
+    """
+    states = {**TANK.states, "level": Signal("m", 0.01)}
+    content = tank()
+    content["statement"]["equilibrium"]["level"] = 2e-7
+    with pytest.raises(NoSolutionError, match="differs from the stated"):
+        check_region(*read_content(content, replace(TANK, states=states), None))
+
+
+@pytest.mark.parametrize("ends", [(-0.9105, 9.0), (-9.0, 0.9105)])
+def test_limits_are_proved_about_all_enclosed_equilibria(ends: tuple[float, float]) -> None:
+    """Limits 0.9105 from the trim are proved to hold for an exactly known equilibrium.
+
+    For an equilibrium known within 0.001, they are refused.
+    """
+    content = tank()
+    content["statement"]["limits"]["level"] = list(ends)
+    statement, witness = read_content(content, TANK, None)
+    _decrease(statement, witness, Equilibrium(np.zeros(2), np.zeros(2))).check_limits()
+    about = Equilibrium(np.zeros(2), np.array([0.001, 0.0]))
+    with pytest.raises(NoSolutionError, match="level is not proved to stay"):
+        _decrease(statement, witness, about).check_limits()
+
+
+def _put(value: Any, *path: Any) -> Callable[[Content], None]:
+    """Return a change that replaces an entry of the statement by a value.
+
+    value: the new value, or a function old value -> new value
+    path: keys of the entry
+    """
+
+    def change(content: Content) -> None:
+        holder: Any = content["statement"]
+        for key in path[:-1]:
+            holder = holder[key]
+        holder[path[-1]] = value(holder[path[-1]]) if callable(value) else value
+
+    return change
+
+
+def _through_the_faces(content: Content) -> None:
+    """Change the certificate so that its set extends beyond the cube in which V is defined.
+
+    V decreases in all of the cube.
+    """
+    content["statement"]["piece"]["c"] = 1.5
+    content["statement"]["extents"] = {"level": [-1.3, 1.3], "heat": [-1.3, 1.3]}
+    content["witness"]["multipliers"] = [[0.5, 0.5]] * 2
+
+
+def _about(level: float) -> Callable[[Content], None]:
+    """Return a function that moves the trim of a certificate to another level, with more inflow.
+
+    The valve then saturates on one side.
+    """
+
+    def change(content: Content) -> None:
+        claim = content["statement"]
+        claim["trim"]["level"] = claim["equilibrium"]["level"] = level
+        claim["parameters"]["inflow"] = 0.8
+        claim["inputs"]["valve"] = -0.8 * level
+
+    return change
+
+
+def _witness(**entries: Any) -> Callable[[Content], None]:
+    return lambda content: content["witness"].update(entries)
+
+
+#: Name of the forgery -> change of the certificate, and message of the clause that refuses it.
+FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
+    "equilibrium": (_put(1.1e-6, "equilibrium", "level"), "differs from the stated"),
+    "set through the faces": (_through_the_faces, "inequality"),
+    "peak in the hole": (_put([-999.0, 0.96], "limits", "peak"), "inequality"),
+    "output above its limit": (_put([-3.0, 1.2], "limits", "load"), "inequality"),
+    "output below its limit": (_put([-1.2, 3.0], "limits", "load"), "inequality"),
+    "held above its limits": (_put({"slope": 1.5}, "held"), "slope has the constant value"),
+    "held below its limits": (_put({"slope": -1.5}, "held"), "slope has the constant value"),
+    "state above its limit": (_put([-9.0, 0.9], "limits", "level"), "level is not proved to stay"),
+    "state below its limit": (_put([-0.9, 9.0], "limits", "level"), "level is not proved to stay"),
+    "extent as far as a limit": (
+        _put([-9.0, 0.91], "limits", "level"),
+        "level is not proved to stay",
+    ),
+    "extent as low as a limit": (
+        _put([-0.91, 9.0], "limits", "level"),
+        "level is not proved to stay",
+    ),
+    "extent above": (_put([-0.91, 0.89], "extents", "level"), "inequality"),
+    "extent below": (_put([-0.89, 0.91], "extents", "heat"), "inequality"),
+    "extents that do not hold 0": (_put([0.1, 0.91], "extents", "level"), "extents"),
+    "extents below 0": (_put([-0.91, -0.1], "extents", "level"), "extents"),
+    "gain of the other sign": (_put([[-2.0, 0.0]], "policy", "K"), "near the equilibrium"),
+    "a gain of nothing": (_put([[0.4, 0.0]], "policy", "K"), "near the equilibrium"),
+    "terms that fill": (_put({"valve": [[9.0, [3, 0]]]}, "policy", "terms"), "inequality"),
+    "a valve that cannot open more": (_about(0.5), "inequality"),
+    "a valve that cannot close more": (_about(-0.5), "inequality"),
+    "more inflow": (_put({"inflow": 1.2}, "parameters"), "inequality"),
+    "W of degree 1": (_put(lambda W: [*W, [1.0, [1, 0]]], "piece", "W"), "W 2"),
+    "W twice": (_put(lambda W: [*W, W[0]], "piece", "W"), "W"),
+    "W negative": (_put([[-1.0, [2, 0]], [1.0, [0, 2]]], "piece", "W"), "near the"),
+    "W inexact": (_put([[0.1, [3, 0]], [1.0, [2, 0]], [1.0, [0, 2]]], "piece", "W"), "W 0"),
+    "coordinates in a line": (
+        _put([[1.0, 1.0], [1.0, 1.0]], "piece", "M"),
+        "coordinates y = M z is singular",
+    ),
+    "limits wider": (_put([-2.0, 2.0], "limits", "valve"), "valve beyond or not"),
+    "limits narrower": (_put([-0.9, 1.0], "limits", "valve"), "valve beyond or not"),
+    "limits of an output wider": (_put([-4.0, 3.0], "limits", "load"), "load beyond"),
+    "a limit left out": (
+        lambda content: content["statement"]["limits"].pop("peak"),
+        "limits: peak",
+    ),
+    "all limits left out": (_put({}, "limits"), "limits: "),
+    "a limit of no signal": (_put([-1.0, 1.0], "limits", "pump"), "limits: pump"),
+    "a limit of three numbers": (_put([-3.0, 3.0, 9.0], "limits", "load"), "limits: load"),
+    "limits exchanged": (_put([3.0, -3.0], "limits", "load"), "limits: load"),
+    "terms of no input": (_put({"pump": [[1.0, [3, 0]]]}, "policy", "terms"), "unknown entry"),
+    "extents of no state": (_put([-1.0, 1.0], "extents", "slope"), "unknown entry"),
+    "no policy": (_put("0" * 64, "policy"), "a policy in a file; give this file"),
+    "another model": (_put("van der Pol", "dynamics"), "from another file than"),
+    "another file": (_put("0" * 64, "source"), "from another file than"),
+    "states exchanged": (_put(["heat", "level"], "states"), "states"),
+    "units": (_put(["ft", "K"], "state_units"), "state_units"),
+    "an unknown entry": (_put("x", "note"), "unknown entry"),
+    "an unknown entry of the policy": (_put("x", "policy", "note"), "unknown entry"),
+    "an unknown entry of V": (_put("x", "piece", "note"), "unknown entry"),
+    "an entry of no claim": (lambda content: content.update(note="x"), "unknown entry"),
+    "a negative multiplier": (_witness(multipliers=[[-0.1, 0.5], [0.5, 0.5]]), "multipliers"),
+    "few boxes": (_witness(boxes=3), "undecided after 3 boxes"),
+    "a witness that claims": (_witness(rho=1.0), "unknown entry"),
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_each_clause_refuses_its_forgery(name: str) -> None:
+    """Each clause of the checker refuses the forgery that violates it."""
+    change, message = FORGED[name]
+    made = copy.deepcopy(tank())
+    change(made)
+    with pytest.raises((NoSolutionError, BadInputError), match=message):
+        checked(made)

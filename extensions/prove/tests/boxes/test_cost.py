@@ -1,0 +1,616 @@
+"""Lower bounds of the cost: proved, slightly too high, and forged."""
+
+from __future__ import annotations
+
+import copy
+import json
+from dataclasses import replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from hfa_aircraft.model import Model, Signal
+from hfa_prove.certificate import SCHEMA
+from hfa_prove.check.cost import (
+    CostInequality,
+    CostWitness,
+    Guess,
+    check_cost,
+    equilibrium_of,
+    read_cost,
+)
+from hfa_prove.check.cover import Boxes
+from hfa_prove.check.equilibrium import Equilibrium
+from hfa_prove.search.cost import CostBound, CostSearch
+from hfa_prove.statements.cost import CostStatement
+from hfa_prove.statements.piece import Piece, Polynomial
+from hfa_prove.statements.plant import Plant
+from hfa_support.errors import BadInputError, NoSolutionError
+
+ONE = np.eye(1)
+
+
+def cart(x: Any, u: Any, p: Any, w: Any) -> Any:
+    return {"position": u.speed}, {}
+
+
+def pendulum(x: Any, u: Any, p: Any, w: Any) -> Any:
+    return {"angle": x.rate, "rate": 10.0 * ca.sin(x.angle) + 20.0 * u.torque + u.torque**3}, {}
+
+
+CART = Model("cart", {"position": Signal("m")}, {"speed": Signal("m/s")}, cart, trim={})
+PENDULUM = Model(
+    "cubic pendulum",
+    {"angle": Signal("rad"), "rate": Signal("rad/s")},
+    {"torque": Signal("N m", 1.0, -0.7, 0.7)},
+    pendulum,
+    trim={"angle": 0.0, "rate": 0.0},
+)
+
+
+def cart_bound(coefficient: float) -> CostStatement:
+    """Return the claim W = coefficient y² for x' = u with Q = R = 1, where the least cost is y²."""
+    plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {})
+    piece = Piece(ONE, Polynomial(1, ((coefficient, (2,)),)), 0.5)
+    return CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, (piece,))
+
+
+@pytest.mark.parametrize("margin", [1e-13, 0.1])
+def test_a_margin_of_1e13_is_decided_correctly(margin: float) -> None:
+    """The bound (1 - margin) y² is proved, and (1 + margin) y² is refused. The least cost is y².
+
+    The margins are 1e-13 and 0.1. The cart is in equilibrium at every position. The unknown of its
+    equilibrium equations is therefore the input.
+    """
+    witness = CostWitness(("speed",), (1000,))
+    assert check_cost(cart_bound(1.0 - margin), witness)[0] > 0
+    with pytest.raises(NoSolutionError):
+        check_cost(cart_bound(1.0 + margin), witness)
+
+
+@pytest.fixture(scope="module")
+def proved() -> CostBound:
+    """Return the proved bound of a pendulum whose torque acts through a cubic polynomial."""
+    limits = {"torque": (-0.7, 0.7), "rate": (-2.0, 2.0)}
+    plant = Plant(PENDULUM, {}, {"angle": 0.0, "rate": 0.0}, {"torque": 0.0}, {}, limits)
+    equilibrium = equilibrium_of(plant, np.zeros(3), (0, 1))
+    A = np.array([[0.0, 1.0], [10.0, 0.0]])
+    B = np.array([[0.0], [20.0]])
+    from scipy.linalg import solve_continuous_are
+
+    weights = (np.eye(2), ONE, solve_continuous_are(A, B, np.eye(2), ONE))
+    half = np.array([0.4, 0.8])
+    search = CostSearch(
+        plant, equilibrium, (0, 1), weights, half, degree=4, margin=0.05, seconds=30.0
+    )
+    return search.found()
+
+
+def test_the_checker_repeats_the_proof(proved: CostBound) -> None:
+    """The checker verifies the bound, and evaluates as many boxes of each piece as the prover."""
+    assert check_cost(proved.statement, proved.witness) == proved.boxes
+
+
+def test_no_flight_costs_less_than_the_bound(proved: CostBound) -> None:
+    """No simulated flight that returns to the trim costs less than the proved bound.
+
+    1 % is allowed for the integration. The flights have random gains. The median of bound / cost
+    exceeds 0.8.
+    """
+    rng = np.random.default_rng(0)
+    z = np.array([0.4, 0.8]) * rng.uniform(-1.0, 1.0, (400, 2))
+    begin = proved.statement.bound(z)
+    gain = np.array([1.6, 0.6]) * rng.uniform(0.7, 1.3, (400, 2))
+    paid = np.zeros(400)
+    step = 0.002
+    for _ in range(4000):
+        torque = np.clip(-np.sum(gain * z, axis=1), -0.7, 0.7)
+        paid += step * (np.sum(z * z, axis=1) + torque**2)
+        middle = z + 0.5 * step * _rates(z, torque)
+        z = z + step * _rates(middle, torque)
+    back = np.linalg.norm(z, axis=1) < 1e-3
+    assert back.sum() > 200
+    assert np.all(begin[back] <= 1.01 * paid[back])
+    assert np.median(begin[back] / paid[back]) > 0.8
+
+
+def _rates(z: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    rate = 10.0 * np.sin(z[:, 0]) + 20.0 * torque + torque**3
+    return np.column_stack([z[:, 1], rate])
+
+
+def content_of(bound: CostBound) -> dict[str, Any]:
+    content = {
+        **{"schema": SCHEMA, "toolchain": "", "digest": "", "provenance": {}, "checksum": ""},
+        "kind": "cost-boxes",
+        "statement": bound.statement.content(),
+        "witness": {
+            "solved": ["angle", "rate"],
+            "boxes": list(bound.witness.boxes),
+        },
+    }
+    return json.loads(json.dumps(content))
+
+
+def scaled(rows: Any, factor: float) -> Any:
+    return (np.array(rows) * factor).tolist()
+
+
+def larger(s: Any, w: Any) -> None:
+    last = s["pieces"][-1]
+    last["W"] = [[value * 1.0625, powers] for value, powers in last["W"]]
+
+
+def constant(s: Any, w: Any) -> None:
+    s["pieces"][0]["W"].append([0.25, [0, 0]])
+
+
+def inexact(s: Any, w: Any) -> None:
+    """Set the coefficient of a cubic term to 0.1. Its product with 3 is not exact in doubles."""
+    cubic = next(term for term in s["pieces"][0]["W"] if 3 in term[1])
+    cubic[0] = 0.1
+
+
+def twice(s: Any, w: Any) -> None:
+    s["pieces"][0]["W"].append(s["pieces"][0]["W"][0])
+
+
+FORGED: dict[str, Any] = {
+    "W larger": larger,
+    "W with a constant": constant,
+    "W inexact": inexact,
+    "W with a term twice": twice,
+    "level": lambda s, w: s["pieces"][-1].update(c=4.0 * s["pieces"][-1]["c"]),
+    "level negative": lambda s, w: s["pieces"][0].update(c=-1.0),
+    "cube smaller": lambda s, w: s["pieces"][0].update(M=scaled(s["pieces"][0]["M"], 1.5)),
+    "M singular": lambda s, w: s["pieces"][0].update(M=[[1.0, 1.0], [1.0, 1.0]]),
+    "no piece": lambda s, w: s.update(pieces=[]),
+    "Q smaller": lambda s, w: s.update(Q=scaled(s["Q"], 0.8)),
+    "Q not symmetric": lambda s, w: s.update(Q=[[1.0, 0.1], [0.0, 1.0]]),
+    "Q indefinite": lambda s, w: s.update(Q=[[1.0, 1.5], [1.5, 1.0]]),
+    "R negative": lambda s, w: s.update(R=[[-1.0]]),
+    "R smaller": lambda s, w: s.update(R=[[0.8]]),
+    "input wider": lambda s, w: s["limits"].update(torque=[-7.0, 7.0]),
+    "input narrower below": lambda s, w: s["limits"].update(torque=[-0.5, 0.7]),
+    "input narrower above": lambda s, w: s["limits"].update(torque=[-0.7, 0.5]),
+    "input without limits": lambda s, w: s["limits"].pop("torque"),
+    "envelope without the trim": lambda s, w: s["limits"].update(rate=[0.5, 2.0]),
+    "trim": lambda s, w: s["trim"].update(angle=0.01),
+    "equilibrium": lambda s, w: s["equilibrium"].update(angle=0.01),
+    "model": lambda s, w: s.update(dynamics="van der Pol"),
+    "source": lambda s, w: s.update(source="0" * 64),
+    "states": lambda s, w: s.update(states=["rate", "angle"]),
+    "units": lambda s, w: s.update(state_units=["deg", "deg/s"]),
+    "more": lambda s, w: s.update(note="x"),
+    "boxes": lambda s, w: w.update(boxes=[3] * len(w["boxes"])),
+    "boxes missing": lambda s, w: w.update(boxes=w["boxes"][1:]),
+    "boxes without end": lambda s, w: w.update(boxes=[2_000_000_000] * len(w["boxes"])),
+    "solved twice": lambda s, w: w.update(solved=["angle", "rate", "rate"]),
+    "solved for the input": lambda s, w: w.update(solved=["angle", "angle"]),
+    "witness more": lambda s, w: w.update(c=1.0),
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_a_forged_bound_is_refused(name: str, proved: CostBound) -> None:
+    """Each forgery of a bound is refused."""
+    content = content_of(proved)
+    for each in (content["statement"]["pieces"], content["witness"]["boxes"]):
+        del each[1:-1]  # the proofs of the others are similar
+    read_cost(copy.deepcopy(content), PENDULUM)
+    FORGED[name](content["statement"], content["witness"])
+    with pytest.raises((NoSolutionError, BadInputError)):
+        check_cost(*read_cost(content, PENDULUM))
+
+
+@pytest.mark.parametrize(("name", "weights"), [("Q", [[1.0, 1.5], [1.5, 1.0]]), ("R", [[-1.0]])])
+def test_indefinite_weights_are_refused(name: str, weights: Any, proved: CostBound) -> None:
+    """Indefinite weights are refused.
+
+    With such weights a flight could have a negative cost before it enters {W <= c}.
+    """
+    content = content_of(proved)
+    content["statement"][name] = weights
+    with pytest.raises(NoSolutionError, match=f"{name}: not positive semidefinite"):
+        read_cost(content, PENDULUM)
+
+
+def test_a_limit_of_an_output_is_refused() -> None:
+    """A limit of an output is refused, because the envelope consists of state limits only."""
+    outputs = {"load": Signal("m", 1.0, -1.0, 1.0)}
+
+    def loaded(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return {"position": u.speed}, {"load": x.position}
+
+    model = replace(CART, equations=loaded, outputs=outputs)
+    content = cart_bound(0.5).content()
+    CostStatement.read(copy.deepcopy(content), model)
+    with pytest.raises(NoSolutionError, match="load is an output"):
+        CostStatement.read(content | {"limits": {"load": [-1.0, 1.0]}}, model)
+
+
+def test_unknown_entries_of_certificates_are_refused(proved: CostBound) -> None:
+    """A certificate with an unknown entry is refused."""
+    with pytest.raises(NoSolutionError, match="unknown entry"):
+        read_cost(content_of(proved) | {"note": "x"}, PENDULUM)
+
+
+def wagon(x: Any, u: Any, p: Any, w: Any) -> Any:
+    return {"position": u.pull + u.push + 0.9 * u.pull * u.push}, {}
+
+
+WAGON = Model(
+    "wagon",
+    {"position": Signal("m")},
+    {"pull": Signal("N", 1.0, -1.0, 1.0), "push": Signal("N", 1.0, -1.0, 1.0)},
+    wagon,
+    trim={},
+)
+
+
+def test_the_loss_bounds_the_excess_of_guessed_inputs() -> None:
+    """At five guesses of the best inputs, `_loss` bounds the excess of g over its minimum.
+
+    g = 2 k y (a + b + 0.9 a b) + y² + a² + b² is the cost inequality for the inputs a and b.
+    """
+    limits = {"pull": (-1.0, 1.0), "push": (-1.0, 1.0)}
+    plant = Plant(WAGON, {}, {"position": 0.0}, {"pull": 0.0, "push": 0.0}, {}, limits)
+    k = 0.75
+    inequality = CostInequality(
+        plant,
+        Equilibrium(np.zeros(3), np.zeros(3)),
+        Piece(ONE, Polynomial(1, ((k, (2,)),)), 1.0),
+        ONE,
+        np.eye(2),
+    )
+    y = 0.5
+
+    def g(a: Any, b: Any) -> Any:
+        return 2.0 * k * y * (a + b + 0.9 * a * b) + y**2 + a**2 + b**2
+
+    axis = np.linspace(-1.0, 1.0, 201)
+    least = g(axis[:, None], axis).min()
+    box = Boxes(np.array([[y]]), np.array([[40]]))
+    for guess in ([-0.78, 0.22], [0.4, -0.5], [0.6, 0.6], [-0.9, -0.9], [-0.28, -0.28]):
+        about = Guess(np.array([guess]), np.zeros((1, 2, 1)))
+        assert g(*guess) - inequality._loss(box, about)[0] <= least + 1e-6
+
+
+def sled(x: Any, u: Any, p: Any, w: Any) -> Any:
+    return {"position": u.speed + u.speed**3}, {}
+
+
+SLED = Model(
+    "sled",
+    {"position": Signal("m")},
+    {"speed": Signal("m/s", 1.0, -10.0, 10.0)},
+    sled,
+    trim={"position": 0.0},
+)
+
+
+@pytest.mark.parametrize("ends", [(-10.0, 0.1), (-0.1, 10.0)])
+def test_the_best_input_may_be_far_from_equilibrium(ends: tuple[float, float]) -> None:
+    """A false bound is refused if its inequality g >= 0 fails only far from the equilibrium input.
+
+    g = y (u + u³) + y² + u² is convex for small u. It is not convex for u = -10 and y > 0, nor for
+    u = 10 and y < 0.
+    """
+    low, high = ends
+    ends_declared = {"speed": Signal("m/s", 1.0, low, high)}
+    plant = Plant(
+        replace(SLED, inputs=ends_declared),
+        {},
+        {"position": 0.0},
+        {"speed": 0.0},
+        {},
+        {"speed": ends},
+    )
+    piece = Piece(ONE, Polynomial(1, ((0.5, (2,)),)), 0.1)
+    statement = CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, (piece,))
+    with pytest.raises(NoSolutionError):
+        check_cost(statement, CostWitness(("speed",), (1000,)))
+
+
+def test_the_equilibrium_is_compared_in_nominal_values() -> None:
+    """An equilibrium 2e-7 m from the trim is refused if the nominal value is 0.01 m.
+
+    The tolerance is 1e-6 nominal values.
+    """
+    fine = replace(CART, states={"position": Signal("m", 0.01)})
+    plant = Plant(fine, {}, {"position": 2e-7}, {"speed": 0.0}, {}, {})
+    statement = replace(cart_bound(0.9), plant=plant)
+    with pytest.raises(NoSolutionError, match="differs from the trim"):
+        check_cost(statement, CostWitness(("speed",), (1000,)))
+
+
+@pytest.mark.parametrize("limits", [(-1.0, -0.1), (0.1, 1.0)])
+def test_an_equilibrium_outside_a_limit_is_refused(limits: tuple[float, float]) -> None:
+    """An equilibrium outside the state limits is refused."""
+    still = {"position": 0.0, "speed": 0.0}
+    plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"position": limits})
+    statement = CostStatement(plant, still, ONE, ONE, cart_bound(0.9).pieces)
+    with pytest.raises(NoSolutionError, match="outside the state limits"):
+        check_cost(statement, CostWitness(("speed",), (1000,)))
+
+
+def test_boxes_that_cross_a_limit_are_checked() -> None:
+    """A bound is refused if it fails only in boxes that a state limit crosses.
+
+    The slope of W, 1.8 y + 80 y³, exceeds the slope 2 y of the least cost only between 0.05 and the
+    limit 0.1.
+    """
+    plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"position": (-0.1, 0.1)})
+    piece = Piece(ONE, Polynomial(1, ((0.9, (2,)), (20.0, (4,)))), 0.02)
+    statement = CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, (piece,))
+    with pytest.raises(NoSolutionError):
+        check_cost(statement, CostWitness(("speed",), (1000,)))
+
+
+def test_the_inequality_is_checked_on_both_sides() -> None:
+    """A bound is refused if its inequality g >= 0 fails on one side of the equilibrium only.
+
+    g = y (u + 2 y²) + y² + u² is convex for y > 0 and negative at y = -0.4, u = 0.2.
+    """
+    hill = replace(
+        SLED, equations=lambda x, u, p, w: ({"position": u.speed + 2 * x.position**2}, {})
+    )
+    plant = Plant(hill, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"speed": (-10.0, 10.0)})
+    piece = Piece(ONE, Polynomial(1, ((0.5, (2,)),)), 0.1)
+    statement = CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, (piece,))
+    with pytest.raises(NoSolutionError):
+        check_cost(statement, CostWitness(("speed",), (1000,)))
+
+
+def test_a_bound_with_gradient_at_trim_is_refused() -> None:
+    """A bound W with a nonzero gradient at the trim is refused."""
+    content = cart_bound(0.5).content()
+    CostStatement.read(copy.deepcopy(content), CART)
+    content["pieces"][0]["W"].append([0.01, [1]])
+    with pytest.raises(NoSolutionError, match="W 1"):
+        CostStatement.read(content, CART)
+
+
+def test_the_loss_covers_varying_guesses() -> None:
+    """`_loss` bounds the suboptimality of an input guess that varies from -0.3 to -0.1 over a box.
+
+    At the center of the box, the cost of the input -0.1 is compared with the cost of the optimal
+    input, which is the limit -0.3.
+    """
+    plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"speed": (-0.3, 0.3)})
+    k = 0.75
+    equilibrium = Equilibrium(np.zeros(2), np.zeros(2))
+    W = Polynomial(1, ((k, (2,)),))
+    inequality = CostInequality(plant, equilibrium, Piece(ONE, W, 1.0), ONE, ONE)
+    y = 0.5
+    box = Boxes(np.array([[y]]), np.array([[40]]))
+    loss = inequality._loss(box, Guess(np.array([[-0.2]]), np.array([[[0.1]]])))[0]
+
+    def g(u: float) -> float:
+        return 2.0 * k * y * u + y**2 + u**2
+
+    assert g(-0.1) - loss <= g(-0.3) + 1e-9
+
+
+def test_bounds_of_inputs_contain_one_of_zero_slope() -> None:
+    """The bounds of the best inputs contain an input in which the inequality g has no slope at 0.
+
+    For x' = pull + 0.9 pull push, the best push is 0.14.
+    """
+    twisted = replace(
+        WAGON, equations=lambda x, u, p, w: ({"position": u.pull + 0.9 * u.pull * u.push}, {})
+    )
+    limits = {"pull": (-1.0, 1.0), "push": (-1.0, 1.0)}
+    plant = Plant(twisted, {}, {"position": 0.0}, {"pull": 0.0, "push": 0.0}, {}, limits)
+    equilibrium = Equilibrium(np.zeros(3), np.zeros(3))
+    W = Polynomial(1, ((0.75, (2,)),))
+    inequality = CostInequality(plant, equilibrium, Piece(ONE, W, 1.0), ONE, np.eye(2))
+    radii = inequality._best_inputs_within(Boxes(np.zeros((1, 1)), np.ones((1, 1), dtype=int)))
+    y = 0.5
+    best = -np.linalg.solve([[2.0, 1.35 * y], [1.35 * y, 2.0]], [1.5 * y, 0.0])
+    assert radii is not None
+    assert np.all(np.abs(best) <= radii)
+
+
+def test_curvature_of_three_inputs_bounds_all_directions() -> None:
+    """The sum of the curvature bounds is at most the second derivative in the direction (1, 1, 1).
+
+    For x' = a + b + c + 0.4 (a b + b c + c a) and a negative slope of W, the second derivative is
+    lowest in this direction.
+    """
+    names = ("a", "b", "c")
+
+    def cubed(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return {"position": u.a + u.b + u.c + 0.4 * (u.a * u.b + u.b * u.c + u.c * u.a)}, {}
+
+    ends = dict.fromkeys(names, (-1.0, 1.0))
+    signals = {name: Signal("1", 1.0, -1.0, 1.0) for name in names}
+    model = Model("three", {"position": Signal("m")}, signals, cubed, trim={"position": 0.0})
+    plant = Plant(model, {}, {"position": 0.0}, dict.fromkeys(names, 0.0), {}, ends)
+    piece = Piece(ONE, Polynomial(1, ((1.0, (2,)),)), 1.0)
+    equilibrium = Equilibrium(np.zeros(4), np.zeros(4))
+    inequality = CostInequality(plant, equilibrium, piece, ONE, np.eye(3))
+    box = Boxes(np.array([[-0.75]]), np.array([[2]]))
+    limits = np.ones((1, 3))
+    curvature = inequality._curvature(box, -limits, limits)[0]
+    along = 6.0 - 2.0 * 0.4 * 6.0  # at y = -1
+    assert curvature.sum() <= along + 1e-9
+
+
+def _on_a_line(
+    model: Model, k: float, radius: float = 0.0, ends: tuple[float, float] = (-1.0, 1.0)
+) -> CostInequality:
+    """Return the cost inequality of W = k y² for a model with one state and one input.
+
+    radius: error of the input at the equilibrium
+    ends: limits of the input
+    """
+    plant = Plant(model, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"speed": ends})
+    equilibrium = Equilibrium(np.zeros(2), np.array([0.0, radius]))
+    piece = Piece(ONE, Polynomial(1, ((k, (2,)),)), 1.0)
+    return CostInequality(plant, equilibrium, piece, ONE, ONE)
+
+
+def test_input_deviations_cover_all_enclosed_equilibria() -> None:
+    """With input limits of ±0.1, the deviations from the equilibrium input reach ±0.101.
+
+    The equilibrium is known within 1e-3.
+    """
+    low, high = _on_a_line(CART, 0.75, 1e-3, (-0.1, 0.1)).ends[0]
+    assert low <= -0.101
+    assert high >= 0.101
+
+
+@pytest.mark.parametrize("ends", [(-1e-4, 0.1), (-0.1, 1e-4)])
+def test_equilibria_not_within_input_limits_are_refused(ends: tuple[float, float]) -> None:
+    """An equilibrium that is not proved to be within the limits is refused."""
+    with pytest.raises(NoSolutionError, match="speed is not proved to be within its limits"):
+        _ = _on_a_line(CART, 0.75, 1e-3, ends).ends
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.3])
+def test_the_error_of_the_equilibrium_is_included(radius: float) -> None:
+    """The inequality g >= 0 is proved on a box for an exact equilibrium, but not for one within
+    0.3.
+
+    g = 1.5 y (u + e) + y² + u² is positive at y = 0.5 for e = 0, but not for all |e| <= 0.3.
+    """
+    box = Boxes(np.array([[0.5]]), np.array([[10]]))
+    assert _on_a_line(CART, 0.75, radius).edges(box).tolist() == [0 if radius > 0.0 else -1]
+
+
+def test_the_envelope_covers_all_enclosed_equilibria() -> None:
+    """A box outside the envelope for an exact equilibrium is inside for some equilibrium within
+    0.2.
+
+    The box is 0.1875 <= y <= 0.3125. The envelope is |position| <= 0.1.
+    """
+    plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"position": (-0.1, 0.1)})
+    piece = Piece(ONE, Polynomial(1, ((0.5, (2,)),)), 1.0)
+    box = Boxes(np.array([[0.25]]), np.array([[4]]))
+    for radius in (0.0, 0.2):
+        equilibrium = Equilibrium(np.zeros(2), np.array([radius, 0.0]))
+        inequality = CostInequality(plant, equilibrium, piece, ONE, ONE)
+        assert inequality.is_outside(box).tolist() == [radius == 0.0]
+
+
+def _of_two_states(W: Polynomial, c: float, Q: np.ndarray, R: np.ndarray) -> CostInequality:
+    """Return the cost inequality on {W <= c} for y_1' = u, y_2' = -y_2, |u| <= 1."""
+    model = Model(
+        "two",
+        {"position": Signal(), "other": Signal()},
+        {"speed": Signal()},
+        lambda x, u, p, w: ({"position": u.speed, "other": -x.other}, {}),
+        trim={},
+    )
+    still = {"position": 0.0, "other": 0.0}
+    plant = Plant(model, {}, still, {"speed": 0.0}, {}, {"speed": (-1.0, 1.0)})
+    equilibrium = Equilibrium(np.zeros(3), np.zeros(3))
+    return CostInequality(plant, equilibrium, Piece(np.eye(2), W, c), Q, R)
+
+
+def test_the_loss_covers_guesses_of_both_signs() -> None:
+    """`_loss` bounds the suboptimality of an input guess that varies from -0.2 to 0.2 over a box.
+
+    The box has two states. The inequality is linear in the input with the slope 0.75, and the
+    optimal input is the limit -1.
+    """
+    W = Polynomial(2, ((0.75, (2, 0)),))
+    inequality = _of_two_states(W, 1.0, np.eye(2), np.zeros((1, 1)))
+    box = Boxes(np.array([[0.5, 0.0]]), np.array([[40, 40]]))
+    loss = inequality._loss(box, Guess(np.zeros((1, 1)), np.array([[[0.1, 0.1]]])))[0]
+    assert loss >= 0.75 * 1.2 - 1e-9
+
+
+def test_the_envelope_is_decided_in_rotated_coordinates() -> None:
+    """A large box meets the envelope |z_1| <= 0.1 in turned coordinates, and a small box does not.
+
+    The box 0.25 <= y_1 <= 0.75, |y_2| <= 0.25 contains points with z_1 = (y_1 - y_2) / 2 = 0.
+    """
+
+    def still(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return {"a": -x.a, "b": -x.b}, {}
+
+    model = Model("still", {"a": Signal(), "b": Signal()}, {}, still, trim={})
+    plant = Plant(model, {}, {"a": 0.0, "b": 0.0}, {}, {}, {"a": (-0.1, 0.1)})
+    W = Polynomial(2, ((1.0, (2, 0)), (1.0, (0, 2))))
+    piece = Piece(np.array([[1.0, 1.0], [-1.0, 1.0]]), W, 1.0)
+    equilibrium = Equilibrium(np.zeros(2), np.zeros(2))
+    inequality = CostInequality(plant, equilibrium, piece, np.eye(2), np.zeros((0, 0)))
+    near = Boxes(np.array([[0.5, 0.0]]), np.array([[2, 2]]))
+    far = Boxes(np.array([[0.5, 0.0]]), np.array([[4, 4]]))
+    assert inequality.is_outside(near).tolist() == [False]
+    assert inequality.is_outside(far).tolist() == [True]
+
+
+def test_slopes_of_either_sign_bound_the_best_inputs() -> None:
+    """The bounds of the best inputs are valid for slopes of W of both signs.
+
+    For g = 2 k y u (1 - y) + y² + u² the best u is 0.75 k at y = -0.5 and -0.25 k at y = 0.5.
+    """
+    uneven = replace(
+        SLED, equations=lambda x, u, p, w: ({"position": u.speed * (1.0 - x.position)}, {})
+    )
+    box = Boxes(np.zeros((1, 1)), np.ones((1, 1), dtype=int))
+    (radius,) = _on_a_line(uneven, 0.5)._best_inputs_within(box)
+    assert radius >= 0.375
+
+
+def test_the_hessian_covers_all_inputs_within_radii() -> None:
+    """The inequality is proved convex for inputs within 1e-3 of the guess, but not within 1.
+
+    g = y (u + u³) + y² + u² is convex near u = 0 and not at u = 1.
+    """
+    inequality = _on_a_line(SLED, 0.5)
+    box = Boxes(np.zeros((1, 1)), np.full((1, 1), 10))
+    assert inequality._is_convex(box, np.array([1e-3]))
+    assert not inequality._is_convex(box, np.array([1.0]))
+
+
+def test_the_hessian_covers_both_ends_of_entries() -> None:
+    """Convexity is refused if the Hessian is indefinite for one end of its enclosed entries.
+
+    The mixed derivative of g = 0.6 y u (1 + 3 y) + y² + u² is 0.6 (1 + 6 y), from -1.2 to 2.4.
+    """
+    uneven = replace(
+        SLED, equations=lambda x, u, p, w: ({"position": u.speed * (1.0 + 3.0 * x.position)}, {})
+    )
+    box = Boxes(np.zeros((1, 1)), np.ones((1, 1), dtype=int))
+    assert not _on_a_line(uneven, 0.3)._is_convex(box, np.zeros(1))
+
+
+def test_the_edge_with_largest_variation_is_halved() -> None:
+    """A box is halved along the edge on which g, the left side of g >= 0, varies most.
+
+    For a box at a face of the cube, the edge on which W varies most is halved. Here
+    g = 1.5 y_1 u + y_1² + (a - 0.125) y_2² + u² with a = 0.25 or 4, and
+    W = 0.75 y_1² + 0.0625 y_2².
+    """
+    W = Polynomial(2, ((0.75, (2, 0)), (0.0625, (0, 2))))
+    boxes = Boxes(np.array([[0.375, 0.375], [0.5, 0.5]]), np.array([[3, 3], [1, 1]]))
+    chosen = []
+    for a in (0.25, 4.0):
+        inequality = _of_two_states(W, 0.5, np.diag([1.0, a]), ONE)
+        traced = inequality._values.traced(*_still(inequality, boxes))
+        sharpened = inequality._values.sharpened(traced, np.zeros(2, dtype=int), np.arange(2))
+        chosen.append(inequality.decisive_edges(boxes, sharpened.lowered_by))
+    assert [edges.tolist() for edges in chosen] == [[0, 0], [1, 0]]
+
+
+def _still(inequality: CostInequality, boxes: Boxes) -> Any:
+    """Return the Taylor models of states and inputs on boxes. The inputs approximately minimize
+    g.
+    """
+    v, slopes = inequality.best_inputs(boxes.centres)
+    return inequality._inputs(boxes, Guess(v, slopes * boxes.half_widths[:, None, :]))
+
+
+def test_certificates_of_an_earlier_version_are_read(proved: CostBound) -> None:
+    """Certificates in the format of an earlier version are read."""
+    content = content_of(proved)
+    content["witness"]["longer"] = [[0, 2]] * len(proved.boxes)
+    statement, witness = read_cost(content, PENDULUM)
+    assert statement.content() == proved.statement.content()
+    assert (witness.solved, witness.boxes) == (("angle", "rate"), proved.witness.boxes)

@@ -1,0 +1,239 @@
+"""Enclosed functions of the checkers of regions and of cost bounds, compared with formulas.
+
+The formulas are evaluated in doubles at random points.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from hfa_aircraft.model import Model, Signal
+from hfa_prove.check.cost import CostInequality, Guess
+from hfa_prove.check.cover import Boxes
+from hfa_prove.check.equilibrium import Equilibrium
+from hfa_prove.check.loop_boxes import Decrease
+from hfa_prove.check.piece import OnPiece
+from hfa_prove.statements.loop import Loop
+from hfa_prove.statements.piece import Piece, Polynomial
+from hfa_prove.statements.plant import Plant
+from hfa_prove.statements.region_boxes import Gain
+from verification.enclosure.taylor import lowest
+
+AT = {"a": 0.0, "b": 0.0}
+INPUTS = {"u": 0.0, "v": 0.0}
+ENDS = {"u": (-0.4, 0.3), "v": (-0.2, 0.5)}
+LOW, HIGH = np.array(list(ENDS.values())).T
+
+
+def _equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+    rates = {
+        "a": -x.a + 0.5 * x.b * x.b + u.u + 0.3 * u.u * u.v,
+        "b": x.a - 0.4 * x.b + u.v + 0.2 * x.a * u.u + 0.5 * u.v * u.v * u.v,
+    }
+    return rates, {"load": x.a + x.b * u.v}
+
+
+MODEL = Model(
+    "two inputs",
+    {"a": Signal(), "b": Signal()},
+    {name: Signal("1", 1.0, *ends) for name, ends in ENDS.items()},
+    _equations,
+    outputs={"load": Signal(min=-2.0, max=3.0)},
+    trim={},
+)
+M = np.array([[0.75, -0.5], [0.5, 1.0]])
+TERMS = ((1.0, (2, 0)), (0.5, (1, 1)), (1.5, (0, 2)), (0.25, (3, 1)))
+PIECE = Piece(M, Polynomial(2, TERMS), 0.5)
+Q = np.array([[1.0, 0.25], [0.25, 2.0]])
+R = np.array([[1.0, 0.125], [0.125, 0.5]])
+K = np.array([[0.5, 0.25], [-0.25, 0.5]])
+
+
+class Places(NamedTuple):
+    """Random points in boxes.
+
+    boxes: the boxes
+    s: (N, 2), position in the box, from -1 to 1
+    y, z: (N, 2), coordinates and deviations at these points
+    e: (N, 4), errors of the equilibrium
+    """
+
+    boxes: Boxes
+    s: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    e: np.ndarray
+
+
+def _places(radius: float, seed: int) -> Places:
+    rng = np.random.default_rng(seed)
+    count = 600
+    depths = rng.integers(1, 5, (count, 2))
+    half = np.ldexp(1.0, -depths)
+    centres = (2.0 * np.floor(rng.uniform(0.0, 1.0, half.shape) / half) + 1.0) * half - 1.0
+    s = rng.uniform(-1.0, 1.0, half.shape)
+    s[: count // 2] = np.sign(s[: count // 2])  # the corners
+    y = centres + half * s
+    e = radius * np.sign(rng.normal(size=(count, 4)))
+    return Places(Boxes(centres, depths), s, y, y @ np.linalg.inv(M).T, e)
+
+
+def _equilibrium(radius: float, size: int) -> Equilibrium:
+    return Equilibrium(np.zeros(size), np.full(size, radius))
+
+
+def _gradient(y: np.ndarray) -> np.ndarray:
+    """Return the gradient of W (N, 2) at y (N, 2)."""
+    first, second = y.T
+    return np.column_stack(
+        [
+            2.0 * first + 0.5 * second + 0.75 * first**2 * second,
+            0.5 * first + 3.0 * second + 0.25 * first**3,
+        ]
+    )
+
+
+def _rates(x: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+    a, b = x.T
+    u, v = inputs.T
+    rate_a = -a + 0.5 * b**2 + u + 0.3 * u * v
+    rate_b = a - 0.4 * b + v + 0.2 * a * u + 0.5 * v**3
+    return np.column_stack([rate_a, rate_b])
+
+
+# The cost.
+
+
+def _inequality(radius: float, share: float = 1.0) -> CostInequality:
+    """Return the cost inequality of the function share W.
+
+    radius: largest error of the equilibrium
+    """
+    plant = Plant(MODEL, {}, AT, INPUTS, {}, dict(ENDS))
+    W = Polynomial(2, tuple((share * value, powers) for value, powers in TERMS))
+    return CostInequality(plant, _equilibrium(radius, 4), PIECE._replace(W=W), Q, R)
+
+
+def _g(places: Places, inputs: np.ndarray, share: float = 1.0) -> np.ndarray:
+    rates = _rates(places.z + places.e[:, :2], inputs + places.e[:, 2:])
+    falls = share * np.sum(_gradient(places.y) @ M * rates, axis=1)
+    price = np.einsum("bi,ij,bj->b", places.z, Q, places.z)
+    return falls + price + np.einsum("bi,ij,bj->b", inputs, R, inputs)
+
+
+def _guess(inequality: CostInequality, boxes: Boxes, off: float) -> Guess:
+    """Return a guess of the best inputs on boxes, with random errors of size `off`."""
+    rng = np.random.default_rng(3)
+    v, _ = inequality.best_inputs(boxes.centres @ np.linalg.inv(M).T)
+    return Guess(v + off * rng.normal(size=v.shape), off * rng.normal(size=(*v.shape, 2)))
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.05])
+@pytest.mark.parametrize("off", [0.0, 0.1])
+def test_no_input_makes_the_inequality_smaller(radius: float, off: float) -> None:
+    """The cost inequality g at a guess of the inputs is at least its proved lower bound.
+
+    At any other input, g is at least this bound minus the loss.
+    """
+    places = _places(radius, 5)
+    inequality = _inequality(radius)
+    guess = _guess(inequality, places.boxes, off)
+    bound = lowest(inequality._values.of(*inequality._inputs(places.boxes, guess)), 2)[0]
+    guessed = guess.value + np.einsum("bmn,bn->bm", guess.slopes, places.s)
+    assert np.all(_g(places, guessed) >= bound - 1e-12)
+    loss = inequality._loss(places.boxes, guess)
+    rng = np.random.default_rng(6)
+    for corner in (LOW, HIGH, LOW * [1, 0] + HIGH * [0, 1], None, None, None):
+        inputs = rng.uniform(LOW, HIGH, guessed.shape) if corner is None else corner + 0 * guessed
+        assert np.all(_g(places, inputs) >= bound - loss - 1e-12)
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.05])
+def test_the_curvature_is_below_all_second_derivatives(radius: float) -> None:
+    """The enclosed curvature is a lower bound of the second derivatives at random points."""
+    places = _places(radius, 7)
+    inequality = _inequality(radius)
+    count = len(places.s)
+    limits = [np.broadcast_to(ends, (count, 2)) for ends in (LOW, HIGH)]
+    curvature = inequality._curvature(places.boxes, *limits)
+    rng = np.random.default_rng(8)
+    slopes = _gradient(places.y) @ M
+    for v in (LOW[1], HIGH[1], 0.0):
+        cross = 0.3 * slopes[:, 0]
+        bent = 3.0 * (v + places.e[:, 3]) * slopes[:, 1]
+        for _ in range(5):
+            d = rng.normal(size=(count, 2))
+            second = 2.0 * np.einsum("bi,ij,bj->b", d, R, d)
+            second += 2.0 * cross * d[:, 0] * d[:, 1] + bent * d[:, 1] ** 2
+            assert np.all(second >= np.sum(curvature * d**2, axis=1) - 1e-12)
+
+
+def test_the_inequality_is_satisfied_in_the_hole() -> None:
+    """The inequality is satisfied at random points and inputs inside the hole."""
+    share = 0.25
+    places = _places(0.0, 9)
+    reach = 2.0 ** -_inequality(0.0, share).hole
+    scaled = places._replace(y=reach * places.s, z=reach * places.s @ np.linalg.inv(M).T)
+    rng = np.random.default_rng(10)
+    for size in (0.0, 0.01, 0.1, 1.0):
+        inputs = size * rng.uniform(LOW, HIGH, places.s.shape)
+        assert np.all(_g(scaled, inputs, share) >= -1e-14)
+
+
+# Regions.
+
+
+def _decrease(radius: float) -> Decrease:
+    gain = Gain(K, {"u": ((0.25, (2, 0)),)})
+    limits = {**ENDS, "load": (-2.0, 3.0)}
+    loop = Loop(MODEL, {}, AT, INPUTS, {}, limits, gain.function(("u", "v")))
+    extents = np.array([[-0.7, 0.9], [-0.8, 0.6]])
+    multipliers = np.array([[0.5, 0.25], [0.75, 1.0]])
+    return Decrease(loop, _equilibrium(radius, 2), PIECE, extents, multipliers)
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.05])
+def test_functions_of_a_region_are_above_their_bounds(radius: float) -> None:
+    """Each function of a region is at least its lower bound on the boxes.
+
+    The functions are -V', the distances of an output from its limits, and the distances of the
+    states from their extents.
+    """
+    places = _places(radius, 11)
+    decrease = _decrease(radius)
+    bounds = lowest(decrease._functions.of(*decrease.symbols_on(places.boxes)), 2)
+    x = places.z + places.e[:, :2]
+    commands = -x @ K.T
+    commands[:, 0] += 0.25 * x[:, 0] ** 2
+    inputs = np.clip(commands, LOW, HIGH)
+    falls = -np.sum(_gradient(places.y) @ M * _rates(x, inputs), axis=1)
+    load = x[:, 0] + x[:, 1] * inputs[:, 1]
+    room = PIECE.c - PIECE.W.at(places.y)
+    found = [falls, load + 2.0, 3.0 - load]
+    for i, ((low, high), (of_low, of_high)) in enumerate(
+        zip(decrease.extents, decrease.multipliers, strict=True)
+    ):
+        z = places.z[:, i]
+        found += [z - low - of_low * room, high - z - of_high * room]
+    assert np.all(np.array(found) >= bounds - 1e-12)
+
+
+@pytest.mark.parametrize("share", [-1e-9, 1e-9])
+def test_boxes_outside_the_set_exceed_its_level(share: float) -> None:
+    """A very small box is outside the set {W <= c} exactly if W exceeds c in the box."""
+    place = np.array([0.5, 0.25])
+    piece = PIECE._replace(c=float(PIECE.W.at(place[None])[0]) * (1.0 - share))
+    small = Boxes(place[None], np.array([[40, 40]]))
+    inequality = CostInequality(_inequality(0.0).plant, _equilibrium(0.0, 4), piece, Q, R)
+    assert OnPiece.is_outside(inequality, small).tolist() == [share > 0.0]
+
+
+def test_a_less_accurate_equilibrium_shrinks_the_hole() -> None:
+    """The hole around the equilibrium is smaller if the equilibrium has a larger error.
+
+    The policy saturates at a certain distance from the trim.
+    """
+    assert _decrease(0.0).hole < _decrease(0.2).hole

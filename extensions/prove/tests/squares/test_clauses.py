@@ -1,0 +1,673 @@
+"""One quick forgery for each clause of the checker of regions.
+
+Each forgery is refused with the message of its clause.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import replace
+from fractions import Fraction
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from flint import arb, arb_series, ctx
+from pendulum_regions import read_and_check
+
+from hfa_aircraft.model import Model, Signal
+from hfa_prove.check.loop_squares import Equilibrium, RegionLoop
+from hfa_prove.check.positivity import check_positive
+from hfa_prove.check.region_squares import _check_extents, check_covered, extents_of, limits_of
+from hfa_prove.fields import Fields, Malformed, Rejected
+from hfa_prove.statements.evidence import Evidence, Square
+from hfa_prove.statements.loop import HIGHEST, LOWEST, SaturatedLoop
+from hfa_prove.statements.plant import limits_hold
+from hfa_prove.statements.region_squares import RegionStatement, _read_parts
+from hfa_support.errors import BadInputError
+from verification.enclosure.polynomial import Polynomial, key_of
+from verification.enclosure.series import Taylor
+
+Content = dict[str, Any]
+
+
+# V' = 0.
+
+
+def _oscillator(x: Any, u: Any, p: Any, w: Any) -> Any:
+    """Equations of the oscillator x' = y, y' = -x, whose trajectories are circles."""
+    return {"x": x.y, "y": -x.x}, {}
+
+
+OSCILLATOR = Model("oscillator", {"x": Signal(), "y": Signal()}, {}, _oscillator, trim={})
+
+
+def _square(low: int, high: int, diagonal: list[float]) -> Content:
+    return {"degrees": [low, high], "gram": np.diag(diagonal).tolist()}
+
+
+def circle(smallest: float) -> Content:
+    """Return a forged certificate. It claims that x² + y² <= 3 converges to 0 for the oscillator.
+
+    smallest: factor in smallest |y|², the multiplier of V <= 3. Its terms of degree 4 are positive.
+        Its terms of degree 2 are within the rounding error of V' = 0 in rotated coordinates.
+    """
+    inside = _square(0, 1, [5e-5, 5e-5, 5e-5]) | {
+        "multipliers": {"outside": _square(0, 0, [1.0001])}
+    }
+    decrease = _square(2, 2, [smallest] * 3) | {
+        "multipliers": {"level": _square(1, 1, [smallest] * 2)}
+    }
+    trim = {"x": 0.0, "y": 0.0}
+    loop = SaturatedLoop(OSCILLATOR, {}, trim, {}, {}, {}, np.zeros((0, 2)))
+    terms = ((1.0, (2, 0)), (1.0, (0, 2)))
+    statement = RegionStatement(loop, terms, 3.0, {"x": (-2.0, 2.0), "y": (-2.0, 2.0)})
+    witness = {
+        "T": [[1.04, -1.39], [1.39, 1.04]],
+        "order": 4,
+        "inside": inside,
+        "parts": [{"inputs": [], "evidence": decrease}],
+        "empty": [],
+        "extents": {},
+    }
+    return {"kind": "region", "statement": statement.content(), "witness": witness}
+
+
+@pytest.mark.parametrize("smallest", [1e-70, 1e-60, 1e-12])
+def test_a_coefficient_near_zero_is_not_zero(smallest: float) -> None:
+    """A coefficient of V' that is known only within a ball about 0 is not accepted as exactly 0."""
+    with pytest.raises(Rejected, match="a term of the polynomial is missing"):
+        read_and_check(circle(smallest), OSCILLATOR)
+
+
+# A sink, by hand: x' = -x, y' = -y, V = x² + y² <= 3.
+
+
+def _sink(x: Any, u: Any, p: Any, w: Any) -> Any:
+    return {"x": -x.x, "y": -x.y, "z": 0.0 * x.z}, {"sum": x.x + x.y}
+
+
+SINK = Model(
+    "sink",
+    {"x": Signal(), "y": Signal(), "z": Signal(min=-1.0, max=1.0)},
+    {},
+    _sink,
+    outputs={"sum": Signal()},
+    linear=("x", "y"),
+    trim={"z": 0.5},
+)
+SCALE = 1.7322
+
+
+def _end(side: str) -> Content:
+    """Return evidence that 1.735 ± SCALE y_1 > 0 for V <= 3.
+
+    The polynomial is 0.87 (1 - V / 3) plus a square form.
+
+    side: "low" for the plus sign, "high" for the minus sign
+    """
+    gram = np.diag([1.735 - 0.87, 0.87 * SCALE**2 / 3.0, 0.87 * SCALE**2 / 3.0])
+    gram[0, 1] = gram[1, 0] = (SCALE if side == "low" else -SCALE) / 2.0
+    return {
+        "degrees": [0, 1],
+        "gram": gram.tolist(),
+        "multipliers": {"level": _square(0, 0, [0.87])},
+    }
+
+
+def sink() -> Content:
+    """Return a true certificate of the region x² + y² <= 3."""
+    inside = _square(0, 1, [5e-5, 5e-5, 5e-5]) | {
+        "multipliers": {"outside": _square(0, 0, [1.0001])}
+    }
+    decrease = _square(1, 1, [2.0 * SCALE**2 / 3.0] * 2) | {"multipliers": {}}
+    limits = {"z": (-1.0, 1.0)}
+    loop = SaturatedLoop(SINK, {}, {"x": 0.0, "y": 0.0}, {}, {"z": 0.5}, limits, np.zeros((0, 2)))
+    terms = ((1.0, (2, 0)), (1.0, (0, 2)))
+    ends = {"x": (-1.735, 1.735), "y": (-2.0, 2.0)}
+    witness = {
+        "T": [[SCALE, 0.0], [0.0, SCALE]],
+        "order": 3,
+        "inside": inside,
+        "parts": [{"inputs": [], "evidence": decrease}],
+        "empty": [],
+        "extents": {"x": {"low": _end("low"), "high": _end("high")}},
+    }
+    statement = RegionStatement(loop, terms, 3.0, ends).content()
+    return {"kind": "region", "statement": statement, "witness": witness}
+
+
+def test_the_true_certificate_is_accepted() -> None:
+    """The certificate from which the forgeries are made is accepted, with one part."""
+    assert read_and_check(sink(), SINK) == 1
+
+
+def _low_by_the_evidence_of_high(content: Content) -> None:
+    content["statement"]["extents"]["x"] = [-1.0, 1.735]
+    pair = content["witness"]["extents"]["x"]
+    pair["low"] = pair["high"]
+
+
+def _high_by_the_evidence_of_low(content: Content) -> None:
+    content["statement"]["extents"]["x"] = [-1.735, 1.0]
+    pair = content["witness"]["extents"]["x"]
+    pair["high"] = pair["low"]
+
+
+def _small_ball(content: Content) -> None:
+    """Change the certificate to a proof of V' < 0 in a ball that does not contain the set.
+
+    The evidence that V > 0 beyond the ball is true.
+    """
+    content["witness"]["T"] = [[0.5, 0.0], [0.0, 0.5]]
+    content["witness"]["inside"] = _square(0, 1, [0.05, 0.03, 0.03]) | {
+        "multipliers": {"outside": _square(0, 0, [0.05])}
+    }
+    gram = [[0.5 / 3.0, 0.0], [0.0, 0.5 / 3.0]]
+    content["witness"]["parts"][0]["evidence"]["gram"] = gram
+
+
+def _empty_set_claimed(content: Content) -> None:
+    """Change the certificate to claim that the set is empty.
+
+    The evidence shows that 1 is positive. It should show that -1 is positive.
+    """
+    content["witness"]["parts"] = []
+    evidence = _square(0, 0, [1.0]) | {"multipliers": {}}
+    content["witness"]["empty"] = [{"inputs": [], "evidence": evidence}]
+
+
+def _put(value: Any, *path: Any) -> Callable[[Content], None]:
+    def change(content: Content) -> None:
+        holder: Any = content
+        for key in path[:-1]:
+            holder = holder[key]
+        holder[path[-1]] = value
+
+    return change
+
+
+def _lower_order(content: Content) -> None:
+    """Change the certificate to Taylor polynomials of order 1, for a V of degree 2."""
+    content["witness"]["order"] = 1
+
+
+def _thirteen(content: Content) -> None:
+    """Change the proof that the ball contains the set to monomials up to degree 13."""
+    content["witness"]["inside"] |= _square(0, 13, [1e-9] * 105)
+
+
+_INSIDE = ("witness", "inside")
+_PART = ("witness", "parts", 0)
+
+#: Name of the forgery -> change of the certificate, and message of the clause that refuses it.
+FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
+    "low end": (_low_by_the_evidence_of_high, "x low"),
+    "high end": (_high_by_the_evidence_of_low, "x high"),
+    "an end without evidence": (
+        _put([-1.0, 1.0], "statement", "extents", "y"),
+        "may exceed the bounds on y",
+    ),
+    "ball too small": (_small_ball, "inside"),
+    "lower limit of a state": (
+        _put([-1.0, 9.0], "statement", "limits", "x"),
+        "x is not proved to stay",
+    ),
+    "upper limit of a state": (
+        _put([-9.0, 1.0], "statement", "limits", "x"),
+        "x is not proved to stay",
+    ),
+    "held above its limits": (_put({"z": 1.5}, "statement", "held"), "z has the constant value"),
+    "held below its limits": (_put({"z": -1.5}, "statement", "held"), "z has the constant value"),
+    "lower limit of an output": (
+        _put([-1.0, 9.0], "statement", "limits", "sum"),
+        "sum is not proved to stay",
+    ),
+    "upper limit of an output": (
+        _put([-9.0, 1.0], "statement", "limits", "sum"),
+        "sum is not proved to stay",
+    ),
+    "a limit wider than the model's": (_put([-2.0, 1.0], "statement", "limits", "z"), "limits: z"),
+    "another trim": (
+        _put({"x": 1e-5, "y": 0.0}, "statement", "trim"),
+        "x at the equilibrium differs",
+    ),
+    "coordinates in a plane": (
+        _put([[SCALE, SCALE], [SCALE, SCALE]], "witness", "T"),
+        "not proved invertible",
+    ),
+    "a set said to be empty": (_empty_set_claimed, "empty"),
+    "no part": (_put([], "witness", "parts"), "do not cover"),
+    "an order below V": (_lower_order, "order"),
+    "V of degree 1": (_put([[1.0, [1, 0]], [1.0, [0, 2]]], "statement", "terms"), "terms"),
+    "a monomial twice": (
+        _put([[2.0, [2, 0]], [-1.0, [2, 0]], [1.0, [0, 2]]], "statement", "terms"),
+        "terms",
+    ),
+    "rho of 0": (_put(0.0, "statement", "rho"), "rho"),
+    "ends that do not hold 0": (_put([0.5, 2.0], "statement", "extents", "y"), "extents"),
+    "another unit": (_put(["rad", "1"], "statement", "state_units"), "state_units"),
+    "lowest degree not whole": (_put([0.5, 1], *_INSIDE, "degrees"), r"invalid entry: .*inside"),
+    "highest degree not whole": (_put([0, 1.5], *_INSIDE, "degrees"), r"invalid entry: .*inside"),
+    "monomials of degree 13": (_thirteen, r"invalid entry: .*inside"),
+    "a part of an input too many": (_put(["free"], *_PART, "inputs"), r"invalid entry: .*inputs"),
+    "an unknown multiplier": (
+        _put(_square(0, 0, [1.0]), *_INSIDE, "multipliers", "level"),
+        "multipliers: unknown entry",
+    ),
+    "extents of no state": (_put({}, "witness", "extents", "z"), "extents: unknown entry"),
+}
+#: Objects of a certificate in which an unknown entry is refused.
+OBJECTS: dict[str, tuple[Any, ...]] = {
+    "certificate": (),
+    "statement": ("statement",),
+    "witness": ("witness",),
+    "evidence": _INSIDE,
+    "multiplier": (*_INSIDE, "multipliers", "outside"),
+    "part": _PART,
+    "pair of extents": ("witness", "extents", "x"),
+}
+FORGED |= {
+    f"an unread entry of a {name}": (_put(1.0, *path, "note"), "unknown entry")
+    for name, path in OBJECTS.items()
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_each_clause_refuses_its_forgery(name: str) -> None:
+    """Each clause of the checker refuses the forgery that violates it."""
+    change, message = FORGED[name]
+    made = copy.deepcopy(sink())
+    change(made)
+    with pytest.raises((Rejected, Malformed), match=message):
+        read_and_check(made, SINK)
+
+
+# Sums of squares of one variable.
+
+
+def _polynomial(*coefficients: float) -> Polynomial:
+    """Return the polynomial c_0 + c_1 y + c_2 y² ... of one variable."""
+    return Polynomial([{power: arb(c)} for power, c in enumerate(coefficients)])
+
+
+def _gram(low: int, high: int, rows: list[list[float]]) -> Square:
+    return Square(low, high, np.array(rows))
+
+
+def test_a_multiplier_that_is_not_positive_is_refused() -> None:
+    """A negative multiplier is refused.
+
+    With the multiplier -1, y² - 0.5 = -1 (1 - y²) + 0.5 would be positive for 1 - y² >= 0.
+    """
+    evidence = Evidence(_gram(0, 0, [[0.5]]), {"ball": _gram(0, 0, [[-1.0]])})
+    with pytest.raises(Rejected, match="Gram matrix"):
+        check_positive("a test", _polynomial(-0.5, 0.0, 1.0), BALL_OF_ONE, evidence, 1)
+
+
+def test_the_residual_of_the_identity_is_divided() -> None:
+    """The residual of the identity is divided among the Gram entries of the same monomial.
+
+    With the basis (1, y, y²) and the identity as the Gram matrix, 1 + 1.5 y + y² + y⁴ is proved
+    positive, and 1 + 2.2 y + y² + y⁴ is not.
+    """
+    evidence = Evidence(_gram(0, 2, np.eye(3).tolist()), {})
+    check_positive("a test", _polynomial(1.0, 1.5, 1.0, 0.0, 1.0), {}, evidence, 1)
+    with pytest.raises(Rejected, match="not proved positive"):
+        check_positive("a test", _polynomial(1.0, 2.2, 1.0, 0.0, 1.0), {}, evidence, 1)
+
+
+BALL_OF_ONE = {"ball": _polynomial(1.0, 0.0, -1.0)}
+
+
+def test_omitted_terms_reduce_the_lower_bound() -> None:
+    """The lower bound of degree 2 of a function is reduced by the omitted terms and the remainder.
+
+    Their norms are subtracted. The function is y² - 3 y⁴ with the remainder 2 |y|⁵.
+    """
+    taylor = Taylor(4, _polynomial(0.0, 0.0, 1.0, 0.0, -3.0), arb(2))
+    (_, _, square) = taylor.lowest(1, 2).parts
+    assert square[2] <= 1.0 - 3.0 - 2.0
+
+
+# The loop.
+
+
+def _driven(x: Any, u: Any, p: Any, w: Any) -> Any:
+    """Equations x' = x - u + w, with an output that exceeds its limit only at w near 0."""
+    return {"x": x.x - u.u + w.w}, {"bump": 0.1 * x.x + 1.0 - w.w**2}
+
+
+DRIVEN = Model(
+    "driven",
+    {"x": Signal()},
+    {"u": Signal(min=-1.0, max=1.0)},
+    _driven,
+    disturbances={"w": Signal()},
+    outputs={"bump": Signal(max=0.5)},
+    trim={},
+)
+
+
+def _loop(K: float = 2.0, u: float = 0.0, sizes: dict[str, float] | None = None) -> SaturatedLoop:
+    limits = {"u": (-1.0, 1.0), "bump": (-9.0, 0.5)}
+    at = {"x": u}
+    return SaturatedLoop(
+        DRIVEN, {}, at, {"u": u}, {}, limits, np.array([[-K]]), disturbances=sizes or {}
+    )
+
+
+def test_an_equilibrium_at_an_input_limit_is_refused() -> None:
+    """An equilibrium with an input at its lower or upper limit is refused."""
+    for u in (-1.0, 1.0):
+        with pytest.raises(Rejected, match="u is not proved to be within its limits"):
+            Equilibrium(_loop(u=u))
+
+
+def test_equilibria_that_are_not_isolated_are_refused() -> None:
+    """x' = x - u with u = x is refused, because every x is an equilibrium."""
+    with pytest.raises((Rejected, ZeroDivisionError)):
+        Equilibrium(_loop(K=1.0))
+
+
+def test_the_jacobian_includes_the_policys_slope() -> None:
+    """The Jacobian of the loop includes the slope of the policy.
+
+    The Jacobian of x' = x - u with u = 2 x + 0.5 x² is -1.25 at x = 0.25.
+    """
+    equilibrium = Equilibrium(replace(_loop(), policy={"u": ((0.5, (2,)),)}))
+    (slope,) = equilibrium._jacobian([arb(0.25)]).entries()
+    assert slope.contains(arb(-1.25))
+    assert equilibrium._inputs([arb(0.25)])[0].contains(arb(0.53125))
+
+
+@pytest.mark.parametrize(
+    ("ends", "reached"), [((-0.1, 9.0), (True, False)), ((-9.0, 2.25), (False, True))]
+)
+def test_each_input_limit_is_decided_separately(
+    ends: tuple[float, float], reached: tuple[bool, bool]
+) -> None:
+    """Whether an input can reach its limit is decided for the lower and upper limit separately.
+
+    u = 2 x + 0.5 x² changes by up to 2.5 in the ball.
+    """
+    loop = replace(_loop(), limits={"u": ends}, policy={"u": ((0.5, (2,)),)})
+    region = RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
+    assert region.reaches("u") == reached
+
+
+def test_policies_act_on_deviations_from_the_trim() -> None:
+    """A policy acts on deviations from the trim, not from the equilibrium.
+
+    At the equilibrium 2e-7, u = 2 z + 0.5 z² with z = x - 1e-7 has a slope above 2.
+    """
+    loop = replace(_loop(), trim={"x": 1e-7}, policy={"u": ((0.5, (2,)),)}, limits={})
+    region = RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
+    (slope,) = region.command(0).parts[1].values()
+    assert slope > 2
+
+
+@pytest.mark.parametrize("size", [0.0, -0.1])
+def test_a_disturbance_without_positive_size_is_refused(size: float) -> None:
+    """A disturbance whose size is not positive is refused.
+
+    Under a negative size every set would be invariant.
+    """
+    extents = {"x": (-1.0, 1.0)}
+    statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, extents)
+    stated = statement.content()
+    assert RegionStatement.read(stated, DRIVEN).loop.disturbances == {"w": 1.0}
+    with pytest.raises(Malformed, match="disturbances: w"):
+        RegionStatement.read(stated | {"disturbances": {"w": size}}, DRIVEN)
+
+
+def test_disturbances_inside_their_range_are_refused() -> None:
+    """A part of a proof is accepted if its disturbance is at an end of the range.
+
+    A part whose disturbance is free is refused.
+    """
+    statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, {})
+    evidence = _square(1, 1, [1.0]) | {"multipliers": {}}
+    for done, is_valid in ((["free", "low"], True), (["low", "free"], False)):
+        entries = Fields("witness", {"parts": [{"inputs": done, "evidence": evidence}]})
+        refused = pytest.raises(Malformed, match=r"invalid entry: .*inputs")
+        with nullcontext() if is_valid else refused:
+            _read_parts(entries, "parts", statement, ("free", LOWEST, HIGHEST))
+
+
+def test_outputs_are_checked_between_ends_of_disturbances() -> None:
+    """An output that exceeds its limit only between the ends of the disturbance is refused."""
+    statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, {})
+    loop = RegionLoop(statement, np.array([[1.0]]), 3)
+    with pytest.raises(Rejected, match="bump is not proved to stay"):
+        loop.rates({"u": "free", "w": HIGHEST})
+
+
+def test_a_saturated_rate_keeps_its_center() -> None:
+    """If the input u is at its limit, the rate x' at y = 0 is not 0, and the checker retains it."""
+    loop = replace(_loop(), limits={"u": (-1.0, 1.0)})
+    ball = RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
+    for side, rate in ((LOWEST, 1.0), (HIGHEST, -1.0)):
+        assert ball.rates({"u": side})[0].center.contains(arb(rate))
+    assert ball.rates({"u": "free"})[0].center == 0
+
+
+def test_rates_not_affine_in_disturbance_are_refused() -> None:
+    """Rates that are not affine in the disturbance are refused.
+
+    For such rates, the worst case may be between the ends of the disturbance's range.
+    """
+
+    def curved(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return {"x": -x.x + 1.0 - w.w**2}, {}
+
+    model = Model("curved", {"x": Signal()}, {}, curved, disturbances={"w": Signal()}, trim={})
+    loop = SaturatedLoop(model, {}, {"x": 1.0}, {}, {}, {}, np.zeros((0, 1)), {}, {"w": 1.0})
+    with pytest.raises(BadInputError, match="not affine in w"):
+        RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
+
+
+@pytest.mark.parametrize("stated", [(-2.0, 2.0), (-1.0, 3.0)])
+def test_stated_limits_may_be_narrower(stated: tuple[float, float]) -> None:
+    """Limits in a statement may be narrower than those of the model.
+
+    The name of a wider limit is returned.
+    """
+    own = {"x": (-1.0, 2.0)}
+    assert limits_hold({"x": (-0.5, 1.5)}, own, ()) is None
+    assert limits_hold({"x": stated}, own, ()) == "x"
+
+
+def test_quartic_extents_are_at_most_the_balls() -> None:
+    """The extents of a quartic set are the stated extents, or those of the ball if smaller.
+
+    The ball has radius 2.
+    """
+    loop = RegionStatement.read(sink()["statement"], SINK).loop
+    terms = ((1.0, (4, 0)), (1.0, (0, 2)))
+    statement = RegionStatement(loop, terms, 3.0, {"x": (-1.5, 9.0), "y": (-9.0, 1.5)})
+    found = extents_of(statement, 2.0 * np.eye(2))
+    assert found == {"x": (-1.5, pytest.approx(2.0)), "y": (pytest.approx(-2.0), 1.5)}
+
+
+def test_extents_of_an_ellipsoid_are_rounded_outward() -> None:
+    """Extents of an ellipsoid are rounded outward: the extent sqrt(3) is not rounded down."""
+    statement = RegionStatement.read(sink()["statement"], SINK)
+    low, high = extents_of(statement, np.eye(2))["x"]
+    assert Fraction(high) ** 2 > 3
+    assert Fraction(low) ** 2 > 3
+
+
+def test_an_irrational_equilibrium_is_enclosed() -> None:
+    """The equilibrium sqrt(2) of x' = 2 - x² is enclosed, although 192 bits cannot represent it."""
+    model = Model("root", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": 2.0 - x.x**2}, {}))
+    loop = SaturatedLoop(model, {}, {"x": 2.0**0.5}, {}, {}, {}, np.zeros((0, 1)))
+    (found,) = Equilibrium(loop).x
+    with ctx.workprec(400):
+        assert found.contains(arb(2).sqrt())
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize("extent", [0.6, 0.7])
+def test_state_limits_are_checked_about_the_equilibrium(extent: float, sign: float) -> None:
+    """State limits are checked about the equilibrium, not about 0.
+
+    A state at ±0.35 that deviates by 0.7 exceeds the limit ±1.
+    """
+    ends = sorted((-0.5 * sign, extent * sign))
+    claim = SimpleNamespace(
+        extents={"x": ends}, loop=SimpleNamespace(limits={"x": (-1.0, 1.0)}, held={})
+    )
+    equilibrium = SimpleNamespace(x=[arb(0.35 * sign)])
+    loop = SimpleNamespace(statement=claim, equilibrium=equilibrium, reach=lambda index: arb(0.5))
+    if extent > 0.65:
+        with pytest.raises(Rejected, match="x is not proved to stay within its limits"):
+            _check_extents(loop, {}, {})
+    else:
+        _check_extents(loop, {}, {})
+
+
+# A loop of two states in turned coordinates, compared with formulas in doubles.
+
+
+def _glider(x: Any, u: Any, p: Any, w: Any) -> Any:
+    """Equations of a model with two states, one input and one disturbance."""
+    rates = {
+        "a": -x.a + 0.5 * x.b * x.b + 0.3 * u.u,
+        "b": x.a - 0.4 * x.b + u.u + 0.2 * x.a * u.u + w.w,
+    }
+    return rates, {}
+
+
+GLIDER = Model(
+    "glider",
+    {"a": Signal(), "b": Signal()},
+    {"u": Signal(min=-0.3, max=0.5)},
+    _glider,
+    disturbances={"w": Signal()},
+    trim={},
+)
+GLIDER_T = np.array([[0.8, -0.5], [0.4, 0.9]])
+
+
+def _glider_loop() -> RegionLoop:
+    loop = SaturatedLoop(
+        GLIDER,
+        {},
+        {"a": 0.0, "b": 0.0},
+        {"u": 0.0},
+        {},
+        {"u": (-0.3, 0.5)},
+        np.array([[0.2, 0.6]]),
+        {"u": ((0.1, (2, 0)), (-0.3, (1, 2)))},
+        {"w": 0.05},
+    )
+    terms = ((1.0, (2, 0)), (0.4, (1, 1)), (1.5, (0, 2)), (0.2, (3, 1)))
+    return RegionLoop(RegionStatement(loop, terms, 2.0, {}), GLIDER_T, 5)
+
+
+def _commanded(z: np.ndarray) -> np.ndarray:
+    a, b = z.T
+    return -0.2 * a - 0.6 * b + 0.1 * a**2 - 0.3 * a * b**2
+
+
+def _values(polynomial: Polynomial, y: np.ndarray) -> np.ndarray:
+    """Return the values of a polynomial at points y (N, 2), in doubles."""
+    total = np.zeros(len(y))
+    for key, _, coefficient in polynomial.terms():
+        total += float(coefficient) * y[:, 0] ** (key & 255) * y[:, 1] ** (key >> 8)
+    return total
+
+
+def _ball_points() -> np.ndarray:
+    y = np.random.default_rng(4).uniform(-1.0, 1.0, (400, 2))
+    return y[np.linalg.norm(y, axis=1) < 1.0]
+
+
+@pytest.mark.parametrize("side", [LOWEST, HIGHEST])
+@pytest.mark.parametrize("what", ["free", LOWEST, HIGHEST])
+def test_the_bound_of_decrease_is_below_samples(what: str, side: str) -> None:
+    """The lower bound of -V' / rho is below the value by formulas at random points of the ball.
+
+    For degree 6, the difference near the center is below 1e-3.
+    """
+    y = _ball_points()
+    z = y @ GLIDER_T.T
+    a, b = z.T
+    u = {"free": _commanded(z), LOWEST: -0.3, HIGHEST: 0.5}[what]
+    w = -0.05 if side == LOWEST else 0.05
+    da = -a + 0.5 * b**2 + 0.3 * u
+    db = a - 0.4 * b + u + 0.2 * a * u + w
+    slope_a = 2.0 * a + 0.4 * b + 0.6 * a**2 * b
+    slope_b = 0.4 * a + 3.0 * b + 0.2 * a**3
+    decrease = -(slope_a * da + slope_b * db) / 2.0
+    found = _glider_loop().decrease({"u": what, "w": side})
+    for degree in (2, 4, 6):
+        away = decrease - _values(found.lowest(2, degree), y)
+        assert np.all(away >= -1e-12)
+    near = np.linalg.norm(y, axis=1) < 0.3
+    assert np.all(away[near] < 1e-3)
+
+
+def test_the_extent_of_ball_is_the_row_length() -> None:
+    """The largest deviation z_i in the unit ball of y is the length of row i of T, for z = T y."""
+    loop = _glider_loop()
+    for index, length in enumerate(np.linalg.norm(GLIDER_T, axis=1)):
+        assert float(loop.reach(index)) == pytest.approx(length, rel=1e-14)
+
+
+def test_constraints_of_parts_describe_the_input() -> None:
+    """The constraints of a part of a proof hold exactly where the input is free or saturated as
+    stated.
+    """
+    y = _ball_points()
+    command = _commanded(y @ GLIDER_T.T)
+    loop = _glider_loop()
+    stated = {"free": (command > -0.3) & (command < 0.5), LOWEST: command <= -0.3}
+    stated[HIGHEST] = command >= 0.5
+    for what, expected in stated.items():
+        constraints = limits_of(loop, {"u": what})
+        holds = np.all([_values(each, y) >= 0.0 for each in constraints.values()], axis=0)
+        assert np.array_equal(holds, expected)
+        assert expected.any()
+
+
+@pytest.mark.parametrize("missing", range(6))
+def test_a_missing_part_is_refused(missing: int) -> None:
+    """Without one of the parts, the claim is refused."""
+    loop = _glider_loop()
+    parts = [{"u": u, "w": w} for u in ("free", LOWEST, HIGHEST) for w in (LOWEST, HIGHEST)]
+    check_covered(loop, parts)
+    with pytest.raises(Rejected, match="do not cover"):
+        check_covered(loop, [part for i, part in enumerate(parts) if i != missing])
+
+
+def test_the_remainders_of_a_product_multiply() -> None:
+    """The remainder of a product of enclosures includes the product of their remainders.
+
+    Each factor is known only to be within |y|² of 0.
+    """
+    unknown = Taylor(1, Polynomial([{}]), arb(1))
+    assert (unknown * unknown).remainder >= 1
+    assert (unknown * -2).remainder >= 2
+
+
+def test_a_function_of_a_remainder_has_a_remainder() -> None:
+    """The remainder of a function includes the effect of the remainder of its argument.
+
+    The exponential of a value within |y|² of 0 reaches e at |y| = 1.
+    """
+    unknown = Taylor(1, Polynomial([{}]), arb(1))
+    found = unknown.through(arb_series.exp)
+    assert found.center + found.remainder >= arb(1).exp()
+
+
+@pytest.mark.parametrize(("power", "largest"), [(1, 0.5), (2, 0.25), (3, 0.125)])
+def test_norms_of_products_exceed_their_largest_values(power: int, largest: float) -> None:
+    """The norm of (y_1 y_2)^k is at least its largest value 2^-k on the unit circle."""
+    parts: list[dict[int, arb]] = [{} for _ in range(2 * power)]
+    product = Polynomial([*parts, {key_of((power, power)): arb(1)}])
+    assert product.norms()[2 * power] >= largest

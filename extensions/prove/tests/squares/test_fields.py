@@ -1,0 +1,237 @@
+"""Each field of a region's statement is compared with the user's input, or printed."""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pendulum_regions import PENDULUM, certified, pendulum_loop
+
+import hfa
+from hfa.main import main
+from hfa_aircraft.loading import load_model
+from hfa_aircraft.model import Model, Signal
+from hfa_prove.check.region_squares import VerifiedRegion, check_certificate
+from hfa_prove.commands.given_region import given_for
+from hfa_prove.commands.request import CheckRequest
+from hfa_prove.fields import NOT_PROVED
+from hfa_prove.fields_squares import FIELDS
+from hfa_prove.report_squares import checked_report
+from hfa_prove.search.plant import Outcome, Plant, outcomes, saturated_loop
+from hfa_prove.statements.loop import SaturatedLoop
+from hfa_prove.statements.region_squares import RegionStatement
+from hfa_prove.subject import compare, entries_of
+from hfa_support.errors import BadInputError, NoSolutionError
+
+Content = dict[str, Any]
+WRITTEN = {"version": "1", "date": "2026-01-01", "command": "a test"}
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory, model: Model) -> Path:
+    """Return the path of a certificate of the pendulum."""
+    folder = tmp_path_factory.mktemp("fields")
+    return certified(folder / "pendulum.json", pendulum_loop(model), 0.98)
+
+
+def _first(change: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Return a function that applies `change` to every entry of objects and to the first of
+    lists.
+    """
+
+    def changed(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {name: changed(entry) for name, entry in value.items()}
+        if isinstance(value, list):
+            return [changed(value[0]), *value[1:]]
+        return change(value)
+
+    return changed
+
+
+#: Path -> another entry of the pendulum's statement.
+CHANGES: dict[str, Callable[[Any], Any]] = {
+    "dynamics": lambda name: f"{name}x",
+    "source": lambda source: "0" * len(source),
+    "states": lambda names: names[::-1],
+    "state_units": lambda units: ["deg", *units[1:]],
+    "input_units": lambda units: ["lbf ft"],
+    "disturbance_units": lambda units: ["lbf ft"],
+    "parameters": lambda parameters: {"mass": 1.0},
+    "trim": lambda trim: trim | {"angle": np.pi},
+    "inputs": lambda inputs: {"torque": 1e-3},
+    "held": lambda held: {"altitude": 1.0},
+    "limits": lambda limits: {"torque": [-0.6, 0.6]},
+    "K": _first(lambda value: value * 1.001),
+    "policy": lambda policy: {"torque": [[-0.1, [3, 0]]]},
+    "disturbances": lambda sizes: {"push": 0.1},
+    "terms": _first(_first(lambda value: value * 1.01)),
+    "rho": lambda rho: rho * 0.99,
+    "extents": _first(lambda value: value * 1.01),
+}
+
+
+def test_each_field_is_compared_or_printed(path: Path, model: Model) -> None:
+    """Each field of a statement is compared with the user's value or changes the printed report."""
+    verified = check_certificate(path, model=model)
+    content = verified.statement.content()
+    typed = frozenset({"aircraft", "delta"})
+    request = CheckRequest(model=model, aircraft=PENDULUM, delta=np.inf, typed=typed)
+    given = given_for(verified.statement, request)
+    assert compare(content, FIELDS, given) == []
+    original = checked_report(verified).text()
+    assert set(CHANGES) == {name for name, _ in entries_of(content, FIELDS)} == set(FIELDS)
+    for name, change in CHANGES.items():
+        other = copy.deepcopy(content)
+        other[name] = change(other[name])
+        assert other != content, name
+        if name in given:
+            with pytest.raises(
+                NoSolutionError, match="in the certificate differs from the value of"
+            ):
+                compare(other, FIELDS, given)
+        if name == "extents":  # the report shows the extents that the checker computes
+            continue
+        try:
+            statement = RegionStatement.read(other, model)
+        except NOT_PROVED:
+            continue  # refused for all options
+        reported = checked_report(VerifiedRegion(statement, 3, verified.extents, WRITTEN)).text()
+        assert reported.splitlines() != original.splitlines(), name
+        assert name in given or FIELDS[name].shown, name
+
+
+def test_the_first_line_names_missing_subjects(
+    path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The first line names a policy that is not given. A given policy that differs is refused."""
+    words = ["prove", "--check", str(path), "--aircraft", PENDULUM, "-q"]
+    assert main(words) == 0
+    first, second, *_ = capsys.readouterr().out.splitlines()
+    assert second == "without sampling, delay, actuators, disturbances"
+    assert first.endswith("of the policy in the certificate")
+    assert main([*words, "--delta", "inf"]) == 0
+    out = capsys.readouterr().out
+    assert out.splitlines()[0].endswith("without sampling, delay, actuators, disturbances")
+    assert "The given policy agrees with it to 1e-09 of its largest entry." in out
+    assert main([*words, "--Q", "4,4"]) == 1
+    assert "K in the certificate differs from the value of the game" in capsys.readouterr().err
+    assert main([*words, "--degree", "2"]) == 2
+
+
+HEAVIER = """
+import casadi as ca
+from hfa import Model, Signal
+
+def swing(x, u, p, w):
+    moment = u.torque + 0.15 * p.gravity * 0.5 * ca.sin(x.angle) - 0.1 * x.rate
+    return {"angle": x.rate, "rate": moment / (0.15 * 0.5**2)}, {}
+
+SWING = Model(
+    "swing", {"angle": Signal("rad"), "rate": Signal("rad/s")},
+    {"torque": Signal("N m", 1.0, -0.7, 0.7)}, swing,
+    parameters={"gravity": Signal("m/s^2", 9.81, start=9.81)}, trim={"angle": 0.0, "rate": 0.0},
+)
+"""
+
+
+def test_parameters_of_another_aircraft_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Parameters that differ from the user's are refused, although the file's hash is equal.
+
+    With the stated parameters given by --hold, the certificate is accepted.
+    """
+    file = tmp_path / "swing.py"
+    file.write_text(HEAVIER)
+    aircraft = f"{file}:SWING"
+    lighter = pendulum_loop(load_model(aircraft).with_parameters(gravity=5.0))
+    made = str(certified(tmp_path / "lighter.json", lighter, 0.5))
+    capsys.readouterr()
+    assert main(["prove", "--check", made, "--aircraft", aircraft, "-q"]) == 1
+    assert (
+        "gravity in the certificate differs from the value of --aircraft" in capsys.readouterr().err
+    )
+    words = ["prove", "--check", made, "--aircraft", aircraft, "--hold", "gravity=5", "-q"]
+    assert main(words) == 0
+    assert "gravity 5 m/s^2" in capsys.readouterr().out
+
+
+def test_other_input_limits_are_refused(path: Path, model: Model) -> None:
+    """Input limits that differ from those of the model are refused.
+
+    Other input limits would change the saturation. Narrower state limits are accepted.
+    """
+    content = json.loads(path.read_text())["statement"]
+    for limits in ([-0.5, 0.5], [-0.7, 0.6], [None, 0.7], [-0.8, 0.8]):
+        with pytest.raises(NOT_PROVED, match="limits: torque"):
+            RegionStatement.read(content | {"limits": {"torque": limits}}, model)
+    narrower = {"torque": [-0.7, 0.7], "angle": [-1.0, 1.0]}
+    RegionStatement.read(content | {"limits": narrower}, model)
+
+
+def test_printed_extents_are_those_of_the_ellipse(path: Path, model: Model) -> None:
+    """The printed extents are those of the proved ellipse, also if the stated extents are wider."""
+    verified = check_certificate(path, model=model)
+    P = np.array(checked_report(verified).data["P"])
+    ends = np.sqrt(verified.statement.rho * np.diag(np.linalg.inv(P)))
+    for (low, high), end in zip(verified.extents.values(), ends, strict=True):
+        assert high == -low == pytest.approx(end, rel=1e-12)
+        assert high >= end
+
+
+def test_outcomes_of_trajectories_are_distinguished() -> None:
+    """Trajectories of a double integrator have the outcomes RETURNED, UNKNOWN and LEFT.
+
+    RETURNED: convergence within the time. UNKNOWN: convergence after the time. LEFT: a limit is
+    exceeded.
+    """
+
+    def two(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return {"x": x.v, "v": u.a}, {}
+
+    inputs = {"a": Signal("1", 1.0, -1.0, 1.0)}
+    free = Model("two", {"x": Signal(), "v": Signal()}, inputs, two, trim={"a": 0.0})
+    limited = {"x": Signal(min=-50.0, max=50.0), "v": Signal()}
+    kept = Model("two", limited, inputs, two, trim={"a": 0.0})
+    starts = np.array([[40.0, 0.0], [49.0, 9.0]])
+
+    def found(model: Model, seconds: float) -> list[int]:
+        values = {"x": 0.0, "v": 0.0}
+        linear = hfa.linearize(model, hfa.trim(model, hold=values))
+        loop = saturated_loop(linear, np.array([[1.0, 2.0]]))
+        return outcomes(Plant(loop), starts, _is_near, seconds).tolist()
+
+    assert found(free, 100.0) == [Outcome.RETURNED, Outcome.RETURNED]
+    assert found(free, 3.0) == [Outcome.UNKNOWN, Outcome.UNKNOWN]
+    assert found(kept, 100.0) == [Outcome.RETURNED, Outcome.LEFT]
+
+
+def test_a_distant_initial_condition_converges() -> None:
+    """x' = -x converges from 1e35 nominal values. The distance is not counted as divergence."""
+    model = Model("one", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": -x.x}, {}), trim={})
+    loop = SaturatedLoop(model, {}, {"x": 0.0}, {}, {}, {}, np.zeros((0, 1)))
+    found = outcomes(Plant(loop), np.array([[1e35]]), _is_near, 100.0)
+    assert found.tolist() == [Outcome.RETURNED]
+
+
+def _is_near(z: np.ndarray) -> np.ndarray:
+    return np.asarray(np.all(np.abs(z) < 0.5, axis=1))
+
+
+def test_a_fully_stated_trim_is_accepted(model: Model) -> None:
+    """A trim in which all values are held is accepted if it is an equilibrium, and refused
+    otherwise.
+    """
+    stated = {"angle": 0.0, "rate": 0.0, "torque": 0.0}
+    point = hfa.trim(model, hold=stated)
+    assert point.values == stated
+    holds = [word for name in stated for word in ("--hold", f"{name}=0")]
+    assert main(["trim", "--aircraft", PENDULUM, *holds, "-q"]) == 0
+    with pytest.raises(BadInputError, match="not an equilibrium"):
+        hfa.trim(model, hold=stated | {"angle": 0.1})

@@ -1,0 +1,370 @@
+"""Regions of small loops: proved, checked, forged and simulated."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from cli import SCRIPT, complaints_about
+from ended_runs import until
+from flint import arb
+from forged_regions import KINDS
+from pendulum_regions import (
+    PENDULUM,
+    VAN_DER_POL,
+    accepted_forgeries,
+    certified,
+    pendulum_loop,
+    quickly_proved,
+)
+
+from hfa.main import main
+from hfa_aircraft.model import Model, Signal
+from hfa_prove.check.region_squares import check_certificate, check_region, read_content
+from hfa_prove.fields import Rejected
+from hfa_prove.report_squares import region_report
+from hfa_prove.search.interruption import interruptible
+from hfa_prove.search.level import ProvedLevel
+from hfa_prove.search.monomials import PolynomialFunction
+from hfa_prove.search.plant import Outcome, Plant, outcomes
+from hfa_prove.search.region_squares import RegionSearch, starts_by_outcome
+from hfa_prove.statements.loop import SaturatedLoop
+from hfa_prove.statements.region_squares import RegionStatement
+from verification.enclosure.ball_function import BallFunction, Undecided
+from verification.enclosure.polynomial import Polynomial, exponents_of
+from verification.enclosure.series import Taylor
+
+
+def run(*words: str) -> int:
+    return main(["prove", "region", *words])
+
+
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory: pytest.TempPathFactory, model: Model) -> Path:
+    """Return the path of a certificate of the pendulum."""
+    path = tmp_path_factory.mktemp("region") / "pendulum.json"
+    return certified(path, pendulum_loop(model), 0.98)
+
+
+# Taylor polynomials.
+
+
+def test_taylor_polynomials_enclose_every_operation() -> None:
+    """For each operation, the Taylor polynomial with its remainder encloses the function at 200
+    random points.
+    """
+    y = ca.SX.sym("y", 2)
+    a, b = 2 + 0.3 * y[0] + 0.1 * y[1], 0.3 * y[0] - 0.2 * y[1]
+    expressions = [
+        *(ca.sqrt(a) / (a + b**2), ca.sin(b) * ca.cos(a), ca.exp(b) - ca.log(a), ca.tan(b) * a**3),
+        *(ca.atan2(b, a), ca.asin(b) + ca.acos(b), ca.atan(b) - 1 / a, -2 * a + a**1.5),
+    ]
+    function = ca.Function("f", [y], [ca.vertcat(*expressions)])
+    order = 4
+    variables = [
+        Taylor(order, Polynomial.linear([arb(i == 0), arb(i == 1)]), arb(0)) for i in range(2)
+    ]
+    (models,) = BallFunction(function)(variables)
+    generator = np.random.default_rng(0)
+    points = generator.normal(size=(200, 2))
+    points *= (generator.uniform(size=200) / np.linalg.norm(points, axis=1))[:, None]
+    values = np.array(function(points.T)).T
+    for column, taylor in zip(values.T, models, strict=True):
+        lowest = taylor.lowest(2, 4)
+        for point, value in zip(points, column, strict=True):
+            length = np.linalg.norm(point)
+            error = abs(value - _at(taylor.polynomial, point))
+            assert error <= float(taylor.remainder) * length ** (order + 1) + 1e-14
+            assert taylor.range().overlaps(arb(value))
+            assert _at(lowest, point) <= value + 1e-14
+        assert float(taylor.remainder) < 1.0
+
+
+def _at(polynomial: Polynomial, point: np.ndarray) -> float:
+    total = 0.0
+    for key, _, coefficient in polynomial.terms():
+        exponents = exponents_of(key) + [0] * len(point)
+        total += float(coefficient) * np.prod(point ** np.array(exponents[: len(point)]))
+    return total
+
+
+def test_a_nonsmooth_function_is_undecided() -> None:
+    """A function that is not smooth on the ball raises Undecided."""
+    y = ca.SX.sym("y")
+    variable = Taylor(3, Polynomial.linear([arb(1)]), arb(0))
+    for expression in (1 / y, ca.sqrt(0.5 + y), ca.log(y + 0.9), ca.fmax(y, 0)):
+        with pytest.raises(Undecided):
+            BallFunction(ca.Function("f", [y], [expression]))([variable])
+
+
+@pytest.mark.parametrize(
+    ("aircraft", "states"),
+    [
+        (VAN_DER_POL, ["position", "velocity"]),
+        pytest.param(PENDULUM, ["angle", "rate"], marks=pytest.mark.slow),
+    ],
+)
+def test_the_level_is_bounded_by_found_obstacles(
+    aircraft: str, states: list[str], tmp_path: Path
+) -> None:
+    """The JSON of `hfa prove region` contains the proved level.
+
+    The level is at most 6 % below the level where V' >= 0 was found.
+    """
+    picture = tmp_path / "region.png"
+    printed = quickly_proved(
+        tmp_path / "region.json", aircraft, "--json", "--picture", str(picture)
+    )
+    data = json.loads(printed)
+    assert picture.stat().st_size > 10_000
+    assert data["proved"] is True
+    assert data["states"] == states
+    assert np.array(data["P"]).shape == (2, 2)
+    # V' >= 0 was found beyond the level that is proved, and not far beyond it.
+    fails_at = data["decrease_fails_at"]["V"]
+    assert data["rho"] < fails_at < 1.06 * data["rho"]
+    assert data["lost_at"]["V"] > data["rho"]
+    assert data["limits_that_bind"] == []
+    assert list(data["extents"]) == states
+
+
+# The pendulum.
+
+
+def test_rays_contain_nonconverging_initial_conditions(certificate: Path, model: Model) -> None:
+    """On each ray, an initial condition outside the set is found from which the flight does not
+    converge.
+    """
+    statement = check_certificate(certificate, model=model).statement
+    V = PolynomialFunction.of_terms(statement.terms)
+    T = np.sqrt(statement.rho) * np.linalg.inv(np.linalg.cholesky(V.matrix())).T * 1.0001
+    rays = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]) * np.linalg.norm(T, axis=1)
+    starts = starts_by_outcome(Plant(statement.loop), V, statement.rho, T, rays)[Outcome.LOST]
+    # The torque cannot lift the pendulum from the horizontal, nor stop it beyond some rate.
+    assert len(starts) == 3
+    assert np.all(V(starts) > statement.rho)
+    assert abs(starts[0, 0]) < np.pi / 2
+    assert starts[1, 1] == pytest.approx(-starts[2, 1], rel=0.05)
+
+
+def test_a_certificate_is_checked_and_reported(
+    certificate: Path, model: Model, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A certificate is verified with three parts, and the report shows the input limit."""
+    verified = check_certificate(certificate, model=model)
+    assert verified.parts == 3
+    assert main(["prove", "--aircraft", PENDULUM, "--check", str(certificate)]) == 0
+    shown = capsys.readouterr().out
+    assert "Verified, proved" in shown
+    assert "-0.7 N m" in shown
+
+
+def test_an_edited_certificate_is_refused(
+    certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A certificate that was edited is refused."""
+    edited = tmp_path / "edited.json"
+    edited.write_text(certificate.read_text().replace('"rho": 0', '"rho": 1', 1))
+    assert run("--aircraft", PENDULUM, "--check", str(edited)) == 2
+    assert "was edited" in capsys.readouterr().err
+
+
+def test_a_certificate_of_another_aircraft_is_refused(
+    certificate: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A certificate is refused for another aircraft and without an aircraft."""
+    assert run("--aircraft", VAN_DER_POL, "--check", str(certificate)) == 2
+    assert run("--check", str(certificate)) == 2
+    assert "--aircraft" in capsys.readouterr().err
+
+
+def test_forgeries_are_refused(certificate: Path, model: Model) -> None:
+    """Three forgeries of each kind are refused."""
+    kinds = set(KINDS)
+    assert accepted_forgeries(certificate, model, 3 * len(kinds)) == (kinds, [])
+
+
+@pytest.mark.slow
+def test_flights_from_the_proved_set_converge(certificate: Path, model: Model) -> None:
+    """All flights from the proved set converge. From four times as far, some do not."""
+    statement = check_certificate(certificate, model=model).statement
+    V = PolynomialFunction.of_terms(statement.terms)
+    assert not _not_converged(statement, V, 400).any()
+    # Four times as far out, some do not converge; the simulation detects this.
+    assert _not_converged(statement, V, 200, farther=4.0).any()
+
+
+def _not_converged(
+    statement: RegionStatement, V: PolynomialFunction, count: int, farther: float = 1.0
+) -> np.ndarray:
+    generator = np.random.default_rng(3)
+    L = np.linalg.cholesky(V.matrix())
+    directions = generator.normal(size=(count, len(L)))
+    rays = np.linalg.solve(L.T, directions.T).T
+    starts = rays * np.sqrt(statement.rho / V(rays))[:, None]
+    starts *= farther * generator.uniform(0.0, 1.0, (count, 1)) ** (1 / len(L))
+
+    def near(z: np.ndarray) -> np.ndarray:
+        return V(z) <= 1e-4 * statement.rho
+
+    return outcomes(Plant(statement.loop), starts, near, 20.0) != Outcome.RETURNED
+
+
+def test_a_set_beyond_limits_of_state_is_refused(certificate: Path, model: Model) -> None:
+    """A set that exceeds a state limit is refused."""
+    content = json.loads(certificate.read_text())
+    content["statement"]["limits"]["angle"] = [-0.1, 0.1]
+    with pytest.raises(Rejected, match="angle is not proved to stay within its limits"):
+        check_region(*read_content(content, model))
+
+
+@pytest.mark.slow
+def test_a_search_resumes_from_its_certificate(
+    certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A resumed search begins with V of the certificate.
+
+    A certificate of another loop is refused.
+    """
+    again = tmp_path / "again.json"
+    again.write_text(certificate.read_text())
+    words = ("--aircraft", PENDULUM, "--degree", "2", "--seconds", "0.001", "--json", "--resume")
+    assert run(*words, "-o", str(again)) == 0
+    assert json.loads(capsys.readouterr().out)["origin"] == "V of the certificate"
+    assert run(*words, "--Q", "5,5", "-o", str(again)) == 2
+    assert "another loop" in capsys.readouterr().err
+
+
+# Interrupted.
+
+
+def test_an_interrupted_search_reports_its_region() -> None:
+    """Ctrl-C ends the search, and the region proved so far is reported."""
+    sink = Model("sink", {"x": Signal(min=-1.0, max=1.0)}, {}, _cubic, trim={"x": 0.0})
+    loop = SaturatedLoop(sink, {}, {"x": 0.0}, {}, {}, {"x": (-1.0, 1.0)}, np.zeros((0, 1)))
+    before = signal.getsignal(signal.SIGINT)
+    saved: list[ProvedLevel] = []
+
+    def interrupt(done: float, whole: float, what: str = "", /) -> None:
+        if not saved:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with interruptible(interrupt) as progress:
+        search = RegionSearch(
+            loop, None, seconds=600.0, degree=6, progress=progress, save=saved.append
+        )
+        found = search.found()
+    assert signal.getsignal(signal.SIGINT) is before
+    assert found.proved is saved[-1]
+    report = region_report(found)
+    assert "No larger set is proved: interrupted." in report.text()
+    assert report.data["stopped"] == "interrupted"
+
+
+def _cubic(x: Any, u: Any, p: Any, w: Any) -> Any:
+    """Equations x' = -x + x³, for which V = x² decreases where |x| < 1."""
+    return {"x": -x.x + x.x**3}, {}
+
+
+@pytest.mark.slow
+def test_an_interrupted_command_ends_like_a_timeout(tmp_path: Path) -> None:
+    """An interrupted command ends with exit code 0.
+
+    Its certificate is valid, and the search can be resumed from it.
+    """
+    words = ["prove", "region", "--aircraft", PENDULUM, "--prover", "squares"]
+    words += ["--seconds", "600", "-o", "region.json"]
+    process = subprocess.Popen(
+        [SCRIPT, *words],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    certificate = tmp_path / "region.json"
+    assert until(certificate.exists)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=120)
+    assert (process.returncode, err) == (0, "")
+    assert "No larger set is proved: interrupted." in out
+    assert main(["prove", "--aircraft", PENDULUM, "--check", str(certificate)]) == 0
+    assert run(*words[2:-4], "--seconds", "0.1", "--resume", "-o", str(certificate)) == 0
+
+
+# In a verdict.
+
+
+@pytest.mark.slow
+def test_verify_reports_the_region(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`hfa verify --region` reports the proved level and the nearest obstacles found."""
+    weights = str(tmp_path / "pendulum.npz")
+    assert main(["solve", "--aircraft", PENDULUM, "-o", weights]) == 0
+    capsys.readouterr()
+    words = ["verify", "--aircraft", PENDULUM, "--weights", weights, "--region", "0.1"]
+    assert main([*words, "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert complaints_about(data) == []
+    region = data["region"]
+    assert region["proved"] is True
+    assert region["rho"] < region["decrease_fails_at"]["V"]
+    assert region["rho"] < region["lost_at"]["V"]
+    assert main(words) == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith("PASS")
+    assert all(word in shown for word in ("proved", "V' >= 0 found", "flight does not converge"))
+
+
+def test_verify_region_refuses_a_linear_plant(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`hfa verify --region` refuses a linear plant, because it needs an aircraft's equations."""
+    plant = tmp_path / "plant.json"
+    plant.write_text('{"A": [[-1.0]], "B": [[1.0]], "Q": [[1.0]], "R": [[1.0]]}')
+    gain = tmp_path / "gain.json"
+    gain.write_text('{"K": [[0.41421356237309503]]}')
+    words = ["verify", "--model", str(plant), "--weights", str(gain), "--region", "1"]
+    assert main(words) == 2
+    assert "--region requires the nonlinear equations" in capsys.readouterr().err
+
+
+# Other loops.
+
+
+def test_unsupported_loops_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Unstable loops and equations with unsupported operations are refused."""
+    assert run("--aircraft", PENDULUM.replace(":PENDULUM", ":STAR")) == 1
+    assert "not Hurwitz" in capsys.readouterr().err
+    kinked = tmp_path / "kinked.py"
+    kinked.write_text(_KINKED)
+    for name, word in (("TABLE", "use lt"), ("KINK", "fabs")):
+        assert run("--aircraft", f"{kinked}:{name}", "--prover", "squares") == 2
+        assert word in capsys.readouterr().err
+
+
+_KINKED = """
+import casadi as ca
+from hfa import Model, Signal
+
+def table(x, u, p, w):
+    return {"a": u.b - x.a * ca.if_else(x.a > 1, 2, 1)}, {}
+
+def kink(x, u, p, w):
+    return {"a": u.b - x.a + ca.fabs(x.a - 1)}, {}
+
+TABLE = Model("table", {"a": Signal(max=3, min=-3)}, {"b": Signal()}, table, trim={"a": 0.0})
+KINK = Model("kink", {"a": Signal(max=3, min=-3)}, {"b": Signal()}, kink, trim={"a": 0.0})
+"""
+
+
+@pytest.mark.slow
+def test_two_thousand_forgeries_are_refused(certificate: Path, model: Model) -> None:
+    """Two thousand forgeries of all kinds are refused."""
+    assert accepted_forgeries(certificate, model, 2000, seed=1) == (set(KINDS), [])

@@ -1,0 +1,230 @@
+"""Command `hfa prove cost`."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pendulum_deployment import pendulum_deployment
+
+import hfa
+from hfa.main import main
+from hfa_flight.problem import flight_problem
+from hfa_optimal.best_flight import bracket_of
+from hfa_optimal.bracket import bracket_sentence
+from hfa_prove.certificate import read_sealed
+from hfa_prove.check.cost import read_cost
+from hfa_prove.fields_boxes import COST_FIELDS
+from hfa_prove.problem import given_of
+from hfa_prove.statements.cost import CostStatement
+from hfa_prove.subject import compare, entries_of
+from hfa_support.errors import NoSolutionError
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+PENDULUM = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
+AIRCRAFT = ("--aircraft", PENDULUM)
+
+
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("cost") / "cost.json"
+    assert main(["prove", "cost", *AIRCRAFT, "--degree", "2", "-o", str(path)]) == 0
+    return path
+
+
+@pytest.fixture(scope="module")
+def statement(certificate: Path) -> CostStatement:
+    """Return the statement in the certificate, without its proof."""
+    return read_cost(read_sealed(certificate)[0], hfa.load_model(PENDULUM))[0]
+
+
+def test_a_bound_is_proved_and_checked(
+    certificate: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A certificate is verified by `hfa prove` and by `hfa prove cost`.
+
+    The first line names the weights if only the certificate contains them.
+    """
+    assert main(["prove", *AIRCRAFT, "--check", str(certificate)]) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first.endswith("flights of pendulum, of the weights in the certificate")
+    words = ["prove", "cost", *AIRCRAFT, "--Q", "1,1", "--R", "1", "--check", str(certificate)]
+    assert main([*words, "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["proved"]
+    assert data["pieces"][0]["c"] < data["pieces"][-1]["c"]
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (("--Q", "1,2"), "Q in the certificate differs from the value of --Q"),
+        (("--R", "2"), "R in the certificate differs from the value of --R"),
+        (("--hold", "angle=0.1"), "angle in the certificate differs from the value of --aircraft"),
+    ],
+)
+def test_other_weights_and_trims_are_refused(
+    words: tuple[str, ...], reason: str, certificate: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A certificate for other weights or another trim is refused, and the difference is named."""
+    assert main(["prove", *AIRCRAFT, *words, "--check", str(certificate)]) in (1, 2)
+    assert reason in capsys.readouterr().err
+
+
+def test_a_run_is_resumed_from_its_certificate(
+    certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """--resume keeps the pieces of the certificate. A certificate with other weights is refused."""
+    path = tmp_path / "cost.json"
+    shutil.copy(certificate, path)
+    words = ["prove", "cost", *AIRCRAFT, "--degree", "4", "--resume", "-o", str(path)]
+    assert main([*words, "--R", "9"]) == 2
+    assert "R in the certificate differs" in capsys.readouterr().err
+    before = json.loads(certificate.read_text())["statement"]["pieces"]
+    assert main([*words, "--seconds", "0.3", "--json"]) == 0
+    pieces = json.loads(capsys.readouterr().out)["pieces"]
+    assert [piece["c"] for piece in pieces][: len(before)] == [piece["c"] for piece in before]
+
+
+def test_a_hidden_state_that_changes_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    """`hfa prove cost` refuses the HFA.
+
+    The derivatives of its states depend on the altitude, which the cost omits.
+    """
+    assert main(["prove", "cost", "--dihedral", "10"]) == 2
+    assert "depend on altitude, which the cost does not include" in capsys.readouterr().err
+
+
+def test_every_field_is_listed(certificate: Path) -> None:
+    """The fields of a cost statement are exactly the listed ones."""
+    content: dict[str, Any] = json.loads(certificate.read_text())["statement"]
+    assert {name for name, _ in entries_of(content, COST_FIELDS)} == set(COST_FIELDS)
+
+
+def test_a_margin_outside_its_range_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    """A margin outside its range is refused with this range."""
+    assert main(["prove", "cost", *AIRCRAFT, "--margin", "2"]) == 2
+    assert "; give a number from 0.0001 to 0.5" in capsys.readouterr().err
+
+
+def test_command_and_function_report_equal_bounds(
+    certificate: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The command and the Python function report the same bounds of the least cost."""
+    words = ["optimize", *AIRCRAFT, "--start", "angle=10", "--bound", str(certificate)]
+    assert main(words) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert "between 1.00 and 1.0" in first
+    model = hfa.load_model(PENDULUM)
+    point = hfa.trim(model)
+    start = {"angle": float(np.radians(10.0))}
+    best = hfa.optimize(model, point, start, bound=certificate)
+    assert best.lower_bound is not None
+    assert 0.9 * best.cost < best.lower_bound < best.cost
+    assert f"and {best.over_bound:.2f} of" in first
+    assert f"The least cost is in [{best.lower_bound:.6g}, {best.cost:.6g}]" in best.report().text()
+
+
+def test_the_table_contains_bound_and_cost(
+    certificate: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """For each initial condition, the table contains the proved lower bound and a higher cost of
+    the best flight.
+    """
+    assert main(["optimize", *AIRCRAFT, "--starts", "2", "--bound", str(certificate)]) == 0
+    first, *lines = capsys.readouterr().out.splitlines()
+    assert first.startswith("Best flights, pendulum: found from 2 of 2, between 1.00 and 1.")
+    assert len(first) <= 100
+    rows = [line.split() for line in lines if re.match("angle [+-]", line)]
+    assert len(rows) == 2
+    assert all(0.0 < float(row[-2]) < float(row[-1]) for row in rows)
+
+
+def test_an_initial_condition_above_the_level_is_bounded(statement: CostStatement) -> None:
+    """If W exceeds the certificate's level at the initial condition, the lower bound is the level.
+
+    The sentence on the bounds reports initial conditions beyond the level.
+    """
+    small = replace(statement, pieces=statement.pieces[:1])
+    near, far = (bracket_of(small, z, {}, 1e3) for z in (np.full(2, 1e-3), np.full(2, 9.0)))
+    assert (near.beyond, far.beyond) == (False, True)
+    assert far.lower_bound == small.level
+    assert bracket_sentence([(far, far.best)]) == "beyond the level of the bound"
+    both = bracket_sentence((each, each.best) for each in (near, far))
+    assert both.endswith("of the best possible, 1 beyond the level")
+
+
+def test_a_bound_within_narrower_limits_is_refused(statement: CostStatement) -> None:
+    """A bound that was proved within narrower limits is refused."""
+    model = hfa.load_model(PENDULUM)
+    problem = flight_problem(model, hfa.trim(model))
+    content = statement.content()
+    given = given_of(problem, "this command", {})
+    compare(content, COST_FIELDS, given)
+    content["limits"]["angle"] = [-0.5, 0.5]
+    with pytest.raises(
+        NoSolutionError,
+        match="limit of angle in the certificate differs from the value of this command",
+    ):
+        compare(content, COST_FIELDS, given)
+
+
+def test_a_bound_of_other_weights_is_refused(
+    certificate: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`hfa optimize` refuses a bound for other weights."""
+    words = ["optimize", *AIRCRAFT, "--start", "angle=10", "--Q", "1,2"]
+    assert main([*words, "--bound", str(certificate)]) == 2
+    assert "Q in the certificate differs from the value of --Q" in capsys.readouterr().err
+
+
+def deployment_file(folder: Path, weight: float) -> str:
+    """Return the path of a new deployment file of u = -1.98 angle - 0.98 rate.
+
+    weight: R of the cost in the file
+    """
+    cost = f"[cost]\nQ = {{angle = 1.0, rate = 1.0}}\nR = {{torque = {weight}}}\n"
+    return str(pendulum_deployment(folder, f"[timing]\ndt = 0.01\n{cost}"))
+
+
+def test_the_lower_bound_is_below_the_policys_cost(
+    certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """From each initial condition, the lower bound is below the costs of best flight and policy.
+
+    The best flight costs less than 1.01 times the policy. The printed table has a row for each
+    initial condition.
+    """
+    content = json.loads(certificate.read_text())["statement"]
+    words = ["assess", deployment_file(tmp_path, content["R"][0][0]), *AIRCRAFT, "--samples", "0"]
+    found = tmp_path / "found.json"
+    words += ["--best", "3", "--bound", str(certificate), "-o", str(found)]
+    assert main(words) in (0, 1)
+    (point,) = json.loads(found.read_text())["points"]
+    brackets = point["best"]["brackets"]
+    assert len(brackets) == 3
+    for each in brackets:
+        assert 0.0 < each["lower_bound"] < min(each["best"], each["policy"])
+        assert each["best"] < 1.01 * each["policy"]
+    first, *lines = capsys.readouterr().out.splitlines()
+    assert "between 1.00 and 1." in first
+    assert len([line for line in lines if re.match("angle [+-]", line)]) == 3
+
+
+def test_a_deployed_policy_of_other_weights_is_refused(
+    certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`hfa assess` refuses a bound whose weights differ from those of the deployment file."""
+    words = ["assess", deployment_file(tmp_path, 3.0), *AIRCRAFT, "--samples", "0", "--best", "1"]
+    assert main([*words, "--bound", str(certificate)]) == 2
+    assert re.search(
+        r"R in the certificate differs from the value of \S+.toml", capsys.readouterr().err
+    )
+    assert main([*words[:-2], "--bound", str(certificate)]) == 2
+    assert "add --best K" in capsys.readouterr().err

@@ -1,1 +1,0 @@
-"""Proof of regions of attraction of nonlinear loops with saturated inputs, by sums of squares."""

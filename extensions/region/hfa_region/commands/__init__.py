@@ -1,1 +1,0 @@
-"""Commands that prove and check regions."""
