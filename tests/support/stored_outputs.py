@@ -66,7 +66,7 @@ def run(words: list[str], folder: Path) -> tuple[int, str]:
     out = io.StringIO()
     with contextlib.chdir(folder), contextlib.redirect_stdout(out):
         code = main(placed)
-    return code, out.getvalue()
+    return code, out.getvalue().replace(f"{ROOT}/", "")
 
 
 def leaves(content: Any, path: str = "") -> Iterator[tuple[str, Any]]:
