@@ -1,0 +1,57 @@
+"""Equations that are smooth or piecewise smooth on the set, and are refused so far."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from cli import hfa
+
+AIRCRAFT = """
+import casadi as ca
+from hfa import Model, Signal
+
+table = ca.interpolant("moment", "linear", [[-3.0, -1.0, 0.0, 1.0, 3.0]], [-.6, -.5, 0.0, .5, .6])
+MOMENTS = {
+    "linear": lambda angle: 0.5 * angle,
+    "table": table,
+    "dead_zone": lambda angle: angle - ca.fmax(0, ca.fabs(angle) - 0.6),
+}
+
+
+def model(name):
+    def equations(x, u, p, w):
+        return {"angle": x.rate, "rate": u.torque + MOMENTS[name](x.angle) - 0.5 * x.rate}, {}
+
+    torque = Signal("N m", nominal=1.0, min=-0.7, max=0.7)
+    states = {"angle": Signal("rad"), "rate": Signal("rad/s")}
+    return Model(name, states=states, inputs={"torque": torque}, equations=equations,
+                 trim={"angle": 0.0, "rate": 0.0})
+
+
+LINEAR, TABLE, DEAD_ZONE = map(model, MOMENTS)
+"""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "LINEAR",
+        pytest.param("TABLE", marks=pytest.mark.xfail(strict=True, reason="tables of CasADi")),
+        pytest.param("DEAD_ZONE", marks=pytest.mark.xfail(strict=True, reason="kink off the trim")),
+    ],
+)
+def test_a_region_about_the_trim_is_proved(name: str, tmp_path: Path) -> None:
+    """Tables, and kinks away from the trim, do not prevent a proof by boxes."""
+    (tmp_path / "aircraft.py").write_text(AIRCRAFT)
+    of = f"{tmp_path / 'aircraft.py'}:{name}"
+    words = ("--degree", "2", "--seconds", "3", "--prover", "boxes")
+    assert hfa("prove", "region", "--aircraft", of, *words).code == 0
+
+
+@pytest.mark.xfail(strict=True, reason="the provers are not tried in turn")
+def test_the_refusal_of_the_default_prover_names_the_other(tmp_path: Path) -> None:
+    """Equations that only boxes can prove are proved, or the refusal names --prover boxes."""
+    (tmp_path / "aircraft.py").write_text(AIRCRAFT)
+    result = hfa("prove", "region", "--aircraft", f"{tmp_path / 'aircraft.py'}:DEAD_ZONE")
+    assert result.code == 0 or "--prover boxes" in result.err
