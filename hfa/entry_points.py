@@ -21,7 +21,7 @@ class CommandEntry(NamedTuple):
     about: summary of the command in one line
     command: location of its `Command`, "package.module:name"
     example: last line of the command's help
-    install: extra to install if a package is missing, for example ".[proof]"
+    install: optional packages that the command requires, as pip names them
     results: classes of each written result, "module:Class module:Class?". The first class declares
       the result, and the others add keys. A ? marks an optional class. "hfa.trim/1 module:Class"
       adds optional keys to the results of other commands.
@@ -31,7 +31,7 @@ class CommandEntry(NamedTuple):
     about: str
     command: str
     example: str = ""
-    install: str = ""
+    install: tuple[str, ...] = ()
     results: tuple[str, ...] = ()
 
     def load(self) -> Command:
@@ -228,7 +228,7 @@ REPORT = CommandEntry(
     "write one page of trims, models, games and critics",
     "hfa.page.command:report",
     example="hfa report --dihedral 15 -o report.html",
-    install=".[page]",
+    install=("plotly",),
     results=(
         "hfa.page.results:MainJobData",
         "hfa.page.results:ClaimsData",
@@ -279,7 +279,7 @@ COST = CommandEntry(
     "lower bound of the cost of every nonlinear flight",
     "hfa_prove.commands.cost:cost",
     example="hfa prove cost --aircraft examples/pendulum.py:PENDULUM",
-    install=".[proof]",
+    install=("python-flint",),
     results=(
         "hfa_prove.results:FoundLowerBound",
         "hfa_prove.results:CheckedLowerBound",
@@ -309,7 +309,7 @@ CHECK = CommandEntry(
     "verify a certificate of the commands below: --check FILE",
     "hfa_prove.commands.check:prove",
     example="hfa prove --check certificate.json",
-    install=".[proof]",
+    install=("python-flint",),
     results=("hfa_prove.results:ProofData", "hfa_prove.results:CertificateData"),
 )
 SCHEDULE = CommandEntry(
@@ -317,14 +317,14 @@ SCHEDULE = CommandEntry(
     "stability of a gain schedule at every point of an interval",
     "hfa_prove.commands.schedule:schedule",
     example="hfa prove schedule --dihedral 14:14.5 -o certificate.json",
-    install=".[proof]",
+    install=("python-flint", "cvxpy"),
 )
 MODELS = CommandEntry(
     "proof",
     "fewest linear models for a bounded interpolation error",
     "hfa_prove.commands.models:models",
     example="hfa prove models --dihedral 14:14.5 --limit-error 0.05",
-    install=".[proof]",
+    install=("python-flint",),
     results=("hfa_prove.results:InterpolatedModels",),
 )
 SOLUTION = CommandEntry(
@@ -332,21 +332,21 @@ SOLUTION = CommandEntry(
     "existence and uniqueness of a game's solution, near P",
     "hfa_prove.commands.games:solution",
     example="hfa prove solution --dihedral 15",
-    install=".[proof]",
+    install=("python-flint",),
 )
 CRITIC = CommandEntry(
     "proof",
     "distance of a critic from the exact solution",
     "hfa_prove.commands.games:critic",
     example="hfa prove critic learned.npz --dihedral 15",
-    install=".[proof]",
+    install=("python-flint",),
 )
 REGION = CommandEntry(
     "proof",
     "region of attraction of a loop with saturated inputs",
     "hfa_prove.commands.region:region",
     example="hfa prove region --aircraft examples/pendulum.py:PENDULUM --degree 2",
-    install=".[proof]",
+    install=("python-flint",),
     results=(
         "hfa_prove.results:FoundSet",
         "hfa_prove.results:CheckedSet",

@@ -124,7 +124,7 @@ def _run(words: list[str], find: Find) -> int:
     """Run the command given by the command line, and return its exit code.
 
     Raises BadInputError if the arguments are invalid, if the equations of the model call sys.exit,
-    or if a package is missing that the `install` requirement of the command provides.
+    or if a package is missing that the command requires (`install`).
     """
     from hfa_support.files import inputs_kept
 
@@ -159,7 +159,8 @@ def _run(words: list[str], find: Find) -> int:
             if not command.install:
                 raise
             raise BadInputError(
-                f"{program} requires {error.name}; type `pip install {command.install}`"
+                f"{program} requires the module {error.name}; type python -m pip install "
+                f"{' '.join(command.install)}"
             ) from error
 
 

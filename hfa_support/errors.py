@@ -38,6 +38,17 @@ class NoSolutionError(RuntimeError):
     """Exception for a valid request without a certifiable solution (exit code 1)."""
 
 
+def missing_package(use: str, *packages: str) -> BadInputError:
+    """Return the error that a package is not installed, with the command that installs it.
+
+    use: subject and verb, such as "ONNX files require"
+    packages: the names that pip installs
+    """
+    noun = "package" if len(packages) == 1 else "packages"
+    command = f"python -m pip install {' '.join(packages)}"
+    return BadInputError(f"{use} the {noun} {', '.join(packages)}; type {command}")
+
+
 @contextmanager
 def prefix_errors(what: str | Path) -> Iterator[None]:
     """Put a file name before the message of a BadInputError that is raised in the `with` block.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError
+from hfa_support.errors import missing_package
 from hfa_support.reporting.figure import pyplot_figure
 from hfa_support.reporting.text import shown_unit, shown_values
 
@@ -29,7 +29,7 @@ def dataset(
     try:
         import xarray
     except ImportError:
-        raise BadInputError("xarray is not installed; type python -m pip install xarray") from None
+        raise missing_package("labelled arrays require", "xarray") from None
     return xarray.Dataset(variables, coordinates, {"model": title})
 
 

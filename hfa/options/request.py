@@ -183,13 +183,13 @@ class Command(NamedTuple):
 
     request: class whose fields are the options
     run: function that maps a request to the exit code, with the help as its docstring
-    install: pip requirement to install if a needed package is missing
+    install: optional packages that the command requires, as pip names them
     example: last line of the help
     """
 
     request: type[Request]
     run: Callable[[Any], int]
-    install: str = ""
+    install: tuple[str, ...] = ()
     example: str = ""
 
 

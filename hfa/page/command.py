@@ -88,8 +88,8 @@ def report(request: ReportRequest) -> int:
     Both printed pairs (A, B) are compared with the regenerated pairs. A slider shows trim and
     linear model at each dihedral angle. For the angles of --dihedral, the page also shows the
     printed values, the exact game solution and a learned critic. The page contains Plotly
-    (`pip install .[page]`) and loads nothing from a network. Exit code 1 if the printed matrices
-    are not regenerated or a learned critic is wrong.
+    (package plotly) and loads nothing from a network. Exit code 1 if the printed matrices are not
+    regenerated or a learned critic is wrong.
     """
     if request.output is None and not request.json:
         raise BadInputError(

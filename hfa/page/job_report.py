@@ -21,7 +21,7 @@ from hfa.page.flights import flights_section
 from hfa.page.main_job import Angle, MainJob
 from hfa.page.plots import front_view, locus_plot
 from hfa.page.results import MainJobData
-from hfa_support.errors import BadInputError
+from hfa_support.errors import missing_package
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.parts import Picture
@@ -312,7 +312,7 @@ def plotly_script() -> str:
     try:
         from plotly.offline import get_plotlyjs
     except ImportError as error:
-        raise BadInputError("a page requires Plotly; type `pip install .[page]`") from error
+        raise missing_package("a page requires", "plotly") from error
     text = str(get_plotlyjs())
     packed = base64.b64encode(gzip.compress(text.encode(), 6, mtime=0)).decode()
     license_ = text.partition("*/")[0].removeprefix("/**")

@@ -21,7 +21,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from hfa_support.errors import BadInputError, on_one_line, shown, warn
+from hfa_support.errors import BadInputError, missing_package, on_one_line, shown, warn
 from hfa_support.files import read_json, temporary_folder
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
@@ -479,6 +479,4 @@ def _require_xarray() -> None:
 
         _zarr()
     except ImportError as error:
-        raise BadInputError(
-            'a store requires xarray, Dask and Zarr; type python -m pip install ".[distributed]"'
-        ) from error
+        raise missing_package("a store requires", "xarray", "zarr", "distributed") from error

@@ -21,7 +21,7 @@ from functools import partial
 from itertools import islice
 from typing import Any
 
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError, missing_package
 
 #: Submitted tasks per worker: enough to keep the worker busy without using more memory.
 _AHEAD = 2
@@ -200,10 +200,7 @@ def _cluster(address: str) -> Iterator[Run]:
         from distributed.comm import CommClosedError
         from distributed.scheduler import KilledWorker
     except ImportError as error:
-        raise BadInputError(
-            "a Dask scheduler requires the package distributed; type python -m pip install "
-            '".[distributed]"'
-        ) from error
+        raise missing_package("a Dask scheduler requires", "distributed") from error
 
     logging.disable()  # Dask logs tracebacks of a lost connection; we report one line
     try:

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from hfa_support.errors import BadInputError
+from hfa_support.errors import missing_package
 
 #: Bits of a midpoint. Doubles have 53 bits; the other bits absorb the rounding of about ten
 #: thousand operations.
@@ -17,9 +17,7 @@ def flint_or_refusal() -> Any:
     try:
         import flint
     except ImportError as error:
-        raise BadInputError(
-            'proofs require the package python-flint; type python -m pip install ".[proof]"'
-        ) from error
+        raise missing_package("proofs require", "python-flint") from error
     flint.ctx.prec = PRECISION
     return flint
 

@@ -16,7 +16,7 @@ from controller.critic.network.activations import ACTIVATIONS, on_entries
 from controller.critic.network.products import Products
 from controller.critic.network.row_network import RowNetwork
 from controller.critic.network.tensors import LARGEST_NETWORK, checked_tensors
-from hfa_support.errors import BadInputError, prefix_errors, shortened
+from hfa_support.errors import BadInputError, missing_package, prefix_errors, shortened
 from hfa_support.files import regular_file
 
 #: Oldest supported ONNX operator set.
@@ -352,9 +352,7 @@ def graph_functions(
     try:
         import onnx
     except ImportError as error:
-        raise BadInputError(
-            'ONNX files require the package onnx; type python -m pip install ".[networks]"'
-        ) from error
+        raise missing_package("ONNX files require", "onnx") from error
     model = onnx.load_from_string(regular_file(path).read_bytes())
     versions = [item.version for item in model.opset_import if item.domain in ("", "ai.onnx")]
     opset = max(versions, default=0)

@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
+from hfa_support.errors import BadInputError, is_finite, missing_package, refuse_unknown, shown
 from hfa_support.files import read_toml
 
 _ADVICE = 'write alpha = "message.field", or { field = "message.field", scale = 1.0 }'
@@ -132,9 +132,7 @@ def _log(path: Path) -> Any:
     try:
         from pyulog import ULog
     except ModuleNotFoundError as error:
-        raise BadInputError(
-            "PX4 logs require the package pyulog; type `pip install .[ulog]`"
-        ) from error
+        raise missing_package("PX4 logs require", "pyulog") from error
     try:
         with path.open("rb") as file:
             return ULog(file)

@@ -161,7 +161,7 @@ def _in_data(name: str, root: Path | None) -> Path:
     if root is None:
         raise BadInputError(
             f"jsbsim:{shortened(name)}: JSBSim is not installed; type"
-            ' python -m pip install ".[jsbsim]", or set'
+            " python -m pip install jsbsim, or set"
             " JSBSIM_ROOT to the folder that contains aircraft, engine and systems"
         )
     folders = sorted(folder.name for folder in (root / "aircraft").iterdir() if folder.is_dir())

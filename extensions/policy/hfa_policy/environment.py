@@ -16,7 +16,7 @@ from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_policy.episodes import SECONDS, Episodes
 from hfa_policy.trims import trims_of
 from hfa_support.arguments import ArrayLike, checks_arguments
-from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole, warn
+from hfa_support.errors import BadInputError, missing_package, numbers_in, refuse_unless_whole, warn
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.text import shown_unit, shown_values
 
@@ -73,7 +73,9 @@ def environment(
     """
     deployed = _deployment(model, deployment, dt, Q, R)
     episodes = _episodes(model, deployed, points, 1, seconds, turbulence)
-    make = _made("gymnasium", "rl", "hfa_policy.gymnasium_environment", "AircraftEnvironment")
+    make = _made(
+        "gymnasium", "gymnasium", "hfa_policy.gymnasium_environment", "AircraftEnvironment"
+    )
     made: gymnasium.Env = make(episodes, render_mode)
     return made
 
@@ -107,7 +109,7 @@ def vector_environment(
     deployed = _deployment(model, deployment, dt, Q, R)
     episodes = _episodes(model, deployed, points, count, seconds, turbulence)
     module = "hfa_policy.vector_environment"
-    make = _made("stable_baselines3", "training", module, "AircraftVectorEnvironment")
+    make = _made("stable_baselines3", "stable-baselines3", module, "AircraftVectorEnvironment")
     made: VecEnv = make(episodes)
     return made
 
@@ -180,10 +182,10 @@ def _episodes(
     return Episodes(Deployed(deployment, model), trims, count, seconds, turbulence)
 
 
-def _made(library: str, extra: str, module: str, name: str) -> Callable[..., Any]:
+def _made(library: str, package: str, module: str, name: str) -> Callable[..., Any]:
     """Return a class of this package whose module requires an optional library.
 
-    extra: extra of the package that contains the library
+    package: the name that pip installs
     module, name: module of the class and its name
 
     Raises a BadInputError with the command that installs the library if the library is missing.
@@ -191,9 +193,7 @@ def _made(library: str, extra: str, module: str, name: str) -> Callable[..., Any
     try:
         import_module(library)
     except ImportError:
-        raise BadInputError(
-            f'{library} is not installed; type python -m pip install ".[{extra}]"'
-        ) from None
+        raise missing_package("environments require", package) from None
     found: Callable[..., Any] = getattr(import_module(module), name)
     return found
 

@@ -149,7 +149,7 @@ def test_a_missing_plotly_is_refused_before_the_computation(
     plotly_script.cache_clear()
     monkeypatch.setitem(sys.modules, "plotly.offline", None)
     assert_refused(
-        hfa("report", "-o", str(tmp_path / "page.html")), 2, "Plotly", "pip install .[page]"
+        hfa("report", "-o", str(tmp_path / "page.html")), 2, "package plotly", "pip install plotly"
     )
     assert hfa("report", "--json", "--dihedral", "59", "--sweep", "20").code == FAILED
     plotly_script.cache_clear()

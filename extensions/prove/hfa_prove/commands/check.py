@@ -22,7 +22,7 @@ def prove(request: CheckRequest) -> int:
     statement: the aircraft with parameters, trim and limits, or the plant of --model, and the
     weights, gains or critic. The first line of the report names the parts that were not given.
     Exit code 0: the statement is proved. Exit code 1: the statement is not proved, or differs from
-    an option. The command requires `pip install .[proof]`."""
+    an option. The command requires the package python-flint."""
     from hfa_prove.certificate import kind_of
     from verification.enclosure.precision import flint_or_refusal
 

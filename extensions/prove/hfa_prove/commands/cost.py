@@ -98,7 +98,7 @@ def cost(request: CostRequest) -> int:
     the envelope and the limits of the inputs, costs at least the smaller of W and the level. -o
     FILE.json writes a certificate, also if the run is interrupted. --check FILE verifies a
     certificate. `hfa optimize --bound FILE` compares flights with the bound. Exit code 0 if the
-    bound is proved. The command requires `pip install .[proof]`.
+    bound is proved. The command requires the package python-flint.
     """
     from verification.enclosure.precision import flint_or_refusal
 

@@ -97,7 +97,7 @@ def solution(request: SolutionRequest) -> int:
     The proof uses ball arithmetic. delta_min is the smallest delta for which the game has a
     solution. -o FILE.json writes a certificate for `hfa prove --check FILE`. Exit code 0: the
     statement is proved. Exit code 1: the statement is refuted or remains open. The command requires
-    `pip install .[proof]`."""
+    the package python-flint."""
     from hfa_prove.search.game import prove_solution
 
     _prepared(request)
@@ -114,7 +114,7 @@ def critic(request: CriticRequest) -> int:
     The distance of W, P or K from the exact solution is bounded from below and above. The proof
     uses ball arithmetic. -o FILE.json writes a certificate for `hfa prove --check FILE`.
     Exit code 0: the gain is proved to stabilize the plant. Exit code 1: stability is refuted or
-    remains open. The command requires `pip install .[proof]`."""
+    remains open. The command requires the package python-flint."""
     from controller.critic.critic_file import critic_in
     from controller.critic.reading import Reading
     from hfa_prove.search.game import prove_critic

@@ -29,7 +29,7 @@ def models(request: ModelsRequest) -> int:
     A, B, the trim inputs and K of the exact game are interpolated linearly. The error is proved in
     ball arithmetic for every value of LOW:HIGH, with as few models as the proof allows. -o
     FILE.json writes a certificate for `hfa prove --check FILE`. -o with another suffix writes the
-    models. The command requires `pip install .[proof]`."""
+    models. The command requires the package python-flint."""
     from hfa_prove.search.models import prove_models
     from verification.enclosure.precision import flint_or_refusal
 

@@ -115,7 +115,7 @@ def region(request: RegionRequest) -> int:
     FILE verifies a certificate. To verify the region of a network or of a deployment file, give
     --weights or --policy again.
     Not covered: sampling, actuators, delays, and a linearization that is not Hurwitz. Exit code 0:
-    the set is proved. The command requires `pip install .[proof]`."""
+    the set is proved. The command requires the package python-flint."""
     from verification.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()

@@ -99,7 +99,7 @@ def schedule(request: ScheduleRequest) -> int:
     loop to be Hurwitz. With --bandwidth, every actuator with a bandwidth in an interval is covered.
     -o FILE.json writes a certificate for `hfa prove --check FILE`. Exit code 0: the statement is
     proved. Exit code 1: the statement is refuted or remains open. The command requires
-    `pip install .[proof]`."""
+    the package python-flint, and --bandwidth also cvxpy."""
     from verification.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -234,3 +235,12 @@ def test_a_certificate_has_no_cross_weights() -> None:
         assert refused.code == 2, words
         assert "N" in refused.err
         assert "remove" in refused.err
+
+
+def test_a_missing_package_is_named_with_what_pip_installs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Without cvxpy (hidden here), a proof that needs it ends in one line with the pip command."""
+    monkeypatch.setitem(sys.modules, "cvxpy", None)
+    words = ("prove", "schedule", "--dihedral", "14:14.05", "--bandwidth", "50:60")
+    assert_refused(hfa(*words), 2, "cvxpy", "python -m pip install python-flint cvxpy")

@@ -235,7 +235,9 @@ def test_without_onnx_only_onnx_files_are_refused(
     """Without the package onnx, ONNX files are refused and torch files are read."""
     monkeypatch.setitem(sys.modules, "onnx", None)
     Path("a.onnx").write_bytes(b"")
-    assert "ONNX files require the package onnx; type python -m pip install" in refusal("a.onnx")
+    assert "ONNX files require the package onnx; type python -m pip install onnx" in refusal(
+        "a.onnx"
+    )
     network_in(torch_file("a.pt", {"weight": np.zeros((5, 6))}), 6)
 
 
