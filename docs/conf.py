@@ -24,7 +24,6 @@ sys.path.insert(0, str(DOCS))
 import docstrings  # noqa: E402
 from names_page import PACKAGES, names_page  # noqa: E402
 from notebook_page import notebook_page  # noqa: E402
-from parts_page import parts_page  # noqa: E402
 
 GENERATED = DOCS / "generated"
 MATHJAX = Path(
@@ -76,7 +75,6 @@ def generate() -> None:
     GENERATED.mkdir()
     pages = {
         "commands": commands_page(),
-        "parts": parts_page(),
         "formats": runpy.run_path(str(DOCS / "formats_page.py"))["formats_page"](),
     }
     pages |= {package: names_page(package) for package in PACKAGES}

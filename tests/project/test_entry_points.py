@@ -9,7 +9,6 @@ import inspect
 import json
 import os
 import re
-import runpy
 import shlex
 import shutil
 import subprocess
@@ -24,7 +23,7 @@ from pages import COMMAND, blocks_of, difference
 from project import ROOT
 
 from hfa.extend import AircraftReader, CriticReader
-from hfa_support.entry_points import AIRCRAFT, CRITICS, PARTS, loaded, offered
+from hfa_support.entry_points import AIRCRAFT, CRITICS, loaded, offered
 
 EXTENSIONS = tuple(sorted(path.name for path in ROOT.glob("extensions/*/hfa_*")))
 
@@ -223,25 +222,6 @@ def test_commands_load_without_packages_of_extras() -> None:
     """
     done = subprocess.run([sys.executable, "-c", WITHOUT_EXTRAS], capture_output=True, text=True)
     assert done.stderr == ""
-
-
-def test_the_page_on_parts_contains_every_part() -> None:
-    """The page on parts contains every installed part with its signature.
-
-    A part is a function with annotations, a module listed on the page, or a tuple of results.
-    """
-    page = runpy.run_path(str(ROOT / "docs" / "parts_page.py"))
-    shown = page["parts_page"]()
-    assert "\nsolve.steps(request: GameRequest, named: NamedGame) -> int\n" in shown
-    assert (
-        "\npolicies.flown_card(path: Path, model: Model, point: OperatingPoint) -> DeployedPolicy\n"
-        in shown
-    )
-    parts = page["functions"]()
-    assert all(f"\n{name}(" in shown for name in parts)
-    assert not [name for name, part in parts.items() if "_empty" in page["signature_of"](part)]
-    others = set(offered(PARTS)) - set(parts) - set(page["MODULES"])
-    assert all(name.startswith(("about.", "results.")) for name in others)
 
 
 @pytest.mark.parametrize(("group", "kind"), [(AIRCRAFT, AircraftReader), (CRITICS, CriticReader)])

@@ -36,7 +36,6 @@ from hfa_flight.flight import lengthened
 from hfa_flight.own_steps import JSBSIM, METHODS, RUNGE_KUTTA
 from hfa_flight.scenario import Scenario, Uncertainty, with_errors
 from hfa_flight.signals import CommandedStates, CommandSteps, Waveform
-from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, NoSolutionError, choice_of, refuse_unknown, warn
 from hfa_support.files import MATRIX_FILES
 from trim.linear.linear_model import LinearModel
@@ -531,9 +530,10 @@ class FlightOptions(ScenarioOptions):
         steps = _steps_of(self.command)
         reference: Any = None
         if self.policy is not None:
-            policies = part(PARTS, "policies", "--policy")
-            deployed = policies.flown_card(self.policy, model, point)
-            scenario = policies.sampled_scenario(deployed, scenario, point)
+            from hfa_flight.policies.deployment.policy import flown_card, sampled_scenario
+
+            deployed = flown_card(self.policy, model, point)
+            scenario = sampled_scenario(deployed, scenario, point)
             policy: Policy = deployed
         elif self.controller is not None:
             policy, reference = self._controller_policy(model, point, steps)
@@ -561,11 +561,12 @@ class FlightOptions(ScenarioOptions):
         Raises BadInputError if --actuators is missing for a controller of `hfa design`.
         """
         from controller.schedule.gain_schedule import GainSchedule
+        from controller.schedule.scheduled_controller import load_controller_or_gains
+        from hfa_flight.policies.controller import servo_policy
         from hfa_flight.policies.scheduled_gains import scheduled_gains
 
         assert self.controller is not None
-        controllers = part(PARTS, "controllers", "--controller")
-        controller = controllers.load_controller_or_gains(self.controller, model)
+        controller = load_controller_or_gains(self.controller, model)
         if isinstance(controller, GainSchedule):
             name = f"gains of {self.controller}"
             condition = self.common_condition.at
@@ -574,7 +575,7 @@ class FlightOptions(ScenarioOptions):
         if self.actuators is None:
             raise BadInputError("--controller requires actuators; add --actuators LAG:RATE")
         steps = CommandSteps(steps.names, steps.times, steps.values, *controller.command_filter)
-        policy = controllers.servo_policy(controller, steps, model, point)
+        policy = servo_policy(controller, steps, model, point)
         return policy, CommandedStates(steps, model.linear)
 
 

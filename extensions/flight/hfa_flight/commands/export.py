@@ -25,7 +25,6 @@ from hfa_flight.options import (
     weights_option,
 )
 from hfa_flight.results import Exported
-from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, printable
 from hfa_support.files import write_text
 from hfa_support.reporting.report import Report
@@ -143,9 +142,9 @@ def _write_deployed_policy(
     origin: provenance, for comments in the source
     """
     from hfa_flight.export.deployment_c import exported_texts
+    from hfa_flight.policies.deployment.policy import flown_card
 
-    policies = part(PARTS, "policies", "--policy")
-    policy = policies.flown_card(card, model, point)
+    policy = flown_card(card, model, point)
     return write_texts(request.output, exported_texts(policy, origin))
 
 
@@ -164,15 +163,16 @@ def _written(
     origin: provenance, for comments in the source
     with_gain: whether the policy of the options is included if no controller is given
     """
+    from controller.schedule.scheduled_controller import load_controller
     from hfa_flight.export.aircraft_c import c_model_texts
+    from hfa_flight.export.controller_c import c_controller_texts, controller_steering
     from hfa_flight.export.exported_loop import exported_loop, following_a_reference
     from hfa_flight.export.fmu import write_fmu
 
     actuators = actuators_of(model, request.actuators)
     controller = None
     if request.controller is not None:
-        controllers = part(PARTS, "controllers", "--controller")
-        controller = controllers.load_controller(request.controller, model)
+        controller = load_controller(request.controller, model)
     linear = noted_linear_model(model, point)
     policy = None
     if controller is None and with_gain:
@@ -180,7 +180,7 @@ def _written(
     if _is_fmu(request):
         steering = None
         if controller is not None:
-            steering = controllers.controller_steering(controller, model, point)
+            steering = controller_steering(controller, model, point)
         elif policy is not None:
             steering = following_a_reference(model, policy)
         loop = exported_loop(model, point, steering, actuators)
@@ -188,7 +188,7 @@ def _written(
         return [request.output]
     texts = c_model_texts(linear, policy, origin)
     if controller is not None:
-        texts |= controllers.c_controller_texts(controller, model, point, origin, actuators)
+        texts |= c_controller_texts(controller, model, point, origin, actuators)
     return write_texts(request.output, texts)
 
 

@@ -19,6 +19,8 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.critic.critic_file import entries_in, is_network, read_critic, single_parts
 from controller.game.linear_game import names_of_linear
+from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_flight.policies.deployment.policy import flown_deployment, sampled_scenario
 from hfa_flight.policies.policy import (
     GainPolicy,
     Measurements,
@@ -29,7 +31,6 @@ from hfa_flight.policies.policy import (
 )
 from hfa_flight.scenario import Scenario
 from hfa_flight.signals import CommandSteps
-from hfa_support.entry_points import PARTS, loaded, offered, part
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, refuse_unknown, shown
 from trim.point.operating_point import OperatingPoint
 
@@ -68,11 +69,9 @@ def policy_and_scenario(
         return GainPolicy(getattr(given, "origin", "exact"), given.K), scenario
     if callable(given):
         return PythonPolicy.of(given, point, scenario.tick), scenario
-    if "policies" in offered(PARTS):
-        policies = loaded(offered(PARTS)["policies"])
-        if isinstance(given, policies.Deployment):
-            deployed = policies.flown_deployment(given, point)
-            return deployed, policies.sampled_scenario(deployed, scenario, point)
+    if isinstance(given, Deployment):
+        deployed = flown_deployment(given, point)
+        return deployed, sampled_scenario(deployed, scenario, point)
     try:
         return GainPolicy("gain", numbers_in("policy", given)), scenario
     except BadInputError as error:
@@ -85,7 +84,7 @@ def _policy_of_file(path: Path, point: OperatingPoint) -> Any:
     A gain K is converted to the units of the aircraft.
     """
     if path.suffix.lower() == ".toml":
-        return part(PARTS, "policies", f"the deployment file {path}").Deployment.load(path)
+        return Deployment.load(path)
     entries = {} if is_network(path) else entries_in(path)
     if "K" not in entries:
         return read_critic(path)

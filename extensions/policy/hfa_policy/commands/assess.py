@@ -34,7 +34,6 @@ from hfa_flight.options import (
     turbulence_option,
 )
 from hfa_flight.scenario import Scenario, Uncertainty
-from hfa_support.entry_points import PARTS, offered, part
 from hfa_support.errors import BadInputError, choice_of
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
@@ -235,13 +234,12 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     def compared(self, deployment: Deployment) -> int:
         """Return the number of flights at each trim to be compared with the best flights.
 
-        The default is `_COMPARED` or the number of initial conditions, whichever is smaller. It is
-        0 if the deployment has no cost or no installed extension finds best flights.
+        The default is `_COMPARED` or the number of initial conditions, whichever is smaller, and 0
+        if the deployment has no cost.
         """
         if self.best is not None:
             return self.best
-        has_best_flights = "assess.best" in offered(PARTS)
-        if deployment.cost is None or not has_best_flights:
+        if deployment.cost is None:
             return 0
         return min(_COMPARED, self.samples)
 
@@ -273,9 +271,10 @@ def _best_flights(
     count = request.compared(deployed.deployment)
     if count == 0:
         return None
-    costs = part(PARTS, "assess.best", "--best")
+    from hfa_policy.best import best_costs
+
     progress = ProgressLine("optimize")
-    return lambda at: costs(deployed, at, count, request.seed, progress, request.bound)
+    return lambda at: best_costs(deployed, at, count, request.seed, progress, request.bound)
 
 
 def _assumed_trim(request: AssessRequest, points: tuple[OperatingPoint, ...]) -> str:

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from hfa.options.output import ProgressLine, show
 from hfa.options.request import command
+from hfa_prove.commands import cost, region
 from hfa_prove.commands.request import CheckRequest
-from hfa_support.entry_points import PARTS, loaded, offered
 from hfa_support.errors import BadInputError
 
 #: Statements that a command `hfa prove STATEMENT` proves.
 STATEMENTS = ("cost", "critic", "models", "region", "schedule", "solution")
+#: Kind of a certificate -> check of it. `_check` checks the other kinds.
+_CHECKS: Mapping[str, Callable[[CheckRequest, Path], int]] = {
+    "cost-boxes": cost.check,
+    "region": region.check,
+    "region-boxes": region.check_on_boxes,
+}
 
 
 @command(CheckRequest)
@@ -32,11 +39,8 @@ def prove(request: CheckRequest) -> int:
         raise BadInputError(
             f"no statement to prove is given; choose from {known}, or add --check FILE"
         )
-    of_others = offered(PARTS).get(f"check.{kind_of(request.check)}")
-    if of_others is not None:
-        code: int = loaded(of_others)(request, request.check)
-        return code
-    return _check(request, request.check)
+    check = _CHECKS.get(kind_of(request.check), _check)
+    return check(request, request.check)
 
 
 def _check(request: CheckRequest, certificate: Path) -> int:
