@@ -12,6 +12,7 @@ import numpy as np
 from controller.game.linear_game import widths_within_limits
 from controller.game.zero_sum import Game
 from hfa_aircraft.limits import Limits
+from hfa_aircraft.march.march import saturated
 from hfa_support.arguments import checks_arguments
 from hfa_support.progress import Progress
 from trim.linear.linear_model import LinearModel
@@ -31,7 +32,7 @@ class NonlinearPlant(NamedTuple):
 
     def closed(self, z: ca.SX, u: ca.SX) -> ca.SX:
         """Return the rate z' for a state z and an input u, which is saturated at its limits."""
-        return self.rates(z, ca.fmin(ca.fmax(u, ca.DM(self.lowest)), ca.DM(self.highest)))
+        return self.rates(z, saturated(u, ca.DM(self.lowest), ca.DM(self.highest)))
 
 
 def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:

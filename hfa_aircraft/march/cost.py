@@ -1,32 +1,53 @@
-"""Cost of a simulated flight."""
+"""Cost of a flight."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
 import numpy as np
 
 
-def cost_of_flight(
-    times: np.ndarray,
-    z: np.ndarray,
-    v: np.ndarray,
-    Q: np.ndarray,
-    R: np.ndarray,
-    is_held: bool = False,
-) -> float:
-    """Return the cost ∫ z'Qz + v'Rv dt of a flight by the trapezoidal rule.
+@dataclass(frozen=True, eq=False)
+class Cost:
+    """Cost ∫ z'Qz + v'Rv dt of the deviations of states z and inputs v.
 
-    times: (N,), s
-    z: (N, k), deviations of the states from the requested trim
-    v: (N, m), deviations of the inputs
     Q: (k, k)
     R: (m, m)
-    is_held: True if v is constant between consecutive times. v'Rv is then integrated exactly
     """
-    of_states = np.einsum("ij,jk,ik->i", z, Q, z)
-    of_inputs = np.einsum("ij,jk,ik->i", v, R, v)
-    cost = np.trapezoid(of_states, times)
-    if is_held:
-        cost += of_inputs[:-1] @ np.diff(times)
-    else:
-        cost += np.trapezoid(of_inputs, times)
-    return float(cost)
+
+    Q: np.ndarray
+    R: np.ndarray
+
+    def rate(self, z: Any, v: Any) -> Any:
+        """Return the running cost z'Qz + v'Rv.
+
+        As the rate of a further state, it is integrated with the order of the simulation.
+
+        z, v: CasADi columns, or arrays (N, k) and (N, m). The result is then an array (N,)
+        """
+        if isinstance(z, np.ndarray):
+            return _squares(z, self.Q) + _squares(v, self.R)
+        return ca.bilin(ca.DM(self.Q), z, z) + ca.bilin(ca.DM(self.R), v, v)
+
+    def of(self, times: np.ndarray, z: np.ndarray, v: np.ndarray, is_held: bool = False) -> float:
+        """Return the cost of a stored flight by the trapezoidal rule.
+
+        times: (N,), s
+        z: (N, k), deviations of the states from the requested trim
+        v: (N, m), deviations of the inputs
+        is_held: True if v is constant between consecutive times. v'Rv is then integrated exactly
+        """
+        of_inputs = _squares(v, self.R)
+        cost = np.trapezoid(_squares(z, self.Q), times)
+        if is_held:
+            cost += of_inputs[:-1] @ np.diff(times)
+        else:
+            cost += np.trapezoid(of_inputs, times)
+        return float(cost)
+
+
+def _squares(rows: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Return row' weight row of each row, (N,)."""
+    return np.asarray(np.einsum("ij,jk,ik->i", rows, weight, rows))

@@ -7,6 +7,9 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.march.cost import Cost
+from hfa_aircraft.march.march import saturated
+from hfa_aircraft.march.steppers import rk4
 from hfa_flight.initial_box import usual_box
 from hfa_flight.problem import FlightProblem
 from hfa_prove.statements.cost import CostStatement
@@ -125,7 +128,7 @@ def step_function(problem: FlightProblem, bound: CostStatement, step: float) -> 
     """Return the function (z, pulse, settings) -> (z after a step, cost of the step).
 
     The step is a fourth-order Runge-Kutta step with constant, saturated inputs. The cost is
-    integrated by Simpson's rule.
+    integrated by the same method.
 
     - settings[0] is 0 for the linear gain. It is 1 for the inputs that minimize the running cost
       plus the rate of the bound, linearized in the inputs.
@@ -138,24 +141,20 @@ def step_function(problem: FlightProblem, bound: CostStatement, step: float) -> 
     def rates(z: ca.SX, v: ca.SX) -> ca.SX:
         return problem.rates(ca.vertcat(z / of_states, v / of_inputs)) * of_states
 
-    def price(z: ca.SX, v: ca.SX) -> ca.SX:
-        return ca.bilin(ca.DM(problem.Q), z, z) + ca.bilin(ca.DM(problem.R), v, v)
-
     v = ca.SX.sym("v", m)
     effect = ca.substitute(ca.jacobian(rates(z, v), v), v, ca.DM.zeros(m))
     of_least_rate = -0.5 * ca.DM(np.linalg.pinv(problem.R)) @ effect.T @ gradient(bound, z)
     of_gain = -settings[1:] * (ca.DM(problem.K) @ z)
     chosen = ca.if_else(settings[0], of_least_rate, of_gain) + pulse
     lowest, highest = (ca.DM(limit) for limit in problem.input_limits)
-    v = ca.fmin(ca.fmax(chosen, lowest), highest)
-    one = rates(z, v)
-    two = rates(z + 0.5 * step * one, v)
-    three = rates(z + 0.5 * step * two, v)
-    four = rates(z + step * three, v)
-    after = z + step / 6.0 * (one + 2.0 * two + 2.0 * three + four)
-    middle = 0.5 * (z + after) + step / 8.0 * (one - rates(after, v))
-    paid = step / 6.0 * (price(z, v) + 4.0 * price(middle, v) + price(after, v))
-    return ca.Function("step", [z, pulse, settings], [ca.densify(after), paid], {"cse": True})
+    v = saturated(chosen, lowest, highest)
+    cost = Cost(problem.Q, problem.R)
+
+    def with_cost(y: ca.SX, _: float) -> ca.SX:
+        return ca.vertcat(rates(y[:n], v), cost.rate(y[:n], v))
+
+    moved = ca.densify(rk4(with_cost, ca.vertcat(z, 0.0), step))
+    return ca.Function("step", [z, pulse, settings], [moved[:n], moved[n]], {"cse": True})
 
 
 def gradient(bound: CostStatement, z: ca.SX) -> ca.SX:

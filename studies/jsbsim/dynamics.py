@@ -12,11 +12,13 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from hfa import linearize, trim
+from hfa_aircraft.march.steppers import rk4
 from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
 from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, responses
@@ -239,16 +241,13 @@ def _simulated(
     step = 0.005
     x = np.array([state[name] for name in model.states])
 
-    def rates(at: np.ndarray, u: list[float]) -> np.ndarray:
+    def rates(u: list[float], at: np.ndarray, _: float) -> np.ndarray:
         return np.array(list(model.rates_at(at.tolist(), u).values()))
 
     for number in range(round(_FLIGHT / step)):
         added = pulse if 1.0 <= number * step < 2.0 else {}
         u = [inputs[name] + added.get(name, 0.0) for name in model.inputs]
-        first = rates(x, u)
-        second = rates(x + 0.5 * step * first, u)
-        third = rates(x + 0.5 * step * second, u)
-        x = x + step / 6.0 * (first + 2.0 * (second + third) + rates(x + step * third, u))
+        x = rk4(partial(rates, u), x, step)
     return dict(zip(model.states, x.tolist(), strict=True))
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.optimize import root
 
 from hfa import trim
+from hfa_aircraft.march.steppers import rk4
 from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
 from hfa_support.errors import BadInputError
@@ -238,13 +239,7 @@ def _second(model: Model) -> ca.Function:
     function = equations.function
     h = 1.0 / _OURS
 
-    def rates(at: ca.SX) -> ca.SX:
-        return function(at, u, ca.DM(p))[0]
-
-    k1 = rates(x)
-    k2 = rates(x + h / 2 * k1)
-    k3 = rates(x + h / 2 * k2)
-    after = x + h / 6 * (k1 + 2 * (k2 + k3) + rates(x + h * k3))
+    after = rk4(lambda x, _: function(x, u, ca.DM(p))[0], x, h)
     return ca.Function("step", [x, u], [after], {"cse": True}).mapaccum("second", _OURS)
 
 

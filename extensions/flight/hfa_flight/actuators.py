@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.march.march import saturated
 from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive
 
 #: Longest integration step relative to the lag. For the actuators alone, the Runge-Kutta method of
@@ -165,7 +166,7 @@ class ActuatorBank:
         command: u, (m,)
         trim: U0, (m,)
         """
-        return _clipped(command, np.array(self.lowest) - trim, np.array(self.highest) - trim)
+        return saturated(command, np.array(self.lowest) - trim, np.array(self.highest) - trim)
 
     def position(self, states: ca.SX, trim: np.ndarray) -> ca.SX:
         """Return the actuator positions a, (m,), the inputs of the aircraft.
@@ -194,14 +195,10 @@ class ActuatorBank:
         positions = states[: len(self.lag)]
         missing = effectiveness * reachable - positions
         if self.order == 1:
-            return _clipped(bandwidth * missing, -fastest, fastest)
+            return saturated(bandwidth * missing, -fastest, fastest)
         speeds = states[len(self.lag) :]
         accelerations = bandwidth * (bandwidth * missing - 2 * damping * speeds)
-        return ca.vertcat(_clipped(speeds, -fastest, fastest), accelerations)
-
-
-def _clipped(value: ca.SX, lowest: np.ndarray, highest: np.ndarray) -> ca.SX:
-    return ca.fmin(ca.fmax(value, ca.DM(lowest)), ca.DM(highest))
+        return ca.vertcat(saturated(speeds, -fastest, fastest), accelerations)
 
 
 @dataclass(frozen=True)

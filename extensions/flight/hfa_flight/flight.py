@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_aircraft.limits import Limits
-from hfa_aircraft.march.cost import cost_of_flight
+from hfa_aircraft.march.cost import Cost
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs
 from hfa_flight.air.gust_equations import in_gusts
@@ -437,7 +437,7 @@ class Flight(StatesAndInputs, Result, Reported):
         Q, R = self.weights
         errors = self.flight.errors
         inputs = self.flight.inputs
-        return cost_of_flight(self.time, errors, inputs, Q, R, self.loop.policy.is_held)
+        return Cost(Q, R).of(self.time, errors, inputs, self.loop.policy.is_held)
 
     @property
     def warnings(self) -> Sequence[str]:

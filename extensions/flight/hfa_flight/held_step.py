@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.layout import Layout, components
+from hfa_aircraft.march.steppers import rk4
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
 from trim.point.operating_point import OperatingPoint
@@ -43,8 +44,6 @@ def step_of_integration(
 
     linear: states to whose rates d is added
     winds: disturbances w
-
-    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2.
     """
     states = layout.names[0]
     inputs = layout.names[1]
@@ -63,11 +62,7 @@ def step_of_integration(
     once = {"cse": True, "never_inline": True}
     rate = ca.Function("rate", [ca.vertcat(X, U, push, p)], [ca.densify(ca.vertcat(*pushed))], once)
     h = ca.SX.sym("h")
-    k1 = rate(ca.vertcat(X, U, push, p))
-    k2 = rate(ca.vertcat(X + h / 2 * k1, U, push, p))
-    k3 = rate(ca.vertcat(X + h / 2 * k2, U, push, p))
-    k4 = rate(ca.vertcat(X + h * k3, U, push, p))
-    after = X + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    after = rk4(lambda X, _: rate(ca.vertcat(X, U, push, p)), X, h)
     return ca.Function("step", [ca.vertcat(X, U, push, p, h)], [after], {"never_inline": True})
 
 

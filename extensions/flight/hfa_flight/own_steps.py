@@ -89,7 +89,7 @@ def in_own_steps(loop: ClosedLoop) -> CompiledLoop:
             raise BadInputError(
                 f"--method {JSBSIM} does not support {what}; use --method {RUNGE_KUTTA}"
             )
-    return CompiledLoop(loop, tick=lambda compiled: _OwnTick(compiled, make))
+    return CompiledLoop(loop, stepper=lambda compiled: _OwnSteps(compiled, make))
 
 
 def _is_disturbed(loop: ClosedLoop) -> bool:
@@ -100,48 +100,45 @@ def _is_disturbed(loop: ClosedLoop) -> bool:
     return not ca.SX(disturbance.at(ca.SX.sym("t"))).is_zero()
 
 
-class _OwnTick:
-    """Callable that advances the simulation of a JSBSim aircraft by one tick.
+class _OwnSteps:
+    """Stepper of a JSBSim aircraft by JSBSim's own integration.
 
-    `inputs` and `results` are described in `Tick`.
+    loop: the closed loop
+    make: function from the step in s to a stepper with the methods `begin` and `advance`
     """
 
     def __init__(self, loop: CompiledLoop, make: Callable[[float], Any]) -> None:
-        """Create the JSBSim simulation of the aircraft of a loop.
-
-        make: function from the step in s to a stepper with the methods `begin` and `advance`
-        """
         plant = loop.loop.plant
         assert isinstance(plant, NonlinearPlant)
         scenario = loop.loop.scenario
+        self.step = scenario.step
+        self.steps = scenario.steps_per_tick
+        self.sizes = loop.rate.numel_in(1), loop.observed.numel_out(0)
         self._loop = loop
-        self._steps = make(scenario.step)
+        self._own = make(scenario.step)
         self._trim = np.array(plant.point.states)
         self._inputs = np.array(plant.point.inputs)
         self._parameters = plant.model.p
-        self._step = scenario.step
-        self._count = scenario.steps_per_tick
-        held = np.zeros(sum(loop.loop.held_sizes))
-        states = self._trim.size
-        observed = loop.observed_at(0.0, np.zeros(states), held).size
-        self.inputs: tuple[np.ndarray, ...] = (np.zeros(1 + states), held)
-        self.results: tuple[np.ndarray, ...] = (
-            np.zeros(self._count * (1 + states)),
-            np.zeros(self._count * observed),
-        )
 
-    def __call__(self) -> None:
-        """Advance the flight by one tick. At time 0, the JSBSim simulation is restarted."""
-        now, held = self.inputs
-        rows = self.results[0].reshape(self._count, -1)
-        observed = self.results[1].reshape(self._count, -1)
-        time = now[0]
-        x = now[1:].copy()
+    def __call__(
+        self, time: float, state: np.ndarray, held: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the states after each step, and the values observed before it.
+
+        At time 0, the JSBSim simulation is restarted.
+        """
         if time == 0.0:
-            self._steps.begin(self._trim + x, self._parameters, self._inputs)
-        for number in range(self._count):
-            observed[number] = self._loop.observed_at(time, x, held)
-            u = self._inputs + self._loop.inputs_in(observed[number])
-            x = self._steps.advance(u) - self._trim
-            time += self._step
-            rows[number] = [time, *x]
+            self._own.begin(self._trim + state[0], self._parameters, self._inputs)
+        after = np.empty((1, self.steps, self.sizes[0]))
+        seen = np.empty((1, self.steps, self.sizes[1]))
+        for number in range(self.steps):
+            seen[:, number] = self.observed(time, state, held)
+            u = self._inputs + self._loop.inputs_in(seen[0, number])
+            state = (self._own.advance(u) - self._trim)[None]
+            after[:, number] = state
+            time += self.step
+        return after, seen
+
+    def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """Return the values observed at a time, (1, k)."""
+        return np.array(self._loop.observed(time, state[0], held[0])).reshape(1, -1)

@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.layout import components
+from hfa_aircraft.march.steppers import rk4
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_identify.records import Record
@@ -113,7 +114,8 @@ class Responses:
         seen = self._recorded(components(seen), symbols)
         f = ca.Function("f", [x, driven, theta], [rates])
         unknowns = ca.vertcat(x, theta)
-        moved = _runge_kutta(f, x, driven, after, theta, duration)
+        driven_at = {0.0: driven, 0.5: 0.5 * (driven + after), 1.0: after}
+        moved = rk4(lambda x, c: f(x, driven_at[c], theta), x, duration)
         self._step = ca.Function(
             "step", [x, driven, after, theta, duration], ca.cse([ca.densify(moved)])
         )
@@ -547,24 +549,6 @@ class Responses:
 def _earlier(record: Record, delay: float) -> np.ndarray:
     """Return the times of a record minus a delay, clipped to the duration of the record, (N,)."""
     return np.clip(record.time - delay, record.time[0], record.time[-1])
-
-
-def _runge_kutta(
-    f: ca.Function, x: ca.SX, u: ca.SX, after: ca.SX, theta: ca.SX, duration: ca.SX
-) -> ca.SX:
-    """Return the state after one step of the classical Runge-Kutta method, as an expression.
-
-    f: state derivatives as a function of state, inputs and θ
-    x: state before the step
-    u, after: inputs at the start and at the end of the step
-    duration: s
-    """
-    middle = 0.5 * (u + after)
-    k1 = f(x, u, theta)
-    k2 = f(x + 0.5 * duration * k1, middle, theta)
-    k3 = f(x + 0.5 * duration * k2, middle, theta)
-    k4 = f(x + duration * k3, after, theta)
-    return x + duration / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
 
 
 def grid(

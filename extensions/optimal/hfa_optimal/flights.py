@@ -10,7 +10,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.march.cost import cost_of_flight
+from hfa_aircraft.march.cost import Cost
+from hfa_aircraft.march.ending import FAR, EndRule, Outcome
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.envelope import Departure, departure
 from hfa_flight.history import Deviations
@@ -32,8 +33,6 @@ _FASTEST = 0.1
 SETTLED = 0.05
 #: An input is saturated if its distance to a limit is less than this fraction of its nominal value.
 _AT_LIMIT = 1e-3
-#: A flight has diverged if a state deviates by this many nominal values from the trim.
-_FAR = 1e4
 
 
 class SimulatedFlight(NamedTuple):
@@ -78,7 +77,7 @@ class SimulatedFlight(NamedTuple):
 
     @property
     def _convergence(self) -> str:
-        return "converges" if self.converges else "does not converge"
+        return Outcome.CONVERGED if self.converges else Outcome.LOST
 
     def outcome(self) -> str:
         """Return the outcome in words, with the state and limit of a departure."""
@@ -199,7 +198,7 @@ class Flights:
     ) -> SimulatedFlight:
         """Return the simulated flight of a closed loop from an initial condition.
 
-        The simulation ends early if a state deviates by more than `_FAR` nominal values.
+        The simulation ends early if a state deviates by more than `FAR` nominal values.
 
         start: initial deviations z, (k,)
         seconds: duration of the flight, s
@@ -211,13 +210,9 @@ class Flights:
         scenario = loop.loop.scenario
         ticks = max(1, math.ceil(seconds / scenario.tick - 1e-9))
         scenario = replace(scenario, duration=ticks * scenario.tick, initial=initial)
-        far = _FAR * np.array([signal.nominal for signal in problem.model.states.values()])
-
-        def stop(rows: Deviations) -> np.ndarray:
-            return np.asarray(~(np.abs(rows.states) < far).all(axis=1))
-
+        rule = EndRule(FAR * np.array([state.nominal for state in problem.model.states.values()]))
         with np.errstate(all="ignore"):
-            rows = loop.fly(scenario, stop=stop, policy=policy)
+            rows = loop.fly(scenario, stop=lambda rows: rule.is_over(rows.states), policy=policy)
         return self.priced(loop.loop.policy, rows)
 
     def priced(self, policy: Policy, rows: Deviations) -> SimulatedFlight:
@@ -238,7 +233,7 @@ class Flights:
         left = departure(problem.envelope, rows.times, states, moving_air=False)
         with np.errstate(over="ignore", invalid="ignore"):  # the flight may diverge
             tail = float(z[-1] @ problem.P @ z[-1])
-            running = cost_of_flight(rows.times, z, v, problem.Q, problem.R, policy.is_held)
+            running = Cost(problem.Q, problem.R).of(rows.times, z, v, policy.is_held)
         cost = running + tail
         if not math.isfinite(cost) or tail > SETTLED * cost:
             cost = math.inf

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.march.march import saturated
 from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.problem import FlightProblem
 from hfa_optimal.collocation import Proposal
@@ -52,7 +53,7 @@ class TrackingPolicy(Policy):
         hats = [ca.fmax(0.0, 1.0 - ca.fabs(step - knot)) for knot in range(STEPS + 1)]
         both = ca.mtimes(ca.reshape(proposed, k + m, STEPS + 1), ca.vertcat(*hats))
         v = both[k:] - ca.mtimes(ca.reshape(K, m, k), measurements.error - both[:k])
-        limited = ca.fmin(ca.fmax(v, ca.DM(self.lowest)), ca.DM(self.highest))
+        limited = saturated(v, ca.DM(self.lowest), ca.DM(self.highest))
         u = ca.SX.zeros(self.count)
         u[self.moved] = limited
         return u

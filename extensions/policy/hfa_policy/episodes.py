@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.layout import components
+from hfa_aircraft.march.march import saturated
 from hfa_flight.air.turbulence import AirFilter, Turbulence
 from hfa_flight.envelope import flight_envelope
 from hfa_flight.held_step import parts_of_a_sample
@@ -430,7 +431,7 @@ def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> 
     count = len(low)
     arguments = symbols_of_a_sample(deployed, count)
     action = ca.SX.sym("a", count)
-    within = ca.fmin(ca.fmax(action, ca.DM(low)), ca.DM(high))
+    within = saturated(action, ca.DM(low), ca.DM(high))
     commanded = deployed.inputs(within, *arguments[:3])
     return Steered(
         enters=ca.Function("enters", arguments, [arguments[3]]),

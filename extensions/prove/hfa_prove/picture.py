@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hfa_aircraft.march.ending import Outcome
 from hfa_prove.search.monomials import PolynomialFunction
-from hfa_prove.search.plant import Outcome
 from hfa_prove.search.region_squares import Region, starts_by_outcome
 from hfa_support.reporting.text import shown_unit, shown_values
 

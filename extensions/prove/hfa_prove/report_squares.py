@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hfa_aircraft.march.ending import Outcome
 from hfa_prove.check.game import SAME_GAIN
 from hfa_prove.check.region_squares import VerifiedRegion, extents_of
 from hfa_prove.results import CheckedSet, FoundSet, Place
-from hfa_prove.search.plant import NOT_RETURNED, Outcome
+from hfa_prove.search.plant import NOT_RETURNED
 from hfa_prove.statements.region_squares import RegionStatement
 from hfa_prove.subject import first_line
 from hfa_prove.words import (

@@ -1,16 +1,49 @@
-"""The cost of a flight with inputs that are constant in a tick or interpolated."""
+"""The cost of a flight: stored histories, and the cost as a further state."""
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 import pytest
+from scipy.linalg import expm, solve_continuous_lyapunov
 
-from hfa_aircraft.march.cost import cost_of_flight
+from hfa_aircraft.march.cost import Cost
+from hfa_aircraft.march.steppers import rk4
 
 TIMES = np.array([0.0, 1.0, 3.0])
 ZEROS = np.zeros((3, 1))
 INPUTS = np.array([[2.0], [1.0], [5.0]])
-ONE = np.eye(1)
+SQUARES = Cost(np.eye(1), np.eye(1))
+
+# A stable linear loop v = -K z.
+A = np.array([[0.0, 1.0], [-2.0, -0.3]])
+B = np.array([[0.0], [1.0]])
+K = np.array([[0.7, 0.4]])
+COST = Cost(np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([[3.0]]))
+LOOP = A - B @ K
+START = np.array([1.0, -0.5])
+SECONDS = 4.0
+
+
+def exact_cost(cost: Cost) -> float:
+    """Return the cost of the linear loop until `SECONDS`, by its Lyapunov equation."""
+    X = solve_continuous_lyapunov(LOOP.T, -(cost.Q + K.T @ cost.R @ K))
+    end = expm(LOOP * SECONDS) @ START
+    return float(START @ X @ START - end @ X @ end)
+
+
+def integrated(cost: Cost, steps: int) -> float:
+    """Return the cost of the linear loop until `SECONDS` as a further state of the simulation."""
+
+    def rates(y: np.ndarray, _: float) -> np.ndarray:
+        z = y[:, :2]
+        v = -z @ K.T
+        return np.column_stack([z @ A.T + v @ B.T, cost.rate(z, v)])
+
+    y = np.append(START, 0.0)[None]
+    for _ in range(steps):
+        y = rk4(rates, y, SECONDS / steps)
+    return float(y[0, 2])
 
 
 @pytest.mark.parametrize(("is_held", "cost"), [(True, 6.0), (False, 28.5)])
@@ -18,9 +51,42 @@ def test_costs_of_held_and_interpolated_inputs_are_exact(is_held: bool, cost: fl
     """Held inputs of 2 for 1 s and 1 for 2 s cost 2² + 2·1². Interpolated inputs follow the
     trapezoidal rule.
     """
-    assert cost_of_flight(TIMES, ZEROS, INPUTS, ONE, ONE, is_held) == cost
+    assert SQUARES.of(TIMES, ZEROS, INPUTS, is_held) == cost
 
 
 def test_cost_integrates_by_the_trapezoidal_rule() -> None:
     """The cost of a flight with held inputs equals a trapezoidal sum computed by hand."""
-    assert cost_of_flight(TIMES, INPUTS, ZEROS, ONE, ONE, is_held=True) == 28.5
+    assert SQUARES.of(TIMES, INPUTS, ZEROS, is_held=True) == 28.5
+
+
+def test_the_cost_of_a_stored_flight_approaches_the_exact_integral() -> None:
+    """The error of the trapezoidal rule decreases with the square of the step."""
+    errors = []
+    for steps in (100, 200):
+        times = np.linspace(0.0, SECONDS, steps + 1)
+        z = np.array([expm(LOOP * t) @ START for t in times])
+        errors.append(abs(COST.of(times, z, -z @ K.T) - exact_cost(COST)))
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
+
+
+def test_the_cost_as_a_state_has_the_order_of_the_simulation() -> None:
+    """Halving the step reduces the error of the integrated cost about 16 times."""
+    errors = [abs(integrated(COST, steps) - exact_cost(COST)) for steps in (160, 320)]
+    assert errors[0] / errors[1] == pytest.approx(16.0, rel=0.06)
+
+
+def test_a_wrong_weight_is_seen() -> None:
+    """A cost with another weight, planted here, does not have the exact integral."""
+    wrong = Cost(COST.Q, 1.01 * COST.R)
+    miss = abs(integrated(wrong, 80) - exact_cost(COST))
+    assert miss > 1e3 * abs(integrated(COST, 80) - exact_cost(COST))
+
+
+@pytest.mark.parametrize("kind", [ca.SX, ca.MX])
+def test_the_running_cost_of_expressions_equals_that_of_arrays(kind: type[ca.SX]) -> None:
+    """The expression of the running cost has the values of its rows."""
+    z, v = kind.sym("z", 2), kind.sym("v", 1)
+    of_expressions = ca.Function("rate", [z, v], [COST.rate(z, v)])
+    rows = np.random.default_rng(0).normal(size=(5, 3))
+    for row, value in zip(rows, COST.rate(rows[:, :2], rows[:, 2:]), strict=True):
+        assert float(of_expressions(row[:2], row[2:])) == pytest.approx(value)

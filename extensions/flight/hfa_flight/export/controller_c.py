@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from controller.schedule.scheduled_controller import COMMAND_SIGNALS, ScheduledController
+from hfa_aircraft.march.march import saturated
 from hfa_aircraft.model import Model
 from hfa_aircraft.units import signal_unit
 from hfa_flight.actuators import ActuatorBank
@@ -276,7 +277,7 @@ def _controller_function(point: OperatingPoint, commanded: CommandedPolicy) -> c
     states = ca.SX(len(model.linear), 1)
     states[model.linear.index(model.schedule)] = scheduled - policy.scheduled_at
     measurements = Measurements(states, states, none, none)
-    u = ca.fmin(ca.fmax(policy.control(t, measurements, own, none), lowest), highest)
+    u = saturated(policy.control(t, measurements, own, none), lowest, highest)
     rate = policy.memory_rate(t, measurements, own, none, u)
     memory = ca.vertcat(own, commanded.filtered)
     results = [ca.densify(u), ca.densify(ca.vertcat(rate, commanded.filtered_rate))]

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.limits import Limits
+from hfa_aircraft.march.march import saturated
 from hfa_aircraft.model import Model
 from hfa_flight.history import Deviations
 from hfa_flight.signals import CommandSteps
@@ -194,7 +195,7 @@ class FunctionPolicy(Policy):
 
     def expression(self, z: ca.SX) -> ca.SX:
         """Return u = sat(π(z), lowest, highest) as an expression of z, (m,)."""
-        u = ca.fmin(ca.fmax(self.function(z), ca.DM(self.lowest)), ca.DM(self.highest))
+        u = saturated(self.function(z), ca.DM(self.lowest), ca.DM(self.highest))
         return ca.densify(u)
 
 

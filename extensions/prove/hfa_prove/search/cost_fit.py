@@ -16,9 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import linprog
 
+from hfa_aircraft.march.cost import Cost
 from hfa_prove.check.cover import OpenBoxError
 from hfa_prove.check.equilibrium import Equilibrium
-from hfa_prove.search.flights import Inputs, flight_costs, running_cost
+from hfa_prove.search.flights import Inputs, flight_costs
 from hfa_prove.search.monomials import Monomials
 from hfa_prove.statements.piece import Polynomial
 from hfa_prove.statements.plant import Plant
@@ -310,7 +311,7 @@ class Fit:
         problem = self._problem
         f = problem.inputs.rates(z, v) @ self.M.T
         rows = np.einsum("ktj,kj->kt", self._basis.slopes(z @ self.M.T), f)
-        scale = running_cost(problem.Q, problem.R, z, v) + 1e-12 * self.c
+        scale = Cost(problem.Q, problem.R).rate(z, v) + 1e-12 * self.c
         return rows / scale[:, None], np.full(len(z), -(1.0 - _KEPT * problem.margin))
 
     def _add(self, z: np.ndarray, v: np.ndarray) -> None:

@@ -10,6 +10,9 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.march.cost import Cost
+from hfa_aircraft.march.ending import EndRule
+from hfa_aircraft.march.march import Rows, march
 from hfa_prove.check.cost import solved_for
 from hfa_prove.check.equilibrium import Equilibrium
 from hfa_prove.statements.plant import Plant
@@ -112,38 +115,29 @@ def flight_costs(
     in_envelope: z (N, n) -> mask (N,) of the points within the state limits
     """
     Q, R, P = weights
+    running = Cost(Q, R)
     n = len(Q)
     J = inputs.linear()
     K = np.linalg.pinv(R) @ J[:, n:].T @ P
     poles = np.linalg.eigvals(J[:, :n] - J[:, n:] @ K)
     step = 1.0 / (_PER_FASTEST * np.abs(poles).max())
     count = int(min(_MOST_STEPS, _OF_SLOWEST / (step * np.abs(poles.real).min())))
-    cost = np.zeros(len(z))
-    flying = np.arange(len(z))
-    first = np.einsum("ki,ij,kj->k", z, P, z)
     v = inputs.best(z, gradient(z))
+
+    def policy(y: np.ndarray, flying: np.ndarray) -> np.ndarray:
+        z = y[:, :n]
+        v[flying] = inputs.best(z, gradient(z), v[flying], _NEWTON_IN_FLIGHT)
+        return v[flying]
+
+    def rates(y: np.ndarray, v: np.ndarray) -> np.ndarray:
+        z = y[:, :n]
+        return np.column_stack([inputs.rates(z, v), running.rate(z, v)])
+
+    rule = EndRule(np.finfo(float).max, lambda y: in_envelope(y[:, :n]))
+    loop = Rows(rates, np.column_stack([z, np.zeros(len(z))]), step, policy)
     with np.errstate(all="ignore"):
-        for _ in range(count):
-            v = inputs.best(z, gradient(z), v, _NEWTON_IN_FLIGHT)
-            before = running_cost(Q, R, z, v)
-            one = inputs.rates(z, v)
-            two = inputs.rates(z + 0.5 * step * one, v)
-            three = inputs.rates(z + 0.5 * step * two, v)
-            four = inputs.rates(z + step * three, v)
-            middle = running_cost(Q, R, z + 0.5 * step * two, v)
-            z = z + step / 6.0 * (one + 2.0 * two + 2.0 * three + four)
-            cost[flying] += step / 6.0 * (before + 4.0 * middle + running_cost(Q, R, z, v))
-            within = in_envelope(z) & np.isfinite(z).all(axis=1)
-            cost[flying[~within]] = np.inf
-            flying, z, v = flying[within], z[within], v[within]
-            if not len(flying):
-                return cost
-    left = np.einsum("ki,ij,kj->k", z, P, z)
-    cost[flying] += np.where(left <= _CONVERGED * first[flying], left, np.inf)
-    return cost
-
-
-def running_cost(Q: np.ndarray, R: np.ndarray, z: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return the running cost z'Q z + v'R v (N,) at state and input deviations."""
-    of_states = np.einsum("ki,ij,kj->k", z, Q, z)
-    return np.asarray(of_states + np.einsum("ki,ij,kj->k", v, R, v))
+        flown, _ = march(loop, count, over=rule.over, keep=False)
+    final = flown.states[:, 0]
+    first, left = (np.einsum("ki,ij,kj->k", each, P, each) for each in (z, final[:, :n]))
+    converges = ~rule.is_over(final) & (left <= _CONVERGED * first)
+    return np.where(converges, final[:, n] + left, np.inf)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import cached_property
 from math import prod
 from typing import Any
@@ -15,6 +14,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.march.ending import FAR, EndRule, Outcome
+from hfa_aircraft.march.march import Rows, march, saturated
 from hfa_prove.fields import Terms
 from hfa_prove.statements.loop import SaturatedLoop
 from hfa_prove.statements.plant import model_limits
@@ -24,8 +25,6 @@ from trim.linear.linear_model import LinearModel
 
 #: Simulation steps in the time constant of the fastest mode.
 _STEPS = 3.0
-#: Nominal deviations beyond which a trajectory diverges.
-_FAR = 1e4
 #: Multiples of the largest initial deviation beyond which a trajectory diverges.
 _FAR_OF_STARTS = 1e2
 #: A trajectory is at an equilibrium if it would move by fewer nominal values in the same time
@@ -148,7 +147,7 @@ class Plant:
         """Return a command u - u0 (m,) limited such that the inputs are within their limits."""
         low = ca.DM(self.input_ends[:, 0])
         high = ca.DM(self.input_ends[:, 1])
-        return ca.fmin(ca.fmax(command, low), high)
+        return saturated(command, low, high)
 
     @cached_property
     def _function(self) -> ca.Function:
@@ -183,7 +182,7 @@ class Plant:
 
         Deviations that are not finite are included.
         """
-        return self.beyond(z) | ~np.all(np.abs(z) <= _FAR * self.nominal, axis=1)
+        return self.beyond(z) | ~np.all(np.abs(z) <= FAR * self.nominal, axis=1)
 
     def rates(self, z: np.ndarray) -> np.ndarray:
         """Return z' (N, n) at state deviations z (N, n)."""
@@ -272,20 +271,11 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
     return np.asarray(vectors / lengths)
 
 
-class Outcome(IntEnum):
-    """Outcome of a simulation from an initial condition."""
-
-    RETURNED = 0  # it enters the proved set
-    UNKNOWN = 1  # no other outcome within the time
-    LEFT = 2  # it exceeds a limit
-    LOST = 3  # it diverges or converges to another equilibrium
-
-
 #: Descriptions of flights that do not enter the proved set.
 NOT_RETURNED = {
     Outcome.LEFT: "flight leaves the limits",
     Outcome.LOST: "flight does not converge",
-    Outcome.UNKNOWN: "flight undecided within the time",
+    Outcome.UNDECIDED: "flight undecided within the time",
 }
 
 
@@ -295,7 +285,7 @@ def outcomes(
     """Return the `Outcome` of a simulation from each initial condition, (N,).
 
     Outcomes are tested at every step of the classical Runge-Kutta method. A trajectory diverges if
-    a state is not finite, or exceeds both `_FAR` nominal values and `_FAR_OF_STARTS` times the
+    a state is not finite, or exceeds both `FAR` nominal values and `_FAR_OF_STARTS` times the
     largest initial deviation. A trajectory that is nearly at rest after `seconds` has converged to
     another equilibrium.
 
@@ -304,37 +294,20 @@ def outcomes(
     seconds: longest duration of each simulation, s
     """
     largest = np.max(np.abs(starts), axis=0, initial=0.0)
-    far = np.maximum(_FAR * plant.nominal, _FAR_OF_STARTS * largest)
+    far = np.maximum(FAR * plant.nominal, _FAR_OF_STARTS * largest)
     fastest = float(np.max(np.abs(np.linalg.eigvals(plant.closed_matrix))))
     step = 1.0 / (_STEPS * fastest)
-    z = np.array(starts, dtype=float)
-    result = np.full(len(z), Outcome.UNKNOWN)
-    flying = np.arange(len(z))
+    rule = EndRule(far, lambda z: ~plant.beyond(z), holds)
+    loop = Rows(lambda z, _: plant.rates(z), starts, step, lambda z, _: z[:, :0])
+    ticks = int(np.ceil(seconds / step)) + 1
     with np.errstate(all="ignore"):  # diverging states overflow
-        for _ in range(int(np.ceil(seconds / step)) + 1):
-            now = z[flying]
-            returned = holds(now)
-            diverged = ~np.all(np.abs(now) <= far, axis=1)
-            left = plant.beyond(now) & ~diverged
-            result[flying[left]] = Outcome.LEFT
-            result[flying[diverged]] = Outcome.LOST
-            result[flying[returned]] = Outcome.RETURNED
-            flying = flying[~(returned | left | diverged)]
-            if not len(flying):
-                return result
-            z[flying] = _advanced(plant, z[flying], step)
-        moved = np.abs(plant.rates(z[flying])) * seconds
-    result[flying[np.all(moved <= _RESTS * plant.nominal, axis=1)]] = Outcome.LOST
+        flown, _ = march(loop, ticks, over=rule.over, keep=False)
+        final = flown.states[:, 0]
+        result = rule.outcomes(final)
+        moved = np.abs(plant.rates(final)) * seconds
+    rests = np.all(moved <= _RESTS * plant.nominal, axis=1)
+    result[rests & (result == Outcome.UNDECIDED)] = Outcome.LOST
     return result
-
-
-def _advanced(plant: Plant, z: np.ndarray, step: float) -> np.ndarray:
-    """Return the state deviations (N, n) after one Runge-Kutta step of `step` seconds."""
-    k1 = plant.rates(z)
-    k2 = plant.rates(z + step / 2 * k1)
-    k3 = plant.rates(z + step / 2 * k2)
-    k4 = plant.rates(z + step * k3)
-    return z + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
 
 def refuse_unstable(J: np.ndarray) -> None:

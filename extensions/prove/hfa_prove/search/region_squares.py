@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
+from hfa_aircraft.march.ending import Outcome
 from hfa_prove.check.loop_squares import Equilibrium
 from hfa_prove.check.region_squares import extents_of
 from hfa_prove.search.level import (
@@ -20,7 +21,7 @@ from hfa_prove.search.level import (
     proved_level,
 )
 from hfa_prove.search.monomials import PolynomialFunction, edge_points
-from hfa_prove.search.plant import Outcome, Plant, first_rise, outcomes, refuse_unstable
+from hfa_prove.search.plant import Plant, first_rise, outcomes, refuse_unstable
 from hfa_prove.search.shape_squares import better
 from hfa_prove.statements.loop import SaturatedLoop
 from hfa_support.errors import NoSolutionError
@@ -434,7 +435,7 @@ def starts_by_outcome(
     """Return outcome -> initial conditions (k, n) from which simulations have this outcome.
 
     - `LEFT`, `LOST`: approximately the first initial condition with this outcome on each ray
-    - `UNKNOWN`: every simulated initial condition without an outcome in the time limit
+    - `UNDECIDED`: every simulated initial condition without an outcome in the time limit
 
     V, rho: the proved set {V <= rho}
     T: matrix of the coordinates z = T y, (n, n). The set is in the unit ball of y.
@@ -449,22 +450,22 @@ def starts_by_outcome(
 
     low = np.minimum(V.edge(rays, rho), 1.0)
     high = low * _FARTHEST
-    kinds = np.zeros(0, dtype=int)
+    kinds = np.zeros(0, dtype=object)
     open_starts = np.zeros((0, len(T)))
     for _ in range(2):
         shells = low + (high - low) * np.linspace(0.0, 1.0, _SHELLS + 1)[1:, None] ** 2
         starts = (shells[:, :, None] * rays).reshape(-1, rays.shape[1])
         found = outcomes(plant, starts, holds, seconds)
-        open_starts = np.concatenate([open_starts, starts[found == Outcome.UNKNOWN]])
+        open_starts = np.concatenate([open_starts, starts[found == Outcome.UNDECIDED]])
         found = found.reshape(shells.shape)
-        gone = found >= Outcome.LEFT
+        gone = (found == Outcome.LEFT) | (found == Outcome.LOST)
         kinds = found[gone.argmax(axis=0), np.arange(len(rays))][gone.any(axis=0)]
         rays, low, high = _first_not_converging(rays, low, shells, gone)
         if not len(rays):
             break
     first = np.asarray(high[:, None] * rays)
     of_kind = {kind: first[kinds == kind] for kind in (Outcome.LEFT, Outcome.LOST)}
-    of_kind[Outcome.UNKNOWN] = open_starts
+    of_kind[Outcome.UNDECIDED] = open_starts
     return {kind: starts for kind, starts in of_kind.items() if len(starts)}
 
 

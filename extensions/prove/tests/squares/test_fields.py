@@ -15,6 +15,7 @@ from pendulum_regions import PENDULUM, certified, pendulum_loop
 import hfa
 from hfa.main import main
 from hfa_aircraft.loading import load_model
+from hfa_aircraft.march.ending import Outcome
 from hfa_aircraft.model import Model, Signal
 from hfa_prove.check.region_squares import VerifiedRegion, check_certificate
 from hfa_prove.commands.given_region import given_for
@@ -22,7 +23,7 @@ from hfa_prove.commands.request import CheckRequest
 from hfa_prove.fields import NOT_PROVED
 from hfa_prove.fields_squares import FIELDS
 from hfa_prove.report_squares import checked_report
-from hfa_prove.search.plant import Outcome, Plant, outcomes, saturated_loop
+from hfa_prove.search.plant import Plant, outcomes, saturated_loop
 from hfa_prove.statements.loop import SaturatedLoop
 from hfa_prove.statements.region_squares import RegionStatement
 from hfa_prove.subject import compare, entries_of
@@ -207,9 +208,9 @@ def test_outcomes_of_trajectories_are_distinguished() -> None:
         loop = saturated_loop(linear, np.array([[1.0, 2.0]]))
         return outcomes(Plant(loop), starts, _is_near, seconds).tolist()
 
-    assert found(free, 100.0) == [Outcome.RETURNED, Outcome.RETURNED]
-    assert found(free, 3.0) == [Outcome.UNKNOWN, Outcome.UNKNOWN]
-    assert found(kept, 100.0) == [Outcome.RETURNED, Outcome.LEFT]
+    assert found(free, 100.0) == [Outcome.CONVERGED, Outcome.CONVERGED]
+    assert found(free, 3.0) == [Outcome.UNDECIDED, Outcome.UNDECIDED]
+    assert found(kept, 100.0) == [Outcome.CONVERGED, Outcome.LEFT]
 
 
 def test_a_distant_initial_condition_converges() -> None:
@@ -217,7 +218,7 @@ def test_a_distant_initial_condition_converges() -> None:
     model = Model("one", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": -x.x}, {}), trim={})
     loop = SaturatedLoop(model, {}, {"x": 0.0}, {}, {}, {}, np.zeros((0, 1)))
     found = outcomes(Plant(loop), np.array([[1e35]]), _is_near, 100.0)
-    assert found.tolist() == [Outcome.RETURNED]
+    assert found.tolist() == [Outcome.CONVERGED]
 
 
 def _is_near(z: np.ndarray) -> np.ndarray:

@@ -10,10 +10,11 @@ from matplotlib.lines import Line2D
 from pendulum_regions import PENDULUM
 
 from hfa_aircraft.loading import load_model
+from hfa_aircraft.march.ending import Outcome
 from hfa_prove.picture import region_figure
 from hfa_prove.search.level import ProvedLevel
 from hfa_prove.search.monomials import PolynomialFunction
-from hfa_prove.search.plant import Outcome, Plant, saturated_loop
+from hfa_prove.search.plant import Plant, saturated_loop
 from hfa_prove.search.region_squares import Bounds, Region
 from hfa_prove.statements.region_squares import RegionStatement
 from trim.point.linearize import linearize

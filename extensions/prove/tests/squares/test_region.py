@@ -26,6 +26,7 @@ from pendulum_regions import (
 )
 
 from hfa.main import main
+from hfa_aircraft.march.ending import Outcome
 from hfa_aircraft.model import Model, Signal
 from hfa_prove.check.region_squares import check_certificate, check_region, read_content
 from hfa_prove.fields import Rejected
@@ -33,7 +34,7 @@ from hfa_prove.report_squares import region_report
 from hfa_prove.search.interruption import interruptible
 from hfa_prove.search.level import ProvedLevel
 from hfa_prove.search.monomials import PolynomialFunction
-from hfa_prove.search.plant import Outcome, Plant, outcomes
+from hfa_prove.search.plant import Plant, outcomes
 from hfa_prove.search.region_squares import RegionSearch, starts_by_outcome
 from hfa_prove.statements.loop import SaturatedLoop
 from hfa_prove.statements.region_squares import RegionStatement
@@ -214,7 +215,7 @@ def _not_converged(
     def near(z: np.ndarray) -> np.ndarray:
         return V(z) <= 1e-4 * statement.rho
 
-    return outcomes(Plant(statement.loop), starts, near, 20.0) != Outcome.RETURNED
+    return outcomes(Plant(statement.loop), starts, near, 20.0) != Outcome.CONVERGED
 
 
 def test_a_set_beyond_limits_of_state_is_refused(certificate: Path, model: Model) -> None:

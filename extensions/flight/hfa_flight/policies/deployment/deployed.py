@@ -23,6 +23,7 @@ import numpy as np
 from controller.critic.critic import symbols_for
 from hfa_aircraft.layout import components
 from hfa_aircraft.limits import Limits
+from hfa_aircraft.march.march import saturated
 from hfa_aircraft.model import Model
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.formulas import Formula, read_formula
@@ -207,7 +208,7 @@ class Deployed:
         if normalizer is None:
             return ca.Function("normalized", [o], [o, o])
         normal = normalizer.before_clip(o)
-        seen = ca.fmin(ca.fmax(normal, -normalizer.clip), normalizer.clip)
+        seen = saturated(normal, -normalizer.clip, normalizer.clip)
         return ca.Function("normalized", [o], [ca.densify(part) for part in (normal, seen)])
 
     @cached_property
@@ -220,10 +221,10 @@ class Deployed:
         actor = self.deployment.actor
         raw = ca.SX.sym("raw", len(self.commanded))
         if actor.squash:
-            mean = ca.fmin(ca.fmax(raw, -actor.clip_mean), actor.clip_mean)
+            mean = saturated(raw, -actor.clip_mean, actor.clip_mean)
             action = ca.DM(low) + 0.5 * (ca.tanh(mean) + 1.0) * ca.DM(high - low)
         else:
-            action = ca.fmin(ca.fmax(raw, ca.DM(low)), ca.DM(high))
+            action = saturated(raw, ca.DM(low), ca.DM(high))
         return ca.Function("action", [raw], [ca.densify(action)])
 
     @cached_property
@@ -273,7 +274,7 @@ class Deployed:
         # An input that no action moves keeps its trim value, even outside its limits.
         low = np.where([name in self.commanded for name in limits.names], limits.lowest, -np.inf)
         high = np.where([name in self.commanded for name in limits.names], limits.highest, np.inf)
-        within = ca.fmin(ca.fmax(unlimited, ca.DM(low)), ca.DM(high))
+        within = saturated(unlimited, ca.DM(low), ca.DM(high))
         within = _unless_nan(unlimited, within)
         return ca.Function("inputs", [a, X, U, trim], [ca.densify(within)])
 

@@ -1,0 +1,101 @@
+"""The Runge-Kutta method: its order, linear loops and the energy of a pendulum."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+from hfa_aircraft.march.steppers import rk4
+
+START = np.array([2.5, 0.0])
+SECONDS = 6.0
+Step = Callable[[Callable[[Any, float], Any], Any, Any], Any]
+
+
+def pendulum(x: np.ndarray, _: float) -> np.ndarray:
+    """Return the rates of the pendulum x1'' = -sin x1."""
+    return np.array([x[1], -np.sin(x[0])])
+
+
+def swung(step: Step, steps: int) -> np.ndarray:
+    """Return the state of the pendulum after `SECONDS`."""
+    x = START
+    for _ in range(steps):
+        x = step(pendulum, x, SECONDS / steps)
+    return x
+
+
+def order(step: Step) -> float:
+    """Return the measured order of a method, from the errors at two step sizes."""
+    exact = solve_ivp(
+        lambda t, x: pendulum(x, 0.0),
+        (0.0, SECONDS),
+        START,
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-14,
+    ).y[:, -1]
+    coarse, fine = (np.abs(swung(step, steps) - exact).max() for steps in (400, 800))
+    return float(np.log2(coarse / fine))
+
+
+def test_the_method_is_of_order_four() -> None:
+    """The error of a nonlinear pendulum decreases with the fourth power of the step."""
+    assert order(rk4) == pytest.approx(4.0, abs=0.2)
+
+
+@pytest.mark.parametrize("weights", [(1, 2.001, 1.999, 1), (1, 3, 1, 1)])
+def test_a_planted_wrong_weight_is_of_lower_order(weights: tuple[float, ...]) -> None:
+    """The measurement of the order sees a method with other weights of its stages."""
+
+    def wrong(rate: Callable[[Any, float], Any], x: Any, h: Any) -> Any:
+        k1 = rate(x, 0.0)
+        k2 = rate(x + h / 2 * k1, 0.5)
+        k3 = rate(x + h / 2 * k2, 0.5)
+        k4 = rate(x + h * k3, 1.0)
+        stages = (k1, k2, k3, k4)
+        return x + h / 6 * sum(w * k for w, k in zip(weights, stages, strict=True))
+
+    assert order(wrong) < 3.5
+
+
+def test_a_linear_loop_follows_its_exponential() -> None:
+    """A step is the Taylor series of exp(A h) up to h⁴."""
+    A = np.array([[-0.4, 1.0, 0.0], [-2.0, -0.1, 0.3], [0.0, 0.2, -1.0]])
+    h = 0.05
+    step = np.column_stack([rk4(lambda x, _: A @ x, column, h) for column in np.eye(3)])
+    remainder = np.linalg.matrix_power(A * h, 5) / 120.0
+    assert np.abs(step - expm(A * h) + remainder).max() < 0.05 * np.abs(remainder).max()
+
+
+def test_the_energy_of_a_pendulum_is_kept() -> None:
+    """Over 100 s the energy x2²/2 - cos x1 changes by less than 1e-6."""
+
+    def energy(x: np.ndarray) -> float:
+        return float(x[1] ** 2 / 2.0 - np.cos(x[0]))
+
+    x = START
+    for _ in range(10_000):
+        x = rk4(pendulum, x, 0.01)
+    assert energy(x) == pytest.approx(energy(START), abs=1e-6)
+
+
+def test_the_fraction_of_the_step_places_time_dependent_rates() -> None:
+    """x' = (t / h)³ over one step has the exact integral h / 4 of Simpson's rule."""
+    h = 0.3
+    assert float(rk4(lambda x, c: np.array([c**3]), np.zeros(1), h)[0]) == pytest.approx(h / 4.0)
+
+
+def test_expressions_and_arrays_have_equal_bits() -> None:
+    """The compiled step of CasADi has the same order of operations as that of NumPy."""
+    x = ca.SX.sym("x", 2)
+    after = rk4(lambda x, _: ca.vertcat(x[1], -ca.sin(x[0])), x, 0.1)
+    step = ca.Function("step", [x], [after])
+    for start in np.random.default_rng(0).normal(size=(50, 2)):
+        np.testing.assert_array_equal(np.array(step(start)).ravel(), rk4(pendulum, start, 0.1))
