@@ -1,6 +1,6 @@
 """Sphinx configuration.
 
-The pages of commands, formats, parts, notebooks and public names are generated at every build.
+The pages of commands, formats, notebooks and public names are generated at every build.
 """
 
 from __future__ import annotations
