@@ -34,6 +34,7 @@ def environment(
     seconds: float = SECONDS,
     render_mode: str | None = None,
     turbulence: Turbulence | None = None,
+    vary: Mapping[str, tuple[float, float]] | None = None,
     dt: float | None = None,
     Q: ArrayLike | Mapping[str, float] | None = None,
     R: ArrayLike | Mapping[str, float] | None = None,
@@ -50,10 +51,13 @@ def environment(
     render_mode: None or "rgb_array", the picture of the episode so far
     turbulence: turbulence of MIL-F-8785C, drawn for each episode. Unsupported components cause a
         warning
+    vary: parameter -> (lowest, highest). At each reset, a value between both is drawn. The trim
+        values remain those of the unchanged aircraft, as in `hfa.assess`
     dt: sample time of the default deployment, s, 0.02 if not given
     Q, R: diagonal weights of the default deployment's cost, as for `hfa.game`. Default: 1/nominal²
 
-    The reward is the negative cost.
+    The reward is the negative cost of the states and of the inputs commanded at the sample, also if
+    these act later because of a delay.
 
     Raises BadInputError if gymnasium is missing, a name is unknown, an action has no box, `seconds`
     or `render_mode` is invalid, or dt, Q or R is given together with a deployment. Raises TrimError
@@ -72,7 +76,7 @@ def environment(
     ((2,), (1,))
     """
     deployed = _deployment(model, deployment, dt, Q, R)
-    episodes = _episodes(model, deployed, points, 1, seconds, turbulence)
+    episodes = _episodes(model, deployed, points, 1, seconds, turbulence, vary)
     make = _made(
         "gymnasium", "gymnasium", "hfa_policy.gymnasium_environment", "AircraftEnvironment"
     )
@@ -89,6 +93,7 @@ def vector_environment(
     count: int = 8,
     seconds: float = SECONDS,
     turbulence: Turbulence | None = None,
+    vary: Mapping[str, tuple[float, float]] | None = None,
     dt: float | None = None,
     Q: ArrayLike | Mapping[str, float] | None = None,
     R: ArrayLike | Mapping[str, float] | None = None,
@@ -107,7 +112,7 @@ def vector_environment(
     >>> PPO("MlpPolicy", flights).learn(100_000)  # doctest: +SKIP
     """
     deployed = _deployment(model, deployment, dt, Q, R)
-    episodes = _episodes(model, deployed, points, count, seconds, turbulence)
+    episodes = _episodes(model, deployed, points, count, seconds, turbulence, vary)
     module = "hfa_policy.vector_environment"
     make = _made("stable_baselines3", "stable-baselines3", module, "AircraftVectorEnvironment")
     made: VecEnv = make(episodes)
@@ -171,6 +176,7 @@ def _episodes(
     count: int,
     seconds: float,
     turbulence: Turbulence | None,
+    vary: Mapping[str, tuple[float, float]] | None,
 ) -> Episodes:
     refuse_unless_whole("count", count, 1)
     trims = trims_of(model, points)
@@ -179,7 +185,7 @@ def _episodes(
     if turbulence is not None:
         for sentence in turbulence.air(trims[0], deployment.dt, 1, 0).left_out(model):
             warn(sentence)
-    return Episodes(Deployed(deployment, model), trims, count, seconds, turbulence)
+    return Episodes(Deployed(deployment, model), trims, count, seconds, turbulence, vary)
 
 
 def _made(library: str, package: str, module: str, name: str) -> Callable[..., Any]:

@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import reduce
 from typing import Any, NamedTuple
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from hfa_aircraft.layout import components
 from hfa_aircraft.march.march import saturated
+from hfa_aircraft.model import Model
 from hfa_flight.air.turbulence import AirFilter, Turbulence
 from hfa_flight.envelope import flight_envelope
 from hfa_flight.held_step import parts_of_a_sample
@@ -22,7 +24,7 @@ from hfa_flight.initial_box import start_box
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_policy.flights import SampledFlight, Steered, symbols_of_a_sample
 from hfa_policy.outcomes import departure_at, refuse_edges
-from hfa_support.errors import BadInputError, is_finite, shown
+from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
 from hfa_support.native.row_code import bound_rows, row_code
 from trim.point.operating_point import OperatingPoint
 
@@ -56,17 +58,19 @@ class Episodes:
     """N episodes of a deployment on its aircraft, each about one of several trims.
 
     The reward of a sample is -dt (x'Q x + u'R u). x are the deviations of states and outputs from
-    the trim at the sample, and u the commanded inputs minus the trim. Q and R are those of the
-    deployment file, by default 1/nominal² of the linear states and the commanded inputs. If an
-    episode leaves the limits, the cost of that sample is also counted for each remaining sample.
+    the trim at the sample, and u the inputs commanded at the sample minus the trim, also if they
+    act later because of a delay. Q and R are those of the deployment file, by default 1/nominal² of
+    the linear states and the commanded inputs. If an episode leaves the limits, the cost of that
+    sample is also counted for each remaining sample.
 
     states: (N, n), X of each episode.
     inputs: (N, m), the input just before the sample.
+    parameters: (N, p), parameters of the aircraft of each episode.
     frames: (N, k), observations of all samples of the history, the oldest first.
     outcomes: (N, 3), of the last sample: reward, 1.0 if the aircraft left its limits, and 1.0 if
         the duration of the episode has elapsed.
 
-    Each sample overwrites these four arrays in place.
+    Each sample overwrites these arrays in place.
     """
 
     def __init__(
@@ -76,10 +80,13 @@ class Episodes:
         count: int,
         seconds: float = SECONDS,
         turbulence: Turbulence | None = None,
+        vary: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
         """Prepare `count` episodes of at most `seconds` about the trims `points`.
 
         turbulence: drawn again for each episode
+        vary: parameter -> (lowest, highest), between which it is drawn for each episode. The trims
+            remain those of the unchanged aircraft
 
         Raises BadInputError in these cases:
         - `points` is empty.
@@ -88,7 +95,10 @@ class Episodes:
         - A trim is at the limit of a state.
         - An observation or a map is not finite at a trim.
         - The aircraft does not support the turbulence.
+        - A varied parameter is unknown, or its range is outside its limits.
         """
+        self.varied = _ranges(deployed.model, vary or {})
+        deployed = replace(deployed, varies=bool(self.varied))
         if not points:
             raise BadInputError("no trim is given; give at least one operating point")
         if not (is_finite(seconds) and seconds >= deployed.deployment.dt):
@@ -125,9 +135,13 @@ class Episodes:
         self._rows = np.zeros((count, flown + _ends_size(self._flight)))
         self._flown = self._rows[:, :flown]
         self._ends = self._rows[:, flown:]
-        X, memory, *_, pushes, extra = self._flight.slices
+        X, memory, *_, trim, pushes, extra = self._flight.slices
         winds = slice(pushes.stop - len(self._flight.winds), pushes.stop)
         inputs = slice(memory.stop - len(deployed.model.inputs), memory.stop)
+        names = list(deployed.model.parameters)
+        first = len(deployed.model.states) + len(deployed.model.inputs)
+        self._drawn = [first + names.index(name) for name in self.varied]
+        self.parameters = self._rows[:, trim][:, first:]
         self.states = self._rows[:, X]
         self.inputs = self._rows[:, inputs]
         self._winds = self._rows[:, winds]
@@ -161,9 +175,15 @@ class Episodes:
         starts[:, self._linear] += share * self._boxes[owners]
         if self._air is not None and len(numbers) == len(self.owners):
             self._air.seed(int(random.integers(2**63)))
-        return self.begin_at(numbers, owners, starts)
+        return self.begin_at(numbers, owners, starts, random)
 
-    def begin_at(self, numbers: np.ndarray, owners: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    def begin_at(
+        self,
+        numbers: np.ndarray,
+        owners: np.ndarray,
+        starts: np.ndarray,
+        random: np.random.Generator | None = None,
+    ) -> np.ndarray:
         """Restart episodes from given initial states.
 
         Earlier observations equal the first. Returns the observations, (N, k).
@@ -171,13 +191,18 @@ class Episodes:
         numbers: (N,), indices of the episodes
         owners: (N,), index of each episode's trim
         starts: (N, n), initial states
+        random: draws the varied parameters, or None for those of the model
         """
         count = len(numbers)
+        trims = self._trims[owners]
+        if random is not None and self.varied:
+            lowest, highest = np.array(list(self.varied.values())).T
+            trims[:, self._drawn] = random.uniform(lowest, highest, (count, len(lowest)))
         pushes = np.zeros((count, len(self._linear) + len(self._flight.winds)))
         if self._air is not None:
             self._air.begin(numbers, owners)
         actions = np.zeros((count, len(self.low)))
-        self._flown[numbers] = self._flight.rows(starts, self._trims[owners], pushes, actions)
+        self._flown[numbers] = self._flight.rows(starts, trims, pushes, actions)
         within = [self._envelopes[owner] for owner in owners]
         least = np.array([envelope.least for envelope in within])
         most = np.array([envelope.most for envelope in within])
@@ -282,6 +307,29 @@ class Episodes:
         row = ca.MX.sym("row", sum(self._flight.sizes))
         X, before, trim, _ = self._flight.observed(row)
         return ca.Function("observation", [row], [self.deployed.observe(X, before, trim)])
+
+
+def _ranges(
+    model: Model, vary: Mapping[str, tuple[float, float]]
+) -> dict[str, tuple[float, float]]:
+    """Return parameter -> (lowest, highest) of its draws.
+
+    Raises BadInputError for an unknown parameter, a range that is not in ascending order, or a
+    value outside the limits of the parameter.
+    """
+    ranges = {}
+    for name, ends in vary.items():
+        refuse_unknown("vary names the unknown parameter", name, tuple(model.parameters))
+        lowest, highest = pair_of(f"vary[{name!r}]", ends)
+        if not -math.inf < lowest <= highest < math.inf:
+            raise BadInputError(
+                f"vary[{name!r}] is {shown(ends)}; give (lowest, highest), two finite numbers in "
+                "ascending order"
+            )
+        for value in (lowest, highest):
+            model.with_parameters(**{name: value})
+        ranges[name] = (lowest, highest)
+    return ranges
 
 
 def _has_nan(actions: np.ndarray) -> bool:
@@ -470,11 +518,9 @@ def weighted_squares(deployed: Deployed, weights: Mapping[str, float]) -> ca.Fun
 
     weights: weight of each state, input or output, by name
     """
-    model = deployed.model
     X, U, trim = (ca.SX.sym(name, size) for name, size in _sizes(deployed))
-    n, m = len(model.states), len(model.inputs)
     here = deployed.values(X, U, trim)
-    there = deployed.values(trim[:n], trim[n : n + m], trim)
+    there = deployed.at_trim(trim)
     terms = [weight * (here[name] - there[name]) ** 2 for name, weight in weights.items()]
     return ca.Function("cost_rate", [X, U, trim], [ca.densify(ca.SX(sum(terms)))])
 

@@ -22,8 +22,8 @@ _OBSERVED = np.dtype(np.float32)
 class AircraftEnvironment(gymnasium.Env):
     """Aircraft about its trims, with observation, action, timing and cost of a deployment.
 
-    `info` contains `X`, `U` and the index of the trim. If the aircraft leaves its limits,
-    `info["left"]` reports the reason and the time.
+    `info` contains `X`, `U`, the index of the trim and, with varied parameters, their drawn values
+    `parameters`. If the aircraft leaves its limits, `info["left"]` reports the reason and the time.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 1}  # noqa: RUF012
@@ -42,6 +42,7 @@ class AircraftEnvironment(gymnasium.Env):
         self.action_space = action_space(episodes)
         self._flown: list[tuple[np.ndarray, np.ndarray]] = []
         self._trim = 0
+        self._drawn: dict[str, float] = {}
         self._X = episodes.states[0]
         self._U = episodes.inputs[0]
         self._frame = episodes.frames[0]
@@ -97,10 +98,12 @@ class AircraftEnvironment(gymnasium.Env):
         if options and "start" in options:
             owners = np.array([self._trim_number(options.get("trim", 0))])
             starts = self._start(options["start"])[None]
-            observations = self.episodes.begin_at(_FIRST, owners, starts)
+            observations = self.episodes.begin_at(_FIRST, owners, starts, self.np_random)
         else:
             observations = self.episodes.begin(_FIRST, self.np_random)
         self._trim = int(self.episodes.owners[0])
+        values = dict(zip(self.model.parameters, self.episodes.parameters[0], strict=True))
+        self._drawn = {name: float(values[name]) for name in self.episodes.varied}
         info = self._info()
         self._flown = [(info["X"], info["U"])]
         return observations[0].astype(np.float32), info
@@ -164,7 +167,10 @@ class AircraftEnvironment(gymnasium.Env):
         return episode_picture(self.episodes, self._trim, self._flown)
 
     def _info(self) -> dict[str, Any]:
-        return {"X": self._X.copy(), "U": self._U.copy(), "trim": self._trim}
+        info: dict[str, Any] = {"X": self._X.copy(), "U": self._U.copy(), "trim": self._trim}
+        if self._drawn:
+            info["parameters"] = dict(self._drawn)
+        return info
 
 
 def observation_space(observed: int) -> spaces.Box:

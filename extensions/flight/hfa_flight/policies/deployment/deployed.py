@@ -43,12 +43,14 @@ class Deployed:
 
     deployment: the deployment.
     model: the aircraft.
+    varies: whether p is that of a changed aircraft, whose trim values remain those of `model`.
 
     Raises a BadInputError that names the wrong entry of the deployment file and the known names.
     """
 
     deployment: Deployment
     model: Model
+    varies: bool = False
 
     def __post_init__(self) -> None:
         """Check every name of the deployment, its formulas and its cost."""
@@ -137,9 +139,11 @@ class Deployed:
         columns = [*vectors[0], *vectors[1], *components(y)]
         return dict(zip(self.names, columns, strict=True))
 
-    def _at_trim(self, trim: ca.SX) -> dict[str, ca.SX]:
+    def at_trim(self, trim: ca.SX) -> dict[str, ca.SX]:
         """Return the expressions of all states, inputs and outputs at the trim, by name."""
         n, m = len(self.model.states), len(self.model.inputs)
+        if self.varies:
+            trim = ca.vertcat(trim[: n + m], self.model.p)
         return self.values(trim[:n], trim[n : n + m], trim)
 
     def refuse_undefined_at(
@@ -187,7 +191,7 @@ class Deployed:
         """Function (X, U, trim) -> o, the observations (k,) of one sample."""
         X, U, trim = self._symbols()
         values = self.values(X, U, trim)
-        at_trim = self._at_trim(trim)
+        at_trim = self.at_trim(trim)
         entries = []
         cards = self.deployment.observation.values()
         for formula, card in zip(self.observed, cards, strict=True):

@@ -1,0 +1,116 @@
+"""Episodes of aircraft whose parameters are drawn at each reset."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from policy_cases import aircraft, trims
+
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_policy.environment import environment, vector_environment
+from hfa_policy.episodes import Episodes
+from hfa_policy.variations import frozen_at
+from hfa_support.errors import BadInputError
+
+pytest.importorskip("gymnasium")
+MASS = (8.4, 10.3)
+CARD = Deployment(
+    policy={},
+    observation={"pitch": {}, "load_factor": {}, "speed": {"scale": 10.0}},
+    action={"elevator_center": {"box": [-1, 1], "map": "trim + 0.1 * a"}},
+    timing={"dt": 0.02, "delay": 0.03},
+    cost={"Q": {"pitch": 3.0, "load_factor": 2.0}, "R": {"elevator_center": 1.0}},
+)
+
+
+def flown(env: Any, start: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the states, observations and rewards of 50 samples with the same random actions."""
+    random = np.random.default_rng(5)
+    observation, info = env.reset(seed=1, options={"start": start})
+    states, observations, rewards = [info["X"]], [observation], []
+    for _ in range(50):
+        observation, reward, _, _, info = env.step(random.uniform(-1.0, 1.0, 1))
+        states.append(info["X"])
+        observations.append(observation)
+        rewards.append(reward)
+    return np.array(states), np.array(observations), np.array(rewards)
+
+
+def test_a_varied_episode_is_that_of_the_changed_aircraft_at_the_original_trim() -> None:
+    """States and observations are those of an aircraft with the drawn mass and frozen trim values.
+
+    The observations of the changed aircraft without frozen trim values differ, and its states do
+    not.
+    """
+    model = aircraft("ppo_hfa")
+    point = trims("ppo_hfa")[0]
+    start = np.array(point.states) + 0.01
+    states, observations, rewards = flown(
+        environment(model, CARD, [point], vary={"panel_mass": (MASS[1], MASS[1])}), start
+    )
+    heavier = model.with_parameters(panel_mass=MASS[1])
+    moved = replace(point, model=heavier, problem=None)
+    frozen = frozen_at(Deployed(CARD, model), point).deployment
+    expected, seen, _ = flown(environment(heavier, frozen, [moved]), start)
+    np.testing.assert_allclose(states, expected, rtol=1e-12)
+    np.testing.assert_allclose(observations, seen, rtol=1e-6)
+    _, shifted, others = flown(environment(heavier, CARD, [moved]), start)
+    assert np.abs(observations - shifted)[:, 1].min() > 0.01
+    assert np.abs(rewards - others).min() > 0.0
+
+
+def test_each_reset_draws_between_the_limits() -> None:
+    """Each of 200 resets draws another mass between the limits, reproducibly by the seed."""
+    env = environment(aircraft("ppo_hfa"), CARD, trims("ppo_hfa")[:1], vary={"panel_mass": MASS})
+    drawn = [env.reset(seed=3)[1]["parameters"]["panel_mass"]]
+    drawn += [env.reset()[1]["parameters"]["panel_mass"] for _ in range(199)]
+    assert MASS[0] <= min(drawn) < MASS[0] + 0.1 < MASS[1] - 0.1 < max(drawn) <= MASS[1]
+    assert len(set(drawn)) == 200
+    assert env.reset(seed=3)[1]["parameters"]["panel_mass"] == drawn[0]
+    assert "parameters" not in environment(aircraft("ppo_hfa"), CARD).reset(seed=3)[1]
+
+
+def test_each_episode_of_many_has_its_own_parameters() -> None:
+    """Simultaneous episodes with equal starts and actions differ by their masses alone."""
+    model, point = aircraft("ppo_hfa"), trims("ppo_hfa")[0]
+    episodes = Episodes(Deployed(CARD, model), [point], 6, vary={"panel_mass": MASS})
+    numbers = np.arange(6)
+    starts = np.tile(np.array(point.states), (6, 1))
+    place = list(model.parameters).index("panel_mass")
+    episodes.begin_at(numbers, np.zeros(6, dtype=int), starts, np.random.default_rng(2))
+    for _ in range(50):
+        episodes.step(np.zeros((6, 1)))
+    altitudes = episodes.states[:, list(model.states).index("altitude")]
+    masses = episodes.parameters[:, place]
+    order = np.argsort(masses)
+    assert np.all(np.diff(altitudes[order]) < 0.0)
+
+
+@pytest.mark.parametrize(
+    ("vary", "said"),
+    [
+        ({"panel_weight": (1.0, 2.0)}, "unknown parameter 'panel_weight'"),
+        ({"panel_mass": 0.1}, "give two numbers"),
+        ({"panel_mass": (2.0, 1.0)}, "ascending order"),
+        ({"panel_mass": (1.0, np.inf)}, "two finite numbers"),
+        ({"panel_mass": (-1.0, 1.0)}, "give at least 0"),
+    ],
+)
+def test_wrong_variations_are_refused(vary: Any, said: str) -> None:
+    """An unknown name, a single number, exchanged limits and values beyond limits are refused."""
+    with pytest.raises(BadInputError, match=said):
+        environment(aircraft("ppo_hfa"), CARD, trims("ppo_hfa")[:1], vary=vary)
+
+
+def test_simultaneous_environments_draw_too() -> None:
+    """The environments of Stable-Baselines3 draw a mass for each episode."""
+    pytest.importorskip("stable_baselines3")
+    flights = vector_environment(
+        aircraft("ppo_hfa"), CARD, trims("ppo_hfa")[:1], count=5, vary={"panel_mass": MASS}
+    )
+    flights.reset()
+    assert len(set(flights.episodes.parameters[:, 0])) == 5
