@@ -19,7 +19,7 @@ EXTENSIONS = {name for name, folder in FOLDERS.items() if "extensions" in folder
 #: File -> import that a contract forbids in it.
 BREACHES = {
     "trim/point/halving.py": "trim.sweeps.sweep",
-    "trim/linear/modes.py": "trim.point.operating_point",
+    "trim/linear/modes.py": "trim.sweeps.sweep",
     "controller/game/zero_sum.py": "hfa_flight.scenario",
     "controller/game/basis.py": "controller.riccati.gare",
     "controller/critic/critic.py": "controller.learning.certified",
