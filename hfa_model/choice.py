@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 from hfa_aircraft.model import Model
 from hfa_model.declaration import rigid_panels
 from hfa_model.parameters import Parameters, default_parameters
-from hfa_model.variants import VARIANTS, Variant, further_dynamics, variant_named
+from hfa_model.variants import FURTHER_DYNAMICS, Variant, variant_named
 from hfa_support.arguments import checks_arguments
-from hfa_support.entry_points import loaded
 from hfa_support.errors import BadInputError, is_finite, shown
 
 if TYPE_CHECKING:
@@ -24,9 +23,8 @@ _SIZES = ("panel_mass", "panel_span", "chord")
 def aircraft(dynamics: str | Variant = "published", parameters: Parameters | None = None) -> Model:
     """Return the highly flexible aircraft as a `Model`.
 
-    dynamics: "published", "newton", the name of dynamics from an installed package ("unsteady"), or
-        a `Variant`. Text with "." or ":" is the file of another aircraft, loaded by
-        `hfa.load_model`.
+    dynamics: "published", "newton", "unsteady" or a `Variant`. Text with "." or ":" is the file of
+        another aircraft, loaded by `hfa.load_model`.
     parameters: by default the identified ones
 
     Raises BadInputError for unknown dynamics, for a parameter that is not finite, for a negative
@@ -47,9 +45,10 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
         return load_model(dynamics)
     if not isinstance(dynamics, str):
         return rigid_panels(dynamics, values, _with_loads)
-    if dynamics not in VARIANTS and dynamics in further_dynamics():
-        made: Model = loaded(further_dynamics()[dynamics])(values)
-        return made
+    if dynamics in FURTHER_DYNAMICS:
+        from hfa_model.unsteady import unsteady_aircraft
+
+        return unsteady_aircraft(values)
     return rigid_panels(variant_named(dynamics), values, _with_loads)
 
 

@@ -11,7 +11,6 @@ from typing import Any, Generic, NamedTuple
 import numpy as np
 
 from hfa_model.vectors import T
-from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError
 from hfa_support.files import write_text
 from hfa_support.provenance import Change
@@ -305,6 +304,7 @@ def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[
     Raises BadInputError if there is no covariance, an identified parameter is zero, or count or
     seed is out of range.
     """
-    draw = part(PARTS, "parameters.samples", "sample_parameters")
-    samples: tuple[Parameters, ...] = draw(parameters, count, seed)
+    from hfa_aircraft.uncertain import samples_of_set
+
+    samples: tuple[Parameters, ...] = samples_of_set(parameters, count, seed)
     return samples

@@ -28,11 +28,10 @@ import casadi as ca
 
 from hfa_model.parameters import Parameters
 from hfa_model.vectors import Quantity, State
-from hfa_support.entry_points import PARTS, offered
 from hfa_support.errors import BadInputError, refuse_unknown
 
 if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint
+    pass
 
 
 @dataclass(frozen=True)
@@ -130,17 +129,8 @@ Variant = Published | Newton
 
 #: Variants that the user can choose by name.
 VARIANTS: dict[str, Variant] = {"published": Published(), "newton": Newton()}
-
-
-def further_dynamics() -> dict[str, EntryPoint]:
-    """Return the dynamics of the aircraft that installed packages supply, name -> entry point.
-
-    Each entry point is a function from the parameters to a `Model` with more than seven states,
-    declared in `hfa.parts` as dynamics.NAME.
-    """
-    prefix = "dynamics."
-    parts = offered(PARTS)
-    return {name.removeprefix(prefix): parts[name] for name in parts if name.startswith(prefix)}
+#: Dynamics with more than seven states.
+FURTHER_DYNAMICS = ("unsteady",)
 
 
 def variant_named(name: str) -> Variant:
@@ -150,7 +140,7 @@ def variant_named(name: str) -> Variant:
     """
     if name in VARIANTS:
         return VARIANTS[name]
-    refuse_unknown("unknown dynamics", name, (*VARIANTS, *further_dynamics()))
+    refuse_unknown("unknown dynamics", name, (*VARIANTS, *FURTHER_DYNAMICS))
     raise BadInputError(
         f"the {name} dynamics have more than seven states; use {' or '.join(VARIANTS)}"
     )

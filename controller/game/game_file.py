@@ -22,7 +22,6 @@ from hfa_aircraft.readers.matrices_file import (
     words,
 )
 from hfa_support.arrays.read import read_arrays
-from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, prefix_errors, shortened
 
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta", "N")
@@ -136,7 +135,9 @@ def _discrete(stored: Mapping[str, Any], game: Game) -> Any:
     discount = 1.0
     if "discount" in stored:
         discount = one_number("discount", stored["discount"])
-    return part(PARTS, "game.steps", 'time = "discrete"')(game, discount)
+    from controller.game.discrete_game import DiscreteGame
+
+    return DiscreteGame(game, discount)
 
 
 def _unused(stored: Mapping[str, Any]) -> list[str]:

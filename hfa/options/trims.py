@@ -21,7 +21,7 @@ from hfa.options.request import OfModel, Request, option
 from hfa_aircraft.model import Model
 from hfa_model.choice import aircraft
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters
-from hfa_model.variants import further_dynamics, variant_named
+from hfa_model.variants import FURTHER_DYNAMICS, variant_named
 from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.files import note_read
@@ -85,7 +85,7 @@ def _dynamics_help(model: Model | None) -> str:
         "equations of motion: published (regenerates the printed matrices; default)",
         "newton (exact mechanics, the same air loads)",
     )
-    return ", ".join([*core, *further_dynamics()])
+    return ", ".join([*core, *FURTHER_DYNAMICS])
 
 
 def _parameters(model: Model | None, text: str) -> ParameterSet | Path:

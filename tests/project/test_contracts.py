@@ -33,7 +33,7 @@ BREACHES = {
     "verification/printed/exact_answer.py": "controller.learning.certified",
     "verification/reasons/diagnosis.py": "hfa_flight.scenario",
     "extensions/prove/hfa_prove/check/schedule.py": "hfa_prove.search.family",
-    "extensions/prove/hfa_prove/check/game.py": "hfa_support.rows.store",
+    "extensions/prove/hfa_prove/check/game.py": "hfa_prove.search.lines",
     "extensions/prove/hfa_prove/search/loops.py": "hfa_model.vectors",
     "extensions/prove/hfa_prove/check/region_squares.py": "hfa_prove.search.region_squares",
     "extensions/prove/hfa_prove/check/region_boxes.py": "controller.critic.network.critic",

@@ -19,7 +19,6 @@ from controller.riccati.gare import Solution, unconfirmed_solution
 from controller.riccati.margins import DiskMargin, disk_margin
 from controller.riccati.normal_form import NormalForm
 from hfa_support.arguments import checks_arguments, need
-from hfa_support.entry_points import CRITICS, PARTS, offered, part
 from hfa_support.errors import NoSolutionError, refuse_unless_positive
 from hfa_support.reporting.checks import Check, at_least, at_most, below
 from hfa_support.reporting.text import Table
@@ -95,8 +94,9 @@ def verify(
     proof = None
     sections = [_flight_section(game, critic, lost)]
     if not critic.is_quadratic:
-        judge = part(CRITICS, "nonlinear", "a nonlinear critic")
-        findings = judge(game, exact, critic, box.half_widths, limit, scope)
+        from verification.network.search import in_time
+
+        findings = in_time(game, exact, critic, box.half_widths, limit, scope)
         errors += findings.errors
         checks += findings.checks
         states = findings.states
@@ -115,8 +115,9 @@ def verify(
         checks += [rank, *time_checks(table)]
         diagnosis = rank.reason
     is_wrong = not all(check.ok for check in errors)
-    if not diagnosis and critic.finite and is_wrong and "verify.reason" in offered(PARTS):
-        diagnose = part(PARTS, "verify.reason", "")
+    if not diagnosis and critic.finite and is_wrong:
+        from verification.reasons.diagnosis import diagnose
+
         with suppress(NoSolutionError):  # no solution of a nearby game for comparison
             nearby = None if scope.nearby is None else scope.nearby()
             diagnosis = diagnose(game, exact, critic, limit, nearby, box.half_widths)

@@ -15,7 +15,6 @@ from controller.discrete.solution import DiscreteSolution, bellman_residual, sam
 from controller.game.discrete_game import DiscreteGame
 from controller.game.weights import weights_line
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
-from hfa_support.entry_points import CRITICS, PARTS, loaded, offered, part
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.matrices import checked_matrix, shape_text
 from hfa_support.reporting.checks import Check, at_most, below
@@ -114,15 +113,13 @@ def check_discrete(
 
 
 def _reason(*what: Any) -> str:
-    """Return a sentence on the mistake in a critic that the extension `reasons` finds.
-
-    Return "" if no mistake is found or the extension is not installed.
+    """Return a sentence on the mistake in a critic, or "" if no mistake is found.
 
     what: arguments of `verification.reasons.diagnosis.diagnose_discrete`
     """
-    if "verify.reason.steps" not in offered(PARTS):
-        return ""
-    return str(loaded(offered(PARTS)["verify.reason.steps"])(*what))
+    from verification.reasons.diagnosis import diagnose_discrete
+
+    return diagnose_discrete(*what)
 
 
 def _verdict(
@@ -167,8 +164,9 @@ def _verdict(
     states = 0
     proof = None
     if not critic.is_quadratic:
-        judge = part(CRITICS, "nonlinear.steps", "a nonlinear critic")
-        findings = judge(exact, critic, box.half_widths, limit, scope)
+        from verification.network.search import in_steps
+
+        findings = in_steps(exact, critic, box.half_widths, limit, scope)
         errors += findings.errors
         checks += findings.checks
         states = findings.states

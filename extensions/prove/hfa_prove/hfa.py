@@ -8,14 +8,14 @@ from functools import cache
 from hfa_aircraft.model import Model
 from hfa_model.choice import aircraft
 from hfa_model.parameters import NAMED, Parameters, ParameterSet, load_parameters
-from hfa_model.variants import VARIANTS, further_dynamics
+from hfa_model.variants import FURTHER_DYNAMICS, VARIANTS
 from hfa_support.provenance import parameter_hash
 
 
 @cache
 def aircraft_of(dynamics: str) -> Model | None:
     """Return the flexible aircraft with the given dynamics, or None if their name is unknown."""
-    return aircraft(dynamics) if dynamics in (*VARIANTS, *further_dynamics()) else None
+    return aircraft(dynamics) if dynamics in (*VARIANTS, *FURTHER_DYNAMICS) else None
 
 
 def standard_errors_of(dynamics: str, parameters: ParameterSet) -> Mapping[str, float]:
