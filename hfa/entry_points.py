@@ -79,7 +79,11 @@ CORE = {
         "trim and linearize over a grid, and track the modes",
         "hfa.commands.sweep:sweep",
         example="hfa sweep --dihedral 0:20:5 -o sweep.csv",
-        results=("trim.sweeps.sweep:Sweep",),
+        results=(
+            "trim.sweeps.sweep:Sweep",
+            "trim.sweeps.store:StoredSweep",
+            "trim.sweeps.store:SweepAttributes hfa_support.rows.store:OfAStore",
+        ),
     ),
     "regenerate": CommandEntry(
         "model",
@@ -93,7 +97,10 @@ CORE = {
         "solve the zero-sum game exactly, with a certificate",
         "hfa.commands.game:solve",
         example="hfa solve --dihedral 15 --delta 300",
-        results=("controller.riccati.gare:Solution hfa.options.games:NamedGame",),
+        results=(
+            "controller.riccati.gare:Solution hfa.options.games:NamedGame",
+            "controller.discrete.report:AnalysedDiscreteGame hfa.options.games:NamedGame",
+        ),
     ),
     "learn": CommandEntry(
         "critic",
@@ -114,6 +121,8 @@ CORE = {
             "verification.verdict:Verdict verification.verdict:Details"
             " hfa.options.games:Weights hfa.options.games:NamedGame",
             "verification.verdict:Verdicts hfa.options.games:Weights hfa.options.games:NamedGame",
+            "verification.critic.discrete:DiscreteVerdict verification.verdict:Details"
+            " hfa.options.games:Weights hfa.options.games:NamedGame",
         ),
     ),
 }
@@ -215,7 +224,6 @@ DAVEML = CommandEntry(
     example="hfa daveml examples/uav.dml",
     results=("hfa_aircraft.readers.daveml.check_cases:CheckedDocument",),
 )
-ABOUT_STORE = "store of a sweep larger than memory, or by several processes or machines (--workers)"
 PRINTED = CommandEntry(
     "critic",
     "compare every printed digit of P, K, L, W or H, name wrong entries",

@@ -10,7 +10,6 @@ from importlib import import_module
 from typing import Any, Literal
 
 from hfa.entry_points import commands
-from hfa_support.entry_points import PARTS, loaded, offered
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.json_schema import json_schema, parts_of
 from hfa_support.reporting.results import Result
@@ -34,9 +33,7 @@ def written() -> tuple[str, ...]:
     Each declaration has the form of `CommandEntry.results`.
     """
     import_module("verification.error_table")  # verdicts name it for type checkers alone
-    of_commands = [text for entry in commands().values() for text in entry.results]
-    of_parts = [entry for name, entry in offered(PARTS).items() if name.startswith("results.")]
-    return (*of_commands, *(text for entry in of_parts for text in loaded(entry)))
+    return tuple(text for entry in commands().values() for text in entry.results)
 
 
 def classes_of(text: str) -> list[type[Result]]:

@@ -1,4 +1,4 @@
-"""Loading of models from Python files, modules and further formats of installed packages."""
+"""Loading of models from Python files, modules, data files and formats of installed packages."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from hfa_aircraft.local_sources import OWN_PACKAGES, fingerprint, hash_of_sources, local_file
 from hfa_aircraft.model import Model
@@ -22,14 +22,14 @@ from hfa_support.entry_points import AIRCRAFT, loaded, offered
 from hfa_support.errors import BadInputError, file_faults, prefix_errors, shown
 from hfa_support.files import read_toml, regular_file
 
-if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint
+#: Suffixes of the data files that the project reads.
+DATA_FILES = (".csv", ".dml", ".npz", ".toml")
 
 
 class AircraftReader(Protocol):
-    """Type of the entry points of `hfa.aircraft`: functions that read an aircraft."""
+    """Function that reads an aircraft, also the type of the entry points of `hfa.aircraft`."""
 
-    def __call__(self, text: str) -> Model:
+    def __call__(self, text: str, /) -> Model:
         """Return the model of an aircraft.
 
         text: argument of --aircraft
@@ -42,8 +42,8 @@ class AircraftReader(Protocol):
 def load_model(text: str, parameters: str | Path | None = None) -> Model:
     """Return the model of an aircraft.
 
-    Python files and modules are executed. Other schemes and suffixes are read by installed packages
-    (`hfa_support.entry_points.AIRCRAFT`).
+    Python files and modules are executed. Data files (`DATA_FILES`) are not. Other schemes and
+    suffixes are read by installed packages (`hfa_support.entry_points.AIRCRAFT`).
 
     text: `FILE.py:NAME`, `package.module:NAME`, `FILE.suffix` or `scheme:NAME`
     parameters: TOML file with new values of parameters, as `hfa identify -o FILE.toml` writes it
@@ -56,8 +56,8 @@ def load_model(text: str, parameters: str | Path | None = None) -> Model:
     >>> list(hfa.load_model("examples/navion.py:NAVION").inputs)
     ['thrust', 'elevator', 'aileron', 'rudder']
     """
-    offer = _reader_of(text)
-    model = _loaded_from_python(text) if offer is None else _loaded_from_data(text, offer)
+    kind = _format_of(text)
+    model = _loaded_from_data(text, kind) if kind else _loaded_from_python(text)
     return model if parameters is None else ParameterFile.read(parameters).applied_to(model)
 
 
@@ -78,8 +78,8 @@ def load_changed(path: str) -> Model:
     while True:
         last = files[-1]
         base = _in_folder(last.aircraft, str(Path(last.path).parent))
-        offer = _reader_of(base)
-        if offer is None:
+        kind = _format_of(base)
+        if not kind:
             with prefix_errors(last.path):
                 _refuse_unnamed(base)
             raise BadInputError(
@@ -94,7 +94,7 @@ def load_changed(path: str) -> Model:
         paths.append(Path(base).resolve())
         files.append(ParameterFile.read(base))
     with prefix_errors(last.path):
-        model = _loaded_from_data(base, offer)
+        model = _loaded_from_data(base, kind)
     for file in reversed(files):
         model = file.read_as_aircraft(model)
     return model
@@ -143,33 +143,24 @@ def _with_files(text: str, change: Callable[[str], str]) -> str:
     where, _, name = text.rpartition(":")
     if where.endswith(".py"):
         return f"{change(where)}:{name}"
-    offer = _reader_of(text)
-    if offer is None or not offer.name.startswith("."):
+    suffix = _format_of(text)
+    if not suffix.startswith("."):
         return text
     files, question, query = text.partition("?")
-    joined = files.split(f"{offer.name}+")  # FILE.dml+FILE.dml
-    paths = [f"{each}{offer.name}" for each in joined[:-1]] + joined[-1:]
+    joined = files.split(f"{suffix}+")  # FILE.dml+FILE.dml
+    paths = [f"{each}{suffix}" for each in joined[:-1]] + joined[-1:]
     return "+".join(map(change, paths)) + question + query
 
 
-def _reader_of(text: str) -> EntryPoint | None:
-    """Return the entry point that reads an aircraft, or None for Python code.
+def _loaded_from_data(text: str, kind: str) -> Model:
+    """Return the aircraft in a data file or of a scheme, with its source.
 
     text: argument of --aircraft
-    """
-    is_python = text.rpartition(":")[0].endswith(".py")
-    return None if is_python else _format_of(text)
-
-
-def _loaded_from_data(text: str, offer: EntryPoint) -> Model:
-    """Return the aircraft that an installed package reads, with its source.
-
-    text: argument of --aircraft
-    offer: entry point of the reader
+    kind: its suffix or scheme (`_format_of`)
 
     Raises BadInputError as `_read` does.
     """
-    model = _read(offer, text)
+    model = _read(text, kind)
     return _loaded(model, text, _digest(model, text))
 
 
@@ -248,50 +239,72 @@ def _known_equations(text: str, digest: str) -> list[Callable[..., Any]]:
 
 
 def forms_of_packages() -> list[str]:
-    """Return the forms of --aircraft that installed packages support, such as "FILE.toml".
+    """Return the forms of --aircraft for data files and schemes, such as "FILE.toml".
 
     Schemes come before suffixes.
     """
-    names = sorted(offered(AIRCRAFT), key=lambda name: name.startswith("."))
+    names = sorted({*DATA_FILES, *offered(AIRCRAFT)}, key=lambda name: (name.startswith("."), name))
     return [f"FILE{name}" if name.startswith(".") else f"{name}:NAME" for name in names]
 
 
-def _format_of(text: str) -> EntryPoint | None:
-    """Return the entry point that reads an aircraft, or None if no package reads this format.
+def _format_of(text: str) -> str:
+    """Return the scheme or suffix that selects the reader of an aircraft, or "" for Python code.
 
-    The entry point is selected by the scheme, such as "jsbsim" in "jsbsim:737", or else by the
-    longest registered suffix of the file. Text after a "?" does not affect the choice.
+    It is the scheme, such as "jsbsim" in "jsbsim:737", or else the longest known suffix of the
+    file. Text after a "?" does not affect the choice.
 
     text: argument of --aircraft
     """
+    if text.rpartition(":")[0].endswith(".py"):
+        return ""
     scheme = text.partition(":")[0]
     suffixes = "".join(Path(text.partition("?")[0]).suffixes)
     names = [scheme, *(suffixes[at:] for at, each in enumerate(suffixes) if each == ".")]
-    readers = offered(AIRCRAFT)
-    return next((readers[name] for name in names if name in readers), None)
+    known = {*DATA_FILES, *offered(AIRCRAFT)}
+    return next((name for name in names if name in known), "")
 
 
-def _read(offer: EntryPoint, text: str) -> Model:
-    """Return the model that an installed package reads, or that a parameter file changes.
+def _reader_of(kind: str) -> AircraftReader:
+    """Return the reader of a suffix or scheme: that of the project, or of an installed package."""
+    if kind in (".csv", ".toml"):
+        from hfa_aircraft.readers.derivatives import read as derivatives
 
-    offer: entry point of the reader
+        return derivatives.read_model
+    if kind == ".dml":
+        from hfa_aircraft.readers.daveml import read as daveml
+
+        return daveml.read_model
+    if kind == ".npz":
+        from hfa_aircraft.readers.matrices_file import linear_plant
+
+        return linear_plant
+    reader: AircraftReader = loaded(offered(AIRCRAFT)[kind])
+    return reader
+
+
+def _read(text: str, kind: str) -> Model:
+    """Return the model that a reader reads, or that a parameter file changes.
+
     text: argument of --aircraft
+    kind: its suffix or scheme
 
     Raises BadInputError if the package cannot be imported, the file cannot be read, or the reader
     does not return a Model.
     """
     if is_parameter_file(text):
         return load_changed(text)
-    read: AircraftReader = loaded(offer)
+    read = _reader_of(kind)
     with file_faults(text):
         model = read(text)
     if not isinstance(model, Model):
-        raise BadInputError(f"{offer.value} reads {shown(text)} as {shown(model)}; return a Model")
+        raise BadInputError(
+            f"the reader of {kind} reads {shown(text)} as {shown(model)}; return a Model"
+        )
     return model
 
 
 def _digest(model: Model, text: str) -> str:
-    """Return the hash of a model that an installed package has read.
+    """Return the hash of a model that was read from data.
 
     The result is the hash that the reader computed, if any. Otherwise the result is a hash of the
     file and the model. If the file does not exist, the text is hashed in place of the file.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from hfa_aircraft.model import Model
 from hfa_model.declaration import rigid_panels
 from hfa_model.parameters import Parameters, default_parameters
-from hfa_model.variants import FURTHER_DYNAMICS, Variant, variant_named
+from hfa_model.variants import Variant, variant_named
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, is_finite, shown
 
@@ -23,7 +23,7 @@ _SIZES = ("panel_mass", "panel_span", "chord")
 def aircraft(dynamics: str | Variant = "published", parameters: Parameters | None = None) -> Model:
     """Return the highly flexible aircraft as a `Model`.
 
-    dynamics: "published", "newton", "unsteady" or a `Variant`. Text with "." or ":" is the file of
+    dynamics: "published", "newton", "unsteady", or a `Variant`. Text with "." or ":" is the file of
         another aircraft, loaded by `hfa.load_model`.
     parameters: by default the identified ones
 
@@ -45,7 +45,7 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
         return load_model(dynamics)
     if not isinstance(dynamics, str):
         return rigid_panels(dynamics, values, _with_loads)
-    if dynamics in FURTHER_DYNAMICS:
+    if dynamics == "unsteady":
         from hfa_model.unsteady import unsteady_aircraft
 
         return unsteady_aircraft(values)

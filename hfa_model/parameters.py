@@ -10,8 +10,9 @@ from typing import Any, Generic, NamedTuple
 
 import numpy as np
 
+from hfa_aircraft.uncertain import spread_of_set
 from hfa_model.vectors import T
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, refuse_unless_whole
 from hfa_support.files import write_text
 from hfa_support.provenance import Change
 from hfa_support.reporting.report import Report, Reported
@@ -304,7 +305,22 @@ def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[
     Raises BadInputError if there is no covariance, an identified parameter is zero, or count or
     seed is out of range.
     """
-    from hfa_aircraft.uncertain import samples_of_set
-
-    samples: tuple[Parameters, ...] = samples_of_set(parameters, count, seed)
-    return samples
+    if not parameters.covariance.size:
+        raise BadInputError(
+            "the parameters have no covariance, which random samples require; use the "
+            "parameters.toml written by `python -m studies.identification`"
+        )
+    refuse_unless_whole("count", count, 1)
+    refuse_unless_whole("seed", seed, 0)
+    spread = spread_of_set(parameters)
+    for name, value in spread.values.items():
+        if value == 0.0:
+            raise BadInputError(
+                f"{name} is identified as 0, so the logarithm of {name} cannot be sampled; give "
+                f"{name} a fixed value"
+            )
+    samples = []
+    for row in spread.draws(count, seed).tolist():
+        drawn = dict(zip(parameters.identified, row, strict=True))
+        samples.append(parameters.values._replace(**drawn))
+    return tuple(samples)

@@ -22,16 +22,12 @@ The two terms in η' differ because `published` neglects the motion of the hinge
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import casadi as ca
 
 from hfa_model.parameters import Parameters
 from hfa_model.vectors import Quantity, State
 from hfa_support.errors import BadInputError, refuse_unknown
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)
@@ -129,8 +125,9 @@ Variant = Published | Newton
 
 #: Variants that the user can choose by name.
 VARIANTS: dict[str, Variant] = {"published": Published(), "newton": Newton()}
-#: Dynamics with more than seven states.
-FURTHER_DYNAMICS = ("unsteady",)
+#: Dynamics that the user can choose by name: the variants, and those of `hfa_model.unsteady`, which
+#: have more than seven states.
+DYNAMICS = (*VARIANTS, "unsteady")
 
 
 def variant_named(name: str) -> Variant:
@@ -140,7 +137,7 @@ def variant_named(name: str) -> Variant:
     """
     if name in VARIANTS:
         return VARIANTS[name]
-    refuse_unknown("unknown dynamics", name, (*VARIANTS, *FURTHER_DYNAMICS))
+    refuse_unknown("unknown dynamics", name, DYNAMICS)
     raise BadInputError(
         f"the {name} dynamics have more than seven states; use {' or '.join(VARIANTS)}"
     )

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 COMMANDS = "hfa.commands"
 #: Group of aircraft readers: scheme, as "jsbsim" of jsbsim:NAME, or suffix -> (text -> Model).
 AIRCRAFT = "hfa.aircraft"
-#: Group of critic readers: suffix, as ".onnx", or name of an array, as "weight" -> function (game,
-#: path, Reading) -> Critic. "module" converts a network in memory.
+#: Group of critic readers: suffix, as ".abc" -> function (game, path, Reading) -> Critic.
 CRITICS = "hfa.critics"
 #: Group of parts: functions that add a feature to a command of another package.
 PARTS = "hfa.parts"

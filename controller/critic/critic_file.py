@@ -20,11 +20,13 @@ from hfa_aircraft.readers.matrices_file import file_scales, found_in
 from hfa_support.arguments import checks_arguments
 from hfa_support.arrays.one_matrix import UNKNOWN
 from hfa_support.arrays.read import read_arrays
-from hfa_support.entry_points import CRITICS, offered, part
+from hfa_support.entry_points import CRITICS, loaded, offered
 from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors
 from hfa_support.files import MATRIX_FILES
 from hfa_support.matrices import checked_matrix
 
+#: Suffixes of network files that the project reads. A file of arrays may contain a network too.
+NETWORK_FILES = (".onnx", ".pkl", ".pt", ".pth", ".safetensors", ".zip")
 #: Alias of an entry -> its standard name.
 _ALIASES = {"weights": "W", "gains": "K", "times": "time", "t": "time"}
 
@@ -53,7 +55,7 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
             f"{path}: the suffix {file.suffix!r} is unknown; use {', '.join(critic_suffixes())}"
         )
     if is_network(file):
-        read: CriticReader = part(CRITICS, _format_of(file), str(path))
+        read = _network_reader(file.suffix.lower())
         with prefix_errors(path), file_faults(path):
             return (read(game, path, reading),)
     entries = entries_in(path)
@@ -134,31 +136,20 @@ def read_critic(
 
 
 def critic_suffixes() -> tuple[str, ...]:
-    """Return all suffixes of critic files, including the formats of installed extensions."""
-    return (*MATRIX_FILES, *(name for name in offered(CRITICS) if name.startswith(".")))
+    """Return all suffixes of critic files, including those that installed packages read."""
+    return tuple(dict.fromkeys((*MATRIX_FILES, *NETWORK_FILES, *offered(CRITICS))))
 
 
 def is_network(path: Path) -> bool:
     """Return whether a file contains a network.
 
     - .npz and .json: True if the name of an array is "weight" or ends with ".weight"
-    - other files of matrices: False
-    - any other suffix: True if the suffix is registered in `hfa.critics`
-    """
-    if path.suffix.lower() not in MATRIX_FILES:
-        return path.suffix.lower() in offered(CRITICS)
-    return _format_of(path) != ""
-
-
-def _format_of(path: Path) -> str:
-    """Return the name of the entry point in `CRITICS` that reads a file, or "" for a file of
-    matrices.
-
-    - "weight" for a .npz or .json file with the layers of a network
-    - "" for other files of matrices and for damaged ones
-    - the suffix for any other file
+    - other files of matrices, also damaged ones: False
+    - any other suffix: True if it is the suffix of a critic file
     """
     suffix = path.suffix.lower()
+    if suffix not in MATRIX_FILES:
+        return suffix in critic_suffixes()
     names: list[str] = []
     try:
         if suffix == ".npz":
@@ -167,10 +158,18 @@ def _format_of(path: Path) -> str:
         elif suffix == ".json":
             names = [str(name) for name in read_arrays(path)]
     except Exception:  # any damage; reading the arrays reports it
-        return ""
-    if suffix not in MATRIX_FILES:
-        return suffix
-    return "weight" if any(re.search(r"(^|\.)weight$", name) for name in names) else ""
+        return False
+    return any(re.search(r"(^|\.)weight$", name) for name in names)
+
+
+def _network_reader(suffix: str) -> CriticReader:
+    """Return the reader of network files: that of the project, or of an installed package."""
+    if suffix in (*MATRIX_FILES, *NETWORK_FILES):
+        from controller.critic.network import critic as networks
+
+        return networks.read_critic
+    reader: CriticReader = loaded(offered(CRITICS)[suffix])
+    return reader
 
 
 def entries_in(path: str | Path) -> dict[str, Any]:

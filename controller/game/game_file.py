@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.readers.matrices_file import (
@@ -56,7 +57,7 @@ class StoredGame(NamedTuple):
     game: Game
     notes: tuple[str, ...]
     provenance: dict[str, str]
-    discrete: Any = None
+    discrete: DiscreteGame | None = None
     has_time: bool = False
     stated: tuple[str, ...] = ()
 
@@ -116,7 +117,7 @@ def stored_game(
         )
 
 
-def _discrete(stored: Mapping[str, Any], game: Game) -> Any:
+def _discrete(stored: Mapping[str, Any], game: Game) -> DiscreteGame | None:
     """Return the discrete-time game of a plant file, or None for a plant in continuous time.
 
     stored: entries of the file, with `discount` for discrete time
@@ -135,8 +136,6 @@ def _discrete(stored: Mapping[str, Any], game: Game) -> Any:
     discount = 1.0
     if "discount" in stored:
         discount = one_number("discount", stored["discount"])
-    from controller.game.discrete_game import DiscreteGame
-
     return DiscreteGame(game, discount)
 
 

@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from hfa.options.draws import draws_option, with_draws
-from hfa.options.games import IN_STEPS, GameOptions, LearningOptions, NamedGame
+from hfa.options.games import CONTINUOUS, GameOptions, LearningOptions, NamedGame
 from hfa.options.output import ProgressLine, show
 from hfa.options.request import command
 from hfa.options.trims import OutputOptions
-from hfa_support.entry_points import PARTS, part
 from hfa_support.reporting.checks import Check
 from hfa_support.reporting.results import Matrix, Result
 
 if TYPE_CHECKING:
     from controller.critic.training_run import TrainingRun
+    from controller.game.discrete_game import DiscreteGame
     from verification.verdict import Verdict
 
 
@@ -54,19 +54,28 @@ def solve(request: SolveRequest) -> int:
                 ("Q", "R"),
                 "does not apply to a generalized plant; define the cost by C1 and D12",
             )
-            report = part(PARTS, "solve.plant", f"{request.plant} has B2 and")(
-                request.plant, arrays, request.delta
-            )
+            from controller.plant.plant_report import solved_plant
+
+            report = solved_plant(request.plant, arrays, request.delta)
             show(report, request, notes=report.data["warnings"])
             return 0
     named = request.game(arrays, may_be_discrete=True)
     if named.discrete is not None:
-        code: int = part(PARTS, "solve.steps", IN_STEPS)(request, named)
-        return code
+        return _solve_discrete(request, named, named.discrete)
     with named.asking_for_time():
         solution = gare.solve(named.game, ProgressLine("solve"))
         solved = solution.report()
     report = with_draws(solved, request, (named, solution.K))
+    show(report.with_data(**named.as_data()), request, notes=named.warnings)
+    return 0
+
+
+def _solve_discrete(request: SolveRequest, named: NamedGame, problem: DiscreteGame) -> int:
+    """Solve a game in discrete time and return the exit code."""
+    from controller.discrete.report import analyse_discrete, discrete_report
+
+    request.refuse(("draws",), CONTINUOUS)
+    report = discrete_report(analyse_discrete(problem, ProgressLine("solve")))
     show(report.with_data(**named.as_data()), request, notes=named.warnings)
     return 0
 
@@ -87,11 +96,23 @@ def learn(request: LearnRequest) -> int:
 
     named = request.game(may_be_discrete=True)
     if named.discrete is not None:
-        code: int = part(PARTS, "learn.steps", IN_STEPS)(request, named)
-        return code
+        return _learn_discrete(request, named, named.discrete)
     run = request.learned(named.game)
     critic = run.critic(named.game)
-    return show_learned(request, named, run, verify(named.game, critic, run=run))
+    return _show_learned(request, named, run, verify(named.game, critic, run=run))
+
+
+def _learn_discrete(request: LearnRequest, named: NamedGame, problem: DiscreteGame) -> int:
+    """Learn the solution of a game in discrete time by Q-learning, and return the exit code."""
+    from controller.critic.critic import from_parts
+    from controller.learning.q_learning import learn_steps
+    from verification.critic.discrete import check_discrete
+
+    request.refuse(("law", "set"), CONTINUOUS)
+    run, H = learn_steps(problem, request.seed, progress=ProgressLine("learn"))
+    critic = from_parts(problem.step, {"P": run.P, "K": run.K})
+    verdict = check_discrete(problem, critic, more={"H": H})
+    return _show_learned(request, named, run, verdict, H)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +131,7 @@ class LearnedChecks(Result):
     H: Matrix | None
 
 
-def show_learned(
+def _show_learned(
     request: LearnRequest, named: NamedGame, run: TrainingRun, verdict: Verdict, H: Any = None
 ) -> int:
     """Print and save a learned critic with its checks, and return the exit code.

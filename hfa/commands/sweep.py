@@ -40,29 +40,26 @@ if TYPE_CHECKING:
 
 #: Options that are available only for a store.
 OF_A_STORE = ("workers", "resume")
-#: Prefixes of parts: sweep.file.SUFFIX writes a finished sweep to a file, and sweep.store.SUFFIX
-#: computes a sweep in a store.
+#: Suffix of a store.
+STORE = ".zarr"
+#: Prefix of parts: sweep.file.SUFFIX writes a finished sweep to a file.
 FILE = "sweep.file"
-STORE = "sweep.store"
 
 
-def _suffixes(kind: str) -> tuple[str, ...]:
-    """Return the suffixes of outputs of a sweep that installed packages can write, such as ".zarr".
-
-    kind: FILE or STORE
-    """
-    names = (name for name in offered(PARTS) if name.startswith(f"{kind}."))
-    return tuple(name.removeprefix(kind) for name in names)
+def _suffixes() -> tuple[str, ...]:
+    """Return the suffixes of files that installed packages can write, such as ".fmu"."""
+    names = (name for name in offered(PARTS) if name.startswith(f"{FILE}."))
+    return tuple(name.removeprefix(FILE) for name in names)
 
 
 def _purpose() -> str:
-    """Return the help text on the output suffixes of installed packages, "" if there are none."""
-    said = [
-        f"{suffix}: {about_part(f'{kind}{suffix}')}"
-        for kind in (FILE, STORE)
-        for suffix in _suffixes(kind)
-    ]
-    return f" ({'; '.join(said)})" if said else ""
+    """Return the help text on the special suffixes of the output."""
+    said = [f"{suffix}: {about_part(f'{FILE}{suffix}')}" for suffix in _suffixes()]
+    said.append(
+        f"{STORE}: store of a sweep larger than memory, or by several processes or machines "
+        "(--workers)"
+    )
+    return f" ({'; '.join(said)})"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,12 +84,12 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
         rare=True,
     )
     picture: Path | None = picture_option("the root locus")
-    output: Path | None = output_option(*_suffixes(FILE), stores=_suffixes(STORE), purpose=_purpose)
+    output: Path | None = output_option(*_suffixes(), stores=(STORE,), purpose=_purpose)
 
     @property
     def stored(self) -> bool:
         """True if the suffix of the output is that of a store, and not of a file."""
-        return self.output is not None and self.output.suffix.lower() in _suffixes(STORE)
+        return self.output is not None and self.output.suffix.lower() == STORE
 
     @cached_property
     def common_condition(self) -> TrimCondition:
@@ -172,8 +169,7 @@ def sweep(request: SweepRequest) -> int:
     (--hold NAME=9:11:1) can be swept. For a point without a trim, the row contains the reason. The
     exit code is 1 if no point has a trim. --resume continues an interrupted sweep into a store."""
     if not request.stored:
-        stores = " or ".join(_suffixes(STORE)) or " of a package that writes stores"
-        request.refuse(OF_A_STORE, f"requires a store; add -o FILE{stores}")
+        request.refuse(OF_A_STORE, f"requires a store; add -o FILE{STORE}")
         return _in_memory(request)
     request.refuse(("picture",), "is not available for a sweep into a store; remove this option")
     return _in_store(request)
@@ -188,7 +184,7 @@ def _in_memory(request: SweepRequest) -> int:
     if request.picture is not None and not result.trimmed.any():
         notes.append(f"nothing to draw: {request.picture} is not written")
         figure = None
-    if output is not None and output.suffix.lower() in _suffixes(FILE):
+    if output is not None and output.suffix.lower() in _suffixes():
         write = part(PARTS, f"{FILE}{output.suffix.lower()}", "")
         write(result, output, request.provenance)
         request = replace(request, output=None)
@@ -198,12 +194,12 @@ def _in_memory(request: SweepRequest) -> int:
 
 
 def _in_store(request: SweepRequest) -> int:
-    target = request.output
-    assert target is not None
-    fill = part(PARTS, f"{STORE}{target.suffix.lower()}", "")
-    report = fill(
+    from trim.sweeps.store import reported_sweep
+
+    assert request.output is not None
+    report = reported_sweep(
         request.plan(),
-        target,
+        request.output,
         workers=request.workers,
         resume=request.resume,
         provenance=request.provenance.to_dict(),

@@ -15,7 +15,7 @@ from controller.game.zero_sum import Game
 from hfa.options.argument_types import positive, whole
 from hfa.options.critics import READING_SETTINGS, ReadingOptions, critic_path
 from hfa.options.draws import draws_option, with_draws
-from hfa.options.games import IN_STEPS, GameOptions, LearningOptions, NamedGame, setting_option
+from hfa.options.games import CONTINUOUS, GameOptions, LearningOptions, NamedGame, setting_option
 from hfa.options.output import ProgressLine, show
 from hfa.options.request import command, option
 from hfa.options.trims import OutputOptions, picture_option
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from controller.critic.critic import Critic
+    from controller.game.discrete_game import DiscreteGame
 
 #: With more files than this, a critic that is not quadratic is simulated from only a few initial
 #: conditions.
@@ -94,12 +95,8 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         "scale=a,b,... (network: factor on each state), activation=HIDDEN[,OUTPUT] (state dict)",
         _SETTINGS,
     )
-    discount: float | None = option(
-        "discount factor per sample; requires --dt", "NUMBER", positive, part="verify.discounted"
-    )
-    dt: float | None = option(
-        "sample time, s; requires --discount", "S", positive, part="verify.discounted"
-    )
+    discount: float | None = option("discount factor per sample; requires --dt", "NUMBER", positive)
+    dt: float | None = option("sample time, s; requires --discount", "S", positive)
     limit_error: float = option(
         f"largest accepted relative error; default {LIMIT:g}", "X", positive, default=LIMIT
     )
@@ -138,8 +135,7 @@ def verify(request: VerifyRequest) -> int:
         )
     named = request.game(may_be_discrete=bool(paths))
     if named.discrete is not None:
-        code: int = part(PARTS, "verify.steps", IN_STEPS)(request, named, paths)
-        return code
+        return _verify_discrete(request, named, named.discrete, paths)
     scope = _scope(request, named)
     verdicts = {}
     progress = ProgressLine("compare")
@@ -158,7 +154,7 @@ def verify(request: VerifyRequest) -> int:
     origin = named.game.names.origin
     if len(verdicts) == 1:
         ((source, verdict),) = verdicts.items()
-        lines = about(named, verdict, cost)
+        lines = _about(named, verdict, cost)
         report = verdict.report(limit_cost=cost, about=lines, source=source)
     else:
         from verification.verdict import verdicts_report
@@ -175,6 +171,36 @@ def verify(request: VerifyRequest) -> int:
     return 0 if all(verdict.holds(cost) for verdict in judged) else 1
 
 
+def _verify_discrete(
+    request: VerifyRequest, named: NamedGame, problem: DiscreteGame, paths: Sequence[Path]
+) -> int:
+    """Check one critic of a game in discrete time and return the exit code.
+
+    paths: one path, of a file with W, P, K, L or H or of a network
+
+    Raises BadInputError unless exactly one path is given.
+    """
+    from controller.discrete.critic_file import critic_of_steps
+    from verification.critic.discrete import check_discrete
+
+    if len(paths) != 1:
+        raise BadInputError(
+            "a discrete-time plant requires exactly one critic; give --weights FILE once"
+        )
+    request.refuse(("discount", "dt", "region", "flights", "draws", "picture"), CONTINUOUS)
+    (path,) = paths
+    critic, more = critic_of_steps(path, problem, request.reading())
+    scope = Scope(progress=ProgressLine("prove"))
+    with prefix_errors(path):
+        verdict = check_discrete(problem, critic, limit=request.limit_error, more=more, scope=scope)
+    cost = request.limit_cost
+    lines = _about(named, verdict, cost)
+    report = verdict.report(limit_cost=cost, about=lines, source=str(path))
+    report = report.with_data(**named.as_data(), **named.weights.as_data())
+    show(report, request, notes=named.warnings)
+    return 0 if verdict.holds(cost) else 1
+
+
 def _figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
     """Return a figure that compares critics with the exact solution.
 
@@ -189,7 +215,7 @@ def _figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
     return verdicts_figure(verdicts, origin)
 
 
-def about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list[str]:
+def _about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list[str]:
     """Return the lines of the report on Q, R and delta of the game.
 
     If the grade is "near" and no cost limit is given, a line on --limit-cost is added.
@@ -289,9 +315,7 @@ def _check_file(
     critics = critics_in(path, named.game, request.reading())
     critic = critics[-1]
     if request.discount is not None:
-        judge = part(PARTS, "verify.discounted", "--discount")
-        verdict: Verdict = judge(path, critic, request, named.game, scope)
-        return verdict
+        return _check_discounted(path, critic, request, named.game, scope)
     if files > _MANY:
         scope = replace(scope, flights=_FEW_FLIGHTS)
     if not critic.is_quadratic:
@@ -308,6 +332,27 @@ def _check_file(
             f"{path} is not a history, but --set predefined_time requires one; remove this setting"
         )
     return critic_check.verify(named.game, critic, limit=request.limit_error, scope=scope)
+
+
+def _check_discounted(
+    path: Path, critic: Critic, request: VerifyRequest, game: Game, scope: Scope
+) -> Verdict:
+    """Return the verdict on a critic for a continuous-time game that is sampled and discounted.
+
+    Raises BadInputError if the file contains a history of critics.
+    """
+    from verification.critic.discrete import check_discounted
+
+    assert request.discount is not None
+    if critic.time is not None:
+        raise BadInputError(
+            f"{path}: the file contains a history, but --discount requires one critic; give a "
+            "file with a single critic"
+        )
+    scope = replace(scope, progress=ProgressLine("prove"))
+    return check_discounted(
+        game, critic, request.discount, request.dt, limit=request.limit_error, scope=scope
+    )
 
 
 def _check_history(

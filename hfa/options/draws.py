@@ -3,43 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hfa.options.argument_types import whole
 from hfa.options.output import ProgressLine
 from hfa.options.request import option
 from hfa_aircraft.uncertain import spread_of
-from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, shown_unit, shown_value, wrapped
 from trim.linear.linear_model import LinearModel
 from trim.point.operating_point import OperatingPoint
-from verification.drawn import DrawnAircraft, Draws, WithDraws
 
-
-def draws_option() -> Any:
-    """Return the field `draws` of a request, with the option --draws."""
-    return option(
-        "add the spread of the result for N aircraft with random parameters",
-        "N",
-        whole(1),
-        part="draws",
-    )
-
-
-def with_draws(report: Report, request: Any, subject: Any) -> Report:
-    """Return a report, with the spread of its result for random parameters if --draws is given.
-
-    report: report without the spread
-    request: the options
-    subject: the result: an operating point, a linear model, or (game, gain)
-    """
-    if request.draws is None:
-        return report
-    drawn: Report = part(PARTS, "draws", "--draws")(report, request, subject)
-    return drawn
-
+if TYPE_CHECKING:
+    from verification.drawn import DrawnAircraft, Draws
 
 #: Seed of the draws.
 SEED = 0
@@ -49,14 +26,26 @@ _WIDTH = 100
 _CONSTANT = 1e-9
 
 
-def with_section_on_draws(report: Report, request: Any, subject: Any) -> Report:
-    """Return the report with a section on `request.draws` aircraft with drawn parameters.
+def draws_option() -> Any:
+    """Return the field `draws` of a request, with the option --draws."""
+    return option(
+        "add the spread of the result for N aircraft with random parameters", "N", whole(1)
+    )
 
+
+def with_draws(report: Report, request: Any, subject: Any) -> Report:
+    """Return a report, with a section on `request.draws` aircraft with random parameters if --draws
+    is given.
+
+    report: report without the section
+    request: the options
     subject: the reported operating point, linear model, or pair (`NamedGame`, gain)
 
     Raises BadInputError if the covariance of the parameters is unknown, or if the game has no
     aircraft.
     """
+    if request.draws is None:
+        return report
     progress = ProgressLine("draws")
     if isinstance(subject, OperatingPoint):
         return reported(report, _drawn(request, subject).trims(progress))
@@ -76,6 +65,8 @@ def reported(report: Report, draws: Draws) -> Report:
     The line is the second line of the report, or the first if the draws fail and the report does
     not. Bands of constant quantities are omitted.
     """
+    from verification.drawn import WithDraws
+
     rows = []
     for name, band in draws.bands.items():
         if band.high - band.low <= _CONSTANT * max(abs(band.high), abs(band.low)):
@@ -101,6 +92,8 @@ def _drawn(request: Any, point: OperatingPoint) -> DrawnAircraft:
 
     point: trim of the aircraft with the given parameters
     """
+    from verification.drawn import DrawnAircraft
+
     spread = spread_of(request)
     models = spread.aircraft(request.flown_aircraft(), request.draws, SEED)
     condition = request.trim_condition

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controller.game.discrete_game import DiscreteGame
 from controller.game.linear_game import widths_within_limits
 from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
@@ -24,7 +25,7 @@ from hfa.options.request import OfModel, Request, option
 from hfa.options.trims import OF_THE_TRIM, AircraftOptions, TrimOptions, UnitsOption, of_hfa
 from hfa_aircraft.model import Model
 from hfa_model.variants import VARIANTS
-from hfa_support.entry_points import PARTS, about_part, offered, part
+from hfa_support.entry_points import PARTS, about_part, part
 from hfa_support.errors import BadInputError, NoSolutionError, choice_of
 from hfa_support.files import MATRIX_FILES
 from hfa_support.reporting.results import Matrix, Result
@@ -40,8 +41,8 @@ USUAL_WEIGHTS = {
     "R": "1/nominal^2 on the diagonal",
     "delta": "inf (no disturbance)",
 }
-#: Text that names a discrete-time plant in messages.
-IN_STEPS = 'time = "discrete"'
+#: Reason why an option is refused for a discrete-time plant.
+CONTINUOUS = "applies only to continuous time; remove this option for a plant with time = discrete"
 
 
 def _delta(text: str) -> float:
@@ -338,7 +339,7 @@ class NamedGame(Result):
     warnings: notes to print with results
     plant_provenance: provenance of a plant read from a file
     linear: linear model of the aircraft, or None for a plant from a file or a design
-    discrete: `StoredGame` of a discrete-time plant, otherwise None
+    discrete: game of a discrete-time plant, otherwise None
     has_time: False if the plant file does not state whether time is continuous or discrete
     weights_from: name -> "given", "file", "design" or "default", for Q, R and delta
     """
@@ -353,7 +354,7 @@ class NamedGame(Result):
     warnings: tuple[str, ...] = ()
     plant_provenance: Mapping[str, str] = field(default_factory=dict)
     linear: LinearModel | None = None
-    discrete: Any = None
+    discrete: DiscreteGame | None = None
     has_time: bool = True
     weights_from: Mapping[str, str] = field(default_factory=dict)
 
@@ -386,10 +387,22 @@ class NamedGame(Result):
         except ModeError:
             raise
         except NoSolutionError as failure:
-            question = ""
-            if not self.has_time and "time.steps" in offered(PARTS):
-                question = part(PARTS, "time.steps", "")(self.game)
-            raise NoSolutionError(f"{failure}{question}") from failure
+            if self.has_time or not _is_solvable_in_steps(self.game):
+                raise
+            raise NoSolutionError(
+                f'{failure}; x⁺ = A x + B u has a solution: did you mean time = "discrete"?'
+            ) from failure
+
+
+def _is_solvable_in_steps(game: Game) -> bool:
+    """Return whether the game x⁺ = A x + B u has a solution."""
+    from controller.discrete.solution import solve_discrete
+
+    try:
+        solve_discrete(DiscreteGame(game))
+    except NoSolutionError:
+        return False
+    return True
 
 
 def _converted(kind: str, text: str) -> Any:

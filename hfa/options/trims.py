@@ -21,8 +21,7 @@ from hfa.options.request import OfModel, Request, option
 from hfa_aircraft.model import Model
 from hfa_model.choice import aircraft
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters
-from hfa_model.variants import FURTHER_DYNAMICS, variant_named
-from hfa_support.entry_points import PARTS, part
+from hfa_model.variants import variant_named
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.files import note_read
 from hfa_support.reporting.report import SUFFIXES, Report
@@ -75,17 +74,13 @@ class UnitsOption(Request):
 
 
 def _dynamics_help(model: Model | None) -> str:
-    """Return the help of --dynamics, with the dynamics of the core and of installed packages.
-
-    The help is "" for an aircraft of the user.
-    """
+    """Return the help of --dynamics, or "" for an aircraft of the user."""
     if is_own(model):
         return ""
-    core = (
-        "equations of motion: published (regenerates the printed matrices; default)",
-        "newton (exact mechanics, the same air loads)",
+    return (
+        "equations of motion: published (regenerates the printed matrices; default), "
+        "newton (exact mechanics, the same air loads), unsteady"
     )
-    return ", ".join([*core, *FURTHER_DYNAMICS])
 
 
 def _parameters(model: Model | None, text: str) -> ParameterSet | Path:
@@ -210,8 +205,9 @@ def named_model(typed: Mapping[str, Any]) -> Model:
     Raises BadInputError if --dynamics is combined with --aircraft.
     """
     if "steps" in typed:
-        model: Model = part(PARTS, "model.steps", "--model")(typed["steps"])
-        return model
+        from controller.discrete.step_model import step_model
+
+        return step_model(typed["steps"])
     if "aircraft" in typed:
         from hfa_aircraft.loading import load_model
 

@@ -63,6 +63,20 @@ def test_a_command_of_the_core_loads_no_extension(command: str, folder: Path) ->
     assert [file for file in files if Path(file).is_relative_to(ROOT / "extensions")] == []
 
 
+@pytest.mark.parametrize("command", ["trim --dihedral 10", "linearize --dihedral 10"])
+def test_trims_load_neither_games_nor_verdicts(command: str) -> None:
+    """Trims and linear models load no module of games or verdicts, and no large library."""
+    words = [sys.executable, "-c", LOADED, *command.split()]
+    done = subprocess.run(words, check=True, capture_output=True, text=True, timeout=120)
+    code, files = json.loads(done.stdout)
+    assert code == 0
+    assert str(ROOT / "trim" / "point" / "condition.py") in files
+    judges = (ROOT / "controller", ROOT / "verification")
+    assert [file for file in files if any(Path(file).is_relative_to(each) for each in judges)] == []
+    libraries = ("pandas", "xarray", "onnx", "scipy/optimize")
+    assert [file for file in files if any(f"/{name}/" in file for name in libraries)] == []
+
+
 @pytest.mark.slow
 def test_tests_of_the_core_pass_without_extensions() -> None:
     """A sample of the core's tests passes in an environment without extensions."""
@@ -117,7 +131,16 @@ def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
     code, output = run("trim", "--aircraft", "jsbsim:737")
     assert (code, output.count("\n")) == (2, 1)
     helps = "".join(output for line, (_, output) in answers.items() if "--help" in line)
-    of_others = ("--draws", "--design", "--region", "--flights", "--discount")
-    assert [word for word in (*of_others, ".zarr", ".fmu", ".onnx") if word in helps] == []
-    assert "--limit-cost" in helps
+    of_others = ("--design", "--region", "--flights", ".fmu", "jsbsim")
+    assert [word for word in of_others if word in helps] == []
+    of_the_core = (
+        "unsteady",
+        "--draws",
+        "--discount",
+        ".zarr",
+        ".onnx",
+        "FILE.dml",
+        "--limit-cost",
+    )
+    assert [word for word in of_the_core if word not in helps] == []
     assert run("trim", "--dihedral", "10", "--dynamics", "unsteady")[0] == 0

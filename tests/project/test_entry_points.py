@@ -22,8 +22,8 @@ from package_page import PAGE, write_package
 from pages import COMMAND, blocks_of, difference
 from project import ROOT
 
-from hfa.extend import AircraftReader, CriticReader
-from hfa_support.entry_points import AIRCRAFT, CRITICS, loaded, offered
+from hfa.extend import AircraftReader
+from hfa_support.entry_points import AIRCRAFT, loaded, offered
 
 EXTENSIONS = tuple(sorted(path.name for path in ROOT.glob("extensions/*/hfa_*")))
 
@@ -224,17 +224,12 @@ def test_commands_load_without_packages_of_extras() -> None:
     assert done.stderr == ""
 
 
-@pytest.mark.parametrize(("group", "kind"), [(AIRCRAFT, AircraftReader), (CRITICS, CriticReader)])
-def test_readers_have_arguments_of_their_protocol(group: str, kind: type) -> None:
-    """The readers of installed packages have the required arguments of their protocol.
-
-    Entries of `hfa.critics` that are not file readers are not checked.
-    """
-    expected = inspect.signature(kind.__call__).parameters.values()
+def test_jsbsim_reads_as_an_aircraft_reader() -> None:
+    """The readers of JSBSim have the required arguments of `AircraftReader`."""
+    expected = inspect.signature(AircraftReader.__call__).parameters.values()
     kinds = [parameter.annotation for parameter in expected][1:]
-    readers = {name: loaded(offer) for name, offer in offered(group).items() if name != "module"}
-    assert len(readers) >= 5
-    for name, reader in readers.items():
-        parameters = list(inspect.signature(reader).parameters.values())
+    assert set(offered(AIRCRAFT)) == {"jsbsim", ".xml"}
+    for name, offer in offered(AIRCRAFT).items():
+        parameters = list(inspect.signature(loaded(offer)).parameters.values())
         needed = [each.annotation for each in parameters if each.default is each.empty]
         assert needed == kinds, name

@@ -93,13 +93,6 @@ class StoredSweep(Result, Reported):
         )
 
 
-#: Results that a sweep writes with a store, and attributes of the store.
-RESULTS = (
-    "trim.sweeps.store:StoredSweep",
-    "trim.sweeps.store:SweepAttributes hfa_support.rows.store:OfAStore",
-)
-
-
 def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Any:
     """Compute a sweep in the store at `path`, and return the store as `xarray.Dataset`.
 

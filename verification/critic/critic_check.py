@@ -94,9 +94,11 @@ def verify(
     proof = None
     sections = [_flight_section(game, critic, lost)]
     if not critic.is_quadratic:
-        from verification.network.search import in_time
+        from verification.axis import InTime
+        from verification.network.search import findings_of
 
-        findings = in_time(game, exact, critic, box.half_widths, limit, scope)
+        axis = InTime(game, exact)
+        findings = findings_of(axis, critic, exact, box.half_widths, limit, scope)
         errors += findings.errors
         checks += findings.checks
         states = findings.states

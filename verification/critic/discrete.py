@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from hfa_support.matrices import checked_matrix, shape_text
 from hfa_support.reporting.checks import Check, at_most, below
 from verification.critic_errors import error_check, matrix_errors, relative_error
 from verification.hfa_box import usual_box
+from verification.reasons.diagnosis import diagnose_discrete
 from verification.scope import LIMIT, Scope
 from verification.verdict import Details, Section, Verdict, explained
 
@@ -62,7 +62,7 @@ def check_discounted(
 
     def diagnose(exact: DiscreteSolution, critic: Critic, box: np.ndarray) -> str:
         says = "in continuous time, without discount"
-        return _reason(game, exact, critic, says, {}, box)
+        return diagnose_discrete(game, exact, critic, says, {}, box)
 
     problem = sampled(game, dt, discount)
     verdict = _verdict(problem, critic, limit, scope or Scope(), diagnose)
@@ -107,19 +107,9 @@ def check_discrete(
 
     def diagnose(exact: DiscreteSolution, critic: Critic, box: np.ndarray) -> str:
         question = 'of x\' = A x + B u; did you mean time = "continuous"?'
-        return _reason(step, exact, critic, question, others, box)
+        return diagnose_discrete(step, exact, critic, question, others, box)
 
     return _verdict(problem, critic, limit, scope or Scope(), diagnose, more)
-
-
-def _reason(*what: Any) -> str:
-    """Return a sentence on the mistake in a critic, or "" if no mistake is found.
-
-    what: arguments of `verification.reasons.diagnosis.diagnose_discrete`
-    """
-    from verification.reasons.diagnosis import diagnose_discrete
-
-    return diagnose_discrete(*what)
 
 
 def _verdict(
@@ -164,9 +154,10 @@ def _verdict(
     states = 0
     proof = None
     if not critic.is_quadratic:
-        from verification.network.search import in_steps
+        from verification.axis import InSteps
+        from verification.network.search import findings_of
 
-        findings = in_steps(exact, critic, box.half_widths, limit, scope)
+        findings = findings_of(InSteps(exact), critic, exact, box.half_widths, limit, scope)
         errors += findings.errors
         checks += findings.checks
         states = findings.states

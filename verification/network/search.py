@@ -15,7 +15,7 @@ import numpy as np
 
 from controller.critic.critic import FUNCTIONS, Critic
 from hfa_support.reporting.checks import Check
-from verification.axis import InSteps, InTime, TimeAxis
+from verification.axis import TimeAxis
 from verification.critic_errors import SMALL, Exact, error_check
 from verification.network.bound import Proof, prove
 from verification.network.flights import (
@@ -29,9 +29,6 @@ from verification.network.flights import (
 from verification.verdict import Details, Section
 
 if TYPE_CHECKING:
-    from controller.discrete.solution import DiscreteSolution
-    from controller.game.zero_sum import Game
-    from controller.riccati.gare import Solution
     from verification.scope import Scope
 
 #: Number of states at which the errors are computed. Half of them are corners of the box.
@@ -158,7 +155,7 @@ def _floored(sizes: np.ndarray) -> np.ndarray:
     return np.maximum(sizes, SMALL * sizes.max() or 1.0)
 
 
-def findings(
+def findings_of(
     axis: TimeAxis, critic: Critic, exact: Exact, b: np.ndarray, limit: float, scope: Scope
 ) -> Findings:
     """Return the errors of a critic over the box |z_i| <= b_i, and the results of its simulations.
@@ -411,29 +408,3 @@ def _flight_lines(flown: FlightResults) -> list[str]:
         f"Converges from {reach} ({few} initial conditions each, factors up to {2**DOUBLINGS})"
     )
     return lines
-
-
-def in_time(
-    game: Game, exact: Solution, critic: Critic, b: np.ndarray, limit: float, scope: Scope
-) -> Findings:
-    """Return the findings on a critic in continuous time, over the box |z_i| <= b_i.
-
-    exact: exact solution of the game
-    b: half-widths of the box, (n,)
-    limit: largest relative error that passes
-    scope: duration of the proof, number of simulations and further settings
-    """
-    return findings(InTime(game, exact), critic, exact, b, limit, scope)
-
-
-def in_steps(
-    exact: DiscreteSolution, critic: Critic, b: np.ndarray, limit: float, scope: Scope
-) -> Findings:
-    """Return the findings on a critic in discrete time, over the box |z_i| <= b_i.
-
-    exact: exact solution of the game
-    b: half-widths of the box, (n,)
-    limit: largest relative error that passes
-    scope: duration of the proof, number of simulations and further settings
-    """
-    return findings(InSteps(exact), critic, exact, b, limit, scope)

@@ -8,20 +8,20 @@ from functools import cache
 from hfa_aircraft.model import Model
 from hfa_model.choice import aircraft
 from hfa_model.parameters import NAMED, Parameters, ParameterSet, load_parameters
-from hfa_model.variants import FURTHER_DYNAMICS, VARIANTS
+from hfa_model.variants import DYNAMICS, VARIANTS
 from hfa_support.provenance import parameter_hash
 
 
 @cache
 def aircraft_of(dynamics: str) -> Model | None:
     """Return the flexible aircraft with the given dynamics, or None if their name is unknown."""
-    return aircraft(dynamics) if dynamics in (*VARIANTS, *FURTHER_DYNAMICS) else None
+    return aircraft(dynamics) if dynamics in DYNAMICS else None
 
 
 def standard_errors_of(dynamics: str, parameters: ParameterSet) -> Mapping[str, float]:
     """Return parameter -> standard error of the aircraft with the given dynamics.
 
-    The result is {} for dynamics of other packages.
+    The result is {} for the unsteady dynamics.
 
     parameters: parameter set that stores the standard errors
     """
