@@ -1,5 +1,4 @@
-"""How the aircraft is controlled: the game, the critics that learn its value, and the simulated
-closed loop."""
+"""Zero-sum games, their exact solution, critics and learners."""
 
 from .critic.critic_file import critic_in as critic_in
 from .critic.critic_history import critics_over_time as critics_over_time

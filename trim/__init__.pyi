@@ -1,4 +1,4 @@
-"""Operating points, exact linear models, modes, sweeps, and the aircraft's identification."""
+"""Operating points, exact linear models, modes and sweeps, for any aircraft."""
 
 from .hfa.front_view import trim_figure as trim_figure
 from .hfa.level_flight import load_condition as load_condition

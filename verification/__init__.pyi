@@ -1,5 +1,5 @@
-"""Is it true: the exact game solution with its certificate, and everything that is checked against
-it."""
+"""Checks of critics against the exact game solution, and of linear models against printed
+matrices."""
 
 from .critic.history import check_history as check_history
 from .critic_errors import relative_error as relative_error

@@ -1,4 +1,4 @@
-"""Names and units of the ANSI/AIAA S-119 variables that this extension uses for an aircraft."""
+"""Names and units of the ANSI/AIAA S-119 variables of an aircraft."""
 
 from __future__ import annotations
 

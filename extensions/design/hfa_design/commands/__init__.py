@@ -1,1 +1,1 @@
-"""Commands of this extension."""
+"""The command `hfa design`."""

@@ -1,1 +1,1 @@
-"""Commands of this extension."""
+"""The commands `hfa fly` and `hfa export`."""

@@ -1,1 +1,1 @@
-"""Commands of the identification extension."""
+"""The command `hfa identify`."""

@@ -1,1 +1,1 @@
-"""Commands of the optimization extension."""
+"""The command `hfa optimize`."""

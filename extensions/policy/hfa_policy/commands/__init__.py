@@ -1,1 +1,1 @@
-"""The commands of this extension."""
+"""The command `hfa assess`."""
