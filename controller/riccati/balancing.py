@@ -178,3 +178,9 @@ def largest_or_1(matrices: np.ndarray) -> np.ndarray:
     """Return the largest magnitude of an entry of each matrix, or 1 for a zero matrix, (...)."""
     sizes = largest(matrices)
     return np.where(sizes > 0.0, sizes, 1.0)
+
+
+def norms(matrices: np.ndarray) -> np.ndarray:
+    """Return the Frobenius norm of each matrix (..., n, m)."""
+    entries = matrices.reshape(*matrices.shape[:-2], -1)
+    return np.sqrt(np.vecdot(entries, entries).real)

@@ -14,13 +14,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.riccati.balancing import largest, largest_or_1, spectrum
+from controller.riccati.balancing import largest, largest_or_1, norms, spectrum
 from controller.riccati.derivations import (
     SETTLED,
     by_doubling,
     by_eigenvectors,
     inverses,
-    norms,
 )
 from controller.riccati.normal_form import MODERATE, RANK, NormalForm
 from controller.riccati.sensitivity import gain_change, gain_change_bounds

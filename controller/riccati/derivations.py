@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.riccati.balancing import hamiltonian, largest
+from controller.riccati.balancing import hamiltonian, largest, norms
 from controller.riccati.normal_form import NormalForm
 
 #: Newton steps after the eigenvectors, with residuals in twice the precision.
@@ -144,12 +144,6 @@ def by_doubling(form: NormalForm, eigenvalues: np.ndarray) -> np.ndarray:
         if not (np.abs(E) > SMALL).any():
             break
     return X + LAST * one
-
-
-def norms(matrices: np.ndarray) -> np.ndarray:
-    """Return the Frobenius norm of each matrix (..., n, m)."""
-    entries = matrices.reshape(*matrices.shape[:-2], -1)
-    return np.sqrt(np.vecdot(entries, entries).real)
 
 
 def inverses(matrices: np.ndarray) -> np.ndarray:

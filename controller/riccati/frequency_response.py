@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import is_hurwitz, spectrum
+from controller.riccati.balancing import is_hurwitz, norms, spectrum
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 
@@ -71,7 +71,7 @@ def peak_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level:
     ]
     frequencies = np.unique(np.concatenate(points))
     frequencies = np.concatenate([frequencies, (frequencies[1:] + frequencies[:-1]) / 2.0])
-    return float(np.linalg.norm(C @ responses(A, B, frequencies) + D, 2, axis=(1, 2)).max())
+    return float(largest_gains(C @ responses(A, B, frequencies) + D, 1.0).max())
 
 
 @checks_arguments
@@ -141,6 +141,33 @@ def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.nd
         raise NoSolutionError(
             "the loop has a pole on the imaginary axis, within rounding; give a stabilizing gain"
         ) from error
+
+
+def largest_gains(matrices: np.ndarray, fraction: float) -> np.ndarray:
+    """Return the largest singular value of each matrix, (N,).
+
+    The Frobenius norm is an upper bound. Where it is below the given fraction of the largest
+    result, it is returned instead.
+
+    matrices: (N, p, m)
+    fraction: from 0 to 1
+    """
+    if not matrices.size:
+        return np.zeros(len(matrices))
+    size = float(np.abs(matrices).max()) or 1.0
+    scaled = matrices / size
+    bounds = norms(scaled)
+
+    def values_of(some: np.ndarray) -> np.ndarray:
+        wide = some.shape[-2] < some.shape[-1]
+        gram = some @ some.mT.conj() if wide else some.mT.conj() @ some
+        return np.sqrt(np.linalg.eigvalsh(gram)[:, -1].clip(0.0))
+
+    most = int(bounds.argmax())
+    least = fraction * float(values_of(scaled[most : most + 1])[0])
+    is_sought = bounds >= least
+    bounds[is_sought] = values_of(scaled[is_sought])
+    return size * bounds
 
 
 def square_root(matrix: np.ndarray) -> np.ndarray:

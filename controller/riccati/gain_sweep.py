@@ -9,22 +9,29 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.riccati.balancing import spectrum
-from controller.riccati.frequency_response import responses
+from controller.riccati.frequency_response import largest_gains, responses
 
 GRID_PER_DECADE = 60
 #: Points near a resonance: their spacing grows with the distance from the pole, up to a hundred of
 #: its widths.
 RESONANCE = np.linspace(-5.3, 5.3, 45)
+#: Step of the first of these grids relative to the frequency, and of the second relative to the
+#: distance from the pole.
+LOGARITHMIC_STEP = 10.0 ** (1.0 / GRID_PER_DECADE) - 1.0
+RESONANCE_STEP = float(RESONANCE[1] - RESONANCE[0])
 #: Frequencies with a smaller relative difference count as equal.
 _SAME = 1e-9
-#: Number of finer grids, and points of each, over two steps of the grid before: ten times finer,
-#: until the step is a billionth of the peak frequency.
-REFINEMENTS = 8
-#: A peak of the first grid is refined if it has at least this fraction of the largest gain there,
-RIVAL = 0.8
-#: and if it is among the largest.
-MOST_PEAKS = 8
+#: Number of finer grids, and points of each, over two steps of the grid before: ten times finer.
+#: The error of a peak gain decreases with the square of the step.
+REFINEMENTS = 6
 POINTS = 20
+#: A peak of the first grid is refined if its gain is below the largest by at most this fraction,
+#: and further if the difference is at most a tenth of it after each refinement,
+RIVAL = 0.2
+#: and if it is among the largest of the first grid.
+MOST_PEAKS = 8
+#: Function of frequencies, (N,), and the fraction of `largest_gains` -> gains, (N,).
+Gains = Callable[[np.ndarray, float], np.ndarray]
 
 
 class SweptGain(NamedTuple):
@@ -54,37 +61,81 @@ def swept_gain(loop: np.ndarray, E: np.ndarray, C: np.ndarray) -> SweptGain:
     if poles.abscissa >= 0.0:
         return SweptGain(math.inf, float(abs(poles.eigenvalues[-1].imag)))
 
-    def gains_at(frequencies: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(C @ responses(loop, E, frequencies), ord=2, axis=(1, 2))
+    if len(C) > len(loop):
+        C = np.linalg.qr(C).R  # the same gain by fewer outputs
 
-    grid = frequency_grid(poles.eigenvalues)
-    gains = gains_at(grid)
-    surrounded = np.concatenate([[-math.inf], gains, [-math.inf]])
-    is_peak = (gains >= surrounded[:-2]) & (gains >= surrounded[2:])
-    peaks = np.flatnonzero(is_peak & (gains >= RIVAL * gains.max()))
-    peaks = peaks[np.argsort(gains[peaks])[-MOST_PEAKS:]]
-    refined = [_refined(gains_at, grid, gains, int(peak)) for peak in peaks]
-    return max(refined, key=lambda each: each.gain)
+    def gains_at(frequencies: np.ndarray, fraction: float) -> np.ndarray:
+        return largest_gains(C @ responses(loop, E, frequencies), fraction)
+
+    rival = RIVAL
+    peaks = _peaks(gains_at, _sweep_grid(poles.eigenvalues))
+    for _ in range(REFINEMENTS):
+        finer = [peak.finer(gains_at) for peak in peaks]
+        rival /= 10.0
+        highest = max(peak.gain for peak in finer)
+        peaks = [peak for peak in finer if peak.gain >= (1.0 - rival) * highest]
+    highest_peak = max(peaks, key=lambda peak: peak.gain)
+    return SweptGain(highest_peak.gain, float(highest_peak.grid[highest_peak.place]))
 
 
-def _refined(
-    gains_at: Callable[[np.ndarray], np.ndarray], grid: np.ndarray, gains: np.ndarray, peak: int
-) -> SweptGain:
-    """Return the largest gain found on ever finer grids around one peak of a grid.
+class _Peak(NamedTuple):
+    """Peak of the gain on a grid of frequencies.
 
-    gains_at: function of frequencies, (N,)
     grid: frequencies, (N,), rad/s
     gains: at these frequencies, (N,)
-    peak: index of the peak
+    place: index of the peak
     """
-    for _ in range(REFINEMENTS):
-        below_peak = grid[max(peak - 1, 0)]
-        above_peak = grid[min(peak + 1, len(grid) - 1)]
-        around = np.linspace(below_peak, above_peak, POINTS)
-        grid = np.unique(np.append(around, grid[peak]))
-        gains = gains_at(grid)
-        peak = int(np.argmax(gains))
-    return SweptGain(float(gains[peak]), float(grid[peak]))
+
+    grid: np.ndarray
+    gains: np.ndarray
+    place: int
+
+    @property
+    def gain(self) -> float:
+        """Gain at the peak."""
+        return float(self.gains[self.place])
+
+    def finer(self, gains_at: Gains) -> _Peak:
+        """Return the largest gain on a finer grid around the peak."""
+        low = self.grid[max(self.place - 1, 0)]
+        high = self.grid[min(self.place + 1, len(self.grid) - 1)]
+        grid = np.unique(np.append(np.linspace(low, high, POINTS), self.grid[self.place]))
+        gains = gains_at(grid, 1.0)
+        return _Peak(grid, gains, int(np.argmax(gains)))
+
+
+def _peaks(gains_at: Gains, grid: np.ndarray) -> list[_Peak]:
+    """Return the largest peaks of the gain on a grid, `MOST_PEAKS` at most.
+
+    gains_at: gain at each frequency
+    grid: frequencies, (N,), rad/s
+    """
+    gains = gains_at(grid, 1.0 - RIVAL)
+    surrounded = np.concatenate([[-math.inf], gains, [-math.inf]])
+    is_peak = (gains >= surrounded[:-2]) & (gains >= surrounded[2:])
+    found = np.flatnonzero(is_peak & (gains >= (1.0 - RIVAL) * gains.max()))
+    largest = found[np.argsort(gains[found])[-MOST_PEAKS:]]
+    return [_Peak(grid, gains, int(index)) for index in largest]
+
+
+def _sweep_grid(eigenvalues: np.ndarray) -> np.ndarray:
+    """Return a grid that resolves every resonance as `frequency_grid`, with the fewest points.
+
+    Where the points of `frequency_grid` around several resonances overlap, one of these sets is
+    enough. The step is the smallest that the logarithmic grid or a resonance needs. The frequencies
+    of the poles are on the grid.
+
+    eigenvalues: poles, (n,), 1/s
+    """
+    dense = frequency_grid(eigenvalues)
+    widths = np.abs(eigenvalues.real)
+    centers = np.abs(eigenvalues.imag)
+    distances = np.hypot(widths, dense[:, None] - centers).min(axis=1)
+    steps = np.minimum(LOGARITHMIC_STEP * dense, RESONANCE_STEP * distances)[1:]
+    lengths = np.diff(dense[1:]) / np.minimum(steps[1:], steps[:-1])
+    numbers = np.append(0.0, np.cumsum(lengths))
+    even = np.interp(np.arange(numbers[-1]), numbers, dense[1:])
+    return _distinct(np.concatenate([[0.0], even, centers, dense[-1:]]))
 
 
 def frequency_grid(eigenvalues: np.ndarray, per_decade: int = GRID_PER_DECADE) -> np.ndarray:
@@ -104,7 +155,12 @@ def frequency_grid(eigenvalues: np.ndarray, per_decade: int = GRID_PER_DECADE) -
     grid = np.geomspace(1e-2 * slowest, 1e2 * fastest, math.ceil(decades * per_decade))
     around = np.abs(eigenvalues.real) * np.sinh(RESONANCE)[:, None]
     resonances = np.append(np.abs(eigenvalues.imag + around), np.abs(eigenvalues.imag))
-    found = np.unique(np.concatenate([[0.0], grid, resonances]))
-    # One of several frequencies that are equal up to rounding is kept, so that the peak is between
-    # distinct neighbors.
+    return _distinct(np.concatenate([[0.0], grid, resonances]))
+
+
+def _distinct(frequencies: np.ndarray) -> np.ndarray:
+    """Return the frequencies in ascending order, and only one of several that are equal up to
+    rounding, so that a peak is between distinct neighbors.
+    """
+    found = np.unique(frequencies)
     return found[np.append(True, np.diff(found) > _SAME * found[1:])]

@@ -16,7 +16,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from controller.riccati.derivations import norms
+from controller.riccati.balancing import norms
 from controller.riccati.normal_form import NormalForm
 
 #: Relative change of an entry by one unit in the last place.
