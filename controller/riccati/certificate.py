@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.riccati.balancing import largest, largest_or_1, norms, spectrum
+from controller.riccati.balancing import balanced, largest, largest_or_1, norms, spectrum
 from controller.riccati.derivations import (
     SETTLED,
     by_doubling,
@@ -324,6 +324,23 @@ def hamiltonian_checks(form: NormalForm, given: NormalForm | None = None) -> tup
         " Hamiltonian on the imaginary axis"
     )
     return (*checks, at_least("hamiltonian_entries", change, ENTRIES, reason))
+
+
+def is_clearly_split(form: NormalForm) -> bool:
+    """Return whether a bound shows that both `hamiltonian_checks` of the eigenvalues hold.
+
+    The eigenvalues are as far from the imaginary axis as required if the smallest |Re λ|, divided
+    by the condition number of the eigenvectors, is (Bauer and Fike). If the result is False, the
+    checks may nevertheless hold.
+    """
+    if not form.is_finite:
+        return False
+    H, _ = balanced(form.hamiltonian)
+    values, vectors = np.linalg.eig(H)
+    condition = norms(vectors) * norms(inverses(vectors))
+    distance = np.abs(values.real).min() / condition
+    is_halved = np.sum(values.real < 0.0) == len(form.A)
+    return bool(is_halved and distance >= AXIS_DISTANCE * norms(H))
 
 
 def distance_by_entries(given: NormalForm, levelled: NormalForm, frequencies: np.ndarray) -> float:

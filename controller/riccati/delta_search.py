@@ -17,6 +17,9 @@ from hfa_support.progress import Progress
 MOST = 1e12
 #: Smallest δ of the search, as a fraction of the first one.
 LEAST = 1e-12
+#: Distance of an interpolated δ from the zero of the line, toward the middle of the interval:
+#: this times the square of the width of the interval, as a difference of log δ.
+INWARD = 0.2
 #: Before a δ is reported to have no solution, these fractions of it are tried. A solution there
 #: shows that the refusal was rounding.
 BELOW = (0.9, 0.5, 0.1, 0.01)
@@ -30,12 +33,14 @@ class Answer(NamedTuple):
     condition: name of the condition that fails or is undecided, if several conditions are examined;
         otherwise ""
     gain: lower bound of the smallest δ with a solution, or 0 if none is known
+    excess: number that increases continuously through 0 at the smallest δ, or nan if none is known
     """
 
     exists: bool | None
     reason: str = ""
     condition: str = ""
     gain: float = 0.0
+    excess: float = math.nan
 
 
 class Bracket(NamedTuple):
@@ -97,7 +102,7 @@ def smallest_delta(
     tolerance: float,
     progress: Progress | None = None,
 ) -> Bracket:
-    """Return bounds of the smallest δ with a solution, by bisection of log δ.
+    """Return bounds of the smallest δ with a solution, by bisection and interpolation of log δ.
 
     Both bounds are 0 if a solution exists at every evaluated δ down to `LEAST` times `begin`.
 
@@ -166,13 +171,39 @@ def _descend(answers: _Answers, least: float) -> None:
 
 
 def _narrow(answers: _Answers, ends: Callable[[], tuple[float, float]], tolerance: float) -> None:
-    """Bisect log δ between a lower and an upper δ until their ratio is at most 1 + tolerance.
+    """Divide the interval between a lower and an upper δ until their ratio is at most
+    1 + tolerance.
 
-    The bisection also ends if the lower δ is 0.
+    Of two successive divisions, one at least halves the interval of log δ. The division also ends
+    if the lower δ is 0.
 
     ends: function that returns the present lower and upper δ
     """
     low, high = ends()
+    bisects = False
     while low and high > low * (1.0 + tolerance):
-        answers.at(math.sqrt(low * high))
+        width = math.log(high / low)
+        share = 0.5 if bisects else _share(answers.at(low), answers.at(high), width, tolerance)
+        answers.at(low * math.exp(share * width))
         low, high = ends()
+        bisects = not bisects and low > 0.0 and math.log(high / low) > 0.5 * width
+
+
+def _share(low: Answer, high: Answer, width: float, tolerance: float) -> float:
+    """Return where to divide an interval of log δ, from 0 at its lower end to 1.
+
+    The interval is divided near the zero of the line through the excess at both ends. The excess
+    of the next δ then probably has the sign of that of the nearer end, so that the interval becomes
+    much shorter. Without an excess, the interval is halved.
+
+    low, high: answers at the ends
+    width: of the interval of log δ
+    tolerance: final width
+
+    Source: Oliveira and Takahashi, ACM Transactions on Mathematical Software 47 (2020), 5.
+    """
+    if not low.excess < 0.0 < high.excess:
+        return 0.5
+    zero = low.excess / (low.excess - high.excess)
+    inward = max(INWARD * width, 0.4 * tolerance / width)
+    return min(zero + inward, 0.5) if zero < 0.5 else max(zero - inward, 0.5)

@@ -12,6 +12,7 @@ from controller.riccati.careful_derivations import by_schur
 from controller.riccati.certificate import (
     AXIS_DISTANCE,
     hamiltonian_checks,
+    is_clearly_split,
     solution_checks,
 )
 from controller.riccati.delta_search import Answer
@@ -109,10 +110,12 @@ def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
         poles = spectrum(form.A)
         if poles.abscissa < 0.0 and poles.axis_distance() >= AXIS_DISTANCE:  # P = 0
             return Found(Answer(True), form, StableSubspace(np.eye(2 * n, n), 0.0))
-    try:
-        failed = [check for check in hamiltonian_checks(form, given) if not check.ok]
-    except NoSolutionError as overflow:
-        return Found(Answer(None, str(overflow)), form, None)
+    failed = []
+    if given is not None or not is_clearly_split(form):
+        try:
+            failed = [check for check in hamiltonian_checks(form, given) if not check.ok]
+        except NoSolutionError as overflow:
+            return Found(Answer(None, str(overflow)), form, None)
     subspace = None if failed else stable_subspace(form)
     if subspace is None:
         gain, frequency = shown_gain(form)
@@ -129,10 +132,10 @@ def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
     # Rounding rotates [X1; X2] by up to the error, and changes X1'X2 by at most twice the error.
     open_below = 2.0 * subspace.error
     if smallest > open_below:
-        return Found(Answer(True), form, subspace)
+        return Found(Answer(True, excess=smallest), form, subspace)
     if smallest < -open_below:
         reason = "P is indefinite by more than rounding"
-        return Found(Answer(False, reason), form, subspace)
+        return Found(Answer(False, reason, excess=smallest), form, subspace)
     if solution_that_holds(form) is not None:
         return Found(Answer(True), form, subspace)
     reason = "rounding hides whether the stabilizing solution is positive semidefinite"
