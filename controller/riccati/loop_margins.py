@@ -129,12 +129,11 @@ def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
     only = loop.only(i)
     zeros = np.unique(np.concatenate([_crossings(only, sign) for sign in (-1.0, 1.0)]))
     between = (zeros[1:] + zeros[:-1]) / 2.0
-    resonances = frequency_grid(np.linalg.eigvals(loop.A), _PER_DECADE)
+    resonances = frequency_grid(loop.poles, _PER_DECADE)
     grid = np.unique(np.concatenate([zeros, between, resonances]))
-    response = response_of(only)
 
     def locus(frequencies: np.ndarray) -> np.ndarray:
-        return response(frequencies)[:, 0]
+        return only.at(frequencies)[:, 0]
 
     margin = margin_of(locus, grid, only)
     return margin._replace(disk=disk_of(only, _peak_of(locus, grid)).disk)
@@ -152,30 +151,6 @@ def _peak_of(locus: Loci, grid: np.ndarray) -> float:
         peak = int(np.abs(locus(grid)).argmax())
         grid = np.linspace(grid[max(peak - 1, 0)], grid[min(peak + 1, len(grid) - 1)], _POINTS)
     return float(grid[_POINTS // 2])
-
-
-def response_of(loop: ClosedLoop) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the frequency response of a closed loop as a function ω (N,) -> M(jω) (N, m, m).
-
-    With the complex Schur form of A, each frequency takes n² operations instead of n³.
-    """
-    from scipy.linalg import schur
-
-    T, U = schur(loop.A, output="complex")
-    enters = U.conj().T @ loop.B
-    leaves = loop.C @ U
-
-    def at(frequencies: np.ndarray) -> np.ndarray:
-        points = 1j * frequencies
-        states = np.empty((*enters.shape, len(points)), dtype=complex)
-        columns = states.reshape(len(T), -1)
-        for row in reversed(range(len(T))):
-            known = (T[row, row + 1 :] @ columns[row + 1 :]).reshape(states[row].shape)
-            states[row] = (enters[row, :, None] + known) / (points - T[row, row])
-        outputs = (leaves @ columns).reshape(*loop.D.shape, len(points))
-        return loop.D + np.moveaxis(outputs, -1, 0)
-
-    return at
 
 
 def _crossings(loop: ClosedLoop, sign: float) -> np.ndarray:

@@ -8,7 +8,8 @@ Gain margins are factors (not dB), phases are in degrees and frequencies in rad/
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -25,7 +26,7 @@ from hfa_support.errors import NoSolutionError
 ABOVE = 1e-8
 #: It is multiplied by 10 after each such number of frequencies, divided by the square of the number
 #: of inputs, as the time of one frequency grows; twenty frequencies are usual,
-MANY = 200
+MANY = 120
 #: until it is this, the largest relative error of the margin.
 WIDEST = 1e-3
 #: Rounds of balancing for the initial scaling, which the search at each frequency improves.
@@ -34,13 +35,21 @@ SWEEPS = 20
 #: accepted in the end.
 MAX_STEPS = 1000
 MAX_TRIALS = 40
-#: The search ends if a step would reduce σ_max(D M D⁻¹) by less than this, relative.
+#: The search ends if a step would reduce σ_max(D M D⁻¹) by less than this, relative,
 SETTLED = 1e-14
+#: or if this number of steps has reduced it by less than this fraction of the distance of the level
+#: above it.
+FEW_STEPS = 10
+SMALL_FRACTION = 1e-3
 #: Longest step of log D. For a triangular M the optimum is at infinity, and exp(log D) must not
 #: overflow.
 FARTHEST = 5.0
 
 
+#: The response at up to this number of frequencies is computed without the Schur form.
+FEW = 4
+#: Number of states that are solved for with one product of matrices.
+BLOCK = 16
 #: Interval of frequencies, rad/s.
 Piece = tuple[float, float]
 
@@ -64,7 +73,8 @@ class DiskMargin(NamedTuple):
     frequency: float
 
 
-class ClosedLoop(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class ClosedLoop:
     """Stable closed loop M(s) = D + C (s I - A)⁻¹ B, (m, m).
 
     A: (n, n), stable
@@ -83,11 +93,44 @@ class ClosedLoop(NamedTuple):
     def only(self, i: int) -> ClosedLoop:
         """Return M of loop i alone, with the other loops closed."""
         one = slice(i, i + 1)
-        return self._replace(B=self.B[:, one], C=self.C[one], D=self.D[one, one])
+        part = replace(self, B=self.B[:, one], C=self.C[one], D=self.D[one, one])
+        vars(part)["schur_form"] = self.schur_form
+        return part
+
+    @cached_property
+    def schur_form(self) -> tuple[np.ndarray, np.ndarray]:
+        """Complex Schur form T and U of A = U T U*, (n, n)."""
+        from scipy.linalg import schur
+
+        return schur(self.A, output="complex")
+
+    @property
+    def poles(self) -> np.ndarray:
+        """Eigenvalues of A, (n,)."""
+        return np.diag(self.schur_form[0])
 
     def at(self, frequencies: np.ndarray) -> np.ndarray:
-        """Return M(jω), (N, m, m), at finite frequencies ω, (N,)."""
-        return self.D + self.C @ responses(self.A, self.B, frequencies)
+        """Return M(jω), (N, m, m), at finite frequencies ω, (N,).
+
+        With the Schur form of A, each of many frequencies takes n² operations instead of n³.
+        """
+        if len(frequencies) <= FEW:
+            return self.D + self.C @ responses(self.A, self.B, frequencies)
+        T, U = self.schur_form
+        n, m = self.B.shape
+        points = 1j * frequencies
+        enters = U.conj().T @ self.B
+        states = np.empty((n, m, len(points)), dtype=complex)
+        columns = states.reshape(n, -1)
+        for high in range(n, 0, -BLOCK):
+            low = max(high - BLOCK, 0)
+            known = T[low:high, high:] @ columns[high:]
+            for row in reversed(range(low, high)):
+                total = known[row - low] + T[row, row + 1 : high] @ columns[row + 1 : high]
+                driven = enters[row, :, None] + total.reshape(states[row].shape)
+                states[row] = driven / (points - T[row, row])
+        outputs = (self.C @ U @ columns).reshape(*self.D.shape, len(points))
+        return self.D + np.moveaxis(outputs, -1, 0)
 
     def rate(self, frequencies: np.ndarray) -> np.ndarray:
         """Return the physical frequencies, rad/s, that belong to frequencies ω of s = jω.
@@ -152,40 +195,38 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
     """Return the disk margin of a stable closed loop M.
 
     Intervals of frequencies are divided until the bound min_D σ_max(D M D⁻¹) is shown to be below
-    a common level on all intervals. The margin is the inverse of this level.
+    a common level on all intervals. The margin is the inverse of this level. The interval with the
+    largest bound is divided first, so that most intervals are below the level soon.
 
     loop: M
     near: estimate of the critical frequency, rad/s, which shortens the search; 0 if unknown
 
     Source: Lawrence, Tits and Van Dooren, Automatica 36 (2000), 449-456.
     """
-    poles = np.linalg.eigvals(loop.A)
-    ends = np.unique(np.concatenate([[0.0], np.abs(poles), np.abs(poles.imag)]))
+    ends = np.unique(np.concatenate([[0.0], np.abs(loop.poles), np.abs(loop.poles.imag)]))
     pieces = list(pairwise([*ends.tolist(), math.inf]))
-    # The frequency with the largest bound is first: most intervals are then below the level.
     there = loop.at(ends)
     scalings = _osborne_scaling(there)
-    order = np.argsort(scaled_norm(there, scalings))
-    scaling = scalings[order[-1]]
-    first = ends[order].tolist()
-    first.append(near or first[-1])
+    most = scaled_norm(there, scalings).argmax()
+    scaling = scalings[most]
+    point = near or float(ends[most])
     frequency = math.inf
     highest = float(scaled_norm(loop.D, best_scaling(loop.D)))
     many = max(MANY // len(loop.D) ** 2, 1)
     looked = 0
     while pieces:
         looked += 1
-        point = first.pop() if first else _between(*pieces[-1])
-        if not any(low <= point <= high for low, high in pieces):
-            continue
         M = loop.at(np.array([point]))[0]
-        scaling = best_scaling(M, scaling)
+        slack = min(ABOVE * 10.0 ** (looked // many), WIDEST)
+        scaling = best_scaling(M, scaling, slack)
         bound = float(scaled_norm(M, scaling))
-        if bound > highest:
-            highest = bound
+        if bound > highest * (1.0 + ABOVE):
             frequency = point
-        level = highest * (1.0 + min(ABOVE * 10.0 ** (looked // many), WIDEST))
-        pieces = list(_above(loop, scaling, level, pieces, point))
+        highest = max(highest, bound)
+        level = highest * (1.0 + slack)
+        pieces = _above(loop, scaling, level, pieces, point)
+        if pieces:
+            point = _between(*pieces[-1])
     alpha = 1.0 / level
     return DiskMargin(alpha, *disk_sizes(alpha), float(loop.rate(np.array(frequency))))
 
@@ -202,9 +243,15 @@ def _between(low: float, high: float) -> float:
 
 
 def _above(
-    loop: ClosedLoop, scaling: np.ndarray, level: float, pieces: list[Piece], cut: float
-) -> Iterator[Piece]:
-    """Yield those parts of frequency intervals in which σ_max(D M D⁻¹) is above a level.
+    loop: ClosedLoop,
+    scaling: np.ndarray,
+    level: float,
+    pieces: list[Piece],
+    cut: float,
+) -> list[Piece]:
+    """Return those parts of frequency intervals in which σ_max(D M D⁻¹) is above a level.
+
+    The parts are sorted by the value of σ_max(D M D⁻¹) inside them, the largest last.
 
     scaling: log D, (m,)
     pieces: frequency intervals (low, high), rad/s
@@ -221,12 +268,13 @@ def _above(
         parts += pairwise([low, *inside, high])
     inner = np.array([_between(*part) for part in parts])
     bounds = scaled_norm(loop.at(inner), scaling)
-    for part, bound, point in zip(parts, bounds, inner, strict=True):
-        if bound > level and part[0] < point < part[1]:
-            yield part
+    lows, highs = np.transpose(parts)
+    is_above = (bounds > level) & (lows < inner) & (inner < highs)
+    order = np.argsort(bounds, stable=True)
+    return [parts[number] for number in order[is_above[order]]]
 
 
-def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
+def best_scaling(M: np.ndarray, start: np.ndarray | None = None, slack: float = 0.0) -> np.ndarray:
     """Return the scaling D > 0, as log D, (m,), that minimizes σ_max(D M D⁻¹), by BFGS.
 
     D is diagonal. The minimum is an upper bound of μ(M), exact for m <= 3. At the minimum the two
@@ -234,18 +282,23 @@ def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
 
     M: (m, m), complex
     start: initial log D, (m,); by default `_osborne_scaling`
+    slack: relative error of σ_max that is allowed
 
     Sources: Packard and Doyle, Automatica 29 (1993), 71-109; Lewis and Overton, Mathematical
     Programming 141 (2013), 135-163.
     """
     start = _osborne_scaling(M) if start is None else start
-    free = start[:-1] - start[-1]
-    size, slope = _norm_and_slope(free, M)
-    unit = np.eye(len(free))
+    log_D = start - start[-1]
+    size, slope = _norm_and_slope(log_D, M)
+    unit = np.eye(len(log_D))
     inverse = unit / size if size > 0.0 else unit
-    for _ in range(MAX_STEPS):
+    before = [math.inf] * FEW_STEPS
+    for number in range(MAX_STEPS):
+        if before[number % FEW_STEPS] - size < SMALL_FRACTION * slack * size:
+            break
+        before[number % FEW_STEPS] = size
         way = -inverse @ slope
-        if np.abs(way).max(initial=0.0) > FARTHEST:  # no curvature left: use steepest descent again
+        if np.abs(way).max() > FARTHEST:  # no curvature left: use steepest descent again
             inverse = unit / size
             way = -inverse @ slope
         falls = slope @ way
@@ -255,7 +308,7 @@ def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
         low = 0.0
         high = math.inf
         for _ in range(MAX_TRIALS):
-            there, slope_there = _norm_and_slope(free + share * way, M)
+            there, slope_there = _norm_and_slope(log_D + share * way, M)
             if there >= size + 1e-4 * share * falls:
                 high = share
             elif slope_there @ way < 0.9 * falls:
@@ -270,23 +323,31 @@ def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
         column = step[:, None] / (step @ change)
         turn = unit - column * change
         inverse = turn @ inverse @ turn.T + column * step
-        free = free + step
+        log_D = log_D + step
         size = there
         slope = slope_there
-    return np.append(free, 0.0)
+    return log_D
 
 
-def _norm_and_slope(free: np.ndarray, M: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return σ = σ_max(D M D⁻¹) and its gradient ∂σ/∂log D_i = σ (|u_i|² - |v_i|²), (m - 1,).
+def _norm_and_slope(log_D: np.ndarray, M: np.ndarray) -> tuple[float, np.ndarray]:
+    """Return σ = σ_max(D M D⁻¹) and its gradient ∂σ/∂log D_i = σ (|u_i|² - |v_i|²), (m,).
 
-    u and v are the singular vectors of σ, and D_m = 1.
+    u and v are the singular vectors of σ. D_m is fixed, and the last entry of the gradient is 0.
 
-    free: log D_1 ... log D_(m-1)
+    log_D: (m,)
     M: (m, m), complex
     """
-    D = np.exp(np.append(free, 0.0))
-    u, sizes, v = np.linalg.svd(D[:, None] * M / D)
-    return float(sizes[0]), sizes[0] * (np.abs(u[:-1, 0]) ** 2 - np.abs(v[0, :-1]) ** 2)
+    D = np.exp(log_D)
+    scaled = D[:, None] * M / D
+    squares, vectors = np.linalg.eigh(scaled @ scaled.conj().T)
+    squared = max(float(squares[-1]), 0.0)
+    size = math.sqrt(squared)
+    u = vectors[:, -1]
+    of_rows = squared * np.abs(u) ** 2  # σ² |u_i|²
+    of_columns = np.abs(u.conj() @ scaled) ** 2  # σ² |v_i|²
+    slope = (of_rows - of_columns) / (size or 1.0)
+    slope[-1] = 0.0
+    return size, slope
 
 
 def scaled_norm(M: np.ndarray, log_D: np.ndarray) -> np.ndarray:

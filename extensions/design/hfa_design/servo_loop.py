@@ -14,7 +14,6 @@ from controller.riccati.gain_sweep import frequency_grid
 from controller.riccati.loop_margins import (
     LoopMargin,
     margin_of,
-    response_of,
     single_margin,
 )
 from controller.riccati.margins import closed_at
@@ -150,8 +149,7 @@ def servo_margins(
         margins[name] = single_margin(at_inputs, index)
     for index, name in enumerate(sensors):
         margins[name] = single_margin(at_sensors, index)
-    response = response_of(at_inputs)
-    margins[TOGETHER] = margin_of(lambda omega: np.linalg.eigvals(response(omega)), grid)
+    margins[TOGETHER] = margin_of(lambda omega: np.linalg.eigvals(at_inputs.at(omega)), grid)
     return margins
 
 
