@@ -34,6 +34,35 @@ def test_the_bracket_has_the_requested_width() -> None:
         assert (ending.exists, ending.condition) == (False, "of it")
 
 
+def _deltas_evaluated(excess: Callable[[float], float]) -> int:
+    """Return the number of deltas of a search with this excess, whose bracket is right."""
+    evaluated = []
+
+    def existence_at(delta: float) -> Answer:
+        evaluated.append(delta)
+        return truth(delta)._replace(excess=excess(delta))
+
+    value, refused, _ = smallest_delta(existence_at, 20.0, 1e-6)
+    assert refused <= EXACT < value <= refused * (1.0 + 1e-6)
+    return len(evaluated)
+
+
+def test_a_continuous_excess_shortens_the_search() -> None:
+    """A search with the excess of each delta takes two thirds of the deltas of a bisection."""
+    bisected = _deltas_evaluated(lambda _: math.nan)
+    assert _deltas_evaluated(lambda delta: 1.0 - EXACT / delta) < 2.0 / 3.0 * bisected
+
+
+@pytest.mark.parametrize("power", [0.1, 3.0, 9.0])
+def test_a_bent_excess_leaves_the_bracket_right(power: float) -> None:
+    """An excess far from linear takes at most twice the deltas of a bisection."""
+
+    def bent(delta: float) -> float:
+        return math.copysign(abs(delta / EXACT - 1.0) ** power, delta - EXACT)
+
+    assert _deltas_evaluated(bent) <= 2 * _deltas_evaluated(lambda _: math.nan)
+
+
 def test_wrong_refusals_above_a_solution_are_ignored() -> None:
     """The search ignores wrong refusals from 8 to 11.38, because a smaller delta has a solution."""
 

@@ -13,7 +13,12 @@ from tolerances import TWO_GAINS
 
 from controller import bounded_real_gain, minimum_delta
 from controller.riccati.existence import existence
-from controller.riccati.frequency_response import closed_loop, peak_gain, system_gain
+from controller.riccati.frequency_response import (
+    closed_loop,
+    largest_gains,
+    peak_gain,
+    system_gain,
+)
 from controller.riccati.gain_sweep import SweptGain, swept_gain
 from controller.riccati.meaning import gain_checks
 from controller.riccati.normal_form import NormalForm
@@ -78,6 +83,37 @@ def test_a_gain_at_infinite_frequency_is_found() -> None:
         matrices = [np.array(each) for each in loop]
         assert system_gain(*matrices) == pytest.approx(D, rel=1e-6)
         assert peak_gain(*matrices, D) == D  # the Hamiltonian of this level does not exist
+
+
+def test_close_resonances_of_many_modes_are_swept() -> None:
+    """The sweep finds the largest of 40 lightly damped resonances in a narrow band.
+
+    The largest gain is that of the mode with the least damping, alone in its output.
+    """
+    rng = np.random.default_rng(2)
+    frequencies = 1.0 + 0.01 * rng.random(40)
+    dampings = 10.0 ** rng.uniform(-5.0, -3.0, 40)
+    zero = np.zeros((40, 40))
+    stiffness = np.diag(frequencies**2)
+    loop = np.block([[zero, np.eye(40)], [-stiffness, -2.0 * np.diag(dampings * frequencies)]])
+    E = np.vstack([zero, stiffness])
+    C = np.hstack([np.eye(40), zero])
+    exact = (0.5 / (dampings * np.sqrt(1.0 - dampings**2))).max()
+    assert swept_gain(loop, E, C).gain == pytest.approx(exact, rel=1e-9)
+
+
+@pytest.mark.parametrize("shape", [(5, 3), (3, 5), (4, 1), (4, 0)])
+def test_largest_gains_are_largest_singular_values(shape: tuple[int, int]) -> None:
+    """Each large gain is the largest singular value, and each smaller one is not below it."""
+    rng = np.random.default_rng(3)
+    sizes = 10.0 ** rng.uniform(-3.0, 0.0, 50)[:, None, None]
+    matrices = sizes * (rng.standard_normal((50, *shape)) + 1j * rng.standard_normal((50, *shape)))
+    gains = largest_gains(matrices, 0.5)
+    exact = np.linalg.svd(matrices, compute_uv=False).max(axis=1, initial=0.0)
+    is_large = exact >= 0.5 * exact.max()
+    assert gains[is_large] == pytest.approx(exact[is_large], rel=1e-13)
+    assert (gains >= exact * (1.0 - 1e-13)).all()
+    assert (gains[~is_large] < exact.max()).all()
 
 
 def test_gain_of_an_unstable_loop_is_infinite(first: tuple[Game, np.ndarray]) -> None:
