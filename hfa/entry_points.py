@@ -1,16 +1,22 @@
-"""Lookup of the commands of the core and of installed packages by name."""
+"""The table of all commands of this distribution, and the lookup of a command by name.
+
+Other packages add commands by entry points.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
 from hfa.options.parser import unknown
-from hfa_support.entry_points import COMMANDS, loaded, offered
+from hfa_support.entry_points import COMMANDS as GROUP, is_installed, loaded, offered, package_of
 from hfa_support.errors import BadInputError, shortened
 
 if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
     from hfa.options.request import Command
 
 
@@ -52,8 +58,18 @@ class CommandEntry(NamedTuple):
         return found._replace(install=self.install, example=self.example)
 
 
-#: The commands of the core, in the order of the help.
-CORE = {
+#: Formats to which `--draws N` adds a section.
+_WITH_DRAWS = (
+    "trim",
+    "linear-model",
+    "game-solution",
+    "critic-check",
+    "assessment",
+    "monte-carlo-summary",
+)
+#: The commands of this distribution in the order of the help, each with the module that is loaded
+#: on use.
+COMMANDS = {
     "trim": CommandEntry(
         "model",
         "trim an aircraft; report variables, limits, loads, performance",
@@ -125,20 +141,185 @@ CORE = {
             " hfa.options.games:Weights hfa.options.games:NamedGame",
         ),
     ),
+    "assess": CommandEntry(
+        "critic",
+        "assess a policy as deployed: sampled, normalized, delayed",
+        "hfa_policy.commands.assess:assess",
+        example="hfa assess examples/gtm_policy/late.toml --aircraft examples/gtm.py:GTM",
+        results=("hfa_policy.assessment_report:Assessment", "hfa_policy.comparison:Comparison"),
+    ),
+    "daveml": CommandEntry(
+        "model",
+        "compute the check cases of a DAVE-ML file",
+        "hfa.commands.daveml:daveml",
+        example="hfa daveml examples/uav.dml",
+        results=("hfa_aircraft.readers.daveml.check_cases:CheckedDocument",),
+    ),
+    "design": CommandEntry(
+        "flight",
+        "design a certified controller for every point of a schedule",
+        "hfa_design.commands.design:design",
+        example="hfa design --design paper --dihedral 5,10,15 -o gains.npz",
+        results=(
+            "controller.schedule.scheduled_controller:ControllerData",
+            "controller.schedule.scheduled_controller:ControllerFile",
+            "controller.plant.plant_report:OutputSolution"
+            " controller.plant.plant_report:StateSolution",
+        ),
+    ),
+    "export": CommandEntry(
+        "exchange",
+        "write the aircraft for other tools: C source, FMU, MATLAB",
+        "hfa_flight.commands.export:export",
+        results=("hfa_flight.results:Exported",),
+        example="hfa export --dihedral 15 -o folder",
+    ),
+    "fly": CommandEntry(
+        "flight",
+        "simulate a policy on the nonlinear aircraft",
+        "hfa_flight.commands.fly:fly",
+        example="hfa fly --dihedral 15 --gust 400:5",
+        results=(
+            "hfa_flight.step_flight:StepFlight",
+            "hfa_flight.flight:Flight hfa_flight.flight:FlightHistory?",
+            "hfa_flight.results:MemberSummary",
+            "hfa_flight.results:MemberAttributes hfa_support.rows.store:OfAStore",
+        ),
+    ),
+    "identify": CommandEntry(
+        "model",
+        "identify parameters from flight records, with 95 % bands",
+        "hfa_identify.commands.identify:identify",
+        example="hfa identify examples/uav_record.csv --aircraft examples/uav.toml --free Cm_q",
+        results=(
+            "hfa_identify.identified:Identified",
+            *(f"hfa.{name}/1 verification.drawn:WithDraws" for name in _WITH_DRAWS),
+        ),
+    ),
+    "optimize": CommandEntry(
+        "flight",
+        "search for the best flight, and compare policies with it",
+        "hfa_optimal.commands.optimize:optimize",
+        example="hfa optimize --dihedral 15 --start speed=5,alpha=2.865",
+        results=(
+            "hfa_optimal.best_flight:BestFlight",
+            "hfa_optimal.quickest:QuickestFlight",
+            "hfa_optimal.initial_conditions:StartsTable",
+            "hfa.critic-check/1 hfa_optimal.initial_conditions:WithFlights",
+        ),
+    ),
+    "printed": CommandEntry(
+        "critic",
+        "compare every printed digit of P, K, L, W or H, name wrong entries",
+        "hfa.commands.printed:printed",
+        example="hfa printed studies/published/sources/radp_suspension.toml",
+        results=("verification.printed.verdict:PrintedVerdict",),
+    ),
+    "prove": CommandEntry(
+        "proof",
+        "verify a certificate of the commands below: --check FILE",
+        "hfa_prove.commands.check:prove",
+        example="hfa prove --check certificate.json",
+        install=("python-flint",),
+        results=("hfa_prove.results:ProofData", "hfa_prove.results:CertificateData"),
+    ),
+    "prove cost": CommandEntry(
+        "proof",
+        "lower bound of the cost of every nonlinear flight",
+        "hfa_prove.commands.cost:cost",
+        example="hfa prove cost --aircraft examples/pendulum.py:PENDULUM",
+        install=("python-flint",),
+        results=(
+            "hfa_prove.results:FoundLowerBound",
+            "hfa_prove.results:CheckedLowerBound",
+        ),
+    ),
+    "prove critic": CommandEntry(
+        "proof",
+        "distance of a critic from the exact solution",
+        "hfa_prove.commands.games:critic",
+        example="hfa prove critic learned.npz --dihedral 15",
+        install=("python-flint",),
+    ),
+    "prove models": CommandEntry(
+        "proof",
+        "fewest linear models for a bounded interpolation error",
+        "hfa_prove.commands.models:models",
+        example="hfa prove models --dihedral 14:14.5 --limit-error 0.05",
+        install=("python-flint",),
+        results=("hfa_prove.results:InterpolatedModels",),
+    ),
+    "prove region": CommandEntry(
+        "proof",
+        "region of attraction of a loop with saturated inputs",
+        "hfa_prove.commands.region:region",
+        example="hfa prove region --aircraft examples/pendulum.py:PENDULUM --degree 2",
+        install=("python-flint",),
+        results=(
+            "hfa_prove.results:FoundSet",
+            "hfa_prove.results:CheckedSet",
+            "hfa_prove.results:FoundBoxes",
+            "hfa_prove.results:CheckedBoxes",
+            "hfa.critic-check/1 hfa_prove.results:WithRegion",
+        ),
+    ),
+    "prove schedule": CommandEntry(
+        "proof",
+        "stability of a gain schedule at every point of an interval",
+        "hfa_prove.commands.schedule:schedule",
+        example="hfa prove schedule --dihedral 14:14.5 -o certificate.json",
+        install=("python-flint", "cvxpy"),
+    ),
+    "prove solution": CommandEntry(
+        "proof",
+        "existence and uniqueness of a game's solution, near P",
+        "hfa_prove.commands.games:solution",
+        example="hfa prove solution --dihedral 15",
+        install=("python-flint",),
+    ),
+    "report": CommandEntry(
+        "model",
+        "write one page of trims, models, games and critics",
+        "hfa.page.command:report",
+        example="hfa report --dihedral 15 -o report.html",
+        install=("plotly",),
+        results=(
+            "hfa.page.results:MainJobData",
+            "hfa.page.results:ClaimsData",
+            "hfa.page.results:FlightsData",
+        ),
+    ),
 }
 
 
-def commands() -> dict[str, CommandEntry]:
-    """Return the commands of the core and of installed packages, name -> entry.
+@cache
+def own_commands() -> dict[str, CommandEntry]:
+    """Return the commands of this distribution whose package is installed, name -> entry.
 
-    A name has one or two words, for example "prove region". A command whose entry cannot be loaded
-    is left out with a warning.
+    A name has one or two words, for example "prove region".
     """
-    found = dict(CORE)
-    for offer in offered(COMMANDS):
-        name = offer.replace(".", " ")
+    return {
+        name: entry
+        for name, entry in COMMANDS.items()
+        if is_installed(entry.command.partition(".")[0])
+    }
+
+
+def commands() -> dict[str, CommandEntry]:
+    """Return the commands of this distribution and of other packages, name -> entry.
+
+    A command of another package that cannot be loaded, or whose name is taken, is left out with a
+    warning.
+    """
+    found = dict(own_commands())
+    for name, offer in _of_others().items():
         try:
-            found.setdefault(name, command_named(name))
+            if name in found:
+                raise BadInputError(
+                    f"{package_of(offer)} declares `hfa {name}`, a command of hfa; uninstall the "
+                    "package"
+                )
+            found[name] = command_named(name)
         except BadInputError as error:
             from hfa_support.errors import warn
 
@@ -149,11 +330,11 @@ def commands() -> dict[str, CommandEntry]:
 def command_named(name: str) -> CommandEntry:
     """Return the entry of an existing command, for example "prove region".
 
-    Raises BadInputError if the entry point of an installed package is not a CommandEntry.
+    Raises BadInputError if the entry point of another package is not a CommandEntry.
     """
-    if name in CORE:
-        return CORE[name]
-    offer = offered(COMMANDS)[name.replace(" ", ".")]
+    if name in own_commands():
+        return own_commands()[name]
+    offer = _of_others()[name]
     entry = loaded(offer)
     if not isinstance(entry, CommandEntry):
         raise BadInputError(
@@ -162,14 +343,17 @@ def command_named(name: str) -> CommandEntry:
     return entry
 
 
+def _of_others() -> dict[str, EntryPoint]:
+    """Return the entry points of commands of other packages by the name of the command."""
+    return {name.replace(".", " "): offer for name, offer in offered(GROUP).items()}
+
+
 def words_after(name: str) -> Mapping[str, str]:
     """Return the possible second words of commands with two words, second word -> summary.
 
-    The result is empty for a command of the core.
-
     name: first word, for example "prove"
     """
-    if name in CORE:
+    if _is_single(name):
         return {}
     begin = f"{name} "
     return {
@@ -177,6 +361,12 @@ def words_after(name: str) -> Mapping[str, str]:
         for each, entry in commands().items()
         if each.startswith(begin)
     }
+
+
+def _is_single(name: str) -> bool:
+    """Return whether a name is a command of this distribution that takes no second word."""
+    own = own_commands()
+    return name in own and not any(each.startswith(f"{name} ") for each in own)
 
 
 def found_in(words: list[str]) -> tuple[str, list[str]]:
@@ -190,189 +380,30 @@ def found_in(words: list[str]) -> tuple[str, list[str]]:
     before or between the words of the name.
     """
     first = words[0] if words else ""
-    if first in CORE:
+    if " " in first:
+        return "", words
+    if _is_single(first):
         return first, words[1:]
-    both = [".".join(words[:2]), *(f"{first}.{word}" for word in words[2:])]
-    if len(words) > 1 and both[0] in offered(COMMANDS):
-        return " ".join(words[:2]), words[2:]
-    later = [name for name in both[1:] if name in offered(COMMANDS)]
+    names = {*own_commands(), *_of_others()}
+    both = [" ".join(words[:2]), *(f"{first} {word}" for word in words[2:])]
+    if len(words) > 1 and both[0] in names:
+        return both[0], words[2:]
+    later = [name for name in both[1:] if name in names]
     if later and words[1].startswith("-"):
-        name = later[0].replace(".", " ")
         raise BadInputError(
-            f"give both words of the command first: hfa {name} {shortened(words[1])} ..."
+            f"give both words of the command first: hfa {later[0]} {shortened(words[1])} ..."
         )
     known = words_after(first)
     if known and len(words) > 1 and not words[1].startswith("-"):
         what = f"word {shortened(words[1])!r} after `hfa {first}`"
         raise BadInputError(unknown(what, words[1].lower(), known, f"hfa {first}"))
-    if first in offered(COMMANDS):
+    if first in names:
         return first, words[1:]
     if known:
         raise BadInputError(f"`hfa {first}` requires a second word; choose from {', '.join(known)}")
-    later = [word for word in words if word in CORE or word in offered(COMMANDS)]
+    later = [word for word in words if word in names]
     if first.startswith("-") and later:
         raise BadInputError(
             f"an option is given before the command; write hfa {later[0]} {shortened(first)} ..."
         )
     return "", words
-
-
-DAVEML = CommandEntry(
-    "model",
-    "compute the check cases of a DAVE-ML file",
-    "hfa.commands.daveml:daveml",
-    example="hfa daveml examples/uav.dml",
-    results=("hfa_aircraft.readers.daveml.check_cases:CheckedDocument",),
-)
-PRINTED = CommandEntry(
-    "critic",
-    "compare every printed digit of P, K, L, W or H, name wrong entries",
-    "hfa.commands.printed:printed",
-    example="hfa printed studies/published/sources/radp_suspension.toml",
-    results=("verification.printed.verdict:PrintedVerdict",),
-)
-REPORT = CommandEntry(
-    "model",
-    "write one page of trims, models, games and critics",
-    "hfa.page.command:report",
-    example="hfa report --dihedral 15 -o report.html",
-    install=("plotly",),
-    results=(
-        "hfa.page.results:MainJobData",
-        "hfa.page.results:ClaimsData",
-        "hfa.page.results:FlightsData",
-    ),
-)
-ABOUT_FMU = "interpolated models as an FMU with the inputs of the aircraft and the swept variables"
-FLY = CommandEntry(
-    "flight",
-    "simulate a policy on the nonlinear aircraft",
-    "hfa_flight.commands.fly:fly",
-    example="hfa fly --dihedral 15 --gust 400:5",
-    results=(
-        "hfa_flight.step_flight:StepFlight",
-        "hfa_flight.flight:Flight hfa_flight.flight:FlightHistory?",
-        "hfa_flight.results:MemberSummary",
-        "hfa_flight.results:MemberAttributes hfa_support.rows.store:OfAStore",
-    ),
-)
-EXPORT = CommandEntry(
-    "exchange",
-    "write the aircraft for other tools: C source, FMU, MATLAB",
-    "hfa_flight.commands.export:export",
-    results=("hfa_flight.results:Exported",),
-    example="hfa export --dihedral 15 -o folder",
-)
-ASSESS = CommandEntry(
-    "critic",
-    "assess a policy as deployed: sampled, normalized, delayed",
-    "hfa_policy.commands.assess:assess",
-    example="hfa assess examples/gtm_policy/late.toml --aircraft examples/gtm.py:GTM",
-    results=("hfa_policy.assessment_report:Assessment", "hfa_policy.comparison:Comparison"),
-)
-OPTIMIZE = CommandEntry(
-    "flight",
-    "search for the best flight, and compare policies with it",
-    "hfa_optimal.commands.optimize:optimize",
-    example="hfa optimize --dihedral 15 --start speed=5,alpha=2.865",
-    results=(
-        "hfa_optimal.best_flight:BestFlight",
-        "hfa_optimal.quickest:QuickestFlight",
-        "hfa_optimal.initial_conditions:StartsTable",
-        "hfa.critic-check/1 hfa_optimal.initial_conditions:WithFlights",
-    ),
-)
-COST = CommandEntry(
-    "proof",
-    "lower bound of the cost of every nonlinear flight",
-    "hfa_prove.commands.cost:cost",
-    example="hfa prove cost --aircraft examples/pendulum.py:PENDULUM",
-    install=("python-flint",),
-    results=(
-        "hfa_prove.results:FoundLowerBound",
-        "hfa_prove.results:CheckedLowerBound",
-    ),
-)
-#: Formats to which `--draws N` adds a section.
-_WITH_DRAWS = (
-    "trim",
-    "linear-model",
-    "game-solution",
-    "critic-check",
-    "assessment",
-    "monte-carlo-summary",
-)
-IDENTIFY = CommandEntry(
-    "model",
-    "identify parameters from flight records, with 95 % bands",
-    "hfa_identify.commands.identify:identify",
-    example="hfa identify examples/uav_record.csv --aircraft examples/uav.toml --free Cm_q",
-    results=(
-        "hfa_identify.identified:Identified",
-        *(f"hfa.{name}/1 verification.drawn:WithDraws" for name in _WITH_DRAWS),
-    ),
-)
-CHECK = CommandEntry(
-    "proof",
-    "verify a certificate of the commands below: --check FILE",
-    "hfa_prove.commands.check:prove",
-    example="hfa prove --check certificate.json",
-    install=("python-flint",),
-    results=("hfa_prove.results:ProofData", "hfa_prove.results:CertificateData"),
-)
-SCHEDULE = CommandEntry(
-    "proof",
-    "stability of a gain schedule at every point of an interval",
-    "hfa_prove.commands.schedule:schedule",
-    example="hfa prove schedule --dihedral 14:14.5 -o certificate.json",
-    install=("python-flint", "cvxpy"),
-)
-MODELS = CommandEntry(
-    "proof",
-    "fewest linear models for a bounded interpolation error",
-    "hfa_prove.commands.models:models",
-    example="hfa prove models --dihedral 14:14.5 --limit-error 0.05",
-    install=("python-flint",),
-    results=("hfa_prove.results:InterpolatedModels",),
-)
-SOLUTION = CommandEntry(
-    "proof",
-    "existence and uniqueness of a game's solution, near P",
-    "hfa_prove.commands.games:solution",
-    example="hfa prove solution --dihedral 15",
-    install=("python-flint",),
-)
-CRITIC = CommandEntry(
-    "proof",
-    "distance of a critic from the exact solution",
-    "hfa_prove.commands.games:critic",
-    example="hfa prove critic learned.npz --dihedral 15",
-    install=("python-flint",),
-)
-REGION = CommandEntry(
-    "proof",
-    "region of attraction of a loop with saturated inputs",
-    "hfa_prove.commands.region:region",
-    example="hfa prove region --aircraft examples/pendulum.py:PENDULUM --degree 2",
-    install=("python-flint",),
-    results=(
-        "hfa_prove.results:FoundSet",
-        "hfa_prove.results:CheckedSet",
-        "hfa_prove.results:FoundBoxes",
-        "hfa_prove.results:CheckedBoxes",
-        "hfa.critic-check/1 hfa_prove.results:WithRegion",
-    ),
-)
-#: Shipped designs.
-ABOUT_DESIGN = "paper, servo"
-DESIGN = CommandEntry(
-    "flight",
-    "design a certified controller for every point of a schedule",
-    "hfa_design.commands.design:design",
-    example="hfa design --design paper --dihedral 5,10,15 -o gains.npz",
-    results=(
-        "controller.schedule.scheduled_controller:ControllerData",
-        "controller.schedule.scheduled_controller:ControllerFile",
-        "controller.plant.plant_report:OutputSolution controller.plant.plant_report:StateSolution",
-    ),
-)

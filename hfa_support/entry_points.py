@@ -8,6 +8,7 @@ The core does not import these packages.
 from __future__ import annotations
 
 from functools import cache
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from hfa_support.errors import BadInputError, on_one_line
@@ -21,8 +22,6 @@ COMMANDS = "hfa.commands"
 AIRCRAFT = "hfa.aircraft"
 #: Group of critic readers: suffix, as ".abc" -> function (game, path, Reading) -> Critic.
 CRITICS = "hfa.critics"
-#: Group of parts: functions that add a feature to a command of another package.
-PARTS = "hfa.parts"
 
 
 @cache
@@ -40,8 +39,8 @@ def offered(group: str) -> dict[str, EntryPoint]:
         other = found.setdefault(entry.name, entry)
         if other.value != entry.value:
             raise BadInputError(
-                f"{_package(other)} and {_package(entry)} both offer {entry.name}; uninstall one "
-                "package"
+                f"{package_of(other)} and {package_of(entry)} both offer {entry.name}; "
+                "uninstall one package"
             )
     return found
 
@@ -56,33 +55,19 @@ def loaded(entry: EntryPoint) -> Any:
     except Exception as error:  # the package may raise any exception
         reason = f"{type(error).__name__}: {on_one_line(str(error))}"
         raise BadInputError(
-            f"{_package(entry)} offers {entry.name}, which cannot be loaded ({reason}); update or"
+            f"{package_of(entry)} offers {entry.name}, which cannot be loaded ({reason}); update or"
             " uninstall the package"
         ) from error
 
 
-def part(group: str, name: str, what: str) -> Any:
-    """Return the object that an installed package provides as an entry point.
+def is_installed(package: str) -> bool:
+    """Return whether a package can be imported, without importing it.
 
-    group: group of entry points
-    name: name of the entry point
-    what: feature that requires the object, for the message
-
-    Raises BadInputError if no installed package provides the object.
+    package: name of a top-level package, such as "hfa_flight"
     """
-    if name not in offered(group):
-        raise BadInputError(
-            f"{what} requires a package that provides {name!r} in {group}; install such a package"
-        )
-    return loaded(offered(group)[name])
+    return find_spec(package) is not None
 
 
-def about_part(name: str) -> str:
-    """Return the help text on a part of `hfa.parts`, or "" if no package supplies a text."""
-    told = offered(PARTS).get(f"about.{name}")
-    return "" if told is None else str(loaded(told))
-
-
-def _package(entry: EntryPoint) -> str:
+def package_of(entry: EntryPoint) -> str:
     """Return "the package NAME" for the package that declares an entry point, for messages."""
     return f"the package {entry.value if entry.dist is None else entry.dist.name}"

@@ -1,4 +1,4 @@
 """The commands of the core, each a function with declared options (`Command`).
 
-`hfa.entry_points.CORE` lists the commands.
+`hfa.entry_points.COMMANDS` lists the commands.
 """

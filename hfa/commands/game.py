@@ -7,17 +7,46 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from hfa.options.draws import draws_option, with_draws
-from hfa.options.games import CONTINUOUS, GameOptions, LearningOptions, NamedGame
+from hfa.options.games import CONTINUOUS, LearningOptions, NamedGame, PlantOptions
 from hfa.options.output import ProgressLine, show
-from hfa.options.request import command
-from hfa.options.trims import OutputOptions
+from hfa.options.request import OfModel, command, option
+from hfa.options.trims import OutputOptions, UnitsOption
 from hfa_support.reporting.checks import Check
 from hfa_support.reporting.results import Matrix, Result
 
 if TYPE_CHECKING:
     from controller.critic.training_run import TrainingRun
     from controller.game.discrete_game import DiscreteGame
+    from hfa_aircraft.model import Model
+    from trim.linear.linear_model import LinearModel
     from verification.verdict import Verdict
+
+
+def _about_design(model: Model) -> str:
+    from hfa_design.options import about_design
+
+    return about_design(model)
+
+
+def _design(model: Model, name: str) -> Any:
+    from hfa_design.design import load_design
+
+    return load_design(name, model)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GameOptions(UnitsOption, PlantOptions):
+    """Options that define one game, including --units and --design."""
+
+    design: Any = option(_about_design, "NAME", OfModel(_design), package="hfa_design")
+
+    def game_at(self, linear: LinearModel) -> NamedGame:
+        """Return the game on the linear model of an aircraft at a trim, of --design if given."""
+        if self.design is None:
+            return super().game_at(linear)
+        from hfa_design.designed_game import designed_game
+
+        return designed_game(self, linear)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

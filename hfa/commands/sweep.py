@@ -28,7 +28,7 @@ from hfa.options.trims import (
     scheduled,
 )
 from hfa.options.workers import WorkersOptions
-from hfa_support.entry_points import PARTS, about_part, offered, part
+from hfa_support.entry_points import is_installed
 from hfa_support.errors import BadInputError, warn
 from hfa_support.files import regular_file
 from trim.point.condition import TrimCondition
@@ -42,19 +42,22 @@ if TYPE_CHECKING:
 OF_A_STORE = ("workers", "resume")
 #: Suffix of a store.
 STORE = ".zarr"
-#: Prefix of parts: sweep.file.SUFFIX writes a finished sweep to a file.
-FILE = "sweep.file"
+#: Suffix of an FMU with the interpolated models, which the package hfa_flight writes.
+FMU = ".fmu"
 
 
 def _suffixes() -> tuple[str, ...]:
-    """Return the suffixes of files that installed packages can write, such as ".fmu"."""
-    names = (name for name in offered(PARTS) if name.startswith(f"{FILE}."))
-    return tuple(name.removeprefix(FILE) for name in names)
+    """Return the suffixes of files besides those of a report."""
+    return (FMU,) if is_installed("hfa_flight") else ()
 
 
 def _purpose() -> str:
     """Return the help text on the special suffixes of the output."""
-    said = [f"{suffix}: {about_part(f'{FILE}{suffix}')}" for suffix in _suffixes()]
+    said = [
+        f"{suffix}: interpolated models as an FMU with the inputs of the aircraft and the swept "
+        "variables"
+        for suffix in _suffixes()
+    ]
     said.append(
         f"{STORE}: store of a sweep larger than memory, or by several processes or machines "
         "(--workers)"
@@ -184,9 +187,10 @@ def _in_memory(request: SweepRequest) -> int:
     if request.picture is not None and not result.trimmed.any():
         notes.append(f"nothing to draw: {request.picture} is not written")
         figure = None
-    if output is not None and output.suffix.lower() in _suffixes():
-        write = part(PARTS, f"{FILE}{output.suffix.lower()}", "")
-        write(result, output, request.provenance)
+    if output is not None and output.suffix.lower() == FMU:
+        from hfa_flight.export.fmu import write_sweep
+
+        write_sweep(result, output, request.provenance)
         request = replace(request, output=None)
     # Notes are printed on standard error, so that standard output contains only the table.
     show(replace(report, notes=()), request, figure=figure, notes=notes)

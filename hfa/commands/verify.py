@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 from controller.critic.critic_file import critic_suffixes, critics_in, is_network
 from controller.game.zero_sum import Game
+from hfa.commands.game import GameOptions
 from hfa.options.argument_types import positive, whole
 from hfa.options.critics import READING_SETTINGS, ReadingOptions, critic_path
 from hfa.options.draws import draws_option, with_draws
-from hfa.options.games import CONTINUOUS, GameOptions, LearningOptions, NamedGame, setting_option
+from hfa.options.games import CONTINUOUS, LearningOptions, NamedGame, setting_option
 from hfa.options.output import ProgressLine, show
 from hfa.options.request import command, option
 from hfa.options.trims import OutputOptions, picture_option
 from hfa_aircraft.model import Model
-from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown
 from hfa_support.files import MATRIX_FILES, note_read
 from hfa_support.progress import with_progress
@@ -107,13 +107,13 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         "add the region of attraction of the saturated loop, searched for S seconds",
         "S",
         positive,
-        part="verify.region",
+        package="hfa_prove",
     )
     flights: int | None = option(
         "add N nonlinear flights with the critic, compared with the best flights found",
         "N",
         whole(1),
-        part="verify.flights",
+        package="hfa_optimal",
     )
     draws: int | None = draws_option()
     picture: Path | None = picture_option(
@@ -161,11 +161,14 @@ def verify(request: VerifyRequest) -> int:
 
         report = verdicts_report(verdicts, origin, cost)
     report = report.with_data(**named.as_data(), **named.weights.as_data())
-    for section in ("region", "flights"):
-        amount = getattr(request, section)
-        if amount is not None:
-            with_section = part(PARTS, f"verify.{section}", f"--{section}")
-            report = with_section(report, judged, named, amount)
+    if request.region is not None:
+        from hfa_prove.commands.section import with_region
+
+        report = with_region(report, judged, named, request.region)
+    if request.flights is not None:
+        from hfa_optimal.commands.section import with_flights
+
+        report = with_flights(report, judged, named, request.flights)
     report = with_draws(report, request, (named, judged[-1].critic.K))
     show(report, request, figure=partial(_figure, verdicts, origin), notes=named.warnings)
     return 0 if all(verdict.holds(cost) for verdict in judged) else 1

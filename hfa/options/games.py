@@ -21,11 +21,9 @@ from controller.riccati.smallest_delta import ModeError
 from hfa.options.argument_types import input_file, number, one_of, whole
 from hfa.options.critics import listed_numbers
 from hfa.options.output import ProgressLine
-from hfa.options.request import OfModel, Request, option
-from hfa.options.trims import OF_THE_TRIM, AircraftOptions, TrimOptions, UnitsOption, of_hfa
-from hfa_aircraft.model import Model
+from hfa.options.request import Request, option
+from hfa.options.trims import OF_THE_TRIM, AircraftOptions, TrimOptions, of_hfa
 from hfa_model.variants import VARIANTS
-from hfa_support.entry_points import PARTS, about_part, part
 from hfa_support.errors import BadInputError, NoSolutionError, choice_of
 from hfa_support.files import MATRIX_FILES
 from hfa_support.reporting.results import Matrix, Result
@@ -173,25 +171,6 @@ class LearningOptions(SeedOption):
         return learn(game, self.law, self.seed, progress=ProgressLine("learn"), **self.set)
 
 
-def _design(model: Model, name: str) -> Any:
-    return part(PARTS, "design", "")(name, model)
-
-
-def _about_design(model: Model) -> str:
-    """Return the help of --design for a model, with the named designs for the HFA."""
-    names = of_hfa(about_part("design"))(model)
-    return f"design with actuators and weights: {f'{names}, or ' if names else ''}a .toml file"
-
-
-def design_option(about: str | Callable[[Model], str] = _about_design) -> Any:
-    """Return the request field `design`, with the option --design for a design with actuators and
-    weights.
-
-    about: help of the option
-    """
-    return option(about, "NAME", OfModel(_design), part="design")
-
-
 def plant_option() -> Any:
     """Return the request field `plant`, whose option --model names a plant file."""
     return option(
@@ -257,15 +236,15 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
             raise BadInputError("no plant is given; add --dihedral DEG or --model FILE")
         aircraft = self.flown_aircraft()
         point = self.operating_point(aircraft)
-        linear = point.linearize()
-        warnings = (*point.warnings, *linear.kinks)
+        return self.game_at(point.linearize())
+
+    def game_at(self, linear: LinearModel) -> NamedGame:
+        """Return the game on the linear model of an aircraft at a trim."""
+        warnings = (*linear.point.warnings, *linear.kinks)
         missing = [name for name in ("Q", "R", "delta") if name not in self.changed_weights()]
         if self.own and missing:
             taken = [f"{name} {USUAL_WEIGHTS[name]}" for name in missing]
             warnings += (f"{' and '.join(missing)} not given; used: {', '.join(taken)}",)
-        if self.design is not None:
-            named_game: NamedGame = part(PARTS, "design.game", "--design")(self, linear)
-            return named_game
         whose = self.weights_from("default")
         return NamedGame(self.game_on(linear), warnings, linear=linear, weights_from=whose)
 
@@ -304,13 +283,6 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
             )
         of_the_aircraft = ("aircraft", *OF_THE_TRIM, "parameters", "design", "units", "dynamics")
         self.refuse(of_the_aircraft, "applies only to the aircraft; remove this option or --model")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class GameOptions(UnitsOption, PlantOptions):
-    """Options that define one game, including --units and --design."""
-
-    design: Any = design_option()
 
 
 @dataclass(frozen=True, eq=False)

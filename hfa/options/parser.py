@@ -7,10 +7,11 @@ import re
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import Any, NoReturn
 
 from hfa.options.request import Option
-from hfa_support.entry_points import PARTS, offered
+from hfa_support.entry_points import is_installed
 from hfa_support.errors import BadInputError, advice, shortened
 
 
@@ -44,14 +45,17 @@ class Parser(argparse.ArgumentParser):
         self.options.update(options)
         for name, option in options.items():
             names = option.flags
+            kind = option.kind
+            if option.package and not is_installed(option.package):
+                kind = partial(_refuse_without, option.package)
             how: dict[str, Any] = {"help": ""}
             if names[0].startswith("-"):
                 how |= {"dest": name, "default": argparse.SUPPRESS}
             if option.named:
-                how |= {"action": _Named, "kind": option.kind, "aliases": option.aliases}
+                how |= {"action": _Named, "kind": kind, "aliases": option.aliases}
                 how |= {"metavar": option.form}
             elif option.form:
-                how |= {"type": option.kind, "metavar": option.form}
+                how |= {"type": kind, "metavar": option.form}
                 if option.repeated:
                     how["action"] = "append"
                 if option.count:
@@ -141,6 +145,11 @@ class Parser(argparse.ArgumentParser):
         )
 
 
+def _refuse_without(package: str, *_: str) -> NoReturn:
+    """Raise BadInputError for a value of an option whose package is not installed."""
+    raise BadInputError(f"requires the package {package}; install this package")
+
+
 class _Help(argparse.Action):
     """Action of the option --help: print the short help, or the long one for `--help more`."""
 
@@ -225,7 +234,7 @@ def _options_text(parser: Parser, more: bool) -> str:
     declared = []
     for action in parser._actions:
         option = parser.options.get(action.dest)
-        if option is not None and option.part and option.part not in offered(PARTS):
+        if option is not None and option.package and not is_installed(option.package):
             action.help = argparse.SUPPRESS
         elif option is not None:
             about = option.about() if callable(option.about) else option.about

@@ -42,7 +42,8 @@ class Option:
     required: whether the option is mandatory
     aliases: alias -> name in the model, for a `named` option
     rare: whether only `--help more` explains the option, and `--help` lists its name
-    part: entry point in `hfa.parts` without which the help omits the option, or ""
+    package: package of an extension that the option requires, or "". Without the package, the help
+        omits the option
 
     about, form, names and required may be functions of the model that return the value. The message
     of a BadInputError of `kind` completes a sentence that begins with the option.
@@ -57,7 +58,7 @@ class Option:
     count: str | None = None
     required: bool | Callable[[Model], bool] = False
     rare: bool = False
-    part: str = ""
+    package: str = ""
     aliases: Mapping[str, str] = field(default_factory=dict)
 
     def of(self, model: Model | None, name: str) -> Option:

@@ -127,7 +127,7 @@ def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
     assert "unknown command 'fly'" in output
     code, output = run("solve", "--dihedral", "11", "--design", "paper")
     assert (code, output.count("\n")) == (2, 1)
-    assert "--design requires a package that provides 'design' in hfa.parts" in output
+    assert "--design requires the package hfa_design; install this package" in output
     code, output = run("trim", "--aircraft", "jsbsim:737")
     assert (code, output.count("\n")) == (2, 1)
     helps = "".join(output for line, (_, output) in answers.items() if "--help" in line)

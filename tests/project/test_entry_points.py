@@ -194,14 +194,25 @@ def test_a_broken_package_disables_no_other_command(tmp_path: Path) -> None:
 
 def test_a_command_declared_twice_is_refused(tmp_path: Path) -> None:
     """A command that two packages declare is refused with both names. Other commands run."""
-    metadata(tmp_path, "other-flights", "[hfa.commands]\nfly = other_flights:FLY\n")
-    refused, trimmed = run_in_turn(
-        tmp_path, tmp_path, "hfa fly --dihedral 15", "hfa trim --dihedral 10"
-    )
+    for name in ("one", "other"):
+        metadata(tmp_path, f"{name}-glide", f"[hfa.commands]\nglide = {name}_glide:GLIDE\n")
+    refused, trimmed = run_in_turn(tmp_path, tmp_path, "hfa glide", "hfa trim --dihedral 10")
     assert (refused.code, refused.out, refused.err.count("\n")) == (2, "", 1)
-    assert "other-flights" in refused.err
-    assert "both offer fly" in refused.err
+    assert "one-glide" in refused.err
+    assert "other-glide" in refused.err
+    assert "both offer glide" in refused.err
     assert trimmed.code == 0
+
+
+def test_no_package_replaces_a_command_of_hfa(tmp_path: Path) -> None:
+    """A package that declares a command of hfa changes nothing, and the overview names it."""
+    metadata(tmp_path, "other-export", "[hfa.commands]\nexport = other_export:EXPORT\n")
+    asked, overview = run_in_turn(tmp_path, tmp_path, "hfa export --help", "hfa --help")
+    assert (asked.code, asked.err) == (0, "")
+    assert asked.out.startswith("usage: hfa export")
+    assert overview.code == 0
+    assert "  export " in overview.out
+    assert "the package other-export declares `hfa export`, a command of hfa" in overview.err
 
 
 #: Program that loads every command without the packages of the extras.

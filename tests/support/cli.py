@@ -15,10 +15,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
-from project import COMMANDS_OF_EXTENSIONS
 
 from hfa import BadInputError
-from hfa.entry_points import commands
+from hfa.entry_points import COMMANDS, commands
 from hfa.main import BAD_INPUT, DONE, main
 
 try:
@@ -67,7 +66,7 @@ def unchecked_hfa(
 
     The test is skipped if the command belongs to an extension that is not installed.
     """
-    if words[:1] and words[0] in COMMANDS_OF_EXTENSIONS and words[0] not in commands():
+    if words[:1] and words[0] in COMMANDS and words[0] not in commands():
         pytest.skip(f"hfa {words[0]} is not installed")
     out = io.StringIO() if out is None else out
     err = io.StringIO() if err is None else err

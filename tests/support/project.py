@@ -8,10 +8,6 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 _PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 SETTINGS = _PYPROJECT["tool"]
-#: Commands of the extensions, for example "prove" for all of `hfa prove`.
-COMMANDS_OF_EXTENSIONS = {
-    name.partition(".")[0] for name in _PYPROJECT["project"]["entry-points"]["hfa.commands"]
-}
 #: Package -> folder, for the core and the extensions. mypy also checks studies and benchmarks.
 FOLDERS = {
     name: next(path for path in (ROOT / name, *ROOT.glob(f"extensions/*/{name}")) if path.is_dir())

@@ -15,7 +15,6 @@ from controller.schedule.scheduled_controller import (
     save_controller,
 )
 from hfa.options.argument_types import input_file, output_file, positive
-from hfa.options.games import design_option
 from hfa.options.output import ProgressLine, print_report
 from hfa.options.ranges import Range, array_of, scheduled_range, value_range
 from hfa.options.request import command, option
@@ -28,6 +27,7 @@ from hfa.options.trims import (
 )
 from hfa_aircraft.units import native_of, native_values
 from hfa_design.design import load_design
+from hfa_design.options import design_option
 from hfa_support.errors import BadInputError
 
 #: Largest number of scheduling values. Each takes one or two seconds.

@@ -9,9 +9,10 @@ from typing import Any
 
 from hfa.options.argument_types import input_file
 from hfa.options.critics import READING_SETTINGS, ReadingOptions, critic_path
-from hfa.options.games import PlantOptions, design_option, setting_option
+from hfa.options.games import PlantOptions, setting_option
 from hfa.options.request import option
 from hfa.options.trims import OutputOptions, scheduled
+from hfa_design.options import design_option
 from hfa_prove.commands.options import interval_of
 
 

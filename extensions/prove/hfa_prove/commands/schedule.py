@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hfa.options.argument_types import input_file
-from hfa.options.games import WeightOptions, design_option
+from hfa.options.games import WeightOptions
 from hfa.options.output import ProgressLine, print_report
 from hfa.options.request import command, option
+from hfa_design.options import design_option
 from hfa_prove.commands.options import (
     RangeOptions,
     family_of,
