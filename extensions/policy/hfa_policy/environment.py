@@ -15,7 +15,7 @@ from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_policy.episodes import SECONDS, Episodes
 from hfa_policy.trims import trims_of
-from hfa_support.arguments import ArrayLike, checks_arguments
+from hfa_support.arguments import ArrayLike, checks_arguments, need
 from hfa_support.errors import BadInputError, missing_package, numbers_in, refuse_unless_whole, warn
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.text import shown_unit, shown_values
@@ -75,6 +75,7 @@ def environment(
     >>> observation.shape, flights.action_space.shape
     ((2,), (1,))
     """
+    need(model, Model, "environment: model", Model.how_to_make)
     deployed = _deployment(model, deployment, dt, Q, R)
     episodes = _episodes(model, deployed, points, 1, seconds, turbulence, vary)
     make = _made(
@@ -111,6 +112,7 @@ def vector_environment(
     >>> flights = hfa.vector_environment(model, card, count=16)  # doctest: +SKIP
     >>> PPO("MlpPolicy", flights).learn(100_000)  # doctest: +SKIP
     """
+    need(model, Model, "vector_environment: model", Model.how_to_make)
     deployed = _deployment(model, deployment, dt, Q, R)
     episodes = _episodes(model, deployed, points, count, seconds, turbulence, vary)
     module = "hfa_policy.vector_environment"

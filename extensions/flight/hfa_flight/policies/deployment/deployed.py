@@ -27,7 +27,7 @@ from hfa_aircraft.march.march import saturated
 from hfa_aircraft.model import Model
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.formulas import Formula, read_formula
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown, shortened
 from trim.point.operating_point import OperatingPoint
 
@@ -54,6 +54,7 @@ class Deployed:
 
     def __post_init__(self) -> None:
         """Check every name of the deployment, its formulas and its cost."""
+        need(self.model, Model, "Deployed: model", Model.how_to_make)
         with prefix_errors(self.deployment.origin):
             _ = self.observed
             for name in self.deployment.action:

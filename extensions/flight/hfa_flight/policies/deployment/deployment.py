@@ -22,7 +22,7 @@ from hfa_flight.policies.deployment.actor import (
     stored_gain,
 )
 from hfa_flight.policies.deployment.normalizer import Normalizer, normalizer_of, read_normalizer
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown, shown
 from hfa_support.files import read_toml
 from hfa_support.reporting.report import Reported
@@ -140,6 +140,7 @@ class Deployment(Reported):
 
         Raises a BadInputError that names the file, the wrong entry and the correction.
         """
+        need(path, (str, Path), "Deployment.load: path", "the name of a .toml file")
         if Path(path).suffix.lower() != ".toml":
             raise BadInputError(
                 f"{path} is not a deployment file (.toml); give a .toml file in which policy.file "
