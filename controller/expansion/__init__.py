@@ -1,0 +1,1 @@
+"""Value and policy of the nonlinear game about a trim, as power series (Al'brekht's method)."""

@@ -1,0 +1,99 @@
+"""Cost of flights of the nonlinear aircraft under the policies of both players."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from controller.expansion.expansion import Expansion
+from hfa_support.native.bound import RowFunction
+from hfa_support.native.machine_code import machine_code
+
+#: Step times the magnitude of the fastest eigenvalue of the loop.
+_STEP = 0.2
+#: A flight ends when z'Pz has fallen to this fraction of its initial value. V is the cost beyond.
+_ENDED = 1e-2
+#: A flight that has not ended after this many time constants of the slowest mode does not converge.
+_LONGEST = 6.0
+#: A flight with z'Pz above this multiple of its initial value leaves the neighbourhood.
+_LEFT = 100.0
+#: Number of steps between two tests of the end.
+_TESTED = 10
+
+
+class Flights:
+    """Simulated flights z' = F(z, u) + E d of both players of an expansion, by Runge-Kutta steps.
+
+    The cost ∫ z'Qz + 2z'Nu + u'Ru - δ² d'd dt is integrated with the state.
+
+    step: step of the integration, s; the relative error of a cost is about 1e-4
+    longest: time after which a flight that still lasts does not converge, s
+    """
+
+    def __init__(self, expansion: Expansion) -> None:
+        """Compile the rates of the state and of the cost, and choose the step.
+
+        expansion: value and policies of both players
+        """
+        game = expansion.game
+        loop = np.linalg.eigvals(game.worst_case_loop(expansion.solution.P))
+        self.expansion = expansion
+        self.step = _STEP / float(np.abs(loop).max())
+        self.longest = _LONGEST / float(-loop.real.max())
+        z = ca.SX.sym("z", expansion.states)
+        u = expansion.policy(z)
+        rates = expansion.rates(z, u)
+        cost = ca.bilin(game.Q, z) + 2 * ca.dot(z, ca.DM(game.N) @ u) + ca.bilin(game.R, u)
+        if np.isfinite(game.delta):
+            d = expansion.disturbance(z)
+            rates += ca.DM(game.E) @ d
+            cost -= game.delta**2 * ca.dot(d, d)
+        both = ca.densify(ca.vertcat(rates, cost))
+        self._rates = RowFunction(machine_code(ca.Function("rates", [z], [both])))
+        self._V = RowFunction(expansion.V)
+
+    def costs(self, z0: np.ndarray) -> np.ndarray:
+        """Return the cost of the flights from N initial states, (N,), inf if one does not converge.
+
+        z0: (N, n), initial deviations from the trim
+        """
+        P = self.expansion.solution.P
+        costs = np.full(len(z0), np.inf)
+        flying = np.arange(len(z0))
+        initial = _quadratic(P, z0)
+        w = np.column_stack([z0, np.zeros(len(z0))])
+        with np.errstate(over="ignore", invalid="ignore"):
+            for number in range(1, 2 + int(self.longest / self.step)):
+                w = self._stepped(w)
+                if number % _TESTED:
+                    continue
+                size = _quadratic(P, w[:, :-1]) / initial[flying]
+                ended = size <= _ENDED
+                if ended.any():
+                    tail = self._V(w[ended, :-1])[0][:, 0]
+                    costs[flying[ended]] = w[ended, -1] + tail
+                going = ~ended & (size <= _LEFT)
+                w = w[going]
+                flying = flying[going]
+                if not flying.size:
+                    break
+        return costs
+
+    def _stepped(self, w: np.ndarray) -> np.ndarray:
+        """Return the states and costs (N, n + 1) after one step of the classical Runge-Kutta
+        method.
+        """
+        h = self.step
+        k1 = self._rated(w)
+        k2 = self._rated(w + h / 2 * k1)
+        k3 = self._rated(w + h / 2 * k2)
+        k4 = self._rated(w + h * k3)
+        return w + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+    def _rated(self, w: np.ndarray) -> np.ndarray:
+        return self._rates(w[:, :-1])[0]
+
+
+def _quadratic(P: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Return z'Pz of each row of z, (N,)."""
+    return np.einsum("ri,ij,rj->r", z, P, z)

@@ -1,0 +1,97 @@
+"""Homogeneous polynomials: their monomials, values, gradients and changes of coordinates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from itertools import combinations_with_replacement, permutations
+
+import casadi as ca
+import numpy as np
+
+from controller.game.basis import Basis
+
+
+@lru_cache(maxsize=64)
+def monomials(n: int, *degrees: int) -> Basis:
+    """Return all monomials of n variables with these degrees, in the order of the degrees.
+
+    Within a degree, the last index varies fastest: z1², z1 z2, z2² for n = 2. The name of the
+    result is "degree 2 to 4", and `size` is the sum of (n + d - 1 choose d).
+    """
+    rows = [
+        np.bincount(indices, minlength=n)
+        for degree in degrees
+        for indices in combinations_with_replacement(range(n), degree)
+    ]
+    exponents = np.array(rows)
+    exponents.setflags(write=False)
+    spread = f"degree {degrees[0]}" + (f" to {degrees[-1]}" if len(degrees) > 1 else "")
+    return Basis(spread, exponents)
+
+
+@lru_cache(maxsize=64)
+def sizes(n: int, degree: int) -> np.ndarray:
+    """Return sqrt(d! / (a1! ... an!)) of each monomial z^a of a degree d, (M,).
+
+    With these factors, the squares of all monomials sum to |z|^(2 d), and a rotation of z changes
+    the weights by an orthogonal matrix.
+    """
+    counts = [
+        math.factorial(degree) / math.prod(map(math.factorial, row))
+        for row in monomials(n, degree).exponents.tolist()
+    ]
+    return np.sqrt(counts)
+
+
+def in_coordinates(weights: np.ndarray, degree: int, T: np.ndarray) -> np.ndarray:
+    """Return the weights in z of a homogeneous polynomial that is given in y = T z, (k, M).
+
+    weights: (k, M), k polynomials of the given degree
+    degree: their degree
+    T: (n, n)
+    """
+    n = len(T)
+    indices = list(combinations_with_replacement(range(n), degree))
+    repeats = sizes(n, degree) ** 2
+    tensor = np.zeros((*(n,) * degree, len(weights)))
+    for column, index in enumerate(indices):
+        for place in set(permutations(index)):
+            tensor[place] = weights[:, column] / repeats[column]
+    for _ in range(degree):  # transform the first axis, and make it the last one of the monomial
+        tensor = np.moveaxis(np.tensordot(T, tensor, axes=(0, 0)), 0, degree - 1)
+    columns = [tensor[index] for index in indices]
+    return np.stack(columns, axis=1) * repeats
+
+
+def polynomial(y: ca.SX, degree: int, weights: np.ndarray) -> ca.SX:
+    """Return homogeneous polynomials W ψ(y) as CasADi expressions, (k,).
+
+    y: (n,), expressions
+    degree: degree of the monomials ψ
+    weights: W, (k, M), of the monomials scaled by `sizes`
+    """
+    products: dict[tuple[int, ...], ca.SX] = {(): ca.SX(1.0)}
+    for _ in range(degree):
+        products = {
+            (*indices, last): product * y[last]
+            for indices, product in products.items()
+            for last in range(indices[-1] if indices else 0, y.numel())
+        }
+    psi = ca.vertcat(*products.values()) * ca.DM(sizes(y.numel(), degree))
+    return ca.densify(ca.DM(weights) @ psi)
+
+
+def name_of(exponents: Sequence[int], names: Sequence[str]) -> str:
+    """Return a monomial as text, such as "speed*alpha**2".
+
+    exponents: (n,)
+    names: names of the n variables
+    """
+    factors = [
+        name if power == 1 else f"{name}**{power}"
+        for name, power in zip(names, exponents, strict=True)
+        if power
+    ]
+    return "*".join(factors)

@@ -1,0 +1,135 @@
+"""Size of the neighbourhood of the trim in which a value agrees with simulated flights."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.expansion.expansion import LOWEST, Expansion
+from controller.expansion.flights import Flights
+from controller.expansion.monomials import monomials, sizes
+from controller.expansion.series import directions
+from hfa_support.errors import BadInputError
+
+#: Usual share of the cost by which the value may differ from the cost of a flight.
+SHARE = 0.05
+#: Number of random directions, from which those with the largest terms are flown.
+_DRAWN = 2000
+#: Number of directions with the largest terms of each degree, and of further random directions.
+_LARGEST = 6
+_RANDOM = 8
+#: Number and seed of the flights that confirm a radius.
+_CONFIRMING = 200
+_SEED = 2015
+#: Ratio of two sizes between which the search stops, and the factor if a flight contradicts.
+_FINE = 1.1
+_SMALLER = 0.95
+#: Largest ratio of the found size to the first one, and its inverse.
+_FARTHEST = 2.0**30
+
+
+class Radius(NamedTuple):
+    """Largest set z'Pz <= c in which all sampled flights of both players agree with a value.
+
+    degree: degree of the value V2 + ... + V_degree
+    share: largest difference from the cost of a flight, relative to the cost
+    c: size of the set; 0 if flights of every size disagree, inf if flights of every size agree
+    extents: largest |z_i| in the set, (n,)
+    """
+
+    degree: int
+    share: float
+    c: float
+    extents: np.ndarray
+
+
+def radii(expansion: Expansion, share: float = SHARE) -> tuple[Radius, ...]:
+    """Return the radius of V2 and that of the whole value.
+
+    All flights use the policies of the expansion. For each value, the set is found by bisection
+    with flights from its boundary in the directions of the largest terms and in random directions,
+    and then confirmed by 200 flights from random states on its boundary.
+
+    expansion: value and policies
+    share: permitted difference relative to the cost, between 0 and 1
+
+    Raises BadInputError for another share.
+    """
+    if not 0.0 < share < 1.0:
+        raise BadInputError(f"the share is {share:g}; give a number between 0 and 1, such as 0.05")
+    search = _Search(expansion, share)
+    degrees = sorted({LOWEST, expansion.degree})
+    return tuple(search.radius(degree) for degree in degrees)
+
+
+class _Search:
+    """Search for the radius of values of one expansion."""
+
+    def __init__(self, expansion: Expansion, share: float) -> None:
+        self.expansion = expansion
+        self.share = share
+        self.flights = Flights(expansion)
+        n = expansion.states
+        drawn = directions(n, _DRAWN, _SEED)
+        chosen = [drawn[:_RANDOM]]
+        self._largest: dict[int, float] = {}  # degree -> largest |V_d| on z'Pz = 1
+        for degree, term in enumerate(expansion.value_terms[1:], LOWEST + 1):
+            values = np.abs(monomials(n, degree).psi(drawn) @ (sizes(n, degree) * term))
+            self._largest[degree] = float(values.max())
+            chosen.append(drawn[np.argsort(values)[-_LARGEST:]])
+        half = np.vstack(chosen)
+        self._directions = np.vstack([half, -half])
+
+    def radius(self, degree: int) -> Radius:
+        """Return the radius of V2 + ... + V_degree."""
+        size = self._found(degree)
+        while 0.0 < size < math.inf and not self._confirmed(size, degree):
+            size *= _SMALLER
+        P_inverse = np.linalg.inv(self.expansion.root.T)
+        extents = size * np.linalg.norm(P_inverse, axis=1)
+        return Radius(degree, self.share, size**2, extents)
+
+    def _found(self, degree: int) -> float:
+        """Return the largest size whose flights agree, 0 or inf if there is none."""
+        first = self._guess(degree)
+        low = high = first
+        while self._agrees(self._directions * high, degree):
+            low, high = high, 2.0 * high
+            if high > first * _FARTHEST:
+                return math.inf
+        while not self._agrees(self._directions * low, degree):
+            low, high = low / 2.0, low
+            if low < first / _FARTHEST:
+                return 0.0
+        while high > low * _FINE:
+            middle = math.sqrt(low * high)
+            if self._agrees(self._directions * middle, degree):
+                low = middle
+            else:
+                high = middle
+        return low
+
+    def _guess(self, degree: int) -> float:
+        """Return the size at which the next known term has the permitted share of V2."""
+        known = {d: size for d, size in self._largest.items() if size > 0.0}
+        beyond = [d for d in known if d > degree]
+        d = min(beyond) if beyond else max(known, default=0)
+        return (self.share / known[d]) ** (1.0 / (d - 2)) if d else 1.0
+
+    def _agrees(self, y: np.ndarray, degree: int) -> bool:
+        """Return whether the value differs from the cost by at most the share on all flights.
+
+        y: (N, n), initial states, z'Pz = |y|²
+        """
+        z = np.linalg.solve(self.expansion.root.T, y.T).T
+        costs = self.flights.costs(z)
+        values = np.array(self.expansion.value_to(degree)(z.T))[0]
+        with np.errstate(invalid="ignore"):
+            return bool(np.all(np.abs(values - costs) <= self.share * costs))
+
+    def _confirmed(self, size: float, degree: int) -> bool:
+        """Return whether flights from random initial states on the boundary of the set agree."""
+        y = directions(self.expansion.states, _CONFIRMING, _SEED + degree)
+        return self._agrees(size * y, degree)

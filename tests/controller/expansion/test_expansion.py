@@ -1,0 +1,250 @@
+"""The expansion of a nonlinear game: closed forms, its identity, units, and refusals."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import casadi as ca
+import mpmath
+import numpy as np
+import pytest
+from known_models import game_at, model_at
+
+import hfa
+from controller.expansion.expansion import Expansion, expand
+from controller.expansion.monomials import in_coordinates, monomials
+from controller.hfa_game import usual_game
+from hfa import BadInputError, Game, LinearModel, Model, NoSolutionError, Signal
+from hfa_aircraft.units import in_si
+from hfa_support.units import si_factor
+
+#: Rounding of the identity, relative to the sizes of its terms.
+ROUNDING = 1e-12
+
+
+def linear_of(model: Model) -> LinearModel:
+    return hfa.linearize(model, hfa.trim(model))
+
+
+def scalar(x, u, p, w):
+    return {"x": x.x + x.x**2 - 0.7 * x.x**3 + 2.0 * u.u}, {}
+
+
+def mixed(x, u, p, w):
+    """Return a plant that is not affine in its inputs."""
+    rates = {
+        "a": -ca.sin(x.a) + x.b**2 + u.u + 0.3 * u.u * u.v + 0.2 * u.v**3,
+        "b": x.a * ca.exp(0.4 * x.b) - x.a + x.b + u.v * ca.cos(x.a) + 0.1 * u.u**2 + 0.5 * x.a,
+    }
+    return rates, {}
+
+
+SCALAR = Model("scalar", {"x": Signal()}, {"u": Signal()}, scalar, trim={"x": 0.0})
+MIXED = Model(
+    "mixed",
+    {"a": Signal(), "b": Signal()},
+    {"u": Signal(), "v": Signal()},
+    mixed,
+    trim={"a": 0.0, "b": 0.0},
+)
+
+
+def mixed_game(linear: LinearModel, delta: float) -> Game:
+    N = [[0.2, -0.1], [0.05, 0.3]]
+    return hfa.game(linear, [1.0, 2.0], [0.5, 0.8], delta, E=[[0.3], [1.0]], N=N)
+
+
+def value_of_scalar(game: Game, degree: int) -> list[float]:
+    """Return the coefficients of x², x³, ... of the exact value of a scalar game.
+
+    V' f - (S / 4) V'² + q x² = 0, S = b²/r - e²/δ², so V' = (2 x / S) (g + sqrt(g² + S q)), f = g x.
+    """
+    S = game.S[0, 0]
+    q = game.Q[0, 0]
+
+    def slope(x: mpmath.mpf) -> mpmath.mpf:
+        g = 1 + x - 0.7 * x**2
+        return 2 / S * (g + mpmath.sqrt(g**2 + S * q))
+
+    with mpmath.workdps(40):
+        series = mpmath.taylor(slope, 0, degree - 2)
+    return [float(term / (order + 2)) for order, term in enumerate(series)]
+
+
+@pytest.mark.parametrize("delta", [np.inf, 2.0, 1.02])
+def test_scalar_value_is_the_closed_form(delta: float) -> None:
+    linear = linear_of(SCALAR)
+    game = hfa.game(linear, [3.0], [4.0], delta, E=[[1.0]])
+    expansion = expand(linear, hfa.solve(game), 5)
+    assert expansion.weights == pytest.approx(value_of_scalar(game, 5), rel=1e-10)
+
+
+def hamiltonian(expansion: Expansion, z: ca.SX, u: ca.SX) -> ca.SX:
+    """Return the Hamiltonian at z and u, with the worst disturbance."""
+    game = expansion.game
+    V = expansion.V(z)
+    d = expansion.disturbance(z)
+    slope = ca.gradient(V, z)
+    N = ca.DM(game.N)
+    cost = ca.bilin(game.Q, z) + 2 * ca.dot(z, N @ u) + ca.bilin(game.R, u)
+    paid = game.delta**2 * ca.dot(d, d) if np.isfinite(game.delta) else 0.0
+    return ca.dot(slope, expansion.rates(z, u) + ca.DM(game.E) @ d) + cost - paid
+
+
+def taylor(expression: ca.SX, z: ca.SX, degree: int) -> list[np.ndarray]:
+    """Return the coefficients of t^0 ... t^degree of an expression on rays t z, z random."""
+    t = ca.SX.sym("t")
+    derivative = ca.substitute(expression, z, t * z)
+    coefficients = []
+    for order in range(degree + 1):
+        coefficients.append(ca.substitute(derivative, t, 0) / math.factorial(order))
+        derivative = ca.jacobian(derivative, t)
+    points = np.random.default_rng(4).standard_normal((z.numel(), 30))
+    return [np.array(ca.Function("c", [z], [ca.densify(c)])(points)) for c in coefficients]
+
+
+def identity_error(expansion: Expansion) -> float:
+    """Return the largest coefficient up to degree D of the Hamiltonian, and up to D - 1 of its
+    derivative with respect to u, relative to the next coefficient of the Hamiltonian.
+    """
+    z = ca.SX.sym("z", expansion.states)
+    u = ca.SX.sym("u", expansion.rates.size1_in(1))
+    H = hamiltonian(expansion, z, u)
+    policy = expansion.policy(z)
+    D = expansion.degree
+    *value, beyond = taylor(ca.substitute(H, u, policy), z, D + 1)
+    slope = taylor(ca.substitute(ca.gradient(H, u), u, policy), z, D - 1)
+    return max(np.abs(part).max() for part in [*value, *slope]) / np.abs(beyond).max()
+
+
+@pytest.mark.parametrize("delta", [np.inf, 3.0])
+@pytest.mark.parametrize("degree", [2, 3, 4, 5])
+def test_identity_holds_by_the_derivatives_of_the_functions(delta: float, degree: int) -> None:
+    """A plant with products of inputs, and a game with cross weights."""
+    linear = linear_of(MIXED)
+    expansion = expand(linear, hfa.solve(mixed_game(linear, delta)), degree)
+    assert identity_error(expansion) <= ROUNDING
+    assert expansion.residual <= ROUNDING
+    assert (expansion.degree, *expansion.residuals) == (degree, *range(2, degree + 1))
+
+
+@pytest.mark.parametrize("kind", ["value_terms", "policy_terms"])
+def test_a_wrong_coefficient_is_seen(kind: str) -> None:
+    linear = linear_of(MIXED)
+    exact = expand(linear, hfa.solve(mixed_game(linear, 3.0)), 4)
+    for degree, term in enumerate(getattr(exact, kind)):
+        wrong = [part.copy() for part in getattr(exact, kind)]
+        wrong[degree][..., -1] *= 1.01
+        planted = replace(exact, **{kind: tuple(wrong)})
+        assert identity_error(planted) > 1e-4, term
+        if kind == "value_terms":
+            assert planted.residual > 1e-6
+
+
+def test_weights_of_monomials_are_those_of_the_functions() -> None:
+    linear = linear_of(MIXED)
+    expansion = expand(linear, hfa.solve(mixed_game(linear, 3.0)), 5)
+    z = np.random.default_rng(0).standard_normal((20, 2))
+    values = expansion.basis.psi(z) @ expansion.weights
+    inputs = expansion.policy_basis.psi(z) @ expansion.policy_weights.T
+    assert values == pytest.approx(np.array(expansion.V(z.T))[0], rel=1e-11)
+    assert inputs == pytest.approx(np.array(expansion.policy(z.T)).T, rel=1e-10, abs=1e-11)
+    P = expansion.basis.matrix(expansion.weights)
+    assert pytest.approx(expansion.solution.P, rel=1e-13) == P
+
+
+@pytest.mark.parametrize("degree", [3, 4, 5])
+def test_flexible_aircraft_satisfies_the_identity(degree: int) -> None:
+    for degrees in (5.0, 15.0):
+        solution = hfa.solve(game_at(degrees))
+        expansion = expand(model_at(degrees), solution, degree)
+        assert expansion.residual <= ROUNDING
+
+
+def test_value_does_not_depend_on_units() -> None:
+    """The flexible aircraft in ft and in m has the same values at the same states."""
+    aircraft = hfa.aircraft()
+    expansions = []
+    for model in (aircraft, in_si(aircraft)):
+        linear = linear_of(model)
+        game = usual_game(model, linear.A, linear.B)
+        expansions.append(expand(linear, hfa.solve(game), 4))
+    english, si = expansions
+    factors = [si_factor(aircraft.unit(name)) for name in aircraft.linear]
+    y = np.random.default_rng(3).standard_normal((english.states, 20))
+    z = np.linalg.solve(english.root.T, y)
+    in_si_units = np.array(factors)[:, None] * z
+    for degree in (3, 4):
+        V = np.array(english.value_to(degree)(z))
+        assert np.array(si.value_to(degree)(in_si_units)) == pytest.approx(V, rel=1e-9)
+
+
+def test_linear_plant_has_no_further_terms() -> None:
+    linear = hfa.LinearModel.of([[0.0, 1.0], [-1.0, 0.3]], [[0.0], [1.0]])
+    solution = hfa.solve(hfa.game(linear, [1.0, 1.0], [2.0], delta=5.0))
+    expansion = expand(linear, solution, 5)
+    assert all(not term.any() for term in expansion.value_terms[1:])
+    assert all(not term.any() for term in expansion.policy_terms[1:])
+    P = expansion.basis.matrix(expansion.weights)
+    assert pytest.approx(solution.P, rel=1e-14) == P
+
+
+def test_coordinates_and_powers() -> None:
+    """A polynomial of y = T z has the same values with the weights in z."""
+    random = np.random.default_rng(7)
+    T = random.standard_normal((3, 3))
+    z = random.standard_normal((10, 3))
+    for degree in (1, 2, 4):
+        basis = monomials(3, degree)
+        weights = random.standard_normal((2, basis.size))
+        in_z = in_coordinates(weights, degree, T)
+        assert basis.psi(z) @ in_z.T == pytest.approx(basis.psi(z @ T.T) @ weights.T, rel=1e-9)
+
+
+# Refusals
+# --------------------------------------------------------------------------------------------------
+
+
+def refused(equations, degree: int = 3) -> str:
+    model = Model("plant", {"x": Signal()}, {"u": Signal()}, equations, trim={"x": 0.0})
+    linear = linear_of(model)
+    game = hfa.Game(linear.A, linear.B, Q=[1.0], R=[1.0])
+    with pytest.raises(BadInputError) as raised:
+        expand(linear, hfa.solve(game), degree)
+    return str(raised.value)
+
+
+def test_tables_and_kinks_are_refused_by_name() -> None:
+    table = ca.interpolant("table", "linear", [[-1.0, 0.5, 1.0]], [-1.0, 0.5, 2.0])
+    assert "table" in refused(lambda x, u, p, w: ({"x": table(x.x) + u.u}, {}))
+    assert "x switches" in refused(lambda x, u, p, w: ({"x": ca.fabs(x.x) * x.x + u.u}, {}))
+    assert "finite" in refused(lambda x, u, p, w: ({"x": x.x + x.x**1.5 + u.u}, {}))
+
+
+def test_a_switch_away_from_the_trim_is_permitted() -> None:
+    def equations(x, u, p, w):
+        return {"x": x.x + x.x**2 + ca.fmax(x.x, 1.0) + u.u - 1.0}, {}
+
+    model = Model("plant", {"x": Signal()}, {"u": Signal()}, equations, trim={"x": 0.0})
+    linear = linear_of(model)
+    game = hfa.Game(linear.A, linear.B, Q=[1.0], R=[1.0])
+    assert expand(linear, hfa.solve(game), 3).residual <= ROUNDING
+
+
+@pytest.mark.parametrize("degree", [1, 6])
+def test_other_degrees_are_refused(degree: int) -> None:
+    assert "2 to 5" in refused(lambda x, u, p, w: ({"x": x.x + u.u}, {}), degree)
+
+
+def test_game_of_another_plant_is_refused() -> None:
+    solution = hfa.solve(game_at(10.0))
+    with pytest.raises(BadInputError, match="A of the game"):
+        expand(model_at(15.0), solution, 3)
+
+
+def test_deviations_without_cost_are_refused() -> None:
+    linear = hfa.LinearModel.of([[1.0, 0.0], [0.0, -1.0]], [[1.0], [0.0]])
+    solution = hfa.solve(hfa.game(linear, [1.0, 0.0], [1.0]))
+    with pytest.raises(NoSolutionError, match="P is singular"):
+        expand(linear, solution, 3)

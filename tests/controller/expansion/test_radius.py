@@ -1,0 +1,123 @@
+"""The neighbourhood in which a value agrees with simulated flights of both players."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import hfa
+from controller.expansion.expansion import Expansion, expand
+from controller.expansion.flights import Flights
+from controller.expansion.radius import radii
+from controller.expansion.series import directions
+from hfa import BadInputError, Model, Signal
+
+
+def pendulum(x, u, p, w):
+    """Return a pendulum with a quadratic spring, which makes the terms of odd degree nonzero."""
+    return {"a": x.b, "b": x.a + 0.8 * x.a**2 - x.a**3 / 6.0 - 0.1 * x.b + u.u}, {}
+
+
+PENDULUM = Model(
+    "pendulum", {"a": Signal(), "b": Signal()}, {"u": Signal()}, pendulum,
+    trim={"a": 0.0, "b": 0.0},
+)  # fmt: skip
+
+
+@lru_cache(maxsize=8)
+def expanded(degree: int, delta: float = 4.0) -> Expansion:
+    linear = hfa.linearize(PENDULUM, hfa.trim(PENDULUM))
+    game = hfa.game(linear, [1.0, 0.5], [2.0], delta, E=[[0.0], [1.0]])
+    return expand(linear, hfa.solve(game), degree)
+
+
+def states_at(expansion: Expansion, size: float, count: int, seed: int) -> np.ndarray:
+    """Return states with z'Pz = size², (count, n)."""
+    y = size * directions(expansion.states, count, seed)
+    return np.linalg.solve(expansion.root.T, y.T).T
+
+
+@pytest.mark.parametrize("delta", [math.inf, 4.0])
+def test_cost_of_a_flight_is_that_of_an_adaptive_integrator(delta: float) -> None:
+    expansion = expanded(4, delta)
+    game = expansion.game
+    z0 = states_at(expansion, 0.5, 3, 1)
+
+    def rates(t: float, w: np.ndarray) -> np.ndarray:
+        z = w[:2]
+        u = float(expansion.policy(z))
+        d = np.zeros(1)
+        paid = 0.0
+        if math.isfinite(delta):
+            d = np.array(expansion.disturbance(z))[:, 0]
+            paid = delta**2 * d @ d
+        moved, _ = pendulum(SimpleNamespace(a=z[0], b=z[1]), SimpleNamespace(u=u), None, None)
+        disturbed = np.array([moved["a"], moved["b"]]) + game.E @ d
+        return np.array([*disturbed, z @ game.Q @ z + u * game.R[0, 0] * u - paid])
+
+    exact = [solve_ivp(rates, (0.0, 60.0), [*z, 0.0], rtol=1e-10, atol=1e-12).y[2, -1] for z in z0]
+    flights = Flights(expansion)
+    assert flights.costs(z0) == pytest.approx(exact, rel=2e-4)
+    flights.step /= 4.0
+    assert flights.costs(z0) == pytest.approx(exact, rel=1e-6)
+
+
+@pytest.mark.parametrize("degree", [3, 4, 5])
+def test_relative_error_falls_with_the_power_of_the_degree(degree: int) -> None:
+    """The error of V2 + ... + V_{d-1} falls by 2^(d-2) if the state is halved."""
+    reference = expanded(5)
+    flights = Flights(reference)
+    flights.step /= 20.0
+    error = []
+    for size in (0.1, 0.05):
+        z0 = states_at(reference, size, 20, 2)
+        value = np.array(reference.value_to(degree - 1)(z0.T))[0]
+        error.append(np.abs(value / flights.costs(z0) - 1.0).max())
+    assert error[0] / error[1] == pytest.approx(2.0 ** (degree - 2), rel=0.15)
+
+
+def test_flights_inside_the_radius_agree_and_some_outside_do_not() -> None:
+    expansion = expanded(4)
+    flights = Flights(expansion)
+    for radius in radii(expansion, 0.05):
+        random = np.random.default_rng(99).uniform(size=(200, 1)) ** 0.5
+        inside = random * states_at(expansion, math.sqrt(radius.c), 200, 99)
+        outside = states_at(expansion, 1.3 * math.sqrt(radius.c), 200, 99)
+        errors = []
+        for z0 in (inside, outside):
+            value = np.array(expansion.value_to(radius.degree)(z0.T))[0]
+            errors.append(np.abs(value / flights.costs(z0) - 1.0).max())
+        assert errors[0] <= 0.05 < errors[1]
+
+
+def test_radius_grows_with_the_degree_and_the_share() -> None:
+    quadratic, whole = radii(expanded(4), 0.05)
+    assert (quadratic.degree, whole.degree) == (2, 4)
+    assert quadratic.c < whole.c
+    tighter, _ = radii(expanded(4), 0.01)
+    assert tighter.c < quadratic.c
+    # Degree 2: the error is of first order in the state, and c of second order.
+    assert quadratic.c / tighter.c == pytest.approx(25.0, rel=0.5)
+
+
+def test_extents_are_those_of_the_ellipsoid() -> None:
+    radius = radii(expanded(3))[-1]
+    P = expanded(3).solution.P
+    assert radius.extents == pytest.approx(np.sqrt(radius.c * np.diag(np.linalg.inv(P))))
+
+
+def test_linear_plant_agrees_everywhere() -> None:
+    linear = hfa.LinearModel.of([[0.0, 1.0], [-1.0, 0.3]], [[0.0], [1.0]])
+    solution = hfa.solve(hfa.game(linear, [1.0, 1.0], [2.0], delta=5.0))
+    assert [radius.c for radius in radii(expand(linear, solution, 3))] == [math.inf, math.inf]
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0, -0.1])
+def test_other_shares_are_refused(share: float) -> None:
+    with pytest.raises(BadInputError):
+        radii(expanded(2), share)
