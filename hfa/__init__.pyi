@@ -9,6 +9,7 @@ from controller.critic.critic import (
 )
 from controller.critic.critic_file import read_critic as read_critic
 from controller.critic.network.critic import from_network as from_network
+from controller.expansion.expansion import Expansion as Expansion, expand as expand
 from controller.game.linear_game import game as game
 from controller.game.zero_sum import Game as Game
 from controller.learning.certified import learn as learn

@@ -114,7 +114,8 @@ COMMANDS = {
         "hfa.commands.game:solve",
         example="hfa solve --dihedral 15 --delta 300",
         results=(
-            "controller.riccati.gare:Solution hfa.options.games:NamedGame",
+            "controller.riccati.gare:Solution hfa.options.games:NamedGame"
+            " controller.expansion.expansion:Expansion?",
             "controller.discrete.report:AnalysedDiscreteGame hfa.options.games:NamedGame",
         ),
     ),

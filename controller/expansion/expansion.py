@@ -4,23 +4,33 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import comb
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
 from controller.expansion.deviations import deviation_rates
-from controller.expansion.monomials import in_coordinates, monomials, polynomial, sizes
+from controller.expansion.monomials import homogeneous, in_coordinates, polynomial, sizes
 from controller.expansion.rays import Rays
 from controller.expansion.series import Series, coefficient, directions, gradient
-from controller.game.basis import Basis
+from controller.game.basis import TO_DEGREE, Basis, basis as named_basis
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.arguments import checks_arguments, need
+from hfa_support.errors import BadInputError, NoSolutionError, is_finite, shown
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import Matrix, Result, Vector
 from trim.linear.linear_model import LinearModel
 
+if TYPE_CHECKING:
+    from controller.expansion.radius import Radius
+
 #: Permitted degrees of a value.
-LOWEST = 2
-HIGHEST = 5
+LOWEST = min(TO_DEGREE)
+HIGHEST = max(TO_DEGREE)
+#: Usual share of the cost by which a value may differ from the cost of a flight.
+SHARE = 0.05
 #: Largest number of coefficients of one degree.
 MOST = 2500
 #: Largest relative residual of the equation that counts as rounding.
@@ -31,28 +41,42 @@ _SEED = 1992
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Expansion:
+class Expansion(Result, Reported):
     """Value V = V2 + ... + VD of a nonlinear game and its policies, as polynomials of z.
 
     min_u max_d  ∂V/∂z'(F(z, u) + E d) + z'Qz + 2z'Nu + u'Ru - δ² d'd = O(|z|^(D+1))
 
-    V2 = z'Pz is the value of the linear game. The disturbance is added to the rates: E is that of
-    the linear game.
+    This is the Hamilton-Jacobi-Isaacs equation. z is the deviation from the trim and F the
+    nonlinear rates. V2 = z'Pz is the value of the linear game. The disturbance is added to the
+    rates, with E of the linear game. The inputs are not limited.
 
-    degree: D
+    order: degree D of V; the policies have the degree D - 1
     solution: exact solution of the linear game
-    rates: CasADi Function (z, u) -> F(z, u), the rates of the deviations from the trim
+    rates: CasADi Function (z, u) -> F(z, u)
     root: (n, n), lower triangular, P = root root'. The terms are polynomials of y = root'z.
     value_terms: V2, V3, ..., as weights (M,) of the monomials of y, scaled by `sizes`
     policy_terms: u1, u2, ..., as weights (m, M) of the same monomials
+    share: permitted difference from the cost of a flight in `radii`, relative to the cost
+
+    >>> import hfa
+    >>> model = hfa.aircraft()
+    >>> linear = hfa.linearize(model, hfa.trim(model))
+    >>> solution = hfa.solve(hfa.paper.published_game(linear))
+    >>> expansion = hfa.expand(linear, solution, 3)
+    >>> expansion.basis.name, expansion.weights.shape
+    ('cubic', (77,))
     """
 
-    degree: int
+    made_by = "hfa solve --order"
+    json_keys = "order W=weights basis=basis.name policy_weights residual radii"
+
+    order: int
     solution: Solution
     rates: ca.Function
     root: np.ndarray
     value_terms: tuple[np.ndarray, ...]
     policy_terms: tuple[np.ndarray, ...]
+    share: float = SHARE
 
     @property
     def game(self) -> Game:
@@ -66,29 +90,42 @@ class Expansion:
 
     @property
     def basis(self) -> Basis:
-        """Monomials of degree 2 to D."""
-        return monomials(self.states, *range(LOWEST, self.degree + 1))
-
-    @property
-    def policy_basis(self) -> Basis:
-        """Monomials of degree 1 to D - 1."""
-        return monomials(self.states, *range(1, self.degree))
+        """Monomials of V, "quadratic", "cubic", "quartic" or "quintic"."""
+        return named_basis(TO_DEGREE[self.order], self.states)
 
     @cached_property
-    def weights(self) -> np.ndarray:
-        """Weights of V, (M,), of the monomials in `basis`."""
+    def weights(self) -> Vector:
+        """Weights W of V = W'ψ(z), (M,), of the monomials in `basis`."""
         terms = enumerate(self.value_terms, LOWEST)
         return np.concatenate([self._in_z(term[None], degree)[0] for degree, term in terms])
 
     @cached_property
-    def policy_weights(self) -> np.ndarray:
-        """Weights of u, (m, K), of the monomials in `policy_basis`."""
+    def policy_weights(self) -> Matrix:
+        """Weights of u, (m, K), of all monomials of degree 1 to D - 1, with the last index
+        fastest.
+        """
         terms = enumerate(self.policy_terms, 1)
         return np.hstack([self._in_z(term, degree) for degree, term in terms])
 
     def _in_z(self, weights: np.ndarray, degree: int) -> np.ndarray:
         """Return weights of the monomials of z, of weights of the scaled monomials of y, (k, M)."""
         return in_coordinates(weights * sizes(self.states, degree), degree, self.root.T)
+
+    @cached_property
+    def radii(self) -> tuple[Radius, ...]:
+        """Sets z'Pz <= c in which flights of both players agree with V2, and with V.
+
+        The flights are simulated when the property is first used.
+        """
+        from controller.expansion.radius import radii
+
+        return radii(self)
+
+    def report(self) -> Report:
+        """Return a report of the degree, the residual and the radii."""
+        from controller.expansion.expansion_report import expansion_report
+
+        return expansion_report(self)
 
     @cached_property
     def residuals(self) -> dict[int, float]:
@@ -98,7 +135,7 @@ class Expansion:
         sum of the magnitudes of the products in these terms.
         """
         n = self.states
-        rays = Rays(self.rates, self.degree - 1)
+        rays = Rays(self.rates, self.order - 1)
         y = directions(n, _RAYS, _SEED)
         z = np.linalg.solve(self.root.T, y.T)
         inputs: list[np.ndarray] = []
@@ -107,7 +144,7 @@ class Expansion:
         terms = zip(self.value_terms, self.policy_terms, strict=True)
         for degree, (value, policy) in enumerate(terms, LOWEST):
             gradients.append(self.root @ gradient(y, degree, value).T)
-            psi = monomials(n, degree - 1).psi(y) * sizes(n, degree - 1)
+            psi = homogeneous(n, degree - 1).psi(y) * sizes(n, degree - 1)
             inputs.append(policy @ psi.T)
             total, size = coefficient(self.game, rays, z, inputs, gradients)
             largest = float(size.max())
@@ -116,7 +153,7 @@ class Expansion:
 
     @property
     def residual(self) -> float:
-        """Largest of `residuals`."""
+        """Largest residual of the equation, relative to the sizes of its terms."""
         return max(self.residuals.values())
 
     def value_to(self, degree: int) -> ca.Function:
@@ -130,7 +167,7 @@ class Expansion:
     @cached_property
     def V(self) -> ca.Function:
         """CasADi Function z (n,) -> V(z)."""
-        return self.value_to(self.degree)
+        return self.value_to(self.order)
 
     @cached_property
     def gradient(self) -> ca.Function:
@@ -155,39 +192,54 @@ class Expansion:
         return ca.Function("disturbance", [z], [ca.densify(d)])
 
 
-def expand(linear: LinearModel, solution: Solution, degree: int) -> Expansion:
+@checks_arguments
+def expand(linear: LinearModel, solution: Solution, order: int, share: float = SHARE) -> Expansion:
     """Return the value and the policies of the nonlinear game about a trim, to a degree.
+
+    The terms follow one degree at a time from the Hamilton-Jacobi-Isaacs equation (Al'brekht's
+    method). V2 and u1 are those of the solution.
 
     linear: linear model at the trim; its model has the nonlinear equations
     solution: exact solution of the game on this linear model
-    degree: degree D of the value, 2 to 5; the policies have the degree D - 1
+    order: degree D of the value, 2 to 5; the policies have the degree D - 1
+    share: permitted difference from the cost of a flight in `Expansion.radii`, between 0 and 1
 
-    Raises BadInputError for another degree, too many coefficients, and as `deviation_rates` and
-    `Rays` do. Raises NoSolutionError if P is singular, or if rounding dominates the result.
+    Raises BadInputError for another order or share, for too many coefficients, for equations with
+    tables or with a switch at the trim, and for a game of another linear model. Raises
+    NoSolutionError if P is singular, or if rounding dominates the result.
+    Source: E. G. Al'brekht, On the optimal stabilization of nonlinear systems, J. Appl. Math. Mech.
+    25 (1961); A. J. van der Schaft, IEEE Trans. Automatic Control 37 (1992) 770-784.
     """
-    _check_degree(len(solution.P), degree)
+    need(linear, LinearModel, "expand: linear", LinearModel.how_to_make)
+    need(solution, Solution, "expand: solution", "a solution: hfa.solve(game)")
+    _check_order(len(solution.P), order)
+    if not (is_finite(share) and 0.0 < share < 1.0):
+        raise BadInputError(f"share is {shown(share)}; give a number between 0 and 1, such as 0.05")
     rates = deviation_rates(linear, solution.game)
-    series = Series(solution, Rays(rates, degree - 1), degree)
-    for _ in range(LOWEST + 1, degree + 1):
+    series = Series(solution, Rays(rates, order - 1), order)
+    for _ in range(LOWEST + 1, order + 1):
         series.add_degree()
     value = tuple(series.value)
-    expansion = Expansion(degree, solution, rates, series.root, value, tuple(series.policy))
-    for order, residual in expansion.residuals.items():
+    policy = tuple(series.policy)
+    expansion = Expansion(order, solution, rates, series.root, value, policy, share)
+    for degree, residual in expansion.residuals.items():
         if not residual <= LARGEST_RESIDUAL:
             raise NoSolutionError(
-                f"the terms of degree {order} leave a residual of {residual:.2g}, above "
+                f"the terms of degree {degree} leave a residual of {residual:.2g}, above "
                 f"{LARGEST_RESIDUAL:g}, because of rounding; choose a lower order"
             )
     return expansion
 
 
-def _check_degree(n: int, degree: int) -> None:
+def _check_order(n: int, order: int) -> None:
     """Raise BadInputError unless a value of n states can have this degree."""
-    if degree not in range(LOWEST, HIGHEST + 1):
-        raise BadInputError(f"order is {degree}; give a whole number from {LOWEST} to {HIGHEST}")
-    count = monomials(n, degree).size
+    if not isinstance(order, int) or order not in range(LOWEST, HIGHEST + 1):
+        raise BadInputError(
+            f"order is {shown(order)}; give a whole number from {LOWEST} to {HIGHEST}"
+        )
+    count = comb(n + order - 1, order)
     if count > MOST:
         raise BadInputError(
-            f"order {degree} of {n} states has {count} coefficients, more than {MOST}; give a "
+            f"order {order} of {n} states has {count} coefficients, more than {MOST}; give a "
             "lower order, or fewer states"
         )

@@ -10,25 +10,15 @@ from itertools import combinations_with_replacement, permutations
 import casadi as ca
 import numpy as np
 
-from controller.game.basis import Basis
+from controller.game.basis import Basis, monomials
 
 
 @lru_cache(maxsize=64)
-def monomials(n: int, *degrees: int) -> Basis:
-    """Return all monomials of n variables with these degrees, in the order of the degrees.
-
-    Within a degree, the last index varies fastest: z1², z1 z2, z2² for n = 2. The name of the
-    result is "degree 2 to 4", and `size` is the sum of (n + d - 1 choose d).
-    """
-    rows = [
-        np.bincount(indices, minlength=n)
-        for degree in degrees
-        for indices in combinations_with_replacement(range(n), degree)
-    ]
-    exponents = np.array(rows)
+def homogeneous(n: int, degree: int) -> Basis:
+    """Return all monomials of n variables with a degree, z1², z1 z2, z2² for n = 2."""
+    exponents = monomials(n, degree)
     exponents.setflags(write=False)
-    spread = f"degree {degrees[0]}" + (f" to {degrees[-1]}" if len(degrees) > 1 else "")
-    return Basis(spread, exponents)
+    return Basis(f"degree {degree}", exponents)
 
 
 @lru_cache(maxsize=64)
@@ -40,7 +30,7 @@ def sizes(n: int, degree: int) -> np.ndarray:
     """
     counts = [
         math.factorial(degree) / math.prod(map(math.factorial, row))
-        for row in monomials(n, degree).exponents.tolist()
+        for row in homogeneous(n, degree).exponents.tolist()
     ]
     return np.sqrt(counts)
 

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
 from controller.expansion.expansion import LOWEST, Expansion
 from controller.expansion.flights import Flights
-from controller.expansion.monomials import monomials, sizes
+from controller.expansion.monomials import homogeneous, sizes
 from controller.expansion.series import directions
-from hfa_support.errors import BadInputError
+from hfa_support.reporting.results import Result, Vector
 
-#: Usual share of the cost by which the value may differ from the cost of a flight.
-SHARE = 0.05
 #: Number of random directions, from which those with the largest terms are flown.
 _DRAWN = 2000
 #: Number of directions with the largest terms of each degree, and of further random directions.
@@ -30,53 +28,49 @@ _SMALLER = 0.95
 _FARTHEST = 2.0**30
 
 
-class Radius(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Radius(Result):
     """Largest set z'Pz <= c in which all sampled flights of both players agree with a value.
 
-    degree: degree of the value V2 + ... + V_degree
+    degree: degree of the value, V2 + ... + V_degree
     share: largest difference from the cost of a flight, relative to the cost
-    c: size of the set; 0 if flights of every size disagree, inf if flights of every size agree
+    c: size of the set; 0 if flights of every size disagree, null if flights of every size agree
     extents: largest |z_i| in the set, (n,)
     """
 
     degree: int
     share: float
     c: float
-    extents: np.ndarray
+    extents: Vector
 
 
-def radii(expansion: Expansion, share: float = SHARE) -> tuple[Radius, ...]:
-    """Return the radius of V2 and that of the whole value.
+def radii(expansion: Expansion) -> tuple[Radius, ...]:
+    """Return the radius of V2 and that of the whole value (`Expansion.share`).
 
     All flights use the policies of the expansion. For each value, the set is found by bisection
     with flights from its boundary in the directions of the largest terms and in random directions,
     and then confirmed by 200 flights from random states on its boundary.
 
-    expansion: value and policies
-    share: permitted difference relative to the cost, between 0 and 1
-
-    Raises BadInputError for another share.
+    expansion: value and policies of both players
     """
-    if not 0.0 < share < 1.0:
-        raise BadInputError(f"the share is {share:g}; give a number between 0 and 1, such as 0.05")
-    search = _Search(expansion, share)
-    degrees = sorted({LOWEST, expansion.degree})
+    search = _Search(expansion)
+    degrees = sorted({LOWEST, expansion.order})
     return tuple(search.radius(degree) for degree in degrees)
 
 
 class _Search:
     """Search for the radius of values of one expansion."""
 
-    def __init__(self, expansion: Expansion, share: float) -> None:
+    def __init__(self, expansion: Expansion) -> None:
         self.expansion = expansion
-        self.share = share
+        self.share = expansion.share
         self.flights = Flights(expansion)
         n = expansion.states
         drawn = directions(n, _DRAWN, _SEED)
         chosen = [drawn[:_RANDOM]]
         self._largest: dict[int, float] = {}  # degree -> largest |V_d| on z'Pz = 1
         for degree, term in enumerate(expansion.value_terms[1:], LOWEST + 1):
-            values = np.abs(monomials(n, degree).psi(drawn) @ (sizes(n, degree) * term))
+            values = np.abs(homogeneous(n, degree).psi(drawn) @ (sizes(n, degree) * term))
             self._largest[degree] = float(values.max())
             chosen.append(drawn[np.argsort(values)[-_LARGEST:]])
         half = np.vstack(chosen)

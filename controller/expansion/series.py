@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller.expansion.monomials import monomials, sizes
+from controller.expansion.monomials import homogeneous, sizes
 from controller.expansion.rays import Rays
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
@@ -44,7 +44,7 @@ class Series:
         Raises NoSolutionError if P is singular.
         """
         n = len(solution.P)
-        count = max(_LEAST_RAYS, int(_RAYS * monomials(n, degree).size))
+        count = max(_LEAST_RAYS, int(_RAYS * homogeneous(n, degree).size))
         self._game = solution.game
         self._rays = rays
         self.root = root_of(solution.P)
@@ -53,7 +53,7 @@ class Series:
         self._z = np.linalg.solve(self.root.T, self._y.T)
         self._gradients = [2.0 * self.root @ self._y.T]
         self._inputs = [-solution.K @ self._z]
-        self.value = [monomials(n, 2).weights(np.eye(n)) / sizes(n, 2)]
+        self.value = [homogeneous(n, 2).weights(np.eye(n)) / sizes(n, 2)]
         self.policy = [-np.linalg.solve(self.root, solution.K.T).T]
 
     def add_degree(self) -> None:
@@ -68,7 +68,7 @@ class Series:
         gradients[-1] = self.root @ gradient(self._y, d, weights[:, 0]).T
         _, derivative = self._rays(self._z, inputs, gradients)
         inputs[-1] = -0.5 * np.linalg.solve(self._game.R, derivative)
-        psi = monomials(n, d - 1).psi(self._y) * sizes(n, d - 1)
+        psi = homogeneous(n, d - 1).psi(self._y) * sizes(n, d - 1)
         policy = least_squares(psi, inputs[-1].T)
         self._gradients = gradients
         self._inputs = inputs
@@ -146,7 +146,7 @@ def gradient(y: np.ndarray, degree: int, weights: np.ndarray) -> np.ndarray:
     y: (N, n), points
     weights: (M,), of the scaled monomials of the degree
     """
-    basis = monomials(y.shape[1], degree)
+    basis = homogeneous(y.shape[1], degree)
     weights = weights * sizes(y.shape[1], degree)
     return np.vstack([weights @ basis.gradient(block) for block in _blocks(y)])
 
@@ -157,7 +157,7 @@ def _slopes(y: np.ndarray, degree: int, moved: np.ndarray) -> np.ndarray:
     y: (N, n), points
     moved: (N, n), direction at each point
     """
-    basis = monomials(y.shape[1], degree)
+    basis = homogeneous(y.shape[1], degree)
     blocks = zip(_blocks(y), _blocks(moved), strict=True)
     slopes = [(basis.gradient(points) @ motion[..., None])[..., 0] for points, motion in blocks]
     return np.vstack(slopes) * sizes(y.shape[1], degree)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from itertools import combinations_with_replacement
 
 import numpy as np
 
@@ -112,6 +113,7 @@ def basis(name: str, states: int) -> Basis:
     """Return a basis for the given number of states.
 
     - "quadratic": z_i z_j for i <= j, M = n(n+1)/2
+    - "cubic", "quartic", "quintic": also all monomials of degree 3, of 3 and 4, of 3, 4 and 5
     - "quadratic+linear": also z_i
     - "quadratic+quartic": also z_i⁴
     - "paper": for six states, also z_i⁴ of the four states `PAPER_QUARTIC_CHANNELS`
@@ -119,7 +121,7 @@ def basis(name: str, states: int) -> Basis:
     The paper does not state which four states its basis uses. `PAPER_QUARTIC_CHANNELS` is an
     assumption.
 
-    name: one of these four names
+    name: one of these names
     states: number of states n
 
     Raises BadInputError for an unknown name, for no state, and for "paper" without six states.
@@ -150,9 +152,23 @@ def _paper(states: int) -> np.ndarray:
     return 4 * np.eye(states, dtype=int)[list(PAPER_QUARTIC_CHANNELS)]
 
 
+def monomials(states: int, degree: int) -> np.ndarray:
+    """Return the exponents (M, n) of all monomials of a degree, with the last index fastest."""
+    combinations = combinations_with_replacement(range(states), degree)
+    return np.array([np.bincount(indices, minlength=states) for indices in combinations])
+
+
+def _beyond_quadratic(states: int, *, degree: int) -> np.ndarray:
+    """Return the exponents (M, n) of all monomials of degree 3 up to a degree."""
+    return np.vstack([monomials(states, d) for d in range(3, degree + 1)])
+
+
+#: Degree -> name of the basis with all monomials from degree 2.
+TO_DEGREE = {2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
 #: Name of a basis -> exponents of the monomials that it adds to the quadratic ones.
 BASES: dict[str, Callable[[int], np.ndarray]] = {
     "quadratic": lambda states: np.zeros((0, states), dtype=int),
+    **{TO_DEGREE[d]: partial(_beyond_quadratic, degree=d) for d in (3, 4, 5)},
     "quadratic+linear": lambda states: np.eye(states, dtype=int),
     "quadratic+quartic": lambda states: 4 * np.eye(states, dtype=int),
     "paper": _paper,

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from hfa.options.argument_types import whole
 from hfa.options.draws import draws_option, with_draws
 from hfa.options.games import CONTINUOUS, LearningOptions, NamedGame, PlantOptions
 from hfa.options.output import ProgressLine, show
@@ -58,6 +59,11 @@ class GameRequest(GameOptions, OutputOptions):
 class SolveRequest(GameRequest):
     """Options of `hfa solve`."""
 
+    order: int | None = option(
+        "also the value of the nonlinear game about the trim, to degree D = 2 to 5",
+        "D",
+        whole(2, 5),
+    )
     draws: int | None = draws_option()
 
 
@@ -68,9 +74,16 @@ def solve(request: SolveRequest) -> int:
 
     A file of --model with B1, B2, C1, D12 and optionally C2, D21, D11, D22 is a generalized plant,
     as for `hinfsyn`. The H-infinity norm of the closed loop is then below delta, by default 1.01
-    delta_min. The exit code is 1 if there is no certified solution."""
+    delta_min. With --order D, the value and the policy of the nonlinear aircraft are also computed,
+    as polynomials, with the set in which they agree with simulated flights. The exit code is 1 if
+    there is no certified solution."""
+    from controller.expansion.expansion import expand
     from controller.riccati import gare
 
+    if request.plant is not None or request.design is not None:
+        request.refuse(
+            ("order",), "requires the equations of an aircraft; remove --model and --design"
+        )
     arrays = None
     if request.plant is not None:
         from hfa_aircraft.readers.matrices_file import has_all
@@ -94,6 +107,11 @@ def solve(request: SolveRequest) -> int:
     with named.asking_for_time():
         solution = gare.solve(named.game, ProgressLine("solve"))
         solved = solution.report()
+    if request.order is not None:
+        assert named.linear is not None
+        expanded = expand(named.linear, solution, request.order).report()
+        parts = (*solved.parts, expanded.title, *expanded.parts)
+        solved = replace(solved, parts=parts).with_data(**expanded.data)
     report = with_draws(solved, request, (named, solution.K))
     show(report.with_data(**named.as_data()), request, notes=named.warnings)
     return 0

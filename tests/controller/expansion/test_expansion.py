@@ -13,7 +13,7 @@ from known_models import game_at, model_at
 
 import hfa
 from controller.expansion.expansion import Expansion, expand
-from controller.expansion.monomials import in_coordinates, monomials
+from controller.expansion.monomials import homogeneous, in_coordinates
 from controller.hfa_game import usual_game
 from hfa import BadInputError, Game, LinearModel, Model, NoSolutionError, Signal
 from hfa_aircraft.units import in_si
@@ -112,7 +112,7 @@ def identity_error(expansion: Expansion) -> float:
     u = ca.SX.sym("u", expansion.rates.size1_in(1))
     H = hamiltonian(expansion, z, u)
     policy = expansion.policy(z)
-    D = expansion.degree
+    D = expansion.order
     *value, beyond = taylor(ca.substitute(H, u, policy), z, D + 1)
     slope = taylor(ca.substitute(ca.gradient(H, u), u, policy), z, D - 1)
     return max(np.abs(part).max() for part in [*value, *slope]) / np.abs(beyond).max()
@@ -126,7 +126,7 @@ def test_identity_holds_by_the_derivatives_of_the_functions(delta: float, degree
     expansion = expand(linear, hfa.solve(mixed_game(linear, delta)), degree)
     assert identity_error(expansion) <= ROUNDING
     assert expansion.residual <= ROUNDING
-    assert (expansion.degree, *expansion.residuals) == (degree, *range(2, degree + 1))
+    assert (expansion.order, *expansion.residuals) == (degree, *range(2, degree + 1))
 
 
 @pytest.mark.parametrize("kind", ["value_terms", "policy_terms"])
@@ -147,7 +147,8 @@ def test_weights_of_monomials_are_those_of_the_functions() -> None:
     expansion = expand(linear, hfa.solve(mixed_game(linear, 3.0)), 5)
     z = np.random.default_rng(0).standard_normal((20, 2))
     values = expansion.basis.psi(z) @ expansion.weights
-    inputs = expansion.policy_basis.psi(z) @ expansion.policy_weights.T
+    psi = np.hstack([homogeneous(2, degree).psi(z) for degree in range(1, 5)])
+    inputs = psi @ expansion.policy_weights.T
     assert values == pytest.approx(np.array(expansion.V(z.T))[0], rel=1e-11)
     assert inputs == pytest.approx(np.array(expansion.policy(z.T)).T, rel=1e-10, abs=1e-11)
     P = expansion.basis.matrix(expansion.weights)
@@ -196,7 +197,7 @@ def test_coordinates_and_powers() -> None:
     T = random.standard_normal((3, 3))
     z = random.standard_normal((10, 3))
     for degree in (1, 2, 4):
-        basis = monomials(3, degree)
+        basis = homogeneous(3, degree)
         weights = random.standard_normal((2, basis.size))
         in_z = in_coordinates(weights, degree, T)
         assert basis.psi(z) @ in_z.T == pytest.approx(basis.psi(z @ T.T) @ weights.T, rel=1e-9)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 from types import SimpleNamespace
 
@@ -84,7 +85,7 @@ def test_relative_error_falls_with_the_power_of_the_degree(degree: int) -> None:
 def test_flights_inside_the_radius_agree_and_some_outside_do_not() -> None:
     expansion = expanded(4)
     flights = Flights(expansion)
-    for radius in radii(expansion, 0.05):
+    for radius in expansion.radii:
         random = np.random.default_rng(99).uniform(size=(200, 1)) ** 0.5
         inside = random * states_at(expansion, math.sqrt(radius.c), 200, 99)
         outside = states_at(expansion, 1.3 * math.sqrt(radius.c), 200, 99)
@@ -96,17 +97,17 @@ def test_flights_inside_the_radius_agree_and_some_outside_do_not() -> None:
 
 
 def test_radius_grows_with_the_degree_and_the_share() -> None:
-    quadratic, whole = radii(expanded(4), 0.05)
+    quadratic, whole = expanded(4).radii
     assert (quadratic.degree, whole.degree) == (2, 4)
     assert quadratic.c < whole.c
-    tighter, _ = radii(expanded(4), 0.01)
+    tighter, _ = radii(replace(expanded(4), share=0.01))
     assert tighter.c < quadratic.c
     # Degree 2: the error is of first order in the state, and c of second order.
     assert quadratic.c / tighter.c == pytest.approx(25.0, rel=0.5)
 
 
 def test_extents_are_those_of_the_ellipsoid() -> None:
-    radius = radii(expanded(3))[-1]
+    radius = expanded(3).radii[-1]
     P = expanded(3).solution.P
     assert radius.extents == pytest.approx(np.sqrt(radius.c * np.diag(np.linalg.inv(P))))
 
@@ -114,10 +115,12 @@ def test_extents_are_those_of_the_ellipsoid() -> None:
 def test_linear_plant_agrees_everywhere() -> None:
     linear = hfa.LinearModel.of([[0.0, 1.0], [-1.0, 0.3]], [[0.0], [1.0]])
     solution = hfa.solve(hfa.game(linear, [1.0, 1.0], [2.0], delta=5.0))
-    assert [radius.c for radius in radii(expand(linear, solution, 3))] == [math.inf, math.inf]
+    assert [radius.c for radius in expand(linear, solution, 3).radii] == [math.inf, math.inf]
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0, -0.1])
 def test_other_shares_are_refused(share: float) -> None:
-    with pytest.raises(BadInputError):
-        radii(expanded(2), share)
+    exact = expanded(2)
+    linear = hfa.linearize(PENDULUM, hfa.trim(PENDULUM))
+    with pytest.raises(BadInputError, match="share"):
+        expand(linear, exact.solution, 2, share)

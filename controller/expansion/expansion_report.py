@@ -1,0 +1,64 @@
+"""Report of the value of a nonlinear game about a trim."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from controller.expansion.monomials import name_of
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table, shown_unit, shown_value
+
+if TYPE_CHECKING:
+    from controller.expansion.expansion import Expansion
+    from controller.expansion.radius import Radius
+
+
+def expansion_report(expansion: Expansion) -> Report:
+    """Return a report of the degree, the residual and the radii of V2 and of V."""
+    names = expansion.game.names
+    radii = expansion.radii
+    columns = [_name_of_value(radius.degree) for radius in radii]
+    rows = [("z'Pz", "", *(_size(radius) for radius in radii))]
+    units = names.state_units
+    for index, (state, unit) in enumerate(zip(names.states, units, strict=True)):
+        extents = [_extent(radius, index, unit) for radius in radii]
+        rows.append((state, shown_unit(unit), *extents))
+    weights = zip(expansion.basis.exponents.tolist(), expansion.weights.tolist(), strict=True)
+    return Report(
+        title=(
+            f"Nonlinear game: {_name_of_value(expansion.order)} has {expansion.basis.size}"
+            f" coefficients, residual {expansion.residual:.2g}"
+        ),
+        parts=(
+            f"Flights of both players, without input limits, cost what V predicts within"
+            f" {100 * expansion.share:g} %\nin the set z'Pz <= c, which extends to these"
+            " deviations from the trim:",
+            Table(("largest", "unit", *columns), rows),
+        ),
+        data=expansion.as_data(),
+        records=Table(
+            ("monomial", "weight"),
+            [(name_of(powers, names.states), weight) for powers, weight in weights],
+        ),
+    )
+
+
+def _name_of_value(degree: int) -> str:
+    """Return "V2", "V2 + V3" or "V2 + ... + V4"."""
+    if degree == 2:
+        return "V2"
+    return "V2 + V3" if degree == 3 else f"V2 + ... + V{degree}"
+
+
+def _size(radius: Radius) -> str:
+    if math.isinf(radius.c):
+        return "unlimited"
+    return f"{radius.c:.3g}" if radius.c else "none"
+
+
+def _extent(radius: Radius, index: int, unit: str) -> str:
+    """Return the largest deviation of a state, or "" without a bounded set."""
+    if not radius.c or math.isinf(radius.c):
+        return ""
+    return shown_value(float(radius.extents[index]), unit, ".3g")
