@@ -58,13 +58,12 @@ class Expansion(Result, Reported):
     policy_terms: u1, u2, ..., as weights (m, M) of the same monomials
     share: permitted difference from the cost of a flight in `radii`, relative to the cost
 
-    >>> import hfa
-    >>> model = hfa.aircraft()
-    >>> linear = hfa.linearize(model, hfa.trim(model))
+    >>> import hfa, numpy as np
+    >>> linear = hfa.paper.level_model(hfa.aircraft(), np.radians(15.0))
     >>> solution = hfa.solve(hfa.paper.published_game(linear))
-    >>> expansion = hfa.expand(linear, solution, 3)
-    >>> expansion.basis.name, expansion.weights.shape
-    ('cubic', (77,))
+    >>> expansion = hfa.expand(linear, solution, order=3)
+    >>> type(expansion) is hfa.Expansion, expansion.basis.name
+    (True, 'cubic')
     """
 
     made_by = "hfa solve --order"
@@ -209,6 +208,13 @@ def expand(linear: LinearModel, solution: Solution, order: int, share: float = S
     NoSolutionError if P is singular, or if rounding dominates the result.
     Source: E. G. Al'brekht, On the optimal stabilization of nonlinear systems, J. Appl. Math. Mech.
     25 (1961); A. J. van der Schaft, IEEE Trans. Automatic Control 37 (1992) 770-784.
+
+    >>> import hfa, numpy as np
+    >>> linear = hfa.paper.level_model(hfa.aircraft(), np.radians(15.0))
+    >>> solution = hfa.solve(hfa.paper.published_game(linear))
+    >>> expansion = hfa.expand(linear, solution, order=3)
+    >>> expansion.weights.shape, expansion.residual < 1e-12
+    ((77,), True)
     """
     need(linear, LinearModel, "expand: linear", LinearModel.how_to_make)
     need(solution, Solution, "expand: solution", "a solution: hfa.solve(game)")

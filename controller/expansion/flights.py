@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import casadi as ca
 import numpy as np
 
-from controller.expansion.expansion import Expansion
+from hfa_aircraft.march.steppers import rk4
 from hfa_support.native.bound import RowFunction
 from hfa_support.native.machine_code import machine_code
+
+if TYPE_CHECKING:
+    from controller.expansion.expansion import Expansion
 
 #: Step times the magnitude of the fastest eigenvalue of the loop.
 _STEP = 0.2
@@ -64,7 +69,7 @@ class Flights:
         w = np.column_stack([z0, np.zeros(len(z0))])
         with np.errstate(over="ignore", invalid="ignore"):
             for number in range(1, 2 + int(self.longest / self.step)):
-                w = self._stepped(w)
+                w = rk4(self._rate, w, self.step)
                 if number % _TESTED:
                     continue
                 size = _quadratic(P, w[:, :-1]) / initial[flying]
@@ -79,18 +84,8 @@ class Flights:
                     break
         return costs
 
-    def _stepped(self, w: np.ndarray) -> np.ndarray:
-        """Return the states and costs (N, n + 1) after one step of the classical Runge-Kutta
-        method.
-        """
-        h = self.step
-        k1 = self._rated(w)
-        k2 = self._rated(w + h / 2 * k1)
-        k3 = self._rated(w + h / 2 * k2)
-        k4 = self._rated(w + h * k3)
-        return w + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-
-    def _rated(self, w: np.ndarray) -> np.ndarray:
+    def _rate(self, w: np.ndarray, _: float) -> np.ndarray:
+        """Return the rates of states and costs w, (N, n + 1)."""
         return self._rates(w[:, :-1])[0]
 
 

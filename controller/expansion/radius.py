@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controller.expansion.expansion import LOWEST, Expansion
 from controller.expansion.flights import Flights
 from controller.expansion.monomials import homogeneous, sizes
 from controller.expansion.series import directions
+from controller.game.basis import TO_DEGREE
 from hfa_support.reporting.results import Result, Vector
 
+if TYPE_CHECKING:
+    from controller.expansion.expansion import Expansion
+
+#: Degree of the value of the linear game.
+_QUADRATIC = min(TO_DEGREE)
 #: Number of random directions, from which those with the largest terms are flown.
 _DRAWN = 2000
 #: Number of directions with the largest terms of each degree, and of further random directions.
@@ -54,7 +60,7 @@ def radii(expansion: Expansion) -> tuple[Radius, ...]:
     expansion: value and policies of both players
     """
     search = _Search(expansion)
-    degrees = sorted({LOWEST, expansion.order})
+    degrees = sorted({_QUADRATIC, expansion.order})
     return tuple(search.radius(degree) for degree in degrees)
 
 
@@ -69,7 +75,7 @@ class _Search:
         drawn = directions(n, _DRAWN, _SEED)
         chosen = [drawn[:_RANDOM]]
         self._largest: dict[int, float] = {}  # degree -> largest |V_d| on z'Pz = 1
-        for degree, term in enumerate(expansion.value_terms[1:], LOWEST + 1):
+        for degree, term in enumerate(expansion.value_terms[1:], _QUADRATIC + 1):
             values = np.abs(homogeneous(n, degree).psi(drawn) @ (sizes(n, degree) * term))
             self._largest[degree] = float(values.max())
             chosen.append(drawn[np.argsort(values)[-_LARGEST:]])
