@@ -11,7 +11,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
 from hfa.options.parser import unknown
-from hfa_support.entry_points import COMMANDS as GROUP, is_installed, loaded, offered, package_of
+from hfa.options.request import is_installed
+from hfa_support.entry_points import COMMANDS as GROUP, loaded, offered, package_of
 from hfa_support.errors import BadInputError, shortened
 
 if TYPE_CHECKING:

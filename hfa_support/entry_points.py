@@ -8,7 +8,6 @@ The core does not import these packages.
 from __future__ import annotations
 
 from functools import cache
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from hfa_support.errors import BadInputError, on_one_line
@@ -58,14 +57,6 @@ def loaded(entry: EntryPoint) -> Any:
             f"{package_of(entry)} offers {entry.name}, which cannot be loaded ({reason}); update or"
             " uninstall the package"
         ) from error
-
-
-def is_installed(package: str) -> bool:
-    """Return whether a package can be imported, without importing it.
-
-    package: name of a top-level package, such as "hfa_flight"
-    """
-    return find_spec(package) is not None
 
 
 def package_of(entry: EntryPoint) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from hfa.options.argument_types import quantity
 from hfa.options.output import ProgressLine, print_report, show
 from hfa.options.ranges import Range, array_of, scheduled_range, value_range
-from hfa.options.request import OfModel, command, option
+from hfa.options.request import OfModel, command, is_installed, option
 from hfa.options.trims import (
     AircraftOptions,
     OutputOptions,
@@ -28,7 +28,6 @@ from hfa.options.trims import (
     scheduled,
 )
 from hfa.options.workers import WorkersOptions
-from hfa_support.entry_points import is_installed
 from hfa_support.errors import BadInputError, warn
 from hfa_support.files import regular_file
 from trim.point.condition import TrimCondition

@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any, NoReturn
 
-from hfa.options.request import Option
-from hfa_support.entry_points import is_installed
+from hfa.options.request import Option, is_installed
 from hfa_support.errors import BadInputError, advice, shortened
 
 

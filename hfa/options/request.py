@@ -9,6 +9,7 @@ import inspect
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from hfa_support.errors import BadInputError
@@ -91,6 +92,14 @@ class Option:
         Messages use the last name.
         """
         return str(self.names).split()
+
+
+def is_installed(package: str) -> bool:
+    """Return whether a package can be imported, without importing it.
+
+    package: name of a top-level package, such as "hfa_flight"
+    """
+    return find_spec(package) is not None
 
 
 def _resolved(value: Any, model: Model | None) -> Any:

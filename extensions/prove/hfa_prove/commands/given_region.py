@@ -23,8 +23,7 @@ from trim.point.linearize import linearize
 if TYPE_CHECKING:
     from controller.critic.critic import Critic
     from hfa_aircraft.model import Model
-    from hfa_prove.commands.region import RegionRequest
-    from hfa_prove.commands.request import CheckRequest
+    from hfa_prove.commands.request import CheckRequest, RegionRequest
 
 #: Number of points at which the polynomials are compared with the policy.
 _POINTS = 200

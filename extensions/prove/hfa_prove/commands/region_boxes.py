@@ -32,8 +32,7 @@ from trim.linear.linear_model import LinearModel
 if TYPE_CHECKING:
     from controller.game.zero_sum import Game
     from hfa_aircraft.model import Model
-    from hfa_prove.commands.region import RegionRequest
-    from hfa_prove.commands.request import CheckRequest
+    from hfa_prove.commands.request import CheckRequest, RegionRequest
     from hfa_prove.statements.loop import SaturatedLoop
 
 
