@@ -70,12 +70,12 @@ def _critics(text: str) -> list[Path]:
 
 
 def _about_weights(_: Model) -> str:
-    """Return the help of --weights with the file suffixes that installed packages can read."""
+    """Return the help of --weights with the suffixes of critic files."""
     others = [suffix for suffix in critic_suffixes() if suffix not in MATRIX_FILES]
-    networks = f", or a network of V, dV/dx or u ({' '.join(others)})" if others else ""
     return (
-        f"critic to check: W, P or K, optionally over `time` ({' '.join(MATRIX_FILES)})"
-        f"{networks}; several files or a folder of checkpoints are reported in one table"
+        f"critic to check: W, P or K, optionally over `time` ({' '.join(MATRIX_FILES)}), or a "
+        f"network of V, dV/dx or u ({' '.join(others)}); several files or a folder of checkpoints "
+        "are reported in one table"
     )
 
 
