@@ -11,13 +11,20 @@ from project import FOLDERS
 from scipy.sparse.csgraph import connected_components
 
 #: Groups of modules that import each other in functions or for type checkers: the values of a trim,
-#: and pairs of a value and its report or figure in one folder.
+#: an expansion with its radius and report, and pairs of a value and its report or figure. The
+#: modules of a pair are in one folder.
 ALLOWED = [
     {
         "trim.linear.linear_model",
         "trim.point.linearize",
         "trim.point.operating_point",
         "trim.point.trim_report",
+    },
+    {
+        "controller.expansion.expansion",
+        "controller.expansion.expansion_report",
+        "controller.expansion.flights",
+        "controller.expansion.radius",
     },
     {"verification.figures", "verification.verdict"},
     {"controller.riccati.gare", "controller.riccati.solution_report"},
