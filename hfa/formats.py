@@ -109,4 +109,5 @@ def _joined(text: str) -> dict[str, Any]:
     return schema
 
 
-sys.stdout.write(json.dumps(formats(), indent=1, ensure_ascii=False) + "\n")
+if __name__ == "__main__":
+    sys.stdout.write(json.dumps(formats(), indent=1, ensure_ascii=False) + "\n")

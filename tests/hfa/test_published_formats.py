@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +51,16 @@ def test_the_schema_contains_every_format() -> None:
     assert {
         f"#/$defs/{name}" for name, each in formats()["$defs"].items() if "title" in each
     } == outputs
+
+
+def test_the_schema_is_printed_by_its_command_alone() -> None:
+    """`python -m hfa.formats` prints the schema, and its import prints nothing."""
+    printed, imported = (
+        subprocess.run([sys.executable, *words], check=True, capture_output=True, text=True).stdout
+        for words in (["-m", "hfa.formats"], ["-c", "import hfa.formats"])
+    )
+    assert json.loads(printed) == formats()
+    assert imported == ""
 
 
 def test_an_output_satisfies_the_schema(trim: dict[str, Any]) -> None:

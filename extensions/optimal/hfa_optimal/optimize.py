@@ -61,7 +61,7 @@ def optimize(
 
     The cost is ∫ z'Qz + v'Rv dt, where z and v are the deviations from the trim. Collocation
     proposes the flight. The proposal is accepted if a simulation confirms it. Otherwise the result
-    is the cheapest simulated flight, with the reason in `.reason`.
+    is the cheapest simulated flight, with the reason in `BestFlight.reason`.
 
     model: the aircraft
     point: trim at which the flight ends
