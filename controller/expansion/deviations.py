@@ -14,6 +14,8 @@ from trim.linear.switches import near_switches, rates_of
 #: Largest difference between A or B of the game and of the aircraft, relative to the largest entry
 #: of its row and column.
 SAME = 1e-8
+#: Largest rate at a trim, relative to the scale of the rate: the accuracy of saved points.
+STEADY = 1e-6
 
 
 def deviation_rates(linear: LinearModel, game: Game) -> ca.Function:
@@ -26,12 +28,10 @@ def deviation_rates(linear: LinearModel, game: Game) -> ca.Function:
     game: game on this linear model
 
     Raises BadInputError if the equations contain tables, have a switch at the trim, have other
-    derivatives than A and B of the game, or if the point is not trimmed.
+    derivatives than A and B of the game, or if a rate is not 0 at the operating point.
     """
     point = linear.point
     model = linear.model
-    if not point.ok:
-        raise BadInputError(f"{model.title}: {point.status.value}; expand about a trim")
     refuse_kinks(linear)
     z = ca.SX.sym("z", len(linear.states))
     u = ca.SX.sym("u", len(linear.inputs))
@@ -42,6 +42,12 @@ def deviation_rates(linear: LinearModel, game: Game) -> ca.Function:
     f, _ = model.layout.expressions((state, inputs, model.p.tolist()), ())
     rows = [model.state_names.index(name) for name in linear.states]
     at_trim = ca.Function("rates", [z, u], [f[rows]])(0, 0)
+    for name, rate in zip(linear.states, np.array(at_trim)[:, 0].tolist(), strict=True):
+        if not abs(rate) <= STEADY * model.rate_scale(name):
+            raise BadInputError(
+                f"{model.title}: the rate of {name} is {rate:.3g} at the operating point; give a "
+                "trim at which the states of the linear model are constant"
+            )
     rates = ca.Function("rates", [z, u], [ca.densify(f[rows] - at_trim)])
     _refuse_other_plant(rates, game, model.title)
     return rates

@@ -10,6 +10,7 @@ import mpmath
 import numpy as np
 import pytest
 from known_models import game_at, model_at
+from own_models import GTM
 
 import hfa
 from controller.expansion.expansion import Expansion, expand
@@ -18,6 +19,7 @@ from controller.hfa_game import usual_game
 from hfa import BadInputError, Game, LinearModel, Model, NoSolutionError, Signal
 from hfa_aircraft.units import in_si
 from hfa_support.units import si_factor
+from trim.point.condition import usual_condition
 
 #: Rounding of the identity, relative to the sizes of its terms.
 ROUNDING = 1e-12
@@ -242,6 +244,15 @@ def test_game_of_another_plant_is_refused() -> None:
     solution = hfa.solve(game_at(10.0))
     with pytest.raises(BadInputError, match="A of the game"):
         expand(model_at(15.0), solution, 3)
+
+
+def test_a_point_with_rates_is_refused() -> None:
+    """In an accelerated flight the deviations have no equilibrium."""
+    condition = replace(usual_condition(GTM), rates={**usual_condition(GTM).rates, "speed": 0.5})
+    linear = hfa.linearize(GTM, hfa.trim(GTM, condition))
+    solution = hfa.solve(usual_game(GTM, linear.A, linear.B))
+    with pytest.raises(BadInputError, match="rate of speed"):
+        expand(linear, solution, 3)
 
 
 def test_deviations_without_cost_are_refused() -> None:
