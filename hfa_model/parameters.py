@@ -10,7 +10,6 @@ from typing import Any, Generic, NamedTuple
 
 import numpy as np
 
-from hfa_aircraft.uncertain import spread_of_set
 from hfa_model.vectors import T
 from hfa_support.errors import BadInputError, refuse_unless_whole
 from hfa_support.files import write_text
@@ -305,6 +304,8 @@ def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[
     Raises BadInputError if there is no covariance, an identified parameter is zero, or count or
     seed is out of range.
     """
+    from hfa_aircraft.uncertain import spread_of_set
+
     if not parameters.covariance.size:
         raise BadInputError(
             "the parameters have no covariance, which random samples require; use the "

@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING, Any
 from hfa.options.argument_types import whole
 from hfa.options.output import ProgressLine
 from hfa.options.request import option
-from hfa_aircraft.uncertain import spread_of
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, shown_unit, shown_value, wrapped
-from trim.linear.linear_model import LinearModel
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
@@ -46,6 +44,8 @@ def with_draws(report: Report, request: Any, subject: Any) -> Report:
     """
     if request.draws is None:
         return report
+    from trim.linear.linear_model import LinearModel
+
     progress = ProgressLine("draws")
     if isinstance(subject, OperatingPoint):
         return reported(report, _drawn(request, subject).trims(progress))
@@ -92,6 +92,7 @@ def _drawn(request: Any, point: OperatingPoint) -> DrawnAircraft:
 
     point: trim of the aircraft with the given parameters
     """
+    from hfa_aircraft.uncertain import spread_of
     from verification.drawn import DrawnAircraft
 
     spread = spread_of(request)

@@ -4,17 +4,20 @@ searches."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, NoSolutionError
-from trim.linear.linear_model import LinearModel
 from trim.point.condition import TrimCondition, refuse_unfit, release, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import TrimProblem
 from trim.point.status import Status
+
+if TYPE_CHECKING:
+    from trim.linear.linear_model import LinearModel
 
 
 class TrimError(NoSolutionError):

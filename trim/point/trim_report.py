@@ -12,7 +12,6 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError
-from hfa_support.reporting.figure import pyplot_figure
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown_unit, shown_value
@@ -376,6 +375,8 @@ def draw_point(point: OperatingPoint) -> Axes:
             "no variable has both a lower and an upper limit; declare min and max of a Signal"
         )
     limited.reverse()  # so that the first is at the top
+    from hfa_support.reporting.figure import pyplot_figure
+
     axes = pyplot_figure(7.0, 1.2 + 0.3 * len(limited)).subplots()
     shares = [100 * (each.value - each.lowest) / (each.highest - each.lowest) for each in limited]
     rows = range(len(limited))
