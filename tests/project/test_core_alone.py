@@ -27,6 +27,10 @@ LINES = (
     "trim --aircraft jsbsim:737",
     "fly --dihedral 15",
     "solve --dihedral 11 --design paper",
+    "verify --dihedral 11 --flights 3",
+    "verify --dihedral 11 --region 20",
+    "sweep --dihedral 10:11:1 -o sweep.fmu",
+    "prove region --dihedral 15",
 )
 PROGRAM = """
 import contextlib, io, json
@@ -125,9 +129,16 @@ def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
     code, output = run("fly", "--dihedral", "15")
     assert (code, output.count("\n")) == (2, 1)
     assert "unknown command 'fly'" in output
-    code, output = run("solve", "--dihedral", "11", "--design", "paper")
-    assert (code, output.count("\n")) == (2, 1)
-    assert "--design requires the package hfa_design; install this package" in output
+    for line, message in (
+        ("solve --dihedral 11 --design paper", "--design requires the package hfa_design"),
+        ("verify --dihedral 11 --flights 3", "--flights requires the package hfa_optimal"),
+        ("verify --dihedral 11 --region 20", "--region requires the package hfa_prove"),
+        ("sweep --dihedral 10:11:1 -o sweep.fmu", "sweep.fmu"),
+        ("prove region --dihedral 15", "unknown command 'prove'"),
+    ):
+        code, output = run(*line.split())
+        assert (code, output.count("\n")) == (2, 1), output
+        assert message in output
     code, output = run("trim", "--aircraft", "jsbsim:737")
     assert (code, output.count("\n")) == (2, 1)
     helps = "".join(output for line, (_, output) in answers.items() if "--help" in line)
