@@ -108,7 +108,10 @@ def choice_of(name: str, known: Iterable[str]) -> str:
 
 def advice(name: str, known: Iterable[str]) -> str:
     """Return a suggestion such as "; did you mean speed?", or "" if no known name is near."""
-    *others, last = nearest(name, known) or [""]
+    from hfa_support.other_words import NOTES
+
+    meant = [f"{each} ({NOTES[each]})" if each in NOTES else each for each in nearest(name, known)]
+    *others, last = meant or [""]
     either = f"{', '.join(others)} or {last}" if others else last
     return f"; did you mean {either}?" if last else ""
 

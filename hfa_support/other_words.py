@@ -61,8 +61,14 @@ initial_state: initial
 initial_states: initial
 start: initial
 vt: speed
-zeta: damping
+zeta: damping modes
+wn: frequency modes
+poles: eigenvalues
+success: ok
+converged: ok
 """
+#: Name -> what it means here, where it is mistaken for something else.
+NOTES = {"initial": "deviation from the trim"}
 #: Word of another tool -> names in this project that it may mean.
 MEANINGS = {
     word: names.split()

@@ -121,11 +121,11 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "fly(x0)": (
         lambda: hfa.fly(plant()["model"], plant()["point"], x0=plant()["point"].states),
-        "did you mean initial?",
+        "did you mean initial (deviation from the trim)?",
     ),
     "fly(initial_state)": (
         lambda: hfa.fly(plant()["model"], plant()["point"], initial_state=np.zeros(6)),
-        "did you mean initial?",
+        "did you mean initial (deviation from the trim)?",
     ),
     "lqr(A, B)": (lambda: hfa.lqr([[1.0]], [[1.0]]), "the arguments are A, B, Q, R"),
     "lqr(A, B, Q)": (lambda: hfa.lqr([[1.0]], [[1.0]], [1.0]), "the arguments are A, B, Q, R"),
