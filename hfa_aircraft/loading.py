@@ -243,7 +243,7 @@ def forms_of_packages() -> list[str]:
 
     Schemes come before suffixes.
     """
-    names = sorted({*DATA_FILES, *offered(AIRCRAFT)}, key=lambda name: (name.startswith("."), name))
+    names = sorted(_kinds(), key=lambda name: (name.startswith("."), name))
     return [f"FILE{name}" if name.startswith(".") else f"{name}:NAME" for name in names]
 
 
@@ -260,8 +260,12 @@ def _format_of(text: str) -> str:
     scheme = text.partition(":")[0]
     suffixes = "".join(Path(text.partition("?")[0]).suffixes)
     names = [scheme, *(suffixes[at:] for at, each in enumerate(suffixes) if each == ".")]
-    known = {*DATA_FILES, *offered(AIRCRAFT)}
-    return next((name for name in names if name in known), "")
+    return next((name for name in names if name in _kinds()), "")
+
+
+def _kinds() -> tuple[str, ...]:
+    """Return the schemes and suffixes that the project and installed packages read."""
+    return (*DATA_FILES, *offered(AIRCRAFT, DATA_FILES))
 
 
 def _reader_of(kind: str) -> AircraftReader:
@@ -278,7 +282,7 @@ def _reader_of(kind: str) -> AircraftReader:
         from hfa_aircraft.readers.matrices_file import linear_plant
 
         return linear_plant
-    reader: AircraftReader = loaded(offered(AIRCRAFT)[kind])
+    reader: AircraftReader = loaded(offered(AIRCRAFT, DATA_FILES)[kind])
     return reader
 
 

@@ -24,17 +24,25 @@ CRITICS = "hfa.critics"
 
 
 @cache
-def offered(group: str) -> dict[str, EntryPoint]:
+def offered(group: str, own: tuple[str, ...] = ()) -> dict[str, EntryPoint]:
     """Return the entry points that installed packages declare in a group, name -> entry point.
 
     The names are sorted.
 
-    Raises BadInputError if two packages declare different objects under one name.
+    own: names in the group that belong to this project
+
+    Raises BadInputError if two packages declare different objects under one name, or a package
+    declares one of the own names.
     """
     from importlib.metadata import entry_points
 
     found: dict[str, EntryPoint] = {}
     for entry in sorted(entry_points(group=group), key=lambda each: each.name):
+        if entry.name in own:
+            raise BadInputError(
+                f"{package_of(entry)} offers {entry.name}, which belongs to hfa; uninstall the "
+                "package"
+            )
         other = found.setdefault(entry.name, entry)
         if other.value != entry.value:
             raise BadInputError(

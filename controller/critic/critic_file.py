@@ -25,8 +25,8 @@ from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_er
 from hfa_support.files import MATRIX_FILES
 from hfa_support.matrices import checked_matrix
 
-#: Suffixes of network files that the project reads. A file of arrays may contain a network too.
-NETWORK_FILES = (".onnx", ".pkl", ".pt", ".pth", ".safetensors", ".zip")
+#: Suffixes of critic files that the project reads. Arrays may contain a network.
+OWN_FILES = (*MATRIX_FILES, ".onnx", ".pkl", ".pt", ".pth", ".safetensors", ".zip")
 #: Alias of an entry -> its standard name.
 _ALIASES = {"weights": "W", "gains": "K", "times": "time", "t": "time"}
 
@@ -137,7 +137,7 @@ def read_critic(
 
 def critic_suffixes() -> tuple[str, ...]:
     """Return all suffixes of critic files, including those that installed packages read."""
-    return tuple(dict.fromkeys((*MATRIX_FILES, *NETWORK_FILES, *offered(CRITICS))))
+    return (*OWN_FILES, *offered(CRITICS, OWN_FILES))
 
 
 def is_network(path: Path) -> bool:
@@ -164,11 +164,11 @@ def is_network(path: Path) -> bool:
 
 def _network_reader(suffix: str) -> CriticReader:
     """Return the reader of network files: that of the project, or of an installed package."""
-    if suffix in (*MATRIX_FILES, *NETWORK_FILES):
+    if suffix in OWN_FILES:
         from controller.critic.network import critic as networks
 
         return networks.read_critic
-    reader: CriticReader = loaded(offered(CRITICS)[suffix])
+    reader: CriticReader = loaded(offered(CRITICS, OWN_FILES)[suffix])
     return reader
 
 

@@ -215,6 +215,25 @@ def test_no_package_replaces_a_command_of_hfa(tmp_path: Path) -> None:
     assert "the package other-export declares `hfa export`, a command of hfa" in overview.err
 
 
+@pytest.mark.parametrize(
+    ("entry", "command"),
+    [
+        ("[hfa.aircraft]\n.toml = other:read\n", "hfa trim --aircraft uav.toml"),
+        ("[hfa.critics]\n.onnx = other:read\n", "hfa verify --dihedral 15 --weights a.onnx"),
+    ],
+)
+def test_a_suffix_of_the_project_is_not_offered_again(
+    entry: str, command: str, tmp_path: Path
+) -> None:
+    """A package that offers a suffix which the project reads itself is refused by its name."""
+    metadata(tmp_path, "other-files", entry)
+    (tmp_path / "uav.toml").write_bytes((ROOT / "examples" / "uav.toml").read_bytes())
+    (tmp_path / "a.onnx").write_bytes(b"")
+    (refused,) = run_in_turn(tmp_path, tmp_path, command)
+    assert (refused.code, refused.out, refused.err.count("\n")) == (2, "", 1)
+    assert "the package other-files offers ." in refused.err
+
+
 #: Program that loads every command without the packages of the extras.
 WITHOUT_EXTRAS = """
 import sys
