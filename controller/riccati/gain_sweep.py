@@ -132,7 +132,7 @@ def _sweep_grid(eigenvalues: np.ndarray) -> np.ndarray:
     centers = np.abs(eigenvalues.imag)
     distances = np.hypot(widths, dense[:, None] - centers).min(axis=1)
     steps = np.minimum(LOGARITHMIC_STEP * dense, RESONANCE_STEP * distances)[1:]
-    lengths = np.diff(dense[1:]) / np.minimum(steps[1:], steps[:-1])
+    lengths = np.minimum(np.diff(dense[1:]) / np.minimum(steps[1:], steps[:-1]), 1.0)
     numbers = np.append(0.0, np.cumsum(lengths))
     even = np.interp(np.arange(numbers[-1]), numbers, dense[1:])
     return _distinct(np.concatenate([[0.0], even, centers, dense[-1:]]))

@@ -23,6 +23,7 @@ from controller.riccati.certificate import (
     Certificate,
     agreement_checks,
     hamiltonian_checks,
+    is_clearly_split,
     solution_checks,
 )
 from controller.riccati.normal_form import NormalForm
@@ -66,6 +67,21 @@ def test_non_stabilizing_root_is_refused(game: Game) -> None:
     assert "game_loop_abscissa" in failed_names(certificate.checks)
     assert "residual" not in failed_names(certificate.checks)
     assert "is not Hurwitz" in named(certificate)["game_loop_abscissa"].reason
+
+
+def test_the_bound_claims_no_split_that_the_eigenvalues_lack() -> None:
+    """A clear split is claimed for an ordinary game, but not with eigenvalues on the axis.
+
+    The condition number of the eigenvectors of a defective Hamiltonian overflows.
+    """
+    scalar = Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], 2.0)
+    on_axis = Game([[-1.0]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], 1.0)  # both eigenvalues are 0
+    nearly = on_axis.with_delta(1.0 + 1e-15)
+    defective = Game([[0.0]], [[0.0]], [[0.0]], [[1.0]], [[1.0]], 1.0)
+    assert is_clearly_split(NormalForm.of(scalar))
+    assert not is_clearly_split(NormalForm.of(on_axis))
+    assert not is_clearly_split(NormalForm.of(nearly))
+    assert not is_clearly_split(NormalForm.of(defective))
 
 
 def test_indefinite_root_is_refused(game: Game) -> None:
