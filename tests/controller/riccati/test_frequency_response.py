@@ -106,8 +106,8 @@ def test_a_resonance_narrower_than_rounding_is_swept() -> None:
     """The sweep of a resonance whose width is hidden by rounding ends, at its frequency."""
     loop = np.array([[-1e-14, 1.0], [-1.0, -1e-14]])
     swept = swept_gain(loop, np.eye(2), np.eye(2))
-    assert swept.frequency == pytest.approx(1.0, rel=1e-12)
-    assert 1e12 < swept.gain < 1e16
+    assert swept.frequency == pytest.approx(1.0, rel=1e-9)
+    assert 1e9 < swept.gain < 1.1e14
 
 
 @pytest.mark.parametrize("shape", [(5, 3), (3, 5), (4, 1), (4, 0)])
