@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import casadi as ca
 import flint
 import numpy as np
@@ -15,6 +18,7 @@ import hfa_model
 from hfa_model import VARIANTS
 from verification.enclosure.ball_function import BallFunction
 from verification.enclosure.balls import is_positive_definite, matrix, pivots, symmetric
+from verification.enclosure.precision import PRECISION
 from verification.enclosure.series import TaylorModel
 
 
@@ -156,3 +160,12 @@ def test_quotients_of_taylor_models_contain_the_values() -> None:
                 <= float(rest.rad()) + 1e-12
             )
         assert float(rest.rad()) < 1e-3
+
+
+@pytest.mark.parametrize("module", ["verification.enclosure.series", "hfa_prove.search.game"])
+def test_importing_balls_sets_their_precision(module: str) -> None:
+    """Whoever imports balls in a new process computes with the bits of proofs."""
+    program = f"import {module}, flint; print(flint.ctx.prec)"
+    words = [sys.executable, "-c", program]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)
+    assert int(done.stdout) == PRECISION
