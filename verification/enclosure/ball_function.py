@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 from flint import arb, arb_series
 
+import verification.enclosure.precision  # noqa: F401  # sets the precision of balls
 from hfa_support.errors import BadInputError, NoSolutionError
 from verification.enclosure.program import operation_name
 

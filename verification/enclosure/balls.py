@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 from flint import arb, arb_mat, fmpq
 
-from verification.enclosure.precision import flint_or_refusal
+import verification.enclosure.precision  # noqa: F401  # sets the precision of balls
 
-flint_or_refusal()
 #: Relative radius about a double that contains the decimal from which it was read, also if it was
 #: converted from degrees: four units of 2^-53.
 READING = 2.0**-51

@@ -9,6 +9,8 @@ from math import factorial
 
 from flint import arb, fmpq
 
+import verification.enclosure.precision  # noqa: F401  # sets the precision of balls
+
 #: Bits of the exponent of one variable in a key.
 _BITS = 8
 #: The exponents of a monomial in one number, Σ α_i 256^i. The key of a product is the sum of the
