@@ -41,7 +41,7 @@ class FlightResults(NamedTuple):
     cost_lost_flown_mean_percent: mean cost above V*, in percent of V*, or inf if a simulation does
         not converge.
     rest_point: (n,), equilibrium of the policy on the linear plant, or None.
-    rest_cost: cost of the equilibrium per second, or per step in discrete time; 0 at the trim.
+    equilibrium_cost: cost of the equilibrium per second, or per discrete step; 0 at the trim.
     reach: largest tested multiple of the box from which the loop converges on the linear plant, or
         0.
     reach_nonlinear: `reach` on the nonlinear plant, or None without such a plant.
@@ -53,7 +53,7 @@ class FlightResults(NamedTuple):
     cost_lost_flown_percent: float = math.inf
     cost_lost_flown_mean_percent: float = math.inf
     rest_point: np.ndarray | None = None
-    rest_cost: float = 0.0
+    equilibrium_cost: float = 0.0
     reach: float = 0.0
     reach_nonlinear: float | None = None
     reach_nonlinear_exact: float | None = None
@@ -104,11 +104,11 @@ def fly(
             nonlinear.most_steps = _FEW_STEPS
             reached.append(_reach(nonlinear, b, few))
     rest = loop.equilibrium
-    rest_cost = 0.0
+    equilibrium_cost = 0.0
     if rest is not None:
-        rest_cost = axis.cost(rest, np.array(critic.policy(rest)).ravel())
+        equilibrium_cost = axis.cost(rest, np.array(critic.policy(rest)).ravel())
     return FlightResults(
-        flights, float(losses.max()), float(losses.mean()), rest, rest_cost, *reached
+        flights, float(losses.max()), float(losses.mean()), rest, equilibrium_cost, *reached
     )
 
 

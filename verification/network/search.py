@@ -375,8 +375,8 @@ def nonlinear_section(
         "value_at": value,
         **flown._asdict(),
     }
-    if flown.rest_cost > 0.0:
-        lines.append(f"The steady-state error costs {flown.rest_cost:.2g} per {period}")
+    if flown.equilibrium_cost > 0.0:
+        lines.append(f"The steady-state error costs {flown.equilibrium_cost:.2g} per {period}")
     return Section((*lines, *_flight_lines(flown)), Details(network=data))
 
 
