@@ -307,7 +307,7 @@ def test_a_trained_network_is_proved_within_its_error(game: Game) -> None:
     critic = from_network(game, TRAINED / "policy.npz", activation="tanh", scale=1.0 / BOX)
     verdict = verify(game, critic, scope=Scope(box=ordinary_box(), flights=1))
     assert not verdict.ok
-    assert "policy proved within 0.051 in the box" in verdict.headline()
+    assert "policy proved within 0.051 in the box" in repr(verdict)
     assert 0.04 < verdict.value_of("searched_policy_error") < 0.051
 
 
