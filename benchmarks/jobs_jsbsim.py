@@ -97,7 +97,7 @@ def _environment(frames: int, count: int, target: float, quick: bool) -> Row:
     import jsbsim
 
     dt = frames / _RATE
-    card = Deployment(
+    deployment = Deployment(
         policy={},
         observation={"speed": {}, "alpha": {}, "pitch_rate": {}, "pitch": {}},
         action={"elevator": {"box": [-0.1, 0.1]}},
@@ -106,8 +106,8 @@ def _environment(frames: int, count: int, target: float, quick: bool) -> Row:
     model = load_model("jsbsim:c172p")
     steps = 5 if quick else 100
     point = trim(model, usual_condition(model))
-    episodes = Episodes(Deployed(card, model), [point], count)
-    one = AircraftEnvironment(Episodes(Deployed(card, model), [point], 1))
+    episodes = Episodes(Deployed(deployment, model), [point], count)
+    one = AircraftEnvironment(Episodes(Deployed(deployment, model), [point], 1))
     random = np.random.default_rng(0)
     numbers = np.arange(count)
     actions = random.uniform(-0.1, 0.1, (count, 1))

@@ -94,7 +94,7 @@ def flight_results(
 
 
 def _pilot(flights: Flights, run: Run, point: OperatingPoint) -> Pilot:
-    policy = flown_deployment(deployment_of(point, run.policy), point, run.name)
+    policy = flown_deployment(deployment_of(point, run.policy), point)
     calm = Scenario(
         flights.tick, flights.step, flights.tick, initial=np.zeros(len(point.model.states))
     )

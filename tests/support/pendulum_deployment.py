@@ -17,7 +17,7 @@ def pendulum_deployment(
     """
     weights = {"0.weight": np.array([[-1.98, gain]]), "0.bias": np.zeros(1)}
     np.savez(folder / "actor.npz", **weights)
-    path = folder / "card.toml"
+    path = folder / "deployment.toml"
     path.write_text(f"""
 [policy]
 file = "actor.npz"

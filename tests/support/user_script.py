@@ -78,15 +78,15 @@ figure = flight.plot()
 best: hfa.BestFlight = hfa.optimize(model, point, {"speed": 1.0}, Q=[1.0, 1.0], R=[1.0])
 seconds: float = hfa.optimize(model, point, {"speed": 1.0}, minimize="time").seconds
 found = hfa.identify(model, "record.csv", free=["mass"])
-card = hfa.Deployment(
+deployment = hfa.Deployment(
     policy={"file": solution.K},
     observation={"speed": {}},
     action={"thrust": {"box": [-1, 1], "map": "trim + a"}},
     timing={"dt": 0.02},
 )
-assessment: hfa.Assessment = hfa.assess(model, card, samples=10)
-environment = hfa.environment(model, card, turbulence=turbulence)
-environments = hfa.vector_environment(model, card, count=8)
+assessment: hfa.Assessment = hfa.assess(model, deployment, samples=10)
+environment = hfa.environment(model, deployment, turbulence=turbulence)
+environments = hfa.vector_environment(model, deployment, count=8)
 paper_game: hfa.Game = hfa.paper.published_game(hfa.paper.level_model(flexible, 0.26))
 try:
     hfa.trim(model, hold={"speed": 1e9})

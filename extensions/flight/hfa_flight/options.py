@@ -530,9 +530,9 @@ class FlightOptions(ScenarioOptions):
         steps = _steps_of(self.command)
         reference: Any = None
         if self.policy is not None:
-            from hfa_flight.policies.deployment.policy import flown_card, sampled_scenario
+            from hfa_flight.policies.deployment.policy import flown_deployment, sampled_scenario
 
-            deployed = flown_card(self.policy, model, point)
+            deployed = flown_deployment(self.policy, point)
             scenario = sampled_scenario(deployed, scenario, point)
             policy: Policy = deployed
         elif self.controller is not None:

@@ -58,13 +58,13 @@ def test_a_deployment_is_simulated() -> None:
     import casadi as ca
 
     o = ca.SX.sym("o", 2)
-    card = hfa.Deployment(
+    deployment = hfa.Deployment(
         policy={"file": ca.Function("policy", [o], [-0.5 * o[1]])},
         observation={"position": {}, "speed": {}},
         action={"force": {"box": [-1, 1], "map": "trim + a"}},
         timing={"dt": 0.02},
     )
-    flight = hfa.fly(CART, POINT, card, 2.0, initial={"speed": 1.0})
+    flight = hfa.fly(CART, POINT, deployment, 2.0, initial={"speed": 1.0})
     np.testing.assert_allclose(flight["speed"][-1], np.exp(-1.5 * 2.0), atol=2e-3)
 
 

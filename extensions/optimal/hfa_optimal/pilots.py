@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.critic.critic import Critic
-from hfa_flight.policies.deployment.policy import flown_card, sampled_scenario
+from hfa_flight.policies.deployment.policy import flown_deployment, sampled_scenario
 from hfa_flight.policies.policy import Policy, function_policy
 from hfa_flight.scenario import Scenario
 from hfa_flight.simulation import CompiledLoop
@@ -57,7 +57,7 @@ def deployment_pilot(flights: Flights, path: Path) -> Pilot:
     path: the deployment file
     """
     point = flights.problem.point
-    policy = flown_card(path, flights.problem.model, point)
+    policy = flown_deployment(path, point)
     start = np.zeros(len(flights.problem.model.states))
     scenario = Scenario(flights.tick, flights.step, flights.tick, initial=start)
     return deployed_pilot(

@@ -63,14 +63,14 @@ def test_a_deployment_and_a_critic_are_compared(
     game = nominal_game(hfa.linearize(model, hfa.trim(model)))
     K = tmp_path / "K.npz"
     np.savez(K, K=1.5 * hfa.solve(game).K)
-    card = EXAMPLES / "gtm_policy" / "on_time.toml"
+    deployment = EXAMPLES / "gtm_policy" / "on_time.toml"
     page = tmp_path / "flight.html"
     words = ["optimize", "--aircraft", GTM, "--start", "alpha=4", "--weights", str(K)]
-    words += ["--policy", str(card), "-o", str(page)]
+    words += ["--policy", str(deployment), "-o", str(page)]
     assert main(words) == 0
     text = capsys.readouterr().out
     assert f"critic of {K}: " in text
-    assert f"policy of {card}: " in text
+    assert f"policy of {deployment}: " in text
     assert page.read_text().partition("<img")[2].index(">") > 10_000
 
 
@@ -151,8 +151,8 @@ def test_assess_orders_two_policies_by_their_flights(capsys: pytest.CaptureFixtu
     """`hfa assess --best` ranks two policies opposite to their costs on the linear model."""
     best = {}
     for name in ("on_time", "late"):
-        card = str(EXAMPLES / "gtm_policy" / f"{name}.toml")
-        words = ["assess", card, "--aircraft", GTM, "--at", "48", "--samples", "0"]
+        deployment = str(EXAMPLES / "gtm_policy" / f"{name}.toml")
+        words = ["assess", deployment, "--aircraft", GTM, "--at", "48", "--samples", "0"]
         assert main([*words, "--best", "1", "--json"]) == 0
         (point,) = json.loads(capsys.readouterr().out)["points"]
         best[name] = point["best"] | {"linear": point["cost_lost"]["worst"]}

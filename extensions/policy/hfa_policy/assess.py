@@ -60,13 +60,13 @@ def assess(
     >>> import casadi as ca
     >>> import hfa
     >>> o = ca.SX.sym("o", 2)
-    >>> card = hfa.Deployment(
+    >>> deployment = hfa.Deployment(
     ...     policy={"file": ca.Function("policy", [o], [0.1 * o[1]])},
     ...     observation={"speed": {"scale": 10.0}, "pitch": {}},
     ...     action={"elevator_center": {"box": [-1, 1], "map": "trim + 0.1 * a"}},
     ...     timing={"dt": 0.02},
     ... )
-    >>> hfa.assess(hfa.aircraft(), card, [0.1], samples=0).points[0].holds
+    >>> hfa.assess(hfa.aircraft(), deployment, [0.1], samples=0).points[0].holds
     True
     """
     need(model, Model, "assess: model", Model.how_to_make)

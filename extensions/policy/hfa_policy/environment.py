@@ -64,13 +64,13 @@ def environment(
     if there is no trim.
 
     >>> import hfa
-    >>> card = hfa.Deployment(
+    >>> deployment = hfa.Deployment(
     ...     policy={},
     ...     observation={"speed": {"scale": 10.0}, "pitch": {}},
     ...     action={"elevator_center": {"box": [-1, 1], "map": "trim + 0.1 * a"}},
     ...     timing={"dt": 0.02},
     ... )
-    >>> flights = hfa.environment(hfa.aircraft(), card)
+    >>> flights = hfa.environment(hfa.aircraft(), deployment)
     >>> observation, info = flights.reset(seed=1)
     >>> observation.shape, flights.action_space.shape
     ((2,), (1,))
@@ -109,7 +109,7 @@ def vector_environment(
     the errors of `environment`.
 
     >>> import hfa
-    >>> flights = hfa.vector_environment(model, card, count=16)  # doctest: +SKIP
+    >>> flights = hfa.vector_environment(model, deployment, count=16)  # doctest: +SKIP
     >>> PPO("MlpPolicy", flights).learn(100_000)  # doctest: +SKIP
     """
     need(model, Model, "vector_environment: model", Model.how_to_make)

@@ -169,19 +169,17 @@ def _changed(point: OperatingPoint, name: str, value: float) -> OperatingPoint:
 
 def frozen_at(deployed: Deployed, point: OperatingPoint) -> Deployed:
     """Return the deployment with fixed numbers in place of trim values in its observations."""
-    card = deployed.deployment
-    whole = {
-        name: {**entry, "about": 0.0, "scale": 1.0} for name, entry in card.observation.items()
-    }
+    own = deployed.deployment
+    whole = {name: {**entry, "about": 0.0, "scale": 1.0} for name, entry in own.observation.items()}
     trim = deployed.trim_vector(point)
     n, m = len(deployed.model.states), len(deployed.model.inputs)
-    observe = Deployed(card.changed(observation=whole), deployed.model).observe
+    observe = Deployed(own.changed(observation=whole), deployed.model).observe
     values = np.array(observe(trim[:n], trim[n : n + m], trim)).ravel().tolist()
     observation: dict[str, Any] = {}
-    for (name, entry), value in zip(card.observation.items(), values, strict=True):
+    for (name, entry), value in zip(own.observation.items(), values, strict=True):
         about = entry.get("about", "trim")
         observation[name] = {**entry, "about": value if about == "trim" else about}
-    return Deployed(card.changed(observation=observation), deployed.model)
+    return Deployed(own.changed(observation=observation), deployed.model)
 
 
 def variation_table(found: Sequence[Variation], trims: Sequence[str]) -> Table:

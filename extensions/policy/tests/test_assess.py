@@ -504,8 +504,8 @@ def test_policies_on_changed_aircraft_keep_trim_values():
     from scipy.optimize import root
 
     model = model_of(F16)
-    card = f16_deployment().changed(observation={"alpha": {}, "pitch_rate": {}, "gamma": {}})
-    result = hfa.assess(model, card, [502.0], samples=0, vary={"xcg": (0.34, 0.36)})
+    deployment = f16_deployment().changed(observation={"alpha": {}, "pitch_rate": {}, "gamma": {}})
+    result = hfa.assess(model, deployment, [502.0], samples=0, vary={"xcg": (0.34, 0.36)})
     trim = result.points[0].point
     assert [variation.value for variation in result.variations] == pytest.approx(
         np.linspace(0.34, 0.36, 5)
@@ -566,11 +566,11 @@ def test_several_deployments_are_compared_in_one_table(capsys, tmp_path):
     text += "[action]\nelevator = {}\nthrottle = {}\n[timing]\ndt = 0.02\n"
     for name in ("a.toml", "b.toml"):
         (tmp_path / name).write_text(text)
-    cards = [str(FOLDER / "ppo_raw.toml"), str(tmp_path / "a.toml"), str(tmp_path / "b.toml")]
+    files = [str(FOLDER / "ppo_raw.toml"), str(tmp_path / "a.toml"), str(tmp_path / "b.toml")]
     target = tmp_path / "compared.json"
     words = ["--aircraft", GTM, "--at", "45", "--samples", "4", "--best", "0"]
     words += ["--need", "delay=0.05"]
-    code = main(["assess", *cards, *words, "-o", str(target)])
+    code = main(["assess", *files, *words, "-o", str(target)])
     data = json.loads(target.read_text())
     assert complaints_about(data) == []
     first, second, third = data["assessments"]

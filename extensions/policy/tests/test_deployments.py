@@ -23,7 +23,7 @@ from hfa_policy.assess import assess
 from hfa_policy.environment import environment, vector_environment
 from hfa_support.errors import BadInputError
 
-CARD = """
+DEPLOYMENT = """
 [policy]
 file = "ppo_gtm.zip"
 normalizer = "ppo_gtm.pkl"
@@ -60,9 +60,9 @@ def message_of(folder, text):
 
     Asserts that the message is one line.
     """
-    (folder / "card.toml").write_text(text)
+    (folder / "deployment.toml").write_text(text)
     with pytest.raises(BadInputError) as caught:
-        compiled(folder / "card.toml")
+        compiled(folder / "deployment.toml")
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
@@ -104,8 +104,8 @@ def test_mistakes_in_deployment_files_are_refused(folder, typed, instead, said):
     """A mistake in a deployment file is refused with a message that names the entry and the
     correction.
     """
-    assert typed in CARD
-    assert said in message_of(folder, CARD.replace(typed, instead))
+    assert typed in DEPLOYMENT
+    assert said in message_of(folder, DEPLOYMENT.replace(typed, instead))
 
 
 @pytest.mark.parametrize(
@@ -178,7 +178,7 @@ def test_a_pickle_with_a_call_is_not_run(folder):
     """A pickle that would call a function is refused, and the function is not called."""
     made = folder / "made"
     (folder / "calls.pkl").write_bytes(pickle.dumps(Caller(str(made))))
-    said = message_of(folder, CARD.replace("ppo_gtm.pkl", "calls.pkl"))
+    said = message_of(folder, DEPLOYMENT.replace("ppo_gtm.pkl", "calls.pkl"))
     assert "would call" in said
     assert not made.exists()
 
@@ -203,7 +203,7 @@ def test_a_zip_with_a_call_is_not_run(folder):
     made = folder / "made"
     call = base64.b64encode(pickle.dumps(Caller(str(made)))).decode()
     rewrite_zip(folder, lambda data: data | {"action_space": {":serialized:": call}})
-    assert "would call" in message_of(folder, CARD)
+    assert "would call" in message_of(folder, DEPLOYMENT)
     assert not made.exists()
 
 
@@ -229,7 +229,7 @@ SHARED_KEY = b"\x80\x04}K\x01\x940" + b"0".join(
 def test_a_pickle_that_needs_excessive_memory_is_refused(folder, content):
     """A pickle that needs far more memory than its size is refused, with the name of its file."""
     (folder / "bomb.pkl").write_bytes(content)
-    assert "bomb.pkl: the" in message_of(folder, CARD.replace("ppo_gtm.pkl", "bomb.pkl"))
+    assert "bomb.pkl: the" in message_of(folder, DEPLOYMENT.replace("ppo_gtm.pkl", "bomb.pkl"))
 
 
 @pytest.mark.parametrize(
@@ -243,7 +243,7 @@ def test_a_normalizer_without_its_numbers_is_refused(folder, stored, typed):
     assert name in content
     other = b"\x8c" + bytes([len(typed)]) + typed
     (folder / "odd.pkl").write_bytes(content.replace(name, other, 1))
-    assert "odd.pkl" in message_of(folder, CARD.replace("ppo_gtm.pkl", "odd.pkl"))
+    assert "odd.pkl" in message_of(folder, DEPLOYMENT.replace("ppo_gtm.pkl", "odd.pkl"))
 
 
 @pytest.mark.parametrize(
@@ -258,7 +258,7 @@ def test_a_normalizer_without_its_numbers_is_refused(folder, stored, typed):
 def test_a_zip_entry_of_wrong_type_is_refused(folder, entries):
     """A zip with an entry of a wrong type is refused, with the name of the entry."""
     rewrite_zip(folder, lambda data: data | entries)
-    assert next(iter(entries)) in message_of(folder, CARD)
+    assert next(iter(entries)) in message_of(folder, DEPLOYMENT)
 
 
 @pytest.mark.parametrize(
@@ -280,7 +280,7 @@ def test_a_zip_of_another_class_is_refused(folder, entries, named):
         for name, content in entries.items()
     }
     rewrite_zip(folder, lambda data: data | stored)
-    assert named in message_of(folder, CARD)
+    assert named in message_of(folder, DEPLOYMENT)
 
 
 def test_cleanrl_actions_follow_from_scale_and_bias(folder):
@@ -292,10 +292,10 @@ def test_cleanrl_actions_follow_from_scale_and_bias(folder):
     weights = {"fc_mu.weight": random.normal(size=(2, 4)), "fc_mu.bias": np.zeros(2)}
     squash = {"action_scale": np.array([2.0, 0.5]), "action_bias": np.array([1.0, 0.0])}
     np.savez(folder / "actor.npz", **weights, **squash)
-    card = gtm_deployment({"file": folder / "actor.npz"})
+    deployment = gtm_deployment({"file": folder / "actor.npz"})
     o = random.normal(size=4)
     expected = np.tanh(weights["fc_mu.weight"] @ o) * [2.0, 0.5] + [1.0, 0.0]
-    act = Deployed(card, aircraft("ppo_gtm")).act
+    act = Deployed(deployment, aircraft("ppo_gtm")).act
     assert np.array(act(o)).ravel() == pytest.approx(expected, rel=1e-12)
     assert np.isnan(np.array(act([np.nan, 0.0, 0.0, 0.0]))).all()
     with pytest.raises(BadInputError, match=r"squash is false, but .* contains action_scale"):
@@ -310,14 +310,14 @@ def test_a_zip_with_a_wrong_size_is_refused(folder):
     size = slice(entry + 24, entry + 28)
     lying = content[: size.start] + (100).to_bytes(4, "little") + content[size.stop :]
     (folder / "ppo_gtm.zip").write_bytes(lying)
-    assert "not a zip file of Stable-Baselines3" in message_of(folder, CARD)
+    assert "not a zip file of Stable-Baselines3" in message_of(folder, DEPLOYMENT)
 
 
 @pytest.mark.parametrize("suffix", ["zip", "npz", "pt", "pkl"])
 def test_a_fifo_is_refused(folder, suffix):
     """A named pipe is refused as a policy file, for each suffix."""
     os.mkfifo(folder / f"fifo.{suffix}")
-    said = message_of(folder, CARD.replace("ppo_gtm.zip", f"fifo.{suffix}"))
+    said = message_of(folder, DEPLOYMENT.replace("ppo_gtm.zip", f"fifo.{suffix}"))
     assert "not a regular file" in said
 
 
@@ -329,22 +329,22 @@ def test_a_zip_bomb_is_refused(folder):
         archive.writestr("policy.pth", b"0")
         archive.getinfo("data").file_size = 2**28 + 1
     (folder / "ppo_gtm.zip").write_bytes(bomb.getvalue())
-    assert "unpacks to" in message_of(folder, CARD)
+    assert "unpacks to" in message_of(folder, DEPLOYMENT)
 
 
 def test_a_network_of_nan_is_refused(folder):
     """A gain and a network with entries that are not finite are refused."""
     K = np.full((2, 4), np.nan)
     np.savez(folder / "nan.npz", K=K)
-    assert "finite numbers" in message_of(folder, CARD.replace("ppo_gtm.zip", "nan.npz"))
+    assert "finite numbers" in message_of(folder, DEPLOYMENT.replace("ppo_gtm.zip", "nan.npz"))
     np.savez(folder / "net.npz", **{"0.weight": K, "0.bias": np.zeros(2)})
-    assert "not finite" in message_of(folder, CARD.replace("ppo_gtm.zip", "net.npz"))
+    assert "not finite" in message_of(folder, DEPLOYMENT.replace("ppo_gtm.zip", "net.npz"))
 
 
 def test_a_normalizer_of_nan_is_refused(folder):
     """A normalizer with an entry that is not finite is refused, and the entry is named."""
     table = "{mean = [0, 0, nan, 0], variance = [1, 1, 1, 1]}"
-    assert "mean[2] is nan" in message_of(folder, CARD.replace('"ppo_gtm.pkl"', table))
+    assert "mean[2] is nan" in message_of(folder, DEPLOYMENT.replace('"ppo_gtm.pkl"', table))
 
 
 @pytest.mark.parametrize("name", ["data", "policy.pth"])
@@ -355,7 +355,7 @@ def test_a_damaged_zip_is_refused(folder, name):
         for member in ("data", "policy.pth"):
             new.writestr(member, b"{" if member == name else archive.read(member))
     (folder / "ppo_gtm.zip").write_bytes(rewritten.getvalue())
-    assert "card.toml" in message_of(folder, CARD)
+    assert "deployment.toml" in message_of(folder, DEPLOYMENT)
 
 
 def test_gains_and_state_dicts_give_equal_actions(tmp_path):
@@ -406,7 +406,7 @@ def test_a_deployment_read_from_files_is_pickled(folder):
         lambda: Deployment({}, {1: {}}, {"elevator": {}}, {"dt": 0.02}),
         lambda: Deployment.load(5),
         lambda: Deployed(stored_deployment("ppo_gtm"), None),
-        lambda: environment(aircraft("ppo_gtm"), "card.toml"),
+        lambda: environment(aircraft("ppo_gtm"), "deployment.toml"),
         lambda: environment(None, stored_deployment("ppo_gtm")),
         lambda: environment(aircraft("ppo_gtm"), stored_deployment("ppo_gtm"), seconds="long"),
         lambda: vector_environment(aircraft("ppo_gtm"), stored_deployment("ppo_gtm"), count=2.5),

@@ -200,13 +200,15 @@ def test_a_flight_that_departs_again_has_not_converged():
     )
     point = hfa.trim(model, hold={"y": 0.0, "u": 0.0}, free=("x",))
     o = ca.SX.sym("o")
-    card = Deployment(
+    deployment = Deployment(
         policy={"file": ca.Function("gain", [o], [-o])},
         observation={"x": {}},
         action={"u": {}},
         timing={"dt": 0.1},
     )
-    (found,) = Assessor(Deployed(card, model), (point,), 20, 0, {"x": 1.0, "y": 1.0}).assessed()
+    (found,) = Assessor(
+        Deployed(deployment, model), (point,), 20, 0, {"x": 1.0, "y": 1.0}
+    ).assessed()
     starts, _ = seeded_starts(found.place, 20, 0, False)
     at_end = 0.02 / 2.04 * (starts[:, 1] * np.exp(0.02 * found.place.seconds)) ** 2
     assert found.flights.returned == (at_end <= 0.05).sum() < 20

@@ -12,7 +12,7 @@ from hfa_flight.envelope import flight_envelope
 from hfa_flight.flight import fly
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
-from hfa_flight.policies.deployment.policy import flown_card, sampled_scenario
+from hfa_flight.policies.deployment.policy import flown_deployment, sampled_scenario
 from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_policy.environment import environment, vector_environment
 from hfa_policy.episodes import Episodes
@@ -112,11 +112,11 @@ def test_flights_in_environments_equal_those_of_fly(tmp_path, delay: float) -> N
     np.savez(tmp_path / "gain.npz", K=gain)
     text = (FOLDER / "ppo_gtm.toml").read_text()
     observed = text[text.index("[observation]") : text.index("[timing]")]
-    path = tmp_path / "card.toml"
+    path = tmp_path / "deployment.toml"
     path.write_text(
         f'[policy]\nfile = "gain.npz"\n{observed}[timing]\ndt = 0.02\ndelay = {delay}\n'
     )
-    policy = flown_card(path, model, point)
+    policy = flown_deployment(path, point)
     scenario = sampled_scenario(policy, Scenario(duration=4.0, initial=START).on(model), point)
     flown = fly(
         model,

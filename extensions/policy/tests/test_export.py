@@ -5,10 +5,10 @@ import subprocess
 
 import numpy as np
 import pytest
-from policy_cases import AIRCRAFT, FOLDER, aircraft, trims
+from policy_cases import AIRCRAFT, FOLDER, trims
 
 from hfa.main import main
-from hfa_flight.policies.deployment.policy import flown_card
+from hfa_flight.policies.deployment.policy import flown_deployment
 from hfa_support.native.machine_code import c_compiler
 
 needs_compiler = pytest.mark.skipif(c_compiler() is None, reason="no C compiler")
@@ -72,7 +72,7 @@ def test_exported_c_equals_the_deployment_file(name, tmp_path, capsys):
     """
     point = trims(name)[0]
     assert exported(name, point, tmp_path / "c") == 0
-    policy = flown_card(FOLDER / f"{name}.toml", aircraft(name), point)
+    policy = flown_deployment(FOLDER / f"{name}.toml", point)
     command = compiled(tmp_path / "c")
     assert differences(policy, command) < 1e-12
     measured = np.array(point.states)

@@ -13,7 +13,7 @@ from hfa_flight.flight import fly
 from hfa_flight.held_step import held_step, parts_of_a_sample
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
-from hfa_flight.policies.deployment.policy import DeployedPolicy, flown_card, sampled_scenario
+from hfa_flight.policies.deployment.policy import DeployedPolicy, flown_deployment, sampled_scenario
 from hfa_flight.scenario import Scenario
 from hfa_policy.episodes import Episodes
 from hfa_policy.flights import SampledFlight
@@ -29,10 +29,10 @@ def test_fly_and_assess_simulate_equal_flights(tmp_path, delay):
     """
     text = (FOLDER / "ppo_gtm.toml").read_text()
     text = text.replace('"ppo_gtm', f'"{FOLDER}/ppo_gtm')
-    path = tmp_path / "card.toml"
+    path = tmp_path / "deployment.toml"
     path.write_text(text.replace("dt = 0.02", f"dt = 0.02\ndelay = {delay}"))
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[0]
-    policy = flown_card(path, model, point)
+    policy = flown_deployment(path, point)
     scenario = Scenario(duration=4.0, initial=START).on(model)
     scenario = sampled_scenario(policy, scenario, point)
     flown = fly(
@@ -82,13 +82,13 @@ def test_an_action_formula_undefined_at_trim_is_refused(tmp_path, map_):
     episodes.
     """
     text = (FOLDER / "ppo_gtm.toml").read_text().replace('"ppo_gtm', f'"{FOLDER}/ppo_gtm')
-    path = tmp_path / "card.toml"
+    path = tmp_path / "deployment.toml"
     path.write_text(text.replace("trim + 14*a", map_))
     model = aircraft("ppo_gtm")
     with pytest.raises(
         BadInputError, match=r"action\.throttle: the formula or the derivative is not finite"
     ):
-        flown_card(path, model, trims("ppo_gtm")[0])
+        flown_deployment(path, trims("ppo_gtm")[0])
     with pytest.raises(
         BadInputError, match=r"action\.throttle: the formula or the derivative is not finite"
     ):
@@ -123,10 +123,10 @@ def test_a_flight_warns_of_a_proved_contradiction(tmp_path):
     """
     point = trims("ppo_gtm")[1]
     with pytest.warns(UserWarning, match="the policy was trained with a VecNormalize"):
-        flown_card(file_without_normalizer(tmp_path), aircraft("ppo_gtm"), point)
+        flown_deployment(file_without_normalizer(tmp_path), point)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        flown_card(FOLDER / "ppo_gtm.toml", aircraft("ppo_gtm"), point)
+        flown_deployment(FOLDER / "ppo_gtm.toml", point)
 
 
 @pytest.mark.parametrize("words", [["fly", "--start", "speed=1"], ["export", "-o", "FOLDER"]])

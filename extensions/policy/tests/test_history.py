@@ -66,9 +66,9 @@ def test_spectral_radius_includes_past_states():
 def test_assess_fly_and_environments_give_equal_flights(delay):
     """A flight of one second ends at the same state in `assess`, in `fly` and in an environment."""
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
-    card = stacked(delay)
+    deployment = stacked(delay)
     start = np.add(point.states, [2.0, 0.03, 0.1, -0.05])
-    assessor = Assessor(Deployed(card, model), (point,), samples=1)
+    assessor = Assessor(Deployed(deployment, model), (point,), samples=1)
     flight = assessor.flight()
     trim = assessor.deployed.trim_vector(point)
     rows = flight.rows(start[None], trim[None], np.zeros((1, 4)))
@@ -77,9 +77,9 @@ def test_assess_fly_and_environments_give_equal_flights(delay):
     flown.fly(1.0, flight.window(1, 1.0))
     states = flown.rows[0, flight.slices[0]]
     initial = dict(zip(model.states, start - point.states, strict=True))
-    by_fly = hfa.fly(model, point, card, 1.0, initial=initial).states[-1]
+    by_fly = hfa.fly(model, point, deployment, 1.0, initial=initial).states[-1]
     np.testing.assert_allclose(states, by_fly, rtol=SAME_FORMULA)
-    env = hfa.environment(model, card, [point])
+    env = hfa.environment(model, deployment, [point])
     observation, _ = env.reset(options={"start": start})
     np.testing.assert_allclose(observation[:4], observation[8:], rtol=1e-6)
     for _ in range(50):

@@ -9,7 +9,7 @@ from tolerances import FEW_ROUNDINGS
 
 from hfa.main import main
 
-CARD = """
+DEPLOYMENT = """
 [policy]
 file = "K.npz"
 [observation]
@@ -33,9 +33,9 @@ def assessed(tmp_path, capsys):
     def run(K, *words, **plant):
         np.savez(tmp_path / "plant.npz", **plant)
         np.savez(tmp_path / "K.npz", K=K)
-        (tmp_path / "card.toml").write_text(CARD)
-        card, model = str(tmp_path / "card.toml"), str(tmp_path / "plant.npz")
-        code = main(["assess", card, "--model", model, "--samples", "4", *words])
+        (tmp_path / "deployment.toml").write_text(DEPLOYMENT)
+        deployment, model = str(tmp_path / "deployment.toml"), str(tmp_path / "plant.npz")
+        code = main(["assess", deployment, "--model", model, "--samples", "4", *words])
         return code, *capsys.readouterr()
 
     return run
@@ -118,10 +118,10 @@ def test_a_gain_alone_is_assessed(folder, capsys):
     np.savez("K.npz", K=[[4.24, 2.8]])
     np.save("K.npy", [[4.24, 2.8]])
     np.save("P.npy", np.eye(2))
-    (folder / "card.toml").write_text(CARD)
+    (folder / "deployment.toml").write_text(DEPLOYMENT)
     words = ["--model", "plant.npz", "--samples", "0", "--json"]
     radii = []
-    for named in (["K.npz", *SAMPLED], ["K.npy", *SAMPLED], ["card.toml"]):
+    for named in (["K.npz", *SAMPLED], ["K.npy", *SAMPLED], ["deployment.toml"]):
         assert main(["assess", *named, *words]) == 0
         (point,) = json.loads(capsys.readouterr().out)["points"]
         radii.append(point["spectral_radius"])
@@ -138,5 +138,5 @@ def test_a_gain_alone_is_assessed(folder, capsys):
     )
     assert main(["assess", "K.npz", *words]) == 2
     assert "add --sample-time" in capsys.readouterr().err
-    assert main(["assess", "card.toml", *SAMPLED, *words]) == 2
+    assert main(["assess", "deployment.toml", *SAMPLED, *words]) == 2
     assert "--sample-time applies only to a file with a gain" in capsys.readouterr().err

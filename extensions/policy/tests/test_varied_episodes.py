@@ -18,7 +18,7 @@ from hfa_support.errors import BadInputError
 
 pytest.importorskip("gymnasium")
 MASS = (8.4, 10.3)
-CARD = Deployment(
+DEPLOYMENT = Deployment(
     policy={},
     observation={"pitch": {}, "load_factor": {}, "speed": {"scale": 10.0}},
     action={"elevator_center": {"box": [-1, 1], "map": "trim + 0.1 * a"}},
@@ -50,34 +50,36 @@ def test_a_varied_episode_is_that_of_the_changed_aircraft_at_the_original_trim()
     point = trims("ppo_hfa")[0]
     start = np.array(point.states) + 0.01
     states, observations, rewards = flown(
-        environment(model, CARD, [point], vary={"panel_mass": (MASS[1], MASS[1])}), start
+        environment(model, DEPLOYMENT, [point], vary={"panel_mass": (MASS[1], MASS[1])}), start
     )
     heavier = model.with_parameters(panel_mass=MASS[1])
     moved = replace(point, model=heavier, problem=None)
-    frozen = frozen_at(Deployed(CARD, model), point).deployment
+    frozen = frozen_at(Deployed(DEPLOYMENT, model), point).deployment
     expected, seen, _ = flown(environment(heavier, frozen, [moved]), start)
     np.testing.assert_allclose(states, expected, rtol=1e-12)
     np.testing.assert_allclose(observations, seen, rtol=1e-6)
-    _, shifted, others = flown(environment(heavier, CARD, [moved]), start)
+    _, shifted, others = flown(environment(heavier, DEPLOYMENT, [moved]), start)
     assert np.abs(observations - shifted)[:, 1].min() > 0.01
     assert np.abs(rewards - others).min() > 0.0
 
 
 def test_each_reset_draws_between_the_limits() -> None:
     """Each of 200 resets draws another mass between the limits, reproducibly by the seed."""
-    env = environment(aircraft("ppo_hfa"), CARD, trims("ppo_hfa")[:1], vary={"panel_mass": MASS})
+    env = environment(
+        aircraft("ppo_hfa"), DEPLOYMENT, trims("ppo_hfa")[:1], vary={"panel_mass": MASS}
+    )
     drawn = [env.reset(seed=3)[1]["parameters"]["panel_mass"]]
     drawn += [env.reset()[1]["parameters"]["panel_mass"] for _ in range(199)]
     assert MASS[0] <= min(drawn) < MASS[0] + 0.1 < MASS[1] - 0.1 < max(drawn) <= MASS[1]
     assert len(set(drawn)) == 200
     assert env.reset(seed=3)[1]["parameters"]["panel_mass"] == drawn[0]
-    assert "parameters" not in environment(aircraft("ppo_hfa"), CARD).reset(seed=3)[1]
+    assert "parameters" not in environment(aircraft("ppo_hfa"), DEPLOYMENT).reset(seed=3)[1]
 
 
 def test_each_episode_of_many_has_its_own_parameters() -> None:
     """Simultaneous episodes with equal starts and actions differ by their masses alone."""
     model, point = aircraft("ppo_hfa"), trims("ppo_hfa")[0]
-    episodes = Episodes(Deployed(CARD, model), [point], 6, vary={"panel_mass": MASS})
+    episodes = Episodes(Deployed(DEPLOYMENT, model), [point], 6, vary={"panel_mass": MASS})
     numbers = np.arange(6)
     starts = np.tile(np.array(point.states), (6, 1))
     place = list(model.parameters).index("panel_mass")
@@ -103,14 +105,14 @@ def test_each_episode_of_many_has_its_own_parameters() -> None:
 def test_wrong_variations_are_refused(vary: Any, said: str) -> None:
     """An unknown name, a single number, exchanged limits and values beyond limits are refused."""
     with pytest.raises(BadInputError, match=said):
-        environment(aircraft("ppo_hfa"), CARD, trims("ppo_hfa")[:1], vary=vary)
+        environment(aircraft("ppo_hfa"), DEPLOYMENT, trims("ppo_hfa")[:1], vary=vary)
 
 
 def test_simultaneous_environments_draw_too() -> None:
     """The environments of Stable-Baselines3 draw a mass for each episode."""
     pytest.importorskip("stable_baselines3")
     flights = vector_environment(
-        aircraft("ppo_hfa"), CARD, trims("ppo_hfa")[:1], count=5, vary={"panel_mass": MASS}
+        aircraft("ppo_hfa"), DEPLOYMENT, trims("ppo_hfa")[:1], count=5, vary={"panel_mass": MASS}
     )
     flights.reset()
     assert len(set(flights.episodes.parameters[:, 0])) == 5

@@ -58,10 +58,12 @@ def test_networks_on_rows_equal_the_graph(name):
 
 def test_a_wide_network_is_computed_in_single_precision(tmp_path):
     """A wide network is evaluated on rows in single precision."""
-    card = gtm_deployment({"file": wide_file(tmp_path / "wide.npz", 256), "activation": "relu"})
+    deployment = gtm_deployment(
+        {"file": wide_file(tmp_path / "wide.npz", 256), "activation": "relu"}
+    )
     observations = np.random.default_rng(1).normal(size=(20, 4))
-    double = np.array(card.actor.function(observations.T)).T
-    single = card.actor.rows(observations)
+    double = np.array(deployment.actor.function(observations.T)).T
+    single = deployment.actor.rows(observations)
     assert 1e-12 < np.abs(single - double).max() < 1e-6
 
 
@@ -72,12 +74,12 @@ def test_networks_of_any_width_are_evaluated_on_rows(tmp_path, activation, width
 
     nearness: largest permitted difference
     """
-    card = gtm_deployment(
+    deployment = gtm_deployment(
         {"file": wide_file(tmp_path / "wide.npz", width), "activation": activation}
     )
     observations = np.random.default_rng(1).normal(size=(20, 4))
-    graph = np.array(card.actor.function(observations.T)).T
-    np.testing.assert_allclose(card.actor.rows(observations), graph, rtol=0, atol=nearness)
+    graph = np.array(deployment.actor.function(observations.T)).T
+    np.testing.assert_allclose(deployment.actor.rows(observations), graph, rtol=0, atol=nearness)
 
 
 def test_a_wide_onnx_graph_is_evaluated_on_rows(tmp_path):
@@ -138,8 +140,8 @@ def test_flight_at_another_equilibrium_ends_early(monkeypatch):
     o = ca.SX.sym("o", 4)
     another = 0.064 * (1.0 + ca.tanh(200.0 * (o[3] - 0.06)))
     raw = ca.vertcat(0.8 * o[3] + 0.6 * o[2] - another, -2.0 * o[0])
-    card = gtm_deployment({"file": ca.Function("two", [o], [raw])})
-    assessor = Assessor(Deployed(card, aircraft("ppo_gtm")), trims("ppo_gtm")[1:2])
+    deployment = gtm_deployment({"file": ca.Function("two", [o], [raw])})
+    assessor = Assessor(Deployed(deployment, aircraft("ppo_gtm")), trims("ppo_gtm")[1:2])
     flight = assessor.flight()
     places = assessor.places(flight)
     ends = []

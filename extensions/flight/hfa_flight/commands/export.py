@@ -102,7 +102,7 @@ def export(request: ExportRequest) -> int:
     model = request.flown_aircraft()
     point = request.operating_point(model)
     if request.policy is not None:
-        written = _write_deployed_policy(request, request.policy, model, point, origin)
+        written = _write_deployed_policy(request, request.policy, point, origin)
     else:
         is_aircraft_alone = names_no_policy and _is_fmu(request)
         written = _written(request, model, point, origin, with_gain=not is_aircraft_alone)
@@ -132,19 +132,19 @@ def _write_function(request: ExportRequest) -> int:
 
 
 def _write_deployed_policy(
-    request: ExportRequest, card: Path, model: Model, point: OperatingPoint, origin: str
+    request: ExportRequest, deployment: Path, point: OperatingPoint, origin: str
 ) -> list[Path]:
     """Write the command of a deployed policy at one sample as a C function.
 
     Returns the paths of the written files.
 
-    card: path of the deployment file
+    deployment: path of the deployment file
     origin: provenance, for comments in the source
     """
     from hfa_flight.export.deployment_c import exported_texts
-    from hfa_flight.policies.deployment.policy import flown_card
+    from hfa_flight.policies.deployment.policy import flown_deployment
 
-    policy = flown_card(card, model, point)
+    policy = flown_deployment(deployment, point)
     return write_texts(request.output, exported_texts(policy, origin))
 
 

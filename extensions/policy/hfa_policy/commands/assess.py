@@ -108,12 +108,12 @@ def _deployment_path(text: str) -> Path:
 class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     """Arguments of `hfa assess`."""
 
-    cards: tuple[Path, ...] = option(
+    files: tuple[Path, ...] = option(
         "deployment file (observations, actions and timing of a policy), or, with "
         "--sample-time, file with a gain K; several files are compared",
         "DEPLOYMENT.toml",
         _deployment_path,
-        names="cards",
+        names="files",
         count="+",
     )
     aircraft: str | None = option(
@@ -215,7 +215,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         """
         from hfa_flight.policies.deployment.deployment import Deployment, sampled_gain
 
-        gains = [card for card in self.cards if card.suffix.lower() != ".toml"]
+        gains = [file for file in self.files if file.suffix.lower() != ".toml"]
         if gains and self.sample_time is None:
             raise BadInputError(f"{gains[0]}: a gain K requires a sample time; add --sample-time S")
         if self.sample_time is not None and not gains:
@@ -224,11 +224,11 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
                 "or remove --sample-time"
             )
         found = []
-        for card in self.cards:
-            if card in gains and self.sample_time is not None:
-                found.append(sampled_gain(card, model, self.sample_time))
+        for file in self.files:
+            if file in gains and self.sample_time is not None:
+                found.append(sampled_gain(file, model, self.sample_time))
             else:
-                found.append(Deployment.load(card))
+                found.append(Deployment.load(file))
         return found
 
     def compared(self, deployment: Deployment) -> int:

@@ -70,18 +70,20 @@ def aircraft(name):
 class Flight(gymnasium.Env):
     """Ten seconds about a trim, as in the deployment file, with 1 minus the cost as reward."""
 
-    def __init__(self, card, model, trims, spread):
-        self.card = card
-        self.deployed = Deployed(card, model)
+    def __init__(self, deployment, model, trims, spread):
+        self.deployment = deployment
+        self.deployed = Deployed(deployment, model)
         self.points = [trim(model, usual_condition(model).at(float(value))) for value in trims]
-        self.step_of_aircraft = held_step(model, card.dt, parts_of_a_sample(self.points, card.dt))
+        self.step_of_aircraft = held_step(
+            model, deployment.dt, parts_of_a_sample(self.points, deployment.dt)
+        )
         self.spread = [spread.get(name, 0.0) for name in model.states]
         self.limits = Limits.of(model, tuple(model.states))
-        self.Q = [card.cost["Q"].get(name, 0.0) for name in model.states]
-        self.R = [card.cost["R"].get(name, 0.0) for name in model.inputs]
-        low, high = card.box
+        self.Q = [deployment.cost["Q"].get(name, 0.0) for name in model.states]
+        self.R = [deployment.cost["R"].get(name, 0.0) for name in model.inputs]
+        low, high = deployment.box
         self.action_space = gymnasium.spaces.Box(low.astype("float32"), high.astype("float32"))
-        size = (len(card.observation),)
+        size = (len(deployment.observation),)
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, size, np.float32)
 
     def reset(self, *, seed=None, options=None):
@@ -99,7 +101,7 @@ class Flight(gymnasium.Env):
         return np.array(self.deployed.observe(self.X, self.U, self.trim)).ravel().astype("float32")
 
     def step(self, action):
-        action = np.clip(action, *self.card.box)
+        action = np.clip(action, *self.deployment.box)
         model = self.deployed.model
         self.U = np.array(self.deployed.inputs(action, self.X, self.U, self.trim)).ravel()
         cost = self.Q @ (self.X - self.X0) ** 2 + self.R @ (self.U - self.U0) ** 2
@@ -110,15 +112,15 @@ class Flight(gymnasium.Env):
         if lost:
             self.X = np.clip(np.nan_to_num(self.X), self.limits.lowest, self.limits.highest)
         reward = float(1.0 - cost - 20.0 * lost)
-        return self.observation(), reward, lost, self.steps * self.card.dt >= 10.0, {}
+        return self.observation(), reward, lost, self.steps * self.deployment.dt >= 10.0, {}
 
 
 def train(name):
     algorithm, where, trims, spread, is_normalized, activation, layout, steps = PLANS[name]
     model = aircraft(where)
-    card = replace(Deployment.load(FOLDER / f"{name}.toml"), policy={})
+    deployment = replace(Deployment.load(FOLDER / f"{name}.toml"), policy={})
     count = 4 if algorithm in (sb3.PPO, sb3.A2C) else 1
-    flights = DummyVecEnv([lambda: Flight(card, model, trims, spread)] * count)
+    flights = DummyVecEnv([lambda: Flight(deployment, model, trims, spread)] * count)
     if is_normalized:
         flights = VecNormalize(flights, gamma=0.98)
     settings = {"policy_kwargs": {"net_arch": list(layout), "activation_fn": activation}}

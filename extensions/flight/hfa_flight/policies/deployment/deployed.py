@@ -194,12 +194,12 @@ class Deployed:
         values = self.values(X, U, trim)
         at_trim = self.at_trim(trim)
         entries = []
-        cards = self.deployment.observation.values()
-        for formula, card in zip(self.observed, cards, strict=True):
-            about: Any = card.get("about", "trim")
+        observation = self.deployment.observation.values()
+        for formula, entry in zip(self.observed, observation, strict=True):
+            about: Any = entry.get("about", "trim")
             if about == "trim":
                 about = formula.value(at_trim)
-            entries.append((formula.value(values) - about) / card.get("scale", 1.0))
+            entries.append((formula.value(values) - about) / entry.get("scale", 1.0))
         return ca.Function("observe", [X, U, trim], [ca.densify(ca.vertcat(*entries))])
 
     @cached_property

@@ -48,7 +48,7 @@ _POLICY: dict[Any, Any] = {
     "squash": None,
     "network": str,
 }
-_CARD: dict[Any, Any] = {
+_ENTRIES: dict[Any, Any] = {
     "policy": _POLICY,
     "observation*": {str: _OBSERVED},
     "action*": {str: _ACTED},
@@ -86,13 +86,13 @@ class Deployment(Reported):
     >>> import casadi as ca
     >>> import hfa
     >>> o = ca.SX.sym("o", 2)
-    >>> card = hfa.Deployment(
+    >>> deployment = hfa.Deployment(
     ...     policy={"file": ca.Function("policy", [o], [-0.5 * o[1]])},
     ...     observation={"alpha": {}, "pitch_rate": {}},
     ...     action={"elevator": {"box": [-1, 1], "map": "trim + 0.3 * a"}},
     ...     timing={"dt": 0.02},
     ... )
-    >>> card.dt, card.delay
+    >>> deployment.dt, deployment.delay
     (0.02, 0.0)
     """
 
@@ -117,8 +117,7 @@ class Deployment(Reported):
             }
         if entries["cost"] is None:
             del entries["cost"]
-        card = checked(self.origin, entries, _CARD)
-        for name, value in card.items():
+        for name, value in checked(self.origin, entries, _ENTRIES).items():
             object.__setattr__(self, name, value)
         with prefix_errors(self.origin):
             self._check_policy()

@@ -118,34 +118,22 @@ class DeployedPolicy(Policy):
         return {
             "law": self.name,
             "deployment_file": deployment.origin,
-            "card": deployment.origin,
             "network": deployment.actor.chain,
         }
 
 
-def flown_card(path: Path, model: Model, point: OperatingPoint) -> DeployedPolicy:
-    """Return the policy of a deployment file about a trim.
+def flown_deployment(given: Deployment | Path, point: OperatingPoint) -> DeployedPolicy:
+    """Return the policy of a deployment, or of the deployment file with this path, about a trim.
 
-    Warnings are those of `flown_deployment`. Raises the errors of `Deployment.load` and
-    `flown_deployment`.
+    Warns of contradictions that the policy's files prove. Raises the errors of `Deployment.load`,
+    and BadInputError if the deployment does not fit the aircraft, or if an observation, the policy
+    or a map is not finite at the trim.
     """
-    return flown_deployment(Deployment.load(path), point, f"of {path}")
-
-
-def flown_deployment(
-    deployment: Deployment, point: OperatingPoint, name: str = "deployment"
-) -> DeployedPolicy:
-    """Return the policy of a deployment about a trim.
-
-    Warns of contradictions that the policy's files prove. Raises BadInputError if the deployment
-    does not fit the aircraft, or if an observation, the policy or a map is not finite at the trim.
-
-    name: name of the policy in reports
-    """
-    deployed = Deployed(deployment, point.model)
+    deployed = Deployed(Deployment.of(given), point.model)
     deployed.refuse_undefined_at([point])
     for note in notes_on_files(deployed):
         warn(note)
+    name = "deployment" if isinstance(given, Deployment) else f"of {given}"
     return policy_about(deployed, point, name)
 
 
@@ -155,7 +143,7 @@ def policy_about(deployed: Deployed, point: OperatingPoint, name: str) -> Deploy
     name: name of the policy in reports
     """
     text = deployed.sampled.serialize()
-    identity = {"card": hashlib.sha256(text.encode()).hexdigest()}
+    identity = {"deployment": hashlib.sha256(text.encode()).hexdigest()}
     held = np.zeros((1, len(point.model.inputs)))
     return DeployedPolicy(name, deployed, point, held=held, identity=identity)
 
