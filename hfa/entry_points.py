@@ -243,14 +243,6 @@ COMMANDS = {
         example="hfa prove critic learned.npz --dihedral 15",
         install=("python-flint",),
     ),
-    "prove models": CommandEntry(
-        "proof",
-        "fewest linear models for a bounded interpolation error",
-        "hfa_prove.commands.models:models",
-        example="hfa prove models --dihedral 14:14.5 --limit-error 0.05",
-        install=("python-flint",),
-        results=("hfa_prove.results:InterpolatedModels",),
-    ),
     "prove region": CommandEntry(
         "proof",
         "region of attraction of a loop with saturated inputs",

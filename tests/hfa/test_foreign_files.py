@@ -29,7 +29,6 @@ TABLES = {
 SLOW_TABLES = {
     "learn --dihedral 10 --set predefined_time=2": _LEARNED,
     "verify --dihedral 10": (),
-    "prove models --dihedral 10:11": (),
 }
 
 

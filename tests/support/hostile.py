@@ -31,7 +31,7 @@ from hfa_model import choice
 LONGEST = 10.0
 _LONGEST_LINE = 1200
 #: Commands that take longer with default options.
-_LONG = (("prove", "models"), ("prove", "schedule"))
+_LONG = (("prove", "schedule"),)
 
 _AT = ("--dihedral", "15")
 _PROVED = ("prove", "schedule", "--dihedral", "15:15.001")
@@ -73,7 +73,6 @@ LINES = (
     ),
     "prove solution --dihedral 15",
     "prove --check a.json",
-    "prove models --dihedral 10:10.1 --limit-error 0.01 -o a.npz",
     "design --design paper --dihedral 10 -o a.npz",
     "export --dihedral 15 -o folder",
     "regenerate --dynamics newton --parameters identified --json",

@@ -2,5 +2,4 @@
 
 from .check.schedule import check_certificate as check_certificate
 from .search.family import Family as Family
-from .search.models import prove_models as prove_models
 from .search.schedule import prove_schedule as prove_schedule

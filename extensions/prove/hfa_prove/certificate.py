@@ -68,7 +68,7 @@ def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
         raise BadInputError(
             f"{path} is not a certificate; give a file written by `hfa prove ... -o`"
         ) from error
-    if schema != SCHEMA:
+    if schema != SCHEMA or content.get("kind") == "models":
         raise BadInputError(
             f"{path} has the format {on_one_line(schema)} of another version; prove the statement "
             "again with this version"

@@ -328,14 +328,4 @@ FIELDS: dict[str, FieldTable] = {
         "delta_min": Field(),
         "modes": Field(),
     },
-    "models": {
-        **_FLIGHT,
-        **_WEIGHTS,
-        "breakpoints": Field("gains"),
-        "A": Field("tables"),
-        "B": Field("tables"),
-        "inputs": Field("tables"),
-        "K": Field("gains"),
-        "errors": Field(),
-    },
 }

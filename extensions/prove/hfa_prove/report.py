@@ -18,7 +18,6 @@ from hfa_prove.statements.schedule import (
     Controller,
     Flight,
     GameStatement,
-    ModelsStatement,
     Plant,
     Run,
     ScheduleStatement,
@@ -33,13 +32,6 @@ from hfa_prove.words import at_least, at_most
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Table, matrix_table, numbered
 
-INTERPOLATION_ERRORS = {
-    "A": "|A - interpolated| / |A|",
-    "B": "|B - interpolated| / |B|",
-    "K": "|K - interpolated| / |K|",
-    "inputs": "|U0 - interpolated|, in nominal units",
-}
-
 
 def proof_report(statement: Statement, data: Content) -> Report:
     """Return the report of a proof.
@@ -52,9 +44,7 @@ def proof_report(statement: Statement, data: Content) -> Report:
         title = f"every {interval_text(statement.flight)}, {statement.flight.model.title}"
         parts = schedule_parts(statement, bool(moving), data)
         return Report(f"{_verdict(statement, bool(moving))}: {title}", parts, data=data)
-    if isinstance(statement, GameStatement):
-        return game_report(data)
-    return _models_report(statement, data)
+    return game_report(data)
 
 
 def _verdict(statement: ScheduleStatement, moving: bool) -> str:
@@ -244,56 +234,6 @@ def _hurwitz(closed_loop: bool | None) -> str:
     return "proved Hurwitz" if closed_loop else "proved not Hurwitz"
 
 
-def _models_report(statement: ModelsStatement, data: Content) -> Report:
-    """Return the report of interpolated models.
-
-    The report contains the bounds of the errors and the steps between breakpoints. The records
-    contain the matrices.
-    """
-    model = statement.flight.model
-    breakpoints = statement.breakpoints
-    unit = model.schedule_unit
-    steps = np.diff(breakpoints)
-    every = "angle" if unit == "deg" else model.schedule
-    bounds = [
-        (INTERPOLATION_ERRORS[name], at_most(error, 3)) for name, error in statement.errors.items()
-    ]
-    heading = (model.schedule_key, "matrix", "row", "column", "value", "unit")
-    return Report(
-        title=f"Proved: {len(breakpoints)} models from {breakpoints[0]:g} to {breakpoints[-1]:g} "
-        f"{unit}, {model.title}, interpolate linearly within {data['tolerance']:g}",
-        parts=[
-            Table((f"error at every {every} between, at most", "bound"), bounds),
-            f"steps from {steps.min():g} to {steps.max():g} {unit}",
-        ],
-        data=data,
-        records=Table(heading, _entries(statement)),
-    )
-
-
-def _entries(statement: ModelsStatement) -> list[tuple[Any, ...]]:
-    """Return one row (breakpoint, matrix, row, column, value, unit) for each entry of the models.
-
-    The entries are those of A, B, K and the trim inputs U0.
-    """
-    model = statement.flight.model
-    states = model.linear
-    inputs = tuple(model.inputs)
-    rows: list[tuple[Any, ...]] = []
-    for k, breakpoint in enumerate(statement.breakpoints.tolist()):
-        for name, columns in (("A", states), ("B", inputs)):
-            values = getattr(statement, name)[k]
-            for (i, j), value in np.ndenumerate(values):
-                unit = model.entry_unit(states[i], columns[j])
-                rows.append((breakpoint, name, states[i], columns[j], float(value), unit))
-        for (i, j), value in np.ndenumerate(statement.K[k]):
-            unit = f"({model.unit(inputs[i])})/({model.unit(states[j])})"
-            rows.append((breakpoint, "K", inputs[i], states[j], float(value), unit))
-        for i, value in enumerate(statement.inputs[k].ravel().tolist()):
-            rows.append((breakpoint, "U0", inputs[i], "", value, model.unit(inputs[i])))
-    return rows
-
-
 def interval_text(flight: Flight) -> str:
     """Return the interval of scheduling values as text, such as "dihedral from 5 to 15 deg"."""
     unit = flight.model.schedule_unit
@@ -331,7 +271,7 @@ def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
         parts += schedule_parts(statement, moving, {})
         lines += _controller_lines(statement)
         what = interval_text(statement.flight)
-    elif isinstance(statement, GameStatement):
+    else:
         parts += _game_parts(statement, data)
         lines += _weights_lines(statement.weights)
         data["game"] = content["weights"]
@@ -340,22 +280,6 @@ def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
         if isinstance(statement.plant, Flight):
             unit = statement.plant.model.schedule_unit
             what = f"exact game, {statement.plant.model.schedule} {statement.plant.low:g} {unit}"
-    else:
-        rows = [
-            (INTERPOLATION_ERRORS[name], at_most(error, 3))
-            for name, error in statement.errors.items()
-        ]
-        parts.append(Table(("error of linear interpolation, at most", "bound"), rows))
-        lines += _weights_lines(statement.weights)
-        tables = ("breakpoints", "A", "B", "inputs", "K")
-        lines.append(
-            "tables, SHA-256: "
-            + ", ".join(f"{name} {_digest(content[name])[:16]}" for name in tables)
-        )
-        data |= {"error": dict(statement.errors), "nodes": len(statement.breakpoints)}
-        data["proved"] = True
-        data["game"] = content["weights"]
-        what = f"{len(statement.breakpoints)} models, {interval_text(statement.flight)}"
     origin = "written by hfa {version} on {date}: {command}".format(**verified.written)
     parts += ["\n".join([*lines, f"boxes: {verified.boxes}"]), origin]
     title = qualified(f"{_checked_verdict(statement, data)}: {what}", not_given)

@@ -9,7 +9,6 @@ from typing import Any, Literal, NamedTuple, TypeVar
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.signals import StatesAndInputs
 from hfa_prove.statements.cost import CostStatement
 from hfa_prove.statements.loop import Loop, SaturatedLoop
 from hfa_prove.statements.piece import Piece
@@ -17,7 +16,6 @@ from hfa_prove.statements.plant import Plant
 from hfa_prove.statements.region_boxes import BoxStatement, Gain
 from hfa_prove.statements.region_squares import RegionStatement
 from hfa_prove.statements.schedule import (
-    ModelsStatement,
     Run,
     ScheduleStatement,
     UncertainActuators,
@@ -51,7 +49,7 @@ class ProofData(Result):
         aircraft.
     actuators: bandwidth, effectiveness and delay, with --bandwidth.
     lyapunov: Lyapunov function for a moving scheduling variable, with --rate.
-    kind: schedule, game or models, for a checked certificate.
+    kind: schedule or game, for a checked certificate.
     parameters: name of the parameter set, or the parameters, for a checked certificate.
     parameter_hash: hash of the parameters, for a checked certificate.
     written: version, command and date in the file, not verified, for a checked certificate.
@@ -62,8 +60,6 @@ class ProofData(Result):
     limits: lowest and highest value of each limited signal of the trims, for a checked certificate.
     spread: half-widths of the parameters, for a checked certificate.
     game: Q, R, E and delta, for a checked certificate.
-    error: proved bounds of the interpolation errors, for checked models.
-    nodes: number of breakpoints, for checked models.
     relative_radius: relative radius of the enclosure of P.
     positive_definite: whether P is proved positive definite.
     worst_case_hurwitz: whether A - S P is proved Hurwitz.
@@ -107,8 +103,6 @@ class ProofData(Result):
     limits: Mapping[str, Any] | None = None
     spread: Mapping[str, Any] | None = None
     game: Mapping[str, Any] | None = None
-    error: Mapping[str, float] | None = None
-    nodes: int | None = None
     relative_radius: float | None = None
     positive_definite: Any = None
     worst_case_hurwitz: Any = None
@@ -121,57 +115,10 @@ class ProofData(Result):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class InterpolatedModels(StatesAndInputs, Result):
-    """Linear models that are interpolated within a proved bound of the error.
-
-    statement: the models and their bounds.
-    tolerance: the largest error that the user permits.
-    """
-
-    schema = "hfa.lpv/1"
-    made_by = "hfa prove models"
-    json_keys = (
-        "dynamics=model.name tolerance error=statement.errors dihedral_deg? A=statement.A "
-        "B=statement.B K=statement.K inputs_offset states=state_names inputs=input_names "
-        "state_units input_units scheduled?"
-    )
-
-    statement: ModelsStatement
-    tolerance: float
-
-    @property
-    def model(self) -> Model:
-        """The aircraft whose models are interpolated."""
-        return self.statement.flight.model
-
-    @property
-    def dihedral_deg(self) -> Vector | None:
-        """Breakpoints of the dihedral angle, degrees, or None for another aircraft."""
-        return self.statement.breakpoints if self.model.extras.names_schedule else None
-
-    @property
-    def scheduled(self) -> Mapping[str, Vector] | None:
-        """Scheduling variable -> breakpoints, or None for the flexible aircraft of the paper."""
-        if self.model.extras.names_schedule:
-            return None
-        return {self.model.schedule: self.statement.breakpoints}
-
-    @property
-    def inputs_offset(self) -> Matrix:
-        """Trim inputs U0 at each breakpoint, (g, m)."""
-        return self.statement.inputs[..., 0]
-
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        """Names of the states, in the order of A."""
-        return self.model.linear
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class CertificateData(Result):
     """Content of the file of a certificate.
 
-    kind: schedule, game, models, region, region-boxes or cost-boxes.
+    kind: schedule, game, region, region-boxes or cost-boxes.
     toolchain: version of the program that wrote the file.
     statement: the claim.
     witness: data for the proof.
@@ -182,7 +129,7 @@ class CertificateData(Result):
     schema = "hfa.certificate/9"
     made_by = "hfa prove -o FILE.json: the certificate"
 
-    kind: Literal["schedule", "game", "models", "region", "region-boxes", "cost-boxes"]
+    kind: Literal["schedule", "game", "region", "region-boxes", "cost-boxes"]
     toolchain: str
     statement: Mapping[str, Any]
     witness: Mapping[str, Any]

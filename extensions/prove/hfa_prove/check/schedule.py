@@ -16,18 +16,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from flint import arb, ctx
 
 from hfa_aircraft.model import Model
 from hfa_prove.certificate import claims_of, read_sealed
 from hfa_prove.check.cover import covering
 from hfa_prove.check.game import (
-    Solution,
     check_axis,
     check_gain,
     critic_distances,
-    distance_bounds,
     solution_on,
 )
 from hfa_prove.check.loop import actuated_loop, between, closed_loop
@@ -38,8 +35,6 @@ from hfa_prove.statements.schedule import (
     GameStatement,
     GameWitness,
     Line,
-    ModelsStatement,
-    ModelsWitness,
     ModesBox,
     Motion,
     Plant,
@@ -109,9 +104,7 @@ def _check(statement: Statement, entries: Fields, progress: Progress | None) -> 
     """
     if isinstance(statement, ScheduleStatement):
         return check_schedule(statement, ScheduleWitness.read(entries, statement), progress)
-    if isinstance(statement, GameStatement):
-        return check_game(statement, GameWitness.read(entries, statement))
-    return check_models(statement, ModelsWitness.read(entries, statement), progress)
+    return check_game(statement, GameWitness.read(entries, statement))
 
 
 def check_schedule(
@@ -298,53 +291,3 @@ def _plant(
 
 def _line_bounds(A: TaylorModel, lines: Sequence[Line]) -> list[Run]:
     return [Run(0.0, 0.0, *least_and_most(A, line)) for line in lines]
-
-
-def check_models(
-    statement: ModelsStatement, witness: ModelsWitness, progress: Progress | None = None
-) -> int:
-    """Prove the interpolation errors of models between breakpoints and return the number of boxes.
-
-    Raises Rejected unless all errors are proved to be at most as large as stated.
-    """
-    flight = statement.flight
-    cells = covering("the cells", [(flight.low, flight.high)], witness.cells, _ends_of_cell)
-    linear_models = []
-    for trim, box in with_progress(cells, progress):
-        linear = linear_model_on(flight, trim)
-        exact = solution_on(statement.weights, linear.A, linear.B, box, lowest=1)
-        for name, most in interpolation_errors(statement, linear, exact).items():
-            if not most <= arb(statement.errors[name]):
-                raise Rejected(
-                    f"the interpolation error of {name} is not proved between {trim.low} and "
-                    f"{trim.high}"
-                )
-        linear_models.append(linear)
-    check_branches(flight, linear_models)
-    return len(cells)
-
-
-def interpolation_errors(
-    tables: ModelsStatement, linear: LinearModelBox, exact: Solution
-) -> dict[str, arb]:
-    """Return name -> upper bound of the interpolation error on a box.
-
-    The error is |X - X̂| / |X| for X = A, B and K in Frobenius norms. The error is |U - Û| for the
-    trim inputs U, divided by their nominal values. X̂ and Û are interpolated between breakpoints.
-
-    tables: models at breakpoints
-    linear: linear model on the box
-    exact: solution of the game on the box
-    """
-    model = tables.flight.model
-    nominal = np.array([model.signals[name].nominal for name in model.inputs])
-    errors = {}
-    for name, value in (("A", linear.A), ("B", linear.B), ("K", exact.K)):
-        table = between(
-            tables.breakpoints, getattr(tables, name), linear.trim.low, linear.trim.high
-        )
-        _, errors[name] = distance_bounds(value - table, value.range().entries())
-    table = between(tables.breakpoints, tables.inputs, linear.trim.low, linear.trim.high)
-    difference = matrix(np.diag(1.0 / nominal)) * (linear.inputs - table)
-    _, errors["inputs"] = distance_bounds(difference, None)
-    return errors

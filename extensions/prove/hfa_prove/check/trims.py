@@ -196,7 +196,6 @@ class LinearModelBox:
     B: (n, m)
     C: (k, n), rows of the measured outputs
     D: (k, m)
-    inputs: inputs at the trims, (m, 1)
     offsets: unknown -> enclosure of the trim minus its polynomial
     """
 
@@ -205,7 +204,6 @@ class LinearModelBox:
     B: TaylorModel
     C: TaylorModel
     D: TaylorModel
-    inputs: TaylorModel
     offsets: Mapping[str, arb]
 
 
@@ -233,14 +231,12 @@ def linear_model_on(
     offsets = _root_offsets(equations.residual(along), linear, [*trim.radii.values()])
     values = dict(zip(equations.names, (value for (value,) in linear.values), strict=True)) | around
     _check_limits(flight, values)
-    inputs = [[values[name]] for name in model.inputs]
     return LinearModelBox(
         trim,
         stacked(linear.A),
         stacked(linear.B),
         stacked(linear.C, columns=len(model.linear)),
         stacked(linear.D, columns=len(model.inputs)),
-        stacked(inputs),
         dict(zip(trim.radii, offsets, strict=True)),
     )
 

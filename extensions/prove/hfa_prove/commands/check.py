@@ -12,7 +12,7 @@ from hfa_prove.commands.request import CheckRequest
 from hfa_support.errors import BadInputError
 
 #: Statements that a command `hfa prove STATEMENT` proves.
-STATEMENTS = ("cost", "critic", "models", "region", "schedule", "solution")
+STATEMENTS = ("cost", "critic", "region", "schedule", "solution")
 #: Kind of a certificate -> check of it. `_check` checks the other kinds.
 _CHECKS: Mapping[str, Callable[[CheckRequest, Path], int]] = {
     "cost-boxes": cost.check,
@@ -44,7 +44,7 @@ def prove(request: CheckRequest) -> int:
 
 
 def _check(request: CheckRequest, certificate: Path) -> int:
-    """Verify a certificate of a schedule, a game or models, and return the exit code.
+    """Verify a certificate of a schedule or a game, and return the exit code.
 
     The code is 0 if the full claim is proved, and 1 if only a part is proved or the claim is
     refuted.

@@ -12,7 +12,6 @@ import numpy as np
 from controller.critic.critic_file import entries_in, single_parts
 from controller.game.basis import basis
 from controller.hfa_game import usual_game
-from controller.schedule.gain_schedule import load_gain_schedule
 from hfa.options.trims import OF_THE_TRIM, called_at
 from hfa_aircraft.names import UNNAMED, PlantNames
 from hfa_prove.check.game import matrix_of_weights
@@ -21,7 +20,6 @@ from hfa_prove.search.loops import Intervals
 from hfa_prove.statements.schedule import (
     Flight,
     GameStatement,
-    ModelsStatement,
     ScheduleStatement,
     Statement,
     UncertainActuators,
@@ -207,29 +205,16 @@ def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, 
     return given
 
 
-def _given_controller(
-    statement: ScheduleStatement | ModelsStatement, request: CheckRequest
-) -> dict[str, Given]:
+def _given_controller(statement: ScheduleStatement, request: CheckRequest) -> dict[str, Given]:
     """Return the entries on the controller and the actuators from the options.
 
-    The options are --weights and --design. For a statement about models, the entries are the
-    breakpoints and gains of the file of --weights.
+    The options are --weights and --design.
 
     Raises BadInputError if either the given loop or the statement has no actuators, but not both.
     """
     assert request.weights is not None
     option = f"--weights {request.weights}"
     model = statement.flight.model
-    if isinstance(statement, ModelsStatement):
-        request.refuse(
-            ("design",),
-            "applies to a controller, but the certificate is about models; remove this option",
-        )
-        gains = load_gain_schedule(request.weights, model)
-        return {
-            "breakpoints": Given(gains.file_breakpoints, option),
-            "K": Given(gains.gains, option),
-        }
     loop = loop_of_file(request.weights, request.design, model, _stated_intervals(statement))
     if loop.actuators is None and statement.actuators is not None:
         raise BadInputError(

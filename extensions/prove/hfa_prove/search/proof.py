@@ -19,7 +19,6 @@ from hfa_prove.fields import Rejected
 from hfa_prove.report import proof_report
 from hfa_prove.statements.schedule import (
     KINDS,
-    ModelsStatement,
     ScheduleStatement,
     Statement,
     content_of,
@@ -45,7 +44,7 @@ class Proof(Reported):
 
     statement: the proved statement
     witness: data for the checker. {} for the solution of a game whose full claim is not proved.
-    data: the result for JSON, with the entry `proved` except for interpolated models
+    data: the result for JSON, with the entry `proved`
     """
 
     statement: Statement
@@ -54,13 +53,13 @@ class Proof(Reported):
 
     @property
     def kind(self) -> str:
-        """Kind of the certificate: schedule, game or models."""
+        """Kind of the certificate: schedule or game."""
         return next(name for name, kind in KINDS.items() if isinstance(self.statement, kind))
 
     @property
     def proved(self) -> bool:
-        """Whether the full claim is proved. For interpolated models, the value is always True."""
-        return isinstance(self.statement, ModelsStatement) or bool(self.data["proved"])
+        """Whether the full claim is proved."""
+        return bool(self.data["proved"])
 
     def report(self) -> Report:
         """Return the report of the proved statement."""

@@ -1,4 +1,4 @@
-"""Statements of certificates about schedules, games and interpolated models.
+"""Statements of certificates about schedules and games.
 
 The checker interprets or refuses every field. The digest covers all fields, and reports show them.
 Data for the proof are separate (`witness.py`) and cannot change a claim. Scheduling values are
@@ -20,7 +20,6 @@ from flint import arb, arb_mat
 from hfa_aircraft.model import Model
 from hfa_prove.fields import Fields, require
 from hfa_prove.statements.plant import model_of
-from hfa_support.reporting.results import Stack, Vector
 from verification.enclosure.balls import lowest_sign
 from verification.enclosure.series import TaylorModel
 
@@ -454,61 +453,10 @@ class GameStatement:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class ModelsStatement:
-    """Claim about linear models at breakpoints, between which they are interpolated linearly.
-
-    flight: aircraft and its trims
-    weights: weights of the game
-    breakpoints: (g,), increasing, from the lowest to the highest scheduling value of the trims
-    A: (g, n, n)
-    B: (g, n, m)
-    inputs: inputs at the trims, (g, m, 1)
-    K: gains of the exact solution of the game, (g, m, n)
-    errors: name -> upper bound of |X - X̂| / |X| (Frobenius norm) for A, B and K, and of |U - Û| in
-        nominal values for inputs, with X̂ and Û interpolated
-    """
-
-    flight: Flight
-    weights: Weights
-    breakpoints: Vector
-    A: Stack
-    B: Stack
-    inputs: Stack
-    K: Stack
-    errors: Mapping[str, float]
-
-    @classmethod
-    def read(cls, entries: Fields, model: Model) -> ModelsStatement:
-        """Return the statement about interpolated models stored in a certificate.
-
-        Raises Malformed for the first wrong entry.
-        """
-        flight = Flight.read(entries.fields("flight"), model, point=False)
-        n = len(model.linear)
-        m = len(model.inputs)
-        weights = Weights.read(entries.fields("weights"), n, m)
-        breakpoints = entries.increasing("breakpoints")
-        ends = (breakpoints[0], breakpoints[-1])
-        require(ends == (flight.low, flight.high), "breakpoints", list(ends))
-        g = len(breakpoints)
-        tables = {
-            "A": entries.array("A", g, n, n),
-            "B": entries.array("B", g, n, m),
-            "inputs": entries.array("inputs", g, m, 1),
-            "K": entries.array("K", g, m, n),
-        }
-        errors = entries.numbers("errors", tables)
-        require(set(errors) == set(tables) and min(errors.values()) >= 0.0, "errors", errors)
-        entries.close()
-        return cls(flight, weights, breakpoints, **tables, errors=errors)
-
-
-Statement = ScheduleStatement | GameStatement | ModelsStatement
+Statement = ScheduleStatement | GameStatement
 KINDS: dict[str, Any] = {
     "schedule": ScheduleStatement,
     "game": GameStatement,
-    "models": ModelsStatement,
 }
 
 
@@ -912,27 +860,24 @@ class SolutionBox:
     line: Line
 
     @classmethod
-    def read(cls, entries: Fields, n: int, orders: int) -> SolutionBox:
+    def read(cls, entries: Fields, n: int) -> SolutionBox:
         """Return the enclosure stored in a certificate.
 
         n: number of states
-        orders: number of coefficients of the polynomial P(s)
 
         Raises Malformed for the first wrong entry.
         """
         units = entries.array("units", n)
         require(bool(np.all(units > 0.0)), "units")
-        coefficients = entries.balls("P", orders, n, n)
-        for rows in coefficients:
-            for i in range(n):
-                for j in range(i):
-                    same = bool(rows[i][j].mid() == rows[j][i].mid())
-                    require(same, f"{entries.where}: P: not symmetric")
-                    rows[j][i] = rows[i][j]
+        (rows,) = entries.balls("P", 1, n, n)
+        for i in range(n):
+            for j in range(i):
+                same = bool(rows[i][j].mid() == rows[j][i].mid())
+                require(same, f"{entries.where}: P: not symmetric")
+                rows[j][i] = rows[i][j]
         reach = entries.balls("reach")
         require(bool(reach > 0), "reach")
-        P = TaylorModel(*(arb_mat(rows) for rows in coefficients))
-        return cls(units, P, reach, Line.read(entries, n, rated=False))
+        return cls(units, TaylorModel(arb_mat(rows)), reach, Line.read(entries, n, rated=False))
 
 
 @dataclass(frozen=True, eq=False)
@@ -1020,35 +965,8 @@ class GameWitness:
         return cls(trim, solution, loop, modes, value, refused)
 
 
-@dataclass(frozen=True, eq=False)
-class ModelsWitness:
-    """Data for the proof of a statement about interpolated models.
-
-    cells: enclosures of the trims and of the solution of the game on boxes that cover the interval
-    """
-
-    cells: list[tuple[TrimBox, SolutionBox]]
-
-    @classmethod
-    def read(cls, entries: Fields, statement: ModelsStatement) -> ModelsWitness:
-        """Return the witness of a statement about interpolated models, stored in a certificate.
-
-        statement: the statement, which determines the sizes of the matrices
-
-        Raises Malformed for the first wrong entry.
-        """
-        n = len(statement.weights.Q)
-        cells = []
-        for cell in entries.items("cells"):
-            trim = TrimBox.read(cell, statement.flight)
-            cells.append((trim, SolutionBox.read(cell, n, orders=3)))
-            cell.close()
-        entries.close()
-        return cls(cells)
-
-
 def _closed_solution(entries: Fields, n: int) -> SolutionBox:
-    solution = SolutionBox.read(entries, n, orders=1)
+    solution = SolutionBox.read(entries, n)
     entries.close()
     return solution
 

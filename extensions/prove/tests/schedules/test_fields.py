@@ -24,7 +24,7 @@ from hfa_support.errors import NoSolutionError
 
 WRITTEN = {"version": "1", "date": "2026-01-01", "command": "a test"}
 #: A certificate of each form that a statement may have.
-CASES = ("rate", "second order", "actuators", "critic", "plant", "models")
+CASES = ("rate", "second order", "actuators", "critic", "plant")
 
 
 def changed(value: Any) -> Any:
@@ -65,12 +65,10 @@ def request_for(kind: str, folder: Path) -> CheckRequest:
         options["at"] = tuple(dict.fromkeys(statement["flight"]["range"]))
     if kind in ("plant", "critic"):
         np.savez(weights, **{name: np.array(part) for name, part in statement["critic"].items()})
-    elif kind == "models":
-        np.savez(weights, dihedral_deg=statement["breakpoints"], K=statement["K"])
     else:
         controller = statement["controller"]
         np.savez(weights, dihedral_deg=controller["breakpoints"], K=-np.array(controller["D"]))
-    if kind in ("critic", "models"):
+    if kind == "critic":
         options |= {"delta": 200.0} | {name: np.array(statement["weights"][name]) for name in "QR"}
     if kind == "second order":  # a controller with states has no gain to give
         del options["weights"]

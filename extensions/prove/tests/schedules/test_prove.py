@@ -42,7 +42,6 @@ def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) ->
         "solution": ("prove", "solution", "--dihedral", "15", "-o"),
         "critic": ("prove", "critic", "--dihedral", "15", str(solved), "-o"),
         "errors": ("prove", "schedule", "--dihedral", "14:14.25", "--error", "1", "-o"),
-        "models": ("prove", "models", "--dihedral", "14:14.0625", "-o"),
     }
     found = {kind: folder / f"{kind}.json" for kind in words}
     for kind, each in words.items():
@@ -51,7 +50,7 @@ def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) ->
     return {"schedule": certificate} | found
 
 
-@pytest.mark.parametrize("kind", ["schedule", "errors", "solution", "critic", "models"])
+@pytest.mark.parametrize("kind", ["schedule", "errors", "solution", "critic"])
 def test_a_certificate_of_each_kind_is_verified(certificates: dict[str, Path], kind: str) -> None:
     """A certificate of each kind is verified without further options.
 

@@ -207,28 +207,7 @@ def of_games(kind: str) -> dict[str, Change]:
     return changes
 
 
-def of_models() -> dict[str, Change]:
-    changes = of_flights()
-    for name in ("A", "B", "K", "inputs"):
-        for share in (0.3, 1e-3, 0.0):
-            changes[f"error of {name} times {share}"] = put(
-                lambda error, share=share: share * error, *CLAIM, "errors", name
-            )
-        for factor in (1.1, -1.0, 0.0):
-            changes[f"{name} times {factor}"] = put(
-                array(lambda table, factor=factor: factor * table), *CLAIM, name
-            )
-    for factor in (0.5, 4.0):
-        changes[f"Q times {factor}"] = put(
-            array(lambda Q, factor=factor: factor * Q), *CLAIM, "weights", "Q"
-        )
-    del changes["error of inputs times 0.3"]  # the bound of the inputs is not this sharp
-    return changes
-
-
 def false_statements(kind: str) -> dict[str, Change]:
-    if kind == "models":
-        return of_models()
     if kind in ("solution", "critic", "scalar", "plant", "one of two"):
         return of_games(kind)
     return of_schedules(kind)

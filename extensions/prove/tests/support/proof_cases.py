@@ -24,7 +24,7 @@ from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model, Signal
 from hfa_aircraft.source import Extras
 from hfa_model import INPUTS, LINEAR_STATES
-from hfa_prove import Family, prove_models, prove_schedule
+from hfa_prove import Family, prove_schedule
 from hfa_prove.certificate import sealed
 from hfa_prove.search.loops import Intervals, Loop, exact_gains, loop_of_gains
 from hfa_prove.search.proof import Proof
@@ -290,7 +290,6 @@ PROOFS: dict[str, Callable[[], Proof]] = {
     "critic": lambda: _critic(game_at(14.5), family(), 14.5),
     "scalar": lambda: prove_solution(scalar_game(2.0)),
     "plant": lambda: _critic(PLANT),
-    "models": lambda: prove_models(family(), 14.0, 14.0625, 1e-2),
 }
 
 

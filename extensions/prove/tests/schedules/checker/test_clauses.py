@@ -25,8 +25,6 @@ from hfa_prove.check.modes import check_motion, check_pieces, least_and_most
 from hfa_prove.check.schedule import (
     check_certificate,
     check_game,
-    check_models,
-    interpolation_errors,
 )
 from hfa_prove.check.trims import (
     _check_limits,
@@ -41,8 +39,6 @@ from hfa_prove.statements.schedule import (
     FixedActuators,
     GameWitness,
     Line,
-    ModelsStatement,
-    ModelsWitness,
     Piece,
     SolutionBox,
     TrimBox,
@@ -293,12 +289,6 @@ FORGED |= {
         "not proved positive definite",
     ),
 }
-for _name in ("A", "B", "K", "inputs"):
-    FORGED[f"an error of {_name} too small"] = (
-        "models",
-        put(lambda error: 1e-3 * error, *CLAIM, "errors", _name),
-        f"the interpolation error of {_name}",
-    )
 
 
 @pytest.mark.parametrize("name", FORGED)
@@ -536,25 +526,6 @@ def test_loops_stable_for_doubles_only_are_refused() -> None:
     assert check(decimals=False) == 1
     with pytest.raises(Rejected, match="not proved positive definite"):
         check(decimals=True)
-
-
-@ctx.workprec(256)
-def test_table_errors_for_doubles_alone_are_refused() -> None:
-    """A table error is refused if it is true only for the stored doubles of the parameters.
-
-    The claim covers all decimals that round to these doubles.
-    """
-    made = certificate("models")
-    statement = read_statement("models", copy.deepcopy(made["statement"]), None)
-    assert isinstance(statement, ModelsStatement)
-    witness = ModelsWitness.read(Fields("witness", copy.deepcopy(made["witness"])), statement)
-    ((trim, box),) = witness.cells
-    linear = linear_model_on(statement.flight, trim, decimals=False)
-    exact = solution_on(statement.weights, linear.A, linear.B, box, lowest=1)
-    bound = interpolation_errors(statement, linear, exact)["B"]
-    errors = {**statement.errors, "B": float(np.nextafter(float(bound.upper()), np.inf))}
-    with pytest.raises(Rejected, match="the interpolation error of B"):
-        check_models(replace(statement, errors=errors), witness)
 
 
 def test_gains_of_critics_are_checked_against_values() -> None:

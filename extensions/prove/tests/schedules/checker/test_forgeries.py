@@ -197,8 +197,8 @@ NAMED: dict[str, tuple[str, Change, str]] = {
         put([14.0, 14.02], *CONTROLLER, "breakpoints"),
         "the box crosses a breakpoint",
     ),
-    "an unknown entry": ("models", put(1, *CLAIM, "wing_color"), "unknown entry"),
-    "a missing entry": ("models", put(None, *CLAIM, "errors"), "missing entry"),
+    "an unknown entry": ("rate", put(1, *CLAIM, "wing_color"), "unknown entry"),
+    "a missing entry": ("rate", put(None, *CLAIM, "modes"), "missing entry"),
     "an error of nothing": (
         "rate",
         put({"wing_color": 1.0}, *FLIGHT, "spread"),
@@ -207,7 +207,7 @@ NAMED: dict[str, tuple[str, Change, str]] = {
     "no limit of the throttle": ("rate", put(None, *FLIGHT, "limits", "throttle"), "missing entry"),
     "pitch imposed": ("rate", put(0.3, *FLIGHT, "imposed", "pitch"), "unknown entry"),
     "no number": (
-        "models",
+        "rate",
         put([None], *FLIGHT, "imposed", "gamma"),
         "invalid entry",
     ),
@@ -226,6 +226,7 @@ NAMED: dict[str, tuple[str, Change, str]] = {
         "trim",
     ),
     "another kind": ("plant", put("schedule", "kind"), "flight"),
+    "a retired kind": ("plant", put("models", "kind"), "of another version; prove"),
 }
 
 

@@ -24,7 +24,7 @@ import hfa
 from controller.schedule.gain_schedule import GainSchedule
 from hfa import BadInputError
 from hfa.paper import default_parameters
-from hfa_prove import check_certificate, prove_models, prove_schedule
+from hfa_prove import check_certificate, prove_schedule
 from hfa_prove.search import proof as certificate
 from hfa_prove.search.loops import Loop
 from hfa_prove.search.proof import CertificateFile, Proof
@@ -210,8 +210,6 @@ def test_unusable_gains_and_intervals_are_refused() -> None:
         said = f"the interval is {low:g} to {high:g}; give two different finite ends"
         with pytest.raises(BadInputError, match=said):
             prove_schedule(family(), exact_loop(14.0, 15.0), low, high)
-        with pytest.raises(BadInputError, match="the interval is"):
-            prove_models(family(), low, high, 1e-3)
     loop = exact_loop(13.0, 14.0, 15.0)
     assert loop.segments(13.5, 15.0) == [(13.5, 14.0), (14.0, 15.0)]
     with pytest.raises(BadInputError, match=r"the table of gains covers 13 to 15, not 13 to 15.5"):
