@@ -38,15 +38,17 @@ def need(value: Any, kind: type | tuple[type, ...], name: str, how: str) -> None
 def checks_arguments(public: Public) -> Public:
     """Return a function or class whose missing and unknown arguments raise BadInputError.
 
-    The message names the arguments, and the nearest one to an unknown name.
+    The message names the arguments, the nearest one to an unknown name, and for a class with the
+    attribute `how_to_make` what to write instead.
     """
     if isinstance(public, type):
-        public.__init__ = _named(public.__init__, public.__name__)  # type: ignore[misc]
+        how = getattr(public, "how_to_make", "")
+        public.__init__ = _named(public.__init__, public.__name__, how)  # type: ignore[misc]
         return public
     return cast(Public, _named(public, public.__name__))
 
 
-def _named(function: Callable[..., Any], name: str) -> Callable[..., Any]:
+def _named(function: Callable[..., Any], name: str, how: str = "") -> Callable[..., Any]:
     """Return a function that reports arguments under the name of the function or class."""
 
     @wraps(function)
@@ -54,7 +56,7 @@ def _named(function: Callable[..., Any], name: str) -> Callable[..., Any]:
         try:
             return function(*arguments, **named)
         except TypeError as error:
-            raise _mismatch(function, name, arguments, named, error) from None
+            raise _mismatch(function, name, how, arguments, named, error) from None
 
     return checked
 
@@ -62,13 +64,14 @@ def _named(function: Callable[..., Any], name: str) -> Callable[..., Any]:
 def _mismatch(
     function: Callable[..., Any],
     name: str,
+    how: str,
     arguments: tuple[Any, ...],
     named: dict[str, Any],
     error: TypeError,
 ) -> Exception:
     """Return the BadInputError for a call with missing, unknown or too many arguments.
 
-    name: name of the function, for the message
+    name, how: name of the function, and what to write instead, for the message
     error: TypeError that the call raised
 
     The result is `error` itself if the arguments match the signature of the function.
@@ -79,7 +82,9 @@ def _mismatch(
     except TypeError as wrong:
         known = [each for each in signature.parameters if each != "self"]
         near = next((advice(word, known) for word in named if word not in known), "")
-        return BadInputError(f"{name}: {wrong}{near}; the arguments are {', '.join(known)}")
+        instead = f"; write {how}" if how else ""
+        arguments_are = f"the arguments are {', '.join(known)}"
+        return BadInputError(f"{name}: {wrong}{near}; {arguments_are}{instead}")
     return error
 
 

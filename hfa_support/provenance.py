@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from hfa_support.errors import BadInputError, shown
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import UNSTORED, Result
 from hfa_support.version import VERSION
 
 #: Hexadecimal digits of a parameter hash.
@@ -58,7 +58,7 @@ class Provenance(Result):
     parameter_hash: str = ""
     changed: Mapping[str, Change] = field(default_factory=dict)
     condition: Mapping[str, Any] = field(default_factory=dict)
-    flight: str = field(default="", repr=False)
+    flight: str = field(default="", repr=False, metadata=UNSTORED)
     model: str = ""
     version: str = VERSION
     date: str = field(default_factory=lambda: now())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from controller.riccati.gare import unconfirmed_solution
 from hfa_aircraft.model import Model
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress, with_progress
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import Result, stored, stored_as
 from trim.linear.linear_model import LinearModel
 from trim.point.condition import TrimCondition
 from trim.point.linearize import linearize
@@ -58,27 +58,24 @@ class Draws(Result):
     unsolved: number of aircraft whose game has no solution, or None without a gain.
     """
 
-    json_keys = (
-        "first_line ok count seed parameters trimmed stable? stable_alone? "
-        "cost_lost_worst_percent? bands unsolved?"
-    )
-
     count: int
     seed: int
     parameters: tuple[str, ...]
     trimmed: int
-    stable: int | None
-    cost_lost_worst_percent: float | None
+    stable: int | None = field(metadata=stored_as(optional=True))
+    cost_lost_worst_percent: float | None = field(metadata=stored_as(optional=True))
     bands: Mapping[str, Band]
     unsolved: int | None = None
     stable_alone: int | None = None
 
     @property
+    @stored()
     def ok(self) -> bool:
         """True if every aircraft has a trim and the gain, if any, stabilizes every aircraft."""
         return self.trimmed == self.count and self.stable in (None, self.count)
 
     @property
+    @stored()
     def first_line(self) -> str:
         """One line on the drawn aircraft, for the report.
 

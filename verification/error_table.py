@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
 from controller.riccati.normal_form import NormalForm
 from hfa_support.reporting.checks import Check, at_least, at_most
-from hfa_support.reporting.results import Result, Vector, plain
+from hfa_support.reporting.results import UNSTORED, Result, Vector, plain, stored, stored_as
 from verification.critic_errors import relative_error
 
 if TYPE_CHECKING:
@@ -43,20 +43,20 @@ class ErrorTable(Result):
     predefined_time: T_w, s, or None.
     """
 
-    json_keys = "time=times limit settling_time predefined_time predefined_time_kept"
-
-    times: Vector
-    errors: Mapping[str, np.ndarray]
-    decides: str
+    times: Vector = field(metadata=stored_as("time"))
+    errors: Mapping[str, np.ndarray] = field(metadata=UNSTORED)
+    decides: str = field(metadata=UNSTORED)
     limit: float
-    predefined_time: float | None = None
+    predefined_time: float | None = field(default=None, metadata=stored_as(optional=False))
 
     @property
+    @stored()
     def settling_time(self) -> float:
         """First recorded time from which the error `decides` stays within its limit, s, or inf."""
         return settled_at(self.times, self.errors[self.decides], self.limit)
 
     @property
+    @stored()
     def predefined_time_kept(self) -> bool | None:
         """True if the settling time is at most the predefined time; None without a predefined
         time."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +14,7 @@ from hfa_support.reporting.checks import Check, Checked, at_most, checks_block, 
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import ByValue, Result, Roots
+from hfa_support.reporting.results import ByValue, Result, Roots, stored, stored_as, stored_parts
 from hfa_support.reporting.text import Table, eigenvalue_text
 from trim.hfa.printed import (
     EntryRow,
@@ -53,14 +53,17 @@ class RegeneratedPair(ByValue, Checked, Result, Reported):
     checks: checks of the entries and both spectra.
     """
 
-    json_keys = (
-        "dihedral_deg=published.dihedral_deg dynamics=model.point.dynamics "
-        "operating_point=model.point states=model.states inputs=model.inputs A=model.A B=model.B "
-        "entries printed_eigenvalues eigenvalues checks"
+    published: PublishedModel = field(metadata=stored_parts(dihedral_deg="dihedral_deg"))
+    model: LinearModel = field(
+        metadata=stored_parts(
+            dynamics="point.dynamics",
+            operating_point="point",
+            states="states",
+            inputs="inputs",
+            A="A",
+            B="B",
+        )
     )
-
-    published: PublishedModel
-    model: LinearModel
     entries: tuple[EntryRow, ...]
     printed_eigenvalues: Roots
     eigenvalues: Roots
@@ -98,11 +101,11 @@ class Regeneration(ByValue, Result, Reported):
 
     schema = "hfa.regeneration/1"
     made_by = "hfa regenerate"
-    json_keys = "ok cases=pairs"
 
-    pairs: tuple[RegeneratedPair, ...]
+    pairs: tuple[RegeneratedPair, ...] = field(metadata=stored_as("cases"))
 
     @property
+    @stored()
     def ok(self) -> bool:
         """True if every check of both pairs passes."""
         return all(pair.ok for pair in self.pairs)

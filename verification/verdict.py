@@ -13,7 +13,7 @@ from controller.critic.critic import Critic
 from controller.riccati.cost import FlightCost
 from hfa_support.reporting.checks import Check, Checked, checks_block, verdict_text
 from hfa_support.reporting.report import Part, Report, Reported
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import UNSTORED, Result, stored, stored_as, stored_parts
 from hfa_support.reporting.text import Cell, Table, entry_rows
 from verification.critic_errors import Box, Exact
 
@@ -132,29 +132,26 @@ class Verdict(Checked, Result, Reported):
 
     schema = "hfa.critic-check/1"
     made_by = "hfa verify"
-    json_keys = (
-        "ok grade P_rel_error K_rel_error diagnosis=reason checks=checks_with_kinds P=critic.P "
-        "K=critic.K P_exact=exact.P K_exact=exact.K"
-    )
 
-    critic: Critic
-    exact: Exact
-    checks: tuple[Check, ...]
-    limit: float
-    reason: str = ""
-    cost_lost: float = 0.0
-    searched: int = 0
-    proof: Proved | None = None
-    problem: str = "game solution"
-    weights: str = ""
-    sections: tuple[Section, ...] = field(default_factory=tuple)
-    table: ErrorTable | None = None
+    critic: Critic = field(metadata=stored_parts(P="P", K="K"))
+    exact: Exact = field(metadata=stored_parts(P_exact="P", K_exact="K"))
+    checks: tuple[Check, ...] = field(metadata=UNSTORED)
+    limit: float = field(metadata=UNSTORED)
+    reason: str = field(default="", metadata=stored_as("diagnosis"))
+    cost_lost: float = field(default=0.0, metadata=UNSTORED)
+    searched: int = field(default=0, metadata=UNSTORED)
+    proof: Proved | None = field(default=None, metadata=UNSTORED)
+    problem: str = field(default="game solution", metadata=UNSTORED)
+    weights: str = field(default="", metadata=UNSTORED)
+    sections: tuple[Section, ...] = field(default_factory=tuple, metadata=UNSTORED)
+    table: ErrorTable | None = field(default=None, metadata=UNSTORED)
 
     def value_of(self, name: str) -> float:
         """Return the measured value of a check with this name, or nan if there is no such check."""
         return next((check.value for check in self.checks if check.name == name), math.nan)
 
     @property
+    @stored()
     def P_rel_error(self) -> float:
         """Relative error |P - P*| / |P*| in Frobenius norms and the units of the game.
 
@@ -163,6 +160,7 @@ class Verdict(Checked, Result, Reported):
         return self.value_of("P_rel_error")
 
     @property
+    @stored()
     def K_rel_error(self) -> float:
         """Relative error |K - K*| / |K*| in Frobenius norms and the units of the game."""
         return self.value_of("K_rel_error")
@@ -194,6 +192,7 @@ class Verdict(Checked, Result, Reported):
         return all(distance <= AT_TRIM for distance in rests)
 
     @property
+    @stored()
     def grade(self) -> Grade:
         """Grade of the critic: "exact", "near" or "fail".
 
@@ -284,6 +283,7 @@ class Verdict(Checked, Result, Reported):
         return f"exact within {self.limit:g}"
 
     @property
+    @stored("checks")
     def checks_with_kinds(self) -> list[dict[str, Any]]:
         """Data of each check: name, value, limit, ok, reason and kind."""
         return [check.as_data() | {"kind": check.kind} for check in self.checks]

@@ -11,7 +11,7 @@ import numpy as np
 from controller.game.basis import basis
 from hfa_aircraft.names import UNNAMED, PlantNames
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result, Vector
+from hfa_support.reporting.results import UNSTORED, Matrix, Result, Vector, stored, stored_as
 from hfa_support.reporting.text import RowsMade, Table, matrix_table
 
 if TYPE_CHECKING:
@@ -85,24 +85,20 @@ class TrainingRun(Result, Reported):
 
     schema = "hfa.learning-result/1"
     made_by = "hfa learn"
-    json_keys = (
-        "law basis times?=time weights? residual_norm? law_residual_norm? K excitation settings "
-        "seed diagnostics clock P settling_time status=outcome W weight_units?"
-    )
 
     law: str
     basis: str
-    time: Vector
-    weights: Matrix
-    residual_norm: Vector
-    law_residual_norm: Vector
-    settling_residual: np.ndarray
+    time: Vector = field(metadata=stored_as("times", optional=True))
+    weights: Matrix = field(metadata=stored_as(optional=True))
+    residual_norm: Vector = field(metadata=stored_as(optional=True))
+    law_residual_norm: Vector = field(metadata=stored_as(optional=True))
+    settling_residual: np.ndarray = field(metadata=UNSTORED)
     K: Matrix
     excitation: Excitation
     settings: dict[str, Any]
     seed: int
     diagnostics: dict[str, float] = field(default_factory=dict)
-    names: PlantNames = UNNAMED
+    names: PlantNames = field(default=UNNAMED, metadata=UNSTORED)
     clock: str = "s"
 
     def critic(self, game: Game) -> Critic:
@@ -112,16 +108,19 @@ class TrainingRun(Result, Reported):
         return from_weights(game, self.weights[-1], self.basis)
 
     @property
+    @stored()
     def P(self) -> Matrix:
         """Matrix P (n, n) of the quadratic part z'P z of the last value."""
         return basis(self.basis, self.K.shape[1]).matrix(self.weights[-1])
 
     @property
+    @stored()
     def W(self) -> Vector:
         """Last weights of the basis, (M,)."""
         return self.weights[-1]
 
     @property
+    @stored(optional=True)
     def weight_units(self) -> list[str]:
         """Unit of each weight as text, (M,), for a value V without a unit.
 
@@ -140,6 +139,7 @@ class TrainingRun(Result, Reported):
         return units
 
     @property
+    @stored()
     def settling_time(self) -> float:
         """First recorded time from which `settling_residual` stays at or below `SETTLED`, in units
         of `clock`.
@@ -158,6 +158,7 @@ class TrainingRun(Result, Reported):
         return has_rank and math.isfinite(self.settling_time)
 
     @property
+    @stored("status")
     def outcome(self) -> str:
         """ "settled", or a sentence with the reason why the run has not settled.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from controller.riccati.smallest_delta import DeltaMin
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import checks_block
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result, Roots
+from hfa_support.reporting.results import Result, Roots, stored, stored_parts
 from hfa_support.reporting.text import controller_tables, matrix_table
 
 
@@ -26,23 +26,32 @@ class AnalysedDiscreteGame(Result, Reported):
 
     schema = "hfa.discrete-solution/1"
     made_by = "hfa solve, of a plant in discrete time"
-    json_keys = (
-        "states=solution.names.states inputs=solution.names.inputs P=solution.P K=solution.K "
-        "disturbance_gain=solution.disturbance_gain H=solution.H delta=solution.game.delta "
-        "discount=solution.discount delta_min=delta_min.value delta_margin "
-        "certificate=solution.certificate spectral_radius=solution.radius "
-        "discounted_spectral_radius=solution.discounted_radius closed_loop_eigenvalues"
-    )
 
-    solution: DiscreteSolution
-    delta_min: DeltaMin
+    solution: DiscreteSolution = field(
+        metadata=stored_parts(
+            states="names.states",
+            inputs="names.inputs",
+            P="P",
+            K="K",
+            disturbance_gain="disturbance_gain",
+            H="H",
+            delta="game.delta",
+            discount="discount",
+            certificate="certificate",
+            spectral_radius="radius",
+            discounted_spectral_radius="discounted_radius",
+        )
+    )
+    delta_min: DeltaMin = field(metadata=stored_parts(delta_min="value"))
 
     @property
+    @stored()
     def delta_margin(self) -> float:
         """Ratio delta / delta_min of a game."""
         return self.delta_min.margin(self.solution.game.delta)
 
     @property
+    @stored()
     def closed_loop_eigenvalues(self) -> Roots:
         """Eigenvalues of A - B K, (n,), in discrete time."""
         step = self.solution.game

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +20,9 @@ from controller.plant.generalized_plant import (
 from controller.riccati.balancing import is_hurwitz, spectrum
 from controller.riccati.certificate import Certificate
 from controller.riccati.smallest_delta import DeltaMin
-from hfa_support.reporting.checks import checks_block
+from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result, Roots
+from hfa_support.reporting.results import UNSTORED, Result, Roots, stored, stored_parts
 from hfa_support.reporting.text import Table, controller_tables, eigenvalue_text, numbered
 
 #: Default delta / delta_min. Nearer to 1, the poles of the controller become ever faster.
@@ -31,11 +31,6 @@ USUAL_MARGIN = 1.01
 
 #: Names of the rows and of the columns of a matrix.
 Names = tuple[tuple[str, ...], tuple[str, ...]]
-_HEAD = (
-    "plant feedback delta=solution.delta delta_min=smallest.value "
-    "delta_min_refused=smallest.refused delta_min_condition=smallest.condition delta_margin"
-)
-_TAIL = "checks=solution.checks certificate closed_loop_eigenvalues"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -54,18 +49,36 @@ class PlantSolution(Result, Reported):
     made_by = "hfa solve, of a generalized plant"
 
     plant: str
-    problem: GeneralizedPlant
-    smallest: DeltaMin
-    solution: OutputFeedback | StateFeedback
+    problem: GeneralizedPlant = field(metadata=UNSTORED)
+    smallest: DeltaMin = field(
+        metadata=stored_parts(
+            delta_min="value", delta_min_refused="refused", delta_min_condition="condition"
+        )
+    )
+    solution: OutputFeedback | StateFeedback = field(metadata=UNSTORED)
     closed_loop_eigenvalues: Roots
     warnings: Sequence[str]
 
     @property
+    @stored()
+    def delta(self) -> float:
+        """Upper bound of the gain from w to z."""
+        return self.solution.delta
+
+    @property
+    @stored()
+    def checks(self) -> tuple[Check, ...]:
+        """Checks of the certificates and of the closed loop."""
+        return self.solution.checks
+
+    @property
+    @stored()
     def delta_margin(self) -> float:
         """Ratio delta / delta_min."""
         return self.smallest.margin(self.solution.delta)
 
     @property
+    @stored()
     def certificate(self) -> Certificate:
         """Checks that certify the controller, and whether all pass."""
         return Certificate(self.solution.checks)
@@ -117,14 +130,14 @@ class PlantSolution(Result, Reported):
 class OutputSolution(PlantSolution):
     """Controller of a plant with measurements y."""
 
-    json_keys = (
-        f"{_HEAD} Ak?=solution.Ak Bk?=solution.Bk Ck?=solution.Ck Dk?=solution.Dk X?=solution.X "
-        f"Y?=solution.Y coupling?=solution.coupling {_TAIL} warnings"
+    solution: OutputFeedback = field(
+        metadata=stored_parts(
+            optional=True, Ak="Ak", Bk="Bk", Ck="Ck", Dk="Dk", X="X", Y="Y", coupling="coupling"
+        )
     )
 
-    solution: OutputFeedback
-
     @property
+    @stored()
     def feedback(self) -> str:
         """Kind of feedback: state (u = -K x, P) or output (xk' = Ak xk + Bk y, u = Ck xk + Dk
         y).
@@ -159,14 +172,12 @@ class OutputSolution(PlantSolution):
 class StateSolution(PlantSolution):
     """Gain of a plant whose states are measured."""
 
-    json_keys = (
-        f"{_HEAD} {_TAIL} P?=solution.P K?=solution.K "
-        "disturbance_gain?=solution.disturbance_gain warnings"
+    solution: StateFeedback = field(
+        metadata=stored_parts(optional=True, P="P", K="K", disturbance_gain="disturbance_gain")
     )
 
-    solution: StateFeedback
-
     @property
+    @stored()
     def feedback(self) -> str:
         """Kind of feedback: state (u = -K x, P) or output (xk' = Ak xk + Bk y, u = Ck xk + Dk
         y).

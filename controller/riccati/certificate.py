@@ -95,8 +95,6 @@ class Certificate(Checked, Result):
     checks: the tests
     """
 
-    json_keys = "ok checks"
-
     checks: tuple[Check, ...]
 
 

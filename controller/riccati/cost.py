@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from controller.riccati.balancing import spectrum
 from controller.riccati.frequency_response import bounded_real_gain
 from controller.riccati.gare import Solution
 from controller.riccati.normal_form import NormalForm
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import Result, stored_as
 
 #: An eigenvalue of P* below this fraction of the largest belongs to a state without cost.
 SIGNLESS = 1e-12
@@ -40,18 +40,12 @@ class FlightCost(Result):
     exact_distance: the same distance for the optimum
     """
 
-    json_keys = (
-        "cost_lost_worst_percent=worst cost_lost_mean_percent=mean l2_gain=gain "
-        "l2_gain_exact=exact_gain distance_to_instability=distance "
-        "distance_to_instability_exact=exact_distance"
-    )
-
-    worst: float
-    mean: float
-    gain: float
-    exact_gain: float
-    distance: float
-    exact_distance: float
+    worst: float = field(metadata=stored_as("cost_lost_worst_percent"))
+    mean: float = field(metadata=stored_as("cost_lost_mean_percent"))
+    gain: float = field(metadata=stored_as("l2_gain"))
+    exact_gain: float = field(metadata=stored_as("l2_gain_exact"))
+    distance: float = field(metadata=stored_as("distance_to_instability"))
+    exact_distance: float = field(metadata=stored_as("distance_to_instability_exact"))
 
 
 def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -26,7 +26,7 @@ from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result, Roots
+from hfa_support.reporting.results import Matrix, Result, Roots, stored, stored_as, stored_parts
 
 if TYPE_CHECKING:
     import control
@@ -59,24 +59,26 @@ class Solution(Result, Reported):
 
     schema = "hfa.game-solution/1"
     made_by = "hfa solve"
-    json_keys = (
-        "states=names.states inputs=names.inputs P K disturbance_gain delta certificate "
-        "closed_loop_eigenvalues closed_loop_abscissa_error=abscissa_error worst_case_eigenvalues "
-        "delta_min delta_margin meaning loop_margins disk_margin state_units=names.state_units "
-        "input_units=names.input_units"
-    )
 
     P: Matrix
     K: Matrix
     disturbance_gain: Matrix
-    game: Game
+    game: Game = field(
+        metadata=stored_parts(
+            states="names.states",
+            inputs="names.inputs",
+            state_units="names.state_units",
+            input_units="names.input_units",
+        )
+    )
     certificate: Certificate
     closed_loop_eigenvalues: Roots
     worst_case_eigenvalues: Roots
-    abscissa_error: float
+    abscissa_error: float = field(metadata=stored_as("closed_loop_abscissa_error"))
     meaning: tuple[Check, ...] = ()
 
     @property
+    @stored()
     def delta(self) -> float:
         """Disturbance weight δ of the game."""
         return self.game.delta
@@ -114,11 +116,13 @@ class Solution(Result, Reported):
         return smallest_delta_of(NormalForm.of(self.game))
 
     @property
+    @stored()
     def delta_min(self) -> float:
         """Smallest delta found to have a solution, an upper bound of the exact delta_min."""
         return self.smallest.value
 
     @property
+    @stored()
     def delta_margin(self) -> float:
         """Ratio delta / delta_min, or inf if delta_min is 0."""
         return self.smallest.margin(self.delta)
@@ -129,11 +133,13 @@ class Solution(Result, Reported):
         return loop_margins(*self._balanced)
 
     @property
+    @stored()
     def loop_margins(self) -> dict[str, dict[str, float]]:
         """Stability margins, input -> name of the margin -> value (`named_margins`)."""
         return named_margins(self.names.inputs, self.loops)
 
     @cached_property
+    @stored()
     def disk_margin(self) -> DiskMargin:
         """Disk margin for all inputs together."""
         return disk_margin(*self._balanced)

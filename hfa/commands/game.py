@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from hfa.options.argument_types import whole
@@ -13,7 +13,7 @@ from hfa.options.output import ProgressLine, show
 from hfa.options.request import OfModel, command, option
 from hfa.options.trims import OutputOptions, UnitsOption
 from hfa_support.reporting.checks import Check
-from hfa_support.reporting.results import Matrix, Result
+from hfa_support.reporting.results import Matrix, Result, stored_as
 
 if TYPE_CHECKING:
     from controller.critic.training_run import TrainingRun
@@ -171,11 +171,9 @@ class LearnedChecks(Result):
     H: Q-function of a discrete-time plant, Q(x, u, w) = [x; u; w]' H [x; u; w], otherwise None
     """
 
-    json_keys = "converged certificates H?"
-
     certificates: Sequence[Check]
     converged: bool
-    H: Matrix | None
+    H: Matrix | None = field(metadata=stored_as(optional=True))
 
 
 def _show_learned(

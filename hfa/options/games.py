@@ -26,7 +26,7 @@ from hfa.options.trims import OF_THE_TRIM, AircraftOptions, TrimOptions, of_hfa
 from hfa_model.variants import VARIANTS
 from hfa_support.errors import BadInputError, NoSolutionError, choice_of
 from hfa_support.files import MATRIX_FILES
-from hfa_support.reporting.results import Matrix, Result
+from hfa_support.reporting.results import UNSTORED, Matrix, Result, stored, stored_as, stored_parts
 from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
@@ -295,11 +295,9 @@ class Weights(Result):
     weights_from: name -> "given", "file", "design" or "default", for Q, R and delta, and N if given
     """
 
-    json_keys = "Q R N? weights_from"
-
     Q: Matrix
     R: Matrix
-    N: Matrix | None
+    N: Matrix | None = field(metadata=stored_as(optional=True))
     weights_from: Mapping[str, str]
 
 
@@ -316,21 +314,25 @@ class NamedGame(Result):
     weights_from: name -> "given", "file", "design" or "default", for Q, R and delta
     """
 
-    json_keys = (
-        "plant=game.names.origin plant_provenance?=origins states=game.names.states "
-        "inputs=game.names.inputs state_units=game.names.state_units "
-        "input_units=game.names.input_units delta=game.delta warnings"
+    game: Game = field(
+        metadata=stored_parts(
+            plant="names.origin",
+            states="names.states",
+            inputs="names.inputs",
+            state_units="names.state_units",
+            input_units="names.input_units",
+            delta="delta",
+        )
     )
-
-    game: Game
     warnings: tuple[str, ...] = ()
-    plant_provenance: Mapping[str, str] = field(default_factory=dict)
-    linear: LinearModel | None = None
-    discrete: DiscreteGame | None = None
-    has_time: bool = True
-    weights_from: Mapping[str, str] = field(default_factory=dict)
+    plant_provenance: Mapping[str, str] = field(default_factory=dict, metadata=UNSTORED)
+    linear: LinearModel | None = field(default=None, metadata=UNSTORED)
+    discrete: DiscreteGame | None = field(default=None, metadata=UNSTORED)
+    has_time: bool = field(default=True, metadata=UNSTORED)
+    weights_from: Mapping[str, str] = field(default_factory=dict, metadata=UNSTORED)
 
     @property
+    @stored("plant_provenance", optional=True)
     def origins(self) -> dict[str, str] | None:
         """Provenance of a plant read from a file, or None if the plant has none."""
         return dict(self.plant_provenance) or None

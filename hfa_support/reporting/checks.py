@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING
 
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import UNSTORED, Result, stored
 from hfa_support.reporting.text import Cell, Table
 
 #: Relation between value and limit -> function. A value of nan satisfies none.
@@ -35,15 +35,13 @@ class Check(Result):
         "".
     """
 
-    json_keys = "name value limit ok reason"
-
     name: str
     value: float
     limit: float
     ok: bool
     reason: str
-    relation: str = "<="
-    kind: str = ""
+    relation: str = field(default="<=", metadata=UNSTORED)
+    kind: str = field(default="", metadata=UNSTORED)
 
     @property
     def sentence(self) -> str:
@@ -61,6 +59,7 @@ class Checked:
             """All checks of this result."""
 
     @property
+    @stored()
     def ok(self) -> bool:
         """True if every check passes."""
         return all(check.ok for check in self.checks)

@@ -10,11 +10,11 @@ import types
 import typing
 from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
-from functools import cache, cached_property
+from functools import cache
 from importlib import import_module
 from typing import Annotated, Any, Literal, get_args, get_origin
 
-from hfa_support.reporting.results import Result, declared_entries
+from hfa_support.reporting.results import Result, declared_entries, getter_of
 
 #: A number; null where it is not finite or does not exist.
 NUMBER = {"type": ["number", "null"]}
@@ -89,11 +89,9 @@ def _written_annotation(kind: type, name: str) -> Any:
     The annotation of a property is the return annotation of its function. The result is None if the
     class does not declare the name.
     """
-    value = vars(kind).get(name)
-    if isinstance(value, cached_property):
-        return value.func.__annotations__.get("return")
-    if isinstance(value, property):
-        return value.fget.__annotations__.get("return")
+    getter = getter_of(vars(kind).get(name))
+    if getter is not None:
+        return getter.__annotations__.get("return")
     return vars(kind).get("__annotations__", {}).get(name)
 
 

@@ -1,18 +1,18 @@
 """Base class of results whose data files, schema and documentation are derived from the class.
 
-The entries of a `Result` are its fields and properties. Annotations declare the types of the
-entries. A line "name: meaning" in the docstring of the class describes a field, and the docstring
-of a property describes the property. JSON, data files, the JSON Schema and the page of formats are
-derived from these declarations.
+The entries of a `Result` are its fields and the properties marked by `stored`. Annotations declare
+the types of the entries. A line "name: meaning" in the docstring of the class describes a field,
+and the docstring of a property describes the property. JSON, data files, the JSON Schema and the
+page of formats are derived from these declarations.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields
 from enum import Enum
-from functools import reduce
-from typing import Annotated, Any, ClassVar, NamedTuple
+from functools import cached_property, reduce
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -29,6 +29,9 @@ RootTable = Annotated[np.ndarray, 3]
 Record = Annotated[Any, Mapping[str, float]]
 
 
+Getter = TypeVar("Getter", bound=Callable[..., Any])
+
+
 class Entry(NamedTuple):
     """Entry in the data of a result.
 
@@ -43,21 +46,56 @@ class Entry(NamedTuple):
     is_optional: bool
 
 
+#: Metadata of a field that files do not contain.
+UNSTORED: Mapping[str, Any] = {"stored": False}
+
+
+def stored_as(key: str = "", *, optional: bool | None = None) -> dict[str, Any]:
+    """Return the metadata of a field of a `Result`, as in `field(metadata=stored_as("A_exact"))`.
+
+    key: key of the entry, by default the name of the field, as for a field without metadata
+    optional: whether the entry is omitted if it is None or empty, by default whether the field has
+      the default None
+    """
+    return {"stored": True, "key": key, "optional": optional}
+
+
+def stored_parts(*, optional: bool = False, **paths: str) -> dict[str, Any]:
+    """Return the metadata of a field of which files contain parts only.
+
+    optional: whether the entries are omitted if they are None or empty
+    paths: key of an entry -> the attribute of the field's value, as in "game.delta"
+    """
+    return {"stored": False, "parts": paths, "optional": optional}
+
+
+def stored(key: str = "", *, optional: bool = False) -> Callable[[Getter], Getter]:
+    """Return a decorator, below `@property` or `@cached_property`, for a property that is an entry.
+
+    key: key of the entry, by default the name of the property
+    optional: whether the entry is omitted if it is None or empty
+    """
+
+    def mark(getter: Getter) -> Getter:
+        name = getter.__name__
+        getter.__dict__["entry"] = Entry(key or name, (name,), optional)
+        return getter
+
+    return mark
+
+
 class Result:
     """Base class of dataclasses that are stored as files or as parts of other results.
 
     schema: name and version of the file format, or "" for a part of other results
     made_by: command that writes the file
-    json_keys: entries in order, separated by blanks, or "" for all fields
 
-    An entry of `json_keys` is the name of a field or property, or KEY=FIELD.PROPERTY. A ? after the
-    key omits the entry if it is None or empty. If `json_keys` is "", a field with default None is
-    omitted if it is None or empty.
+    The entries are the fields, and the properties marked by `stored`, also those of base classes. A
+    field replaces a property with the same key.
     """
 
     schema: ClassVar[str] = ""
     made_by: ClassVar[str] = ""
-    json_keys: ClassVar[str] = ""
 
     def as_data(self) -> dict[str, Any]:
         """Return the entries of the result, key -> value. Arrays are kept as arrays.
@@ -118,19 +156,38 @@ def _is_empty(value: Any) -> bool:
     return value is None or value in ([], ())
 
 
+def getter_of(value: Any) -> Callable[[Any], Any] | None:
+    """Return the function of a property or cached property, or None for other class attributes."""
+    if isinstance(value, cached_property):
+        return value.func
+    return value.fget if isinstance(value, property) else None
+
+
 def declared_entries(kind: type[Result]) -> tuple[Entry, ...]:
     """Return the entries that a class of results declares, in the order of its data."""
-    if kind.json_keys:
-        return tuple(map(_entry, kind.json_keys.split()))
-    shown = [field for field in fields(kind) if field.repr]  # type: ignore[arg-type]
-    return tuple(Entry(field.name, (field.name,), field.default is None) for field in shown)
+    of_fields = {entry.name: entry for entry in _stored_fields(kind)}
+    of_properties = {entry.name: entry for entry in _stored_properties(kind)}
+    return tuple((of_fields | of_properties | of_fields).values())
 
 
-def _entry(text: str) -> Entry:
-    """Return the entry of a declaration KEY, KEY? or KEY=FIELD.PROPERTY (`Result.json_keys`)."""
-    key, _, path = text.partition("=")
-    name = key.removesuffix("?")
-    return Entry(name, tuple((path or name).split(".")), key.endswith("?"))
+def _stored_properties(kind: type[Result]) -> Iterator[Entry]:
+    for ancestor in reversed(kind.__mro__):
+        for value in vars(ancestor).values():
+            marked = getattr(getter_of(value), "entry", None)
+            if marked:
+                yield marked
+
+
+def _stored_fields(kind: type[Result]) -> Iterator[Entry]:
+    for field in fields(kind):  # type: ignore[arg-type]
+        declared = field.metadata
+        is_optional = declared.get("optional")
+        if is_optional is None:
+            is_optional = field.default is None
+        if declared.get("stored", True):
+            yield Entry(declared.get("key") or field.name, (field.name,), is_optional)
+        for key, path in declared.get("parts", {}).items():
+            yield Entry(key, (field.name, *path.split(".")), is_optional)
 
 
 class ByValue:

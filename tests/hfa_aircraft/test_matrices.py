@@ -70,7 +70,7 @@ def test_lqr_needs_all_matrices() -> None:
     linear = hfa.LinearModel.of(A, B)
     with pytest.raises(BadInputError, match=r"hfa.game\(linear, Q, R, delta\)"):
         hfa.lqr(linear, B, np.eye(2), np.eye(1))  # type: ignore[arg-type]
-    with pytest.raises(BadInputError, match=r"write hfa.LinearModel.of\(A, B, C, D\)"):
+    with pytest.raises(BadInputError, match=r"hfa.LinearModel.of\(A, B, C, D\)"):
         hfa.LinearModel(A, B)  # type: ignore[call-arg]
 
 

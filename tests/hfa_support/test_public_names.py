@@ -136,7 +136,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "LinearModel(A, B)": (
         lambda: hfa.LinearModel([[1.0]], [[1.0]]),
-        "write hfa.LinearModel.of(A, B, C, D)",
+        "hfa.LinearModel.of(A, B, C, D)",
     ),
     "from_weights(functions)": (
         lambda: hfa.from_weights(plant()["game"], [1.0], functions="quadratic"),

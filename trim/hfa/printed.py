@@ -7,7 +7,7 @@ and the trim.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
@@ -27,7 +27,7 @@ from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import RowFunction
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import ByValue, Matrix, Result
+from hfa_support.reporting.results import UNSTORED, ByValue, Matrix, Result, stored
 from hfa_support.reporting.text import Table, matrix_table
 from hfa_support.units import si_factor
 from trim.hfa.level_flight import level_flight
@@ -53,16 +53,15 @@ class EntryRow(Result):
     half_unit: half a unit of the last printed digit
     """
 
-    json_keys = "name printed computed half_units percent"
-
-    matrix: str
-    row: str
-    column: str
+    matrix: str = field(metadata=UNSTORED)
+    row: str = field(metadata=UNSTORED)
+    column: str = field(metadata=UNSTORED)
     printed: float
     computed: float
-    half_unit: float
+    half_unit: float = field(metadata=UNSTORED)
 
     @property
+    @stored()
     def half_units(self) -> float:
         """Difference (computed - printed) in half units of the last printed digit.
 
@@ -71,6 +70,7 @@ class EntryRow(Result):
         return (self.computed - self.printed) / self.half_unit
 
     @property
+    @stored()
     def percent(self) -> float:
         """Difference (computed - printed) in percent of |printed|, or nan if printed is 0."""
         return (
@@ -85,6 +85,7 @@ class EntryRow(Result):
         return self.printed == 0.0 and abs(self.half_units) < 1e-6
 
     @property
+    @stored()
     def name(self) -> str:
         """Name of the entry, for example A(alpha, pitch_rate)."""
         return f"{self.matrix}({self.row}, {self.column})"

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import UNSTORED, Result
 from hfa_support.reporting.text import Table
 from trim.linear.linear_model import LinearModel
 
@@ -30,9 +30,7 @@ class Quantity(Result):
     unit: unit of the value
     """
 
-    json_keys = "value unit"
-
-    name: str
+    name: str = field(metadata=UNSTORED)
     value: float
     unit: str
 

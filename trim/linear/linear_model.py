@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -20,7 +20,15 @@ from hfa_support.labels import in_order, labels_of
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 from hfa_support.reporting.named import with_names
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import ByValue, Matrix, Result, Vector
+from hfa_support.reporting.results import (
+    UNSTORED,
+    ByValue,
+    Matrix,
+    Result,
+    Vector,
+    stored,
+    stored_as,
+)
 from hfa_support.reporting.text import Table, degrees, matrix_table, numbered
 from trim.linear.modes import modes_table
 
@@ -38,6 +46,7 @@ if TYPE_CHECKING:
     from trim.point.operating_point import OperatingPoint
 
 
+@checks_arguments
 @checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearModel(StatesAndInputs, ByValue, Result, Reported):
@@ -67,56 +76,28 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     (True, (6, 6), (6, 5))
     """
 
-    how_to_make: ClassVar[str] = "linearize(model, point), or of matrices hfa.LinearModel.of(A, B)"
+    how_to_make: ClassVar[str] = (
+        "hfa.linearize(model, point), or of matrices hfa.LinearModel.of(A, B, C, D)"
+    )
     schema = "hfa.linear-model/1"
     made_by = "hfa linearize"
-    json_keys = (
-        "dihedral_deg?=point.dihedral_deg scheduled?=point.scheduled dynamics=point.dynamics "
-        "operating_point=point states inputs state_units input_units state_offsets input_offsets "
-        "A B outputs output_units C D disturbances? disturbance_units? E? F? output_offsets "
-        "warnings modes"
-    )
 
     A: Matrix
     B: Matrix
-    C: Matrix = None  # type: ignore[assignment]
-    D: Matrix = None  # type: ignore[assignment]
-    states: tuple[str, ...] = ()
-    inputs: tuple[str, ...] = ()
-    point: OperatingPoint = None  # type: ignore[assignment]
-    outputs: tuple[str, ...] = ()
-    E: Matrix = None  # type: ignore[assignment]
-    F: Matrix = None  # type: ignore[assignment]
-    output_offsets: Vector = None  # type: ignore[assignment]
-    disturbances: tuple[str, ...] = ()
-    kinks: tuple[str, ...] = ()
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            A: Matrix,
-            B: Matrix,
-            C: Matrix,
-            D: Matrix,
-            states: tuple[str, ...],
-            inputs: tuple[str, ...],
-            point: OperatingPoint,
-            outputs: tuple[str, ...],
-            E: Matrix,
-            F: Matrix,
-            output_offsets: Vector,
-            disturbances: tuple[str, ...],
-            kinks: tuple[str, ...],
-        ) -> None: ...
+    C: Matrix
+    D: Matrix
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    point: OperatingPoint = field(metadata=stored_as("operating_point"))
+    outputs: tuple[str, ...]
+    E: Matrix = field(metadata=stored_as(optional=True))
+    F: Matrix = field(metadata=stored_as(optional=True))
+    output_offsets: Vector
+    disturbances: tuple[str, ...] = field(metadata=stored_as(optional=True))
+    kinks: tuple[str, ...] = field(metadata=UNSTORED)
 
     def __post_init__(self) -> None:
-        """Make A and B indexable by names. Raises BadInputError without an operating point."""
-        if self.point is None:
-            raise BadInputError(
-                "a LinearModel needs an operating point; of matrices write "
-                "hfa.LinearModel.of(A, B, C, D)"
-            )
+        """Make A and B indexable by names."""
         vars(self).update(
             A=with_names(self.A, self.states, self.states),
             B=with_names(self.B, self.states, self.inputs),
@@ -184,16 +165,41 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         return self.inputs
 
     @property
+    @stored()
+    def dynamics(self) -> str:
+        """Name of the model."""
+        return self.point.dynamics
+
+    @property
+    @stored(optional=True)
+    def dihedral_deg(self) -> float | None:
+        """Dihedral angle of the flexible aircraft, degrees, or None for other models."""
+        return self.point.dihedral_deg
+
+    @property
+    @stored(optional=True)
+    def scheduled(self) -> dict[str, float] | None:
+        """Value of the scheduling variable, name -> value.
+
+        The mapping is empty without a scheduling variable and for a parameter, and None for the
+        flexible aircraft (`dihedral_deg`).
+        """
+        return self.point.scheduled
+
+    @property
+    @stored()
     def output_units(self) -> tuple[str, ...]:
         """Units of the outputs, in order."""
         return self.model.units(self.outputs)
 
     @property
+    @stored(optional=True)
     def disturbance_units(self) -> tuple[str, ...]:
         """Units of the disturbances, in order."""
         return self.model.units(self.disturbances)
 
     @property
+    @stored()
     def warnings(self) -> list[str]:
         """Notes on the operating point, omitted input dynamics, entries of A and B at kinks, and
         rates that jump.
@@ -203,6 +209,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         return [*self.point.warnings, *moving, *self.kinks]
 
     @property
+    @stored()
     def modes(self) -> ByName[Mode]:
         """Modes of A, fastest first, which can be indexed by number or name: modes["phugoid"]."""
         from hfa_support.reporting.named import ByName
@@ -211,11 +218,13 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         return ByName(modes_of(self.A, self.states, self.model.modes))
 
     @property
+    @stored()
     def state_offsets(self) -> Vector:
         """Offsets X0 of the states, (n,)."""
         return np.array([self.point.values[name] for name in self.states])
 
     @property
+    @stored()
     def input_offsets(self) -> Vector:
         """Offsets U0 of the inputs, (m,)."""
         return np.array([self.point.values[name] for name in self.inputs])

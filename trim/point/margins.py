@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from hfa_aircraft.limits import NEAR
 from hfa_aircraft.model import Model
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import UNSTORED, Result, stored
 from hfa_support.reporting.text import degrees, shown_value
 from trim.point.condition import TrimCondition
 
@@ -29,18 +29,17 @@ class Margin(Result):
     assumed: whether the limits are assumptions of the reader of the aircraft
     """
 
-    json_keys = "value unit role lowest highest margin=distance nearer at_limit assumed"
-
-    name: str
+    name: str = field(metadata=UNSTORED)
     value: float
     role: str
     lowest: float
     highest: float
     unit: str
-    scale: float
+    scale: float = field(metadata=UNSTORED)
     assumed: bool = False
 
     @property
+    @stored("margin")
     def distance(self) -> float:
         """Distance to the nearer limit, min(value - lowest, highest - value).
 
@@ -49,6 +48,7 @@ class Margin(Result):
         return min(self.value - self.lowest, self.highest - self.value)
 
     @property
+    @stored()
     def nearer(self) -> str:
         """Name of the nearer limit, "lowest" or "highest", or "" without limits."""
         if math.isinf(self.distance):
@@ -71,6 +71,7 @@ class Margin(Result):
         return self.distance / (self.highest - self.lowest or 1.0)
 
     @property
+    @stored()
     def at_limit(self) -> bool:
         """True if the variable is at the nearer limit, up to `NEAR`, or beyond."""
         return bool(self.nearer) and self.distance <= NEAR * (self.scale + abs(self.nearer_limit))

@@ -16,7 +16,7 @@ from hfa_support.errors import BadInputError, refuse_unknown, shortened
 from hfa_support.files import read_json, write_text
 from hfa_support.reporting.data_files import json_text
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Record, Result
+from hfa_support.reporting.results import UNSTORED, Record, Result, stored
 from hfa_support.reporting.text import Table, degrees, in_degrees
 from hfa_support.schema import NUMBER, checked
 from hfa_support.units import conversion, si_unit
@@ -58,15 +58,14 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     how_to_make: ClassVar[str] = "trim(model)"
     schema = SCHEMA
-    json_keys = "dynamics status states state_units inputs input_units residuals"
 
     states: Record
     inputs: Record
     residuals: dict[str, float]
     status: Status
-    model: Model = field(compare=False)
-    started: int = field(default=0, compare=False)
-    problem: TrimProblem | None = field(default=None, compare=False)
+    model: Model = field(compare=False, metadata=UNSTORED)
+    started: int = field(default=0, compare=False, metadata=UNSTORED)
+    problem: TrimProblem | None = field(default=None, compare=False, metadata=UNSTORED)
 
     @classmethod
     def of(
@@ -145,16 +144,19 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         return np.array(self.inputs)
 
     @property
+    @stored()
     def dynamics(self) -> str:
         """Name of the model."""
         return self.model.name
 
     @property
+    @stored()
     def state_units(self) -> dict[str, str]:  # type: ignore[override]
         """Unit of each state, name -> unit."""
         return {name: self.model.unit(name) for name in self.model.states}
 
     @property
+    @stored()
     def input_units(self) -> dict[str, str]:  # type: ignore[override]
         """Unit of each input, name -> unit."""
         return {name: self.model.unit(name) for name in self.model.inputs}

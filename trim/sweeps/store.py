@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import Result, stored, stored_parts
 from hfa_support.reporting.text import Table
 from hfa_support.rows.store import RowJob, array_of_rows, fill_store
 from trim.point.system import TrimSystem
@@ -40,13 +40,17 @@ class SweepAttributes(StatesAndInputs, Result):
 
     schema = "hfa.sweep-store/3"
     made_by = "hfa sweep -o FILE.zarr: attributes of the store"
-    json_keys = (
-        "variables=plan.variables variable_units=plan.units grid=plan.grid "
-        "condition=plan.condition.changes states=state_names state_units inputs=input_names "
-        "input_units status warnings=plan.warnings plan=plan.text"
-    )
 
-    plan: SweepPlan
+    plan: SweepPlan = field(
+        metadata=stored_parts(
+            variables="variables",
+            variable_units="units",
+            grid="grid",
+            condition="condition.changes",
+            warnings="warnings",
+            plan="text",
+        )
+    )
 
     @property
     def model(self) -> Model:
@@ -54,6 +58,7 @@ class SweepAttributes(StatesAndInputs, Result):
         return self.plan.model
 
     @property
+    @stored()
     def status(self) -> tuple[str, ...]:
         """Meanings of the numbers 0, 1, ... in the array `status`."""
         return tuple(map(str, STATUS))
@@ -71,12 +76,17 @@ class StoredSweep(Result, Reported):
 
     schema = "hfa.sweep-summary/1"
     made_by = "hfa sweep -o FILE.zarr"
-    json_keys = (
-        "store dynamics=plan.model.name variables=plan.variables variable_units=plan.units "
-        "grid=plan.grid condition=plan.condition.changes points=plan.count counts warnings"
-    )
 
-    plan: SweepPlan
+    plan: SweepPlan = field(
+        metadata=stored_parts(
+            dynamics="model.name",
+            variables="variables",
+            variable_units="units",
+            grid="grid",
+            condition="condition.changes",
+            points="count",
+        )
+    )
     store: str
     counts: Mapping[str, int]
     warnings: Sequence[str]

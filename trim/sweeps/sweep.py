@@ -17,7 +17,17 @@ from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.named import ByName, with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import ByValue, Matrix, Result, RootTable, Stack
+from hfa_support.reporting.results import (
+    UNSTORED,
+    ByValue,
+    Matrix,
+    Result,
+    RootTable,
+    Stack,
+    stored,
+    stored_as,
+    stored_parts,
+)
 from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value
 from trim.linear.kinks import with_means_at_kinks
 from trim.linear.linear_model import LinearModel
@@ -187,24 +197,26 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
     schema = "hfa.sweep/1"
     made_by = "hfa sweep"
-    json_keys = (
-        "dynamics=model.name variables=plan.variables variable_units=plan.units grid=plan.grid "
-        "condition=plan.condition.changes values reasons states=state_names state_units "
-        "inputs=input_names input_units operating_states=states operating_inputs=inputs A B "
-        "mode_names eigenvalues warnings"
-    )
 
-    plan: SweepPlan
+    plan: SweepPlan = field(
+        metadata=stored_parts(
+            dynamics="model.name",
+            variables="variables",
+            variable_units="units",
+            grid="grid",
+            condition="condition.changes",
+        )
+    )
     values: Matrix
     reasons: tuple[str, ...]
-    states: Matrix
-    inputs: Matrix
+    states: Matrix = field(metadata=stored_as("operating_states"))
+    inputs: Matrix = field(metadata=stored_as("operating_inputs"))
     A: Stack
     B: Stack
     eigenvalues: RootTable
     mode_names: tuple[str, ...]
-    kinks: dict[int, tuple[str, ...]] = field(default_factory=dict)
-    one_by_one: int = 0
+    kinks: dict[int, tuple[str, ...]] = field(default_factory=dict, metadata=UNSTORED)
+    one_by_one: int = field(default=0, metadata=UNSTORED)
 
     @property
     def model(self) -> Model:
@@ -217,6 +229,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return self.plan.variables
 
     @property
+    @stored("states")
     def state_names(self) -> tuple[str, ...]:
         """Names of the states of A and B, in order."""
         return self.model.linear
@@ -246,6 +259,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return np.asarray(size < _SLOW * size.max())
 
     @property
+    @stored()
     def warnings(self) -> list[str]:
         """Notes on values beyond a range, on kinks, and on points that were trimmed one by one."""
         warnings = [*self.plan.warnings, *slow_note(self.one_by_one, len(self.reasons))]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
@@ -17,7 +17,7 @@ import numpy as np
 
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress, with_progress
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import UNSTORED, Result, stored
 from verification.printed.comparison import Position, change, compare, in_signs
 from verification.printed.exact_answer import answer_of, certified_value, rough_values
 from verification.printed.printed_file import PrintedFile
@@ -41,9 +41,7 @@ class ChangedEntry(Result):
     slip: the misprint
     """
 
-    json_keys = "entry typed value lowest highest slip"
-
-    position: Position
+    position: Position = field(metadata=UNSTORED)
     typed: str
     lowest: float
     highest: float
@@ -51,6 +49,7 @@ class ChangedEntry(Result):
     slip: str
 
     @property
+    @stored()
     def entry(self) -> str:
         """Position of the entry as text, such as "A12" for row 1 and column 2 of A."""
         return str(self.position)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from controller.game.weights import weights_line
 from hfa_support.errors import prefix_errors
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import UNSTORED, Result, stored, stored_as, stored_parts
 from hfa_support.reporting.text import Table
 from verification.critic.critic_check import verify
 from verification.critic.discrete import check_discrete
@@ -43,18 +43,22 @@ class PrintedVerdict(Result, Reported):
 
     schema = "hfa.printed-check/1"
     made_by = "hfa printed"
-    json_keys = (
-        "ok verdict=classified.name reason=classified.reason title=file.title "
-        "relative_error=classified.comparison.relative_error cost_lost_percent=cost_lost entries "
-        "other_plants=classified.changed weights_from not_searched=classified.not_searched"
-    )
 
-    file: PrintedFile
-    classified: Classified
-    cost_lost: float
-    limit_cost: float | None = None
+    file: PrintedFile = field(metadata=stored_parts(title="title"))
+    classified: Classified = field(
+        metadata=stored_parts(
+            verdict="name",
+            reason="reason",
+            relative_error="comparison.relative_error",
+            other_plants="changed",
+            not_searched="not_searched",
+        )
+    )
+    cost_lost: float = field(metadata=stored_as("cost_lost_percent"))
+    limit_cost: float | None = field(default=None, metadata=UNSTORED)
 
     @property
+    @stored()
     def ok(self) -> bool:
         """True if the answer is as printed, cut off, or close with a cost within `limit_cost`."""
         if self.classified.name == "close":
@@ -62,6 +66,7 @@ class PrintedVerdict(Result, Reported):
         return self.classified.name in ("as printed", "cut off")
 
     @property
+    @stored()
     def weights_from(self) -> Mapping[str, str]:
         """Q, R, delta or a printed N -> "printed", or "default" for a missing gamma."""
         delta = "printed" if "gamma" in self.file.typed else "default"
@@ -69,6 +74,7 @@ class PrintedVerdict(Result, Reported):
         return {"Q": "printed", "R": "printed", "delta": delta, **cross}
 
     @property
+    @stored()
     def entries(self) -> list[dict[str, Any]]:
         """Printed entries with their positions, exact values and errors.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,7 +26,7 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress, with_progress
 from hfa_support.reporting.checks import Check, Checked, below, checks_block
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import UNSTORED, Result, stored
 from hfa_support.reporting.text import Table, shown_value
 from trim.linear.linear_model import LinearModel
 from trim.point.solve import level_model
@@ -192,10 +192,8 @@ class MarginTable(Checked, Result, Reported):
     rows: one for each scheduling value and set of actuators
     """
 
-    json_keys = "ok rows=data_rows checks"
-
-    controller: ScheduledController
-    rows: tuple[LoopRow, ...]
+    controller: ScheduledController = field(metadata=UNSTORED)
+    rows: tuple[LoopRow, ...] = field(metadata=UNSTORED)
 
     @property
     def single(self) -> tuple[LoopMargin, ...]:
@@ -205,6 +203,7 @@ class MarginTable(Checked, Result, Reported):
         )
 
     @property
+    @stored()
     def checks(self) -> tuple[Check, ...]:
         """The check that every loop is stable."""
         worst = max(self.rows, key=lambda row: row.abscissa)
@@ -245,6 +244,7 @@ class MarginTable(Checked, Result, Reported):
         return Report(title, (*tables, checks_block(self.checks)), data=self.as_data())
 
     @property
+    @stored("rows")
     def data_rows(self) -> list[dict[str, Any]]:
         """Margins as JSON data, with a row for each scheduling value and set of actuators.
 

@@ -19,7 +19,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.envelope import control_limits, flight_envelope
 from hfa_flight.flight_report import series
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
-from hfa_support.reporting.results import Matrix
+from hfa_support.reporting.results import Matrix, stored
 from trim.linear.linear_model import LinearModel
 from trim.point.linearize import linearize
 from trim.point.operating_point import OperatingPoint
@@ -40,16 +40,16 @@ class FlightProblem:
     moving inputs.
 
     linear: linear model at the trim, with the moving inputs only
-    Q: weight of z, (k, k)
-    R: weight of v, (m, m)
+    Q: weight of the linear model's states, (k, k)
+    R: weight of the moving inputs, (m, m)
     P: matrix of the linear model's least cost z'Pz without limits, (k, k)
     K: gain of the linear model's optimal policy v = -K z, (m, k)
     envelope: limits of all states
     """
 
     linear: LinearModel
-    Q: np.ndarray
-    R: np.ndarray
+    Q: Matrix
+    R: Matrix
     P: np.ndarray
     K: np.ndarray
     envelope: Limits
@@ -263,6 +263,7 @@ class OfProblem:
     problem: FlightProblem
 
     @property
+    @stored("operating_point")
     def point(self) -> OperatingPoint:
         """Trim to which flights converge."""
         return self.problem.point

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -12,7 +12,7 @@ import numpy as np
 
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.reporting.report import Reported
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import UNSTORED, Result, stored_parts
 
 #: Default bandwidth, rad/s, and damping of the command filter, those of SimVFA (Thomsen 2018).
 COMMAND_FILTER = (0.5, 2.0)
@@ -204,14 +204,13 @@ class CommandedStates(Result):
     filtered: True if the reference is the filtered command, False if it is the steps
     """
 
-    json_keys = (
-        "names=commands.names times=commands.times values=commands.values "
-        "bandwidth=commands.bandwidth damping=commands.damping"
+    commands: CommandSteps = field(
+        metadata=stored_parts(
+            names="names", times="times", values="values", bandwidth="bandwidth", damping="damping"
+        )
     )
-
-    commands: CommandSteps
-    states: tuple[str, ...]
-    filtered: bool = True
+    states: tuple[str, ...] = field(metadata=UNSTORED)
+    filtered: bool = field(default=True, metadata=UNSTORED)
 
     @property
     def size(self) -> int:

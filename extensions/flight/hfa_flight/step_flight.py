@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import LARGEST
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result
+from hfa_support.reporting.results import UNSTORED, Matrix, Result, stored, stored_as, stored_parts
 from hfa_support.reporting.text import Table
 
 #: Rows of the printed table. A file contains all rows.
@@ -33,26 +33,27 @@ class StepFlight(Result, Reported):
 
     schema = "hfa.step-flight/1"
     made_by = "hfa fly --model"
-    json_keys = (
-        "plant=problem.step.names.origin policy states=problem.step.names.states "
-        "inputs=problem.step.names.inputs x=states u=inputs cost spectral_radius=radius decays "
-        "warnings"
-    )
 
-    problem: DiscreteGame
+    problem: DiscreteGame = field(
+        metadata=stored_parts(
+            plant="step.names.origin", states="step.names.states", inputs="step.names.inputs"
+        )
+    )
     policy: str
-    states: Matrix
-    inputs: Matrix
-    costs: np.ndarray
-    radius: float
+    states: Matrix = field(metadata=stored_as("x"))
+    inputs: Matrix = field(metadata=stored_as("u"))
+    costs: np.ndarray = field(metadata=UNSTORED)
+    radius: float = field(metadata=stored_as("spectral_radius"))
     warnings: tuple[str, ...] = ()
 
     @property
+    @stored()
     def cost(self) -> float:
         """Discounted cost of all steps."""
         return float(self.costs.sum())
 
     @property
+    @stored()
     def decays(self) -> bool:
         """True if the spectral radius is below 1."""
         return self.radius < 1.0

@@ -17,7 +17,7 @@ from hfa_identify.records import Record
 from hfa_support.errors import NoSolutionError, refuse_unknown
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result
+from hfa_support.reporting.results import UNSTORED, Matrix, Result, stored, stored_as, stored_parts
 from hfa_support.reporting.text import Table, shown_unit, shown_value, wrapped
 
 if TYPE_CHECKING:
@@ -104,14 +104,8 @@ class Identified(Result, Reported):
 
     schema = "hfa.identified/1"
     made_by = "hfa identify"
-    json_keys = (
-        "dynamics=model.name first_line ok records parameters quantities covariance coloured "
-        "column_errors "
-        "correlated undetermined at_bounds unexplained faults other_minimum parts_disagree "
-        "turbulence converged steps plan?"
-    )
 
-    model: Model
+    model: Model = field(metadata=stored_parts(dynamics="name"))
     records: tuple[str, ...]
     parameters: Mapping[str, Estimate]
     quantities: Mapping[str, FittedQuantity]
@@ -128,8 +122,8 @@ class Identified(Result, Reported):
     turbulence: Mapping[str, float]
     converged: bool
     steps: int
-    fitted: tuple[tuple[Record, np.ndarray], ...] = field(repr=False)
-    plan: tuple[Manoeuvre, ...] = ()
+    fitted: tuple[tuple[Record, np.ndarray], ...] = field(repr=False, metadata=UNSTORED)
+    plan: tuple[Manoeuvre, ...] = field(default=(), metadata=stored_as(optional=True))
 
     def __getitem__(self, name: str) -> Estimate:
         """Return the estimate of a parameter. Raises BadInputError for an unknown name."""
@@ -137,6 +131,7 @@ class Identified(Result, Reported):
         return self.parameters[name]
 
     @property
+    @stored()
     def ok(self) -> bool:
         """True if there are no findings."""
         return not list(self.findings)
@@ -204,6 +199,7 @@ class Identified(Result, Reported):
         return name, self.other_minimum[name]
 
     @property
+    @stored()
     def first_line(self) -> str:
         """The first line of the report: FAIL with at most two findings, or PASS.
 

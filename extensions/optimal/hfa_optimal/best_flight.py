@@ -18,7 +18,7 @@ from hfa_optimal.smooth import has_kinks
 from hfa_support.reporting.named import with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result, Vector
+from hfa_support.reporting.results import UNSTORED, Matrix, Result, Vector, stored, stored_parts
 from hfa_support.reporting.text import Table, shown_unit
 
 if TYPE_CHECKING:
@@ -91,30 +91,27 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     schema = "hfa.best-flight/1"
     made_by = "hfa optimize"
-    json_keys = (
-        "operating_point=point start cost source reason proposed_cost spread linear_cost seconds "
-        "saturated "
-        "states=state_names state_units inputs=input_names input_units Q R envelope policies "
-        "lower_bound over_bound"
-    )
 
-    problem: FlightProblem
-    found: Found
-    others: tuple[SimulatedFlight, ...] = field(default=(), repr=False)
-    bracket: Bracket | None = None
+    problem: FlightProblem = field(metadata=stored_parts(Q="Q", R="R"))
+    found: Found = field(metadata=UNSTORED)
+    others: tuple[SimulatedFlight, ...] = field(default=(), repr=False, metadata=UNSTORED)
+    bracket: Bracket | None = field(default=None, metadata=UNSTORED)
 
     @property
+    @stored()
     def lower_bound(self) -> float | None:
         """Proved lower bound of the least cost, or None without a certificate."""
         return None if self.bracket is None else self.bracket.lower_bound
 
     @property
+    @stored()
     def start(self) -> Mapping[str, float]:
         """Initial deviations from the trim by name of the state, without deviations of 0."""
         pairs = zip(self.problem.states, self._z0.tolist(), strict=True)
         return {name: value for name, value in pairs if value}
 
     @property
+    @stored()
     def cost(self) -> float:
         """Cost of the simulated flight, ∫ z'Qz + v'Rv dt, plus the linear cost after its end.
 
@@ -123,11 +120,13 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return self.found.flown.cost
 
     @property
+    @stored()
     def source(self) -> str:
         """Name of the flight whose cost is reported: the best flight found, or a policy."""
         return self.found.flown.name
 
     @property
+    @stored()
     def reason(self) -> str | None:
         """Reason why the simulation confirms no proposal of the optimizer, or None if it does.
 
@@ -136,11 +135,13 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return self.found.reason or None
 
     @property
+    @stored()
     def proposed_cost(self) -> float | None:
         """Cost reported by the optimizer for its proposal, or None if no proposal was confirmed."""
         return None if self.found.proposal is None else self.found.proposal.cost
 
     @property
+    @stored()
     def spread(self) -> float | None:
         """Largest relative difference of the flight's cost between meshes or between initial
         guesses, or None if no proposal was confirmed.
@@ -156,6 +157,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return (self.found.flown.states[0] - np.array(self.point.states))[places]
 
     @property
+    @stored()
     def linear_cost(self) -> float:
         """Least cost z'Pz of the linear model without limits, for the initial deviations z.
 
@@ -164,6 +166,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return float(self._z0 @ self.problem.P @ self._z0)
 
     @property
+    @stored()
     def seconds(self) -> float:
         """Horizon of the optimizer, s. After the horizon, the linear policy controls the
         aircraft.
@@ -171,6 +174,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return self.found.seconds
 
     @property
+    @stored()
     def saturated(self) -> Sequence[str]:
         """Names of the inputs that reach a limit during the flight."""
         return list(self.found.flown.saturated)
@@ -191,11 +195,13 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return with_names(self.found.flown.inputs, (), self.input_names)
 
     @property
+    @stored()
     def envelope(self) -> Mapping[str, Vector]:
         """Lowest and highest permitted value of each state."""
         return envelope_pairs(self.problem)
 
     @property
+    @stored()
     def policies(self) -> Sequence[PolicyFlight]:
         """Flights of other policies from the initial condition of the best flight.
 
@@ -204,6 +210,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return [PolicyFlight.of(flown, self.cost) for flown in self.compared]
 
     @property
+    @stored()
     def over_bound(self) -> float | None:
         """Cost divided by its proved lower bound, or None without a positive bound.
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from hfa_aircraft.model import Model
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import Result, stored_as
 from hfa_support.reporting.text import Table
 
 
@@ -58,15 +58,10 @@ class BestCosts(Result):
         certificate.
     """
 
-    json_keys = (
-        "initial_conditions=starts found refused not_converged=lost policy_over_best lqr_over_best "
-        "offset_rate brackets"
-    )
-
-    starts: int
+    starts: int = field(metadata=stored_as("initial_conditions"))
     found: int
     refused: int
-    lost: int
+    lost: int = field(metadata=stored_as("not_converged"))
     policy_over_best: Ratios | None
     lqr_over_best: Ratios | None
     offset_rate: float | None

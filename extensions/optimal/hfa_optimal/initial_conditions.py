@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +21,7 @@ from hfa_prove.search.interruption import interruption
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import UNSTORED, Result, stored, stored_parts
 from hfa_support.reporting.text import Table
 
 if TYPE_CHECKING:
@@ -43,17 +43,16 @@ class StartFlights(Result):
     bracket: bounds of the least cost, or None without a certificate.
     """
 
-    json_keys = "start cost reason spread linear_cost policies lower_bound"
-
     start: Mapping[str, float]
     cost: float | None
     reason: str | None
     spread: float | None
     linear_cost: float
     policies: Sequence[PolicyFlight]
-    bracket: Bracket | None = None
+    bracket: Bracket | None = field(default=None, metadata=UNSTORED)
 
     @property
+    @stored()
     def lower_bound(self) -> float | None:
         """Proved lower bound of the least cost, or None without a certificate."""
         return None if self.bracket is None else self.bracket.lower_bound
@@ -93,18 +92,19 @@ class StartsTable(OfProblem, Result, Reported):
 
     schema = "hfa.best-flights/1"
     made_by = "hfa optimize"
-    json_keys = "operating_point=point Q R starts found refused policies flights over_bound"
 
-    problem: FlightProblem
+    problem: FlightProblem = field(metadata=stored_parts(Q="Q", R="R"))
     flights: tuple[StartFlights, ...]
-    asked: int
+    asked: int = field(metadata=UNSTORED)
 
     @property
+    @stored()
     def starts(self) -> int:
         """Number of initial conditions whose flights are finished."""
         return len(self.flights)
 
     @property
+    @stored()
     def found(self) -> int:
         """Number of initial conditions from which a best flight was found."""
         return sum(each.cost is not None for each in self.flights)
@@ -115,11 +115,13 @@ class StartsTable(OfProblem, Result, Reported):
         return sum(each.cost is not None and each.reason is not None for each in self.flights)
 
     @property
+    @stored()
     def refused(self) -> int:
         """Number of initial conditions from which no flight was found and confirmed."""
         return self.starts - self.found
 
     @property
+    @stored()
     def policies(self) -> Sequence[PolicySummary]:
         """Summary of the flights of each policy, from initial conditions with a best flight
         only.
@@ -128,6 +130,7 @@ class StartsTable(OfProblem, Result, Reported):
         return [_summary(column) for column in zip(*rows, strict=True)]
 
     @property
+    @stored()
     def over_bound(self) -> Sequence[float]:
         """Cost of each best flight divided by its proved lower bound. Bounds of 0 are left out."""
         return [each.best / each.lower_bound for each in self._bounded if each.best is not None]

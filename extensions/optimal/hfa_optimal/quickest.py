@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +20,7 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.named import with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result, Vector
+from hfa_support.reporting.results import UNSTORED, Matrix, Result, Vector, stored
 from hfa_support.reporting.text import Table, short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
 
@@ -69,45 +69,47 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     schema = "hfa.quickest-flight/1"
     made_by = "hfa optimize"
-    json_keys = (
-        "operating_point=point start seconds spread reserve box arrival saturated "
-        "states=state_names state_units inputs=input_names input_units envelope"
-    )
 
-    problem: FlightProblem
-    proposal: Proposal
-    flown: SimulatedFlight
-    meshes: dict[int, float]
+    problem: FlightProblem = field(metadata=UNSTORED)
+    proposal: Proposal = field(metadata=UNSTORED)
+    flown: SimulatedFlight = field(metadata=UNSTORED)
+    meshes: dict[int, float] = field(metadata=UNSTORED)
     reserve: float
 
     @property
+    @stored()
     def start(self) -> Mapping[str, float]:
         """Initial deviations from the trim by name of the state, without deviations of 0."""
         pairs = zip(self.problem.states, self.proposal.start.tolist(), strict=True)
         return {name: value for name, value in pairs if value}
 
     @property
+    @stored()
     def seconds(self) -> float:
         """Duration of the proposal, s. The simulation continues after it."""
         return self.proposal.cost
 
     @property
+    @stored()
     def spread(self) -> float:
         """Relative difference of the proposed times on the last two meshes."""
         return difference_of_meshes(self.meshes)
 
     @property
+    @stored()
     def box(self) -> Mapping[str, float]:
         """Half-width of the arrival box in each state. A flight in the box counts as arrived."""
         return dict(zip(self.problem.states, arrival_box(self.proposal).tolist(), strict=True))
 
     @property
+    @stored()
     def arrival(self) -> Mapping[str, float]:
         """Deviation of each state from the trim at the time of arrival."""
         at_end = deviations_at(self.problem, self.flown, self.seconds)
         return dict(zip(self.problem.states, at_end.tolist(), strict=True))
 
     @property
+    @stored()
     def saturated(self) -> Sequence[str]:
         """Names of the inputs that reach a limit of the optimizer in the proposal.
 
@@ -135,6 +137,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return with_names(self.flown.inputs, (), self.input_names)
 
     @property
+    @stored()
     def envelope(self) -> Mapping[str, Vector]:
         """Lowest and highest permitted value of each state."""
         return envelope_pairs(self.problem)

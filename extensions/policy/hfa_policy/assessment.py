@@ -53,7 +53,7 @@ from hfa_policy.reach import (
 from hfa_policy.rough_flights import RoughFlights
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import UNSTORED, Result, stored, stored_as, stored_parts
 from hfa_support.reporting.text import short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
 
@@ -94,21 +94,17 @@ class AssessedPoint(Result):
         equilibrium.
     """
 
-    json_keys = (
-        "holds spectral_radius=radius delay_limit=delays.limit delay_limit_fine=delays.fine "
-        "delay_searched=delays.searched radii disk_margin=margins.disk.disk input_margins "
-        "equilibrium=equilibrium_states equilibrium_inputs K=equilibrium.K cost_lost=cost "
-        "nonlinearity flights disturbed findings actions observations best? rough? "
-        "rest=equilibrium_states rest_inputs=equilibrium_inputs"  # the names of 0.3
+    deployed: Deployed = field(metadata=UNSTORED)
+    point: OperatingPoint = field(metadata=UNSTORED)
+    place: Place = field(metadata=stored_parts(K="equilibrium.K"))
+    radius: float = field(metadata=stored_as("spectral_radius"))
+    delays: Delays | None = field(
+        metadata=stored_parts(
+            delay_limit="limit", delay_limit_fine="fine", delay_searched="searched"
+        )
     )
-
-    deployed: Deployed
-    point: OperatingPoint
-    place: Place
-    radius: float
-    delays: Delays | None
-    margins: Margins | None
-    cost: CostAboveOptimum | None
+    margins: Margins | None = field(metadata=stored_parts(disk_margin="disk.disk"))
+    cost: CostAboveOptimum | None = field(metadata=stored_as("cost_lost"))
     nonlinearity: Nonlinearity | None
     flights: Outcome | None
     disturbed: Outcome | None
@@ -117,7 +113,7 @@ class AssessedPoint(Result):
     observations: tuple[ObservationRange, ...] = ()
     best: BestCosts | None = None
     rough: RoughFlights | None = None
-    slowest: complex = math.nan
+    slowest: complex = field(default=math.nan, metadata=UNSTORED)
 
     @property
     def own_mode(self) -> OwnMode | None:
@@ -147,6 +143,7 @@ class AssessedPoint(Result):
         return self.place.equilibrium
 
     @property
+    @stored()
     def holds(self) -> bool:
         """True if the policy stabilizes the aircraft.
 
@@ -179,6 +176,7 @@ class AssessedPoint(Result):
         return (self.equilibrium.states - np.array(self.point.states))[rows]
 
     @property
+    @stored()
     def radii(self) -> tuple[float, ...]:
         """Spectral radii of the sampled loop with delays of 0, 1, 2, ... samples.
 
@@ -187,6 +185,7 @@ class AssessedPoint(Result):
         return () if self.delays is None else self.delays.radii
 
     @property
+    @stored("equilibrium")
     def equilibrium_states(self) -> dict[str, float] | None:
         """State -> value at the equilibrium, or None without an equilibrium."""
         if self.equilibrium is None:
@@ -194,6 +193,7 @@ class AssessedPoint(Result):
         return dict(zip(self.point.model.states, self.equilibrium.states.tolist(), strict=True))
 
     @property
+    @stored()
     def equilibrium_inputs(self) -> dict[str, float] | None:
         """Input -> value at the equilibrium, or None without an equilibrium."""
         if self.equilibrium is None:
@@ -205,6 +205,7 @@ class AssessedPoint(Result):
         return scheduled_value(self.point) | super().as_data()
 
     @property
+    @stored()
     def input_margins(self) -> list[dict[str, float]]:
         """Return gain_low, gain_high, phase_deg and disk of each commanded input.
 

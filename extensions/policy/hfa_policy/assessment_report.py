@@ -22,7 +22,7 @@ from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import UNSTORED, Result, stored, stored_as, stored_parts
 from hfa_support.reporting.text import Table, short_number, shown_unit
 
 if TYPE_CHECKING:
@@ -72,37 +72,45 @@ class Assessment(Result, Reported):
 
     schema = "hfa.assessment/1"
     made_by = "hfa assess"
-    json_keys = (
-        "dynamics=deployed.model.name deployment_file=deployed.deployment.origin first_line holds "
-        "dt=deployed.deployment.dt delay=deployed.deployment.delay "
-        "history=deployed.deployment.history "
-        "network=deployed.deployment.actor.chain commanded=deployed.commanded "
-        "states=deployed.model.linear notes points unmet warnings variations?"
-    )
 
-    deployed: Deployed
+    deployed: Deployed = field(
+        metadata=stored_parts(
+            dynamics="model.name",
+            deployment_file="deployment.origin",
+            dt="deployment.dt",
+            delay="deployment.delay",
+            history="deployment.history",
+            network="deployment.actor.chain",
+            commanded="commanded",
+            states="model.linear",
+        )
+    )
     points: tuple[AssessedPoint, ...]
-    needs: Mapping[str, float] = field(default_factory=dict)
-    variations: tuple[Variation, ...] = ()
-    assumed: str = ""
+    needs: Mapping[str, float] = field(default_factory=dict, metadata=UNSTORED)
+    variations: tuple[Variation, ...] = field(default=(), metadata=stored_as(optional=True))
+    assumed: str = field(default="", metadata=UNSTORED)
 
     @property
+    @stored()
     def holds(self) -> bool:
         """True if the policy holds at every trim."""
         return all(point.holds for point in self.points)
 
     @property
+    @stored()
     def notes(self) -> list[str]:
         """Contradictions between the policy's files and the deployment file, one sentence each."""
         return notes_on_files(self.deployed)
 
     @property
+    @stored()
     def warnings(self) -> list[str]:
         """Warnings about the trims, each once."""
         sentences = [text for point in self.points for text in point.point.warnings]
         return list(dict.fromkeys(sentences))
 
     @property
+    @stored()
     def unmet(self) -> list[str]:
         """Requirements that are not satisfied, one sentence each.
 
@@ -165,6 +173,7 @@ class Assessment(Result, Reported):
         return [*filter(None, [*verdicts, *flown[1:], *roughly, loop[0], *loop[2:]])]
 
     @property
+    @stored()
     def first_line(self) -> str:
         """Verdict, the first finding, and the second finding if space permits.
 

@@ -12,7 +12,7 @@ from hfa_policy.assessment import AssessedPoint
 from hfa_policy.assessment_report import Assessment
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import Result, stored
 from hfa_support.reporting.text import Table
 
 
@@ -25,16 +25,17 @@ class Comparison(Result, Reported):
 
     schema = "hfa.assessments/1"
     made_by = "hfa assess"
-    json_keys = "first_line ok assessments"
 
     assessments: tuple[Assessment, ...]
 
     @property
+    @stored()
     def ok(self) -> bool:
         """True if every policy passes."""
         return all(assessment.ok for assessment in self.assessments)
 
     @property
+    @stored()
     def first_line(self) -> str:
         """Verdict and number of deployments that pass."""
         count = sum(assessment.ok for assessment in self.assessments)

@@ -19,7 +19,7 @@ from hfa_policy.reach import HORIZON, Reach
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import RowFunction
 from hfa_support.progress import Progress
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import Result, stored_as
 from hfa_support.reporting.text import short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
 
@@ -211,21 +211,15 @@ class Outcome(Result):
     departure: departure of the flight that leaves the envelope first, or None if no flight leaves.
     """
 
-    json_keys = (
-        "flights=starts converged=returned left_envelope=lost worst_initial=worst_start "
-        "worst_outcome slowest_convergence=slowest converged_elsewhere=elsewhere "
-        "other_equilibrium=elsewhere_at limit_cycle=cycle moving seconds departure"
-    )
-
-    starts: int
-    returned: int
-    lost: int
-    worst_start: dict[str, float]
+    starts: int = field(metadata=stored_as("flights"))
+    returned: int = field(metadata=stored_as("converged"))
+    lost: int = field(metadata=stored_as("left_envelope"))
+    worst_start: dict[str, float] = field(metadata=stored_as("worst_initial"))
     worst_outcome: str
-    slowest: float
-    cycle: LimitCycle | None
-    elsewhere: int
-    elsewhere_at: dict[str, float]
+    slowest: float = field(metadata=stored_as("slowest_convergence"))
+    cycle: LimitCycle | None = field(metadata=stored_as("limit_cycle"))
+    elsewhere: int = field(metadata=stored_as("converged_elsewhere"))
+    elsewhere_at: dict[str, float] = field(metadata=stored_as("other_equilibrium"))
     moving: int
     seconds: float
     departure: Departure | None

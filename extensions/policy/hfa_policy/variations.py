@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_policy.assessment import AssessedPoint, Assessor
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.progress import Progress
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import Result, stored_parts
 from hfa_support.reporting.text import Table
 from trim.point.operating_point import OperatingPoint
 from verification.drawn import Draws, band_of
@@ -36,15 +36,18 @@ class Variation(Result):
     assessed: assessment at the states and inputs of the original trim.
     """
 
-    json_keys = (
-        "name value holds=assessed.holds spectral_radius=assessed.radius "
-        "equilibrium=assessed.equilibrium_states flights=assessed.flights "
-        "disturbed=assessed.disturbed findings=assessed.findings"
-    )
-
     name: str
     value: float
-    assessed: AssessedPoint
+    assessed: AssessedPoint = field(
+        metadata=stored_parts(
+            holds="holds",
+            spectral_radius="radius",
+            equilibrium="equilibrium_states",
+            flights="flights",
+            disturbed="disturbed",
+            findings="findings",
+        )
+    )
 
     @property
     def holds(self) -> bool:

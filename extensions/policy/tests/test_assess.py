@@ -36,7 +36,7 @@ from hfa_policy.trims import trims_of
 
 KEYS = {
     *("speed", "holds", "spectral_radius", "delay_limit", "disk_margin", "equilibrium", "K"),
-    *("rest", "cost_lost", "flights", "findings"),
+    *("cost_lost", "flights", "findings"),
 }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
@@ -21,7 +21,7 @@ from hfa_prove.statements.schedule import (
     UncertainActuators,
 )
 from hfa_prove.words import ProvedResult
-from hfa_support.reporting.results import Matrix, Result, Vector
+from hfa_support.reporting.results import UNSTORED, Matrix, Result, Vector, stored
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -153,14 +153,9 @@ class ProvedSet(ProvedResult):
     reaches: state -> lowest and highest deviation in the set.
     """
 
-    json_keys = (
-        "proved prover rho states state_units trim parameters K policy limits disturbances extents "
-        "terms P? parts"
-    )
-
-    statement: RegionStatement
+    statement: RegionStatement = field(metadata=UNSTORED)
     parts: int
-    reaches: Mapping[str, tuple[float, float]]
+    reaches: Mapping[str, tuple[float, float]] = field(metadata=UNSTORED)
 
     @property
     def subject(self) -> SaturatedLoop:
@@ -168,21 +163,25 @@ class ProvedSet(ProvedResult):
         return self.statement.loop
 
     @property
+    @stored()
     def prover(self) -> str:
         """Method of the proof: `squares`, sums of squares."""
         return "squares"
 
     @property
+    @stored()
     def rho(self) -> float:
         """Level of V. The set is {V(z) <= rho}, with z the deviation from the equilibrium."""
         return self.statement.rho
 
     @property
+    @stored()
     def K(self) -> Matrix:
         """Gain K (m, n) of u = sat(u0 - K (x - x0) + q(x - x0)), with the trim x0, u0."""
         return self.statement.loop.K
 
     @property
+    @stored()
     def policy(self) -> Mapping[str, Sequence[Any]]:
         """Input -> q as a list of [coefficient, exponents], omitted if q = 0.
 
@@ -191,11 +190,13 @@ class ProvedSet(ProvedResult):
         return self.statement.loop.policy
 
     @property
+    @stored()
     def disturbances(self) -> Mapping[str, float]:
         """Disturbance -> its largest absolute value."""
         return self.statement.loop.disturbances
 
     @property
+    @stored()
     def extents(self) -> Mapping[str, float]:
         """State -> upper bound of the absolute deviation in the set.
 
@@ -204,6 +205,7 @@ class ProvedSet(ProvedResult):
         return {name: max(-low, high) for name, (low, high) in self.reaches.items()}
 
     @property
+    @stored()
     def terms(self) -> Sequence[Any]:
         """Terms of V = Σ coefficient z^exponents, as a list of [coefficient, exponents]."""
         return self.statement.terms
@@ -214,6 +216,7 @@ class ProvedSet(ProvedResult):
         return max(sum(exponents) for _, exponents in self.terms)
 
     @property
+    @stored(optional=True)
     def P(self) -> Matrix | None:
         """Matrix P (n, n) of V = z'P z, or None if V has a degree above 2."""
         if self.degree > 2:
@@ -243,10 +246,6 @@ class FoundSet(ProvedSet):
 
     schema = "hfa.region/1"
     made_by = "hfa prove region"
-    json_keys = (
-        f"{ProvedSet.json_keys} origin decrease_fails_at leaves_limits_at lost_at limits_that_bind "
-        "stopped"
-    )
 
     origin: str
     decrease_fails_at: Place | None
@@ -286,7 +285,6 @@ class CheckedSet(ProvedSet):
 
     schema = "hfa.region-check/1"
     made_by = "hfa prove region --check FILE"
-    json_keys = f"{ProvedSet.json_keys} written not_given"
 
     written: Mapping[str, str]
     not_given: Sequence[str] = ()
@@ -300,12 +298,7 @@ class BoxSet(ProvedResult):
     boxes: number of boxes that the proof evaluated.
     """
 
-    json_keys = (
-        "proved prover rho states state_units trim parameters equilibrium policy limits extents "
-        "degree P? M coefficients powers boxes"
-    )
-
-    statement: BoxStatement
+    statement: BoxStatement = field(metadata=UNSTORED)
     boxes: int
 
     @property
@@ -314,21 +307,25 @@ class BoxSet(ProvedResult):
         return self.statement.loop
 
     @property
+    @stored()
     def prover(self) -> str:
         """Method of the proof: `boxes`, branch and bound."""
         return "boxes"
 
     @property
+    @stored()
     def rho(self) -> float:
         """Level of V. The set is {V <= rho}."""
         return self.statement.rho
 
     @property
+    @stored()
     def equilibrium(self) -> Mapping[str, float]:
         """State -> approximate value at the proved equilibrium of the loop."""
         return self.statement.equilibrium
 
     @property
+    @stored()
     def policy(self) -> str | Mapping[str, Any]:
         """SHA-256 of the policy's instructions, or the coefficients of a polynomial policy.
 
@@ -339,31 +336,37 @@ class BoxSet(ProvedResult):
         return stated.content() if isinstance(stated, Gain) else stated
 
     @property
+    @stored()
     def extents(self) -> Mapping[str, float]:
         """State -> upper bound of the absolute deviation from the equilibrium in the set."""
         return {name: max(-low, high) for name, (low, high) in self.statement.extents.items()}
 
     @property
+    @stored()
     def degree(self) -> int:
         """Degree of V."""
         return self.statement.degree
 
     @property
+    @stored(optional=True)
     def P(self) -> Matrix | None:
         """Matrix P (n, n) of V = z'P z, rounded to doubles, or None if V has a degree above 2."""
         return quadratic_form(self.statement.piece)
 
     @property
+    @stored()
     def M(self) -> Matrix:
         """Matrix M (n, n) of the coordinates y = M z of V. The set is within |y_i| < 1."""
         return self.statement.piece.M
 
     @property
+    @stored()
     def coefficients(self) -> Vector:
         """Coefficients of the monomials of V in y."""
         return np.array([value for value, _ in self.statement.piece.W.terms])
 
     @property
+    @stored()
     def powers(self) -> Sequence[Sequence[int]]:
         """Powers of each monomial of V, (terms, n)."""
         return [powers for _, powers in self.statement.piece.W.terms]
@@ -397,7 +400,6 @@ class FoundBoxes(BoxSet):
 
     schema = "hfa.region-boxes/1"
     made_by = "hfa prove region --prover boxes"
-    json_keys = f"{BoxSet.json_keys} origin decrease_fails_at stopped"
 
     origin: str
     decrease_fails_at: Mapping[str, float] | None
@@ -414,7 +416,6 @@ class CheckedBoxes(BoxSet):
 
     schema = "hfa.region-boxes-check/1"
     made_by = "hfa prove region --check FILE"
-    json_keys = f"{BoxSet.json_keys} written not_given"
 
     written: Mapping[str, str]
     not_given: Sequence[str] = ()
@@ -449,10 +450,8 @@ class LowerBound(ProvedResult):
     boxes: number of boxes that the proof of each piece evaluated.
     """
 
-    json_keys = "proved states state_units trim parameters equilibrium limits Q R pieces"
-
-    statement: CostStatement
-    boxes: Sequence[int]
+    statement: CostStatement = field(metadata=UNSTORED)
+    boxes: Sequence[int] = field(metadata=UNSTORED)
 
     @property
     def subject(self) -> Plant:
@@ -460,21 +459,25 @@ class LowerBound(ProvedResult):
         return self.statement.plant
 
     @property
+    @stored()
     def equilibrium(self) -> Mapping[str, float]:
         """State or input -> approximate value at the proved equilibrium."""
         return self.statement.equilibrium
 
     @property
+    @stored()
     def Q(self) -> Matrix:
         """Weight of the states, (n, n)."""
         return self.statement.Q
 
     @property
+    @stored()
     def R(self) -> Matrix:
         """Weight of the inputs, (m, m)."""
         return self.statement.R
 
     @property
+    @stored()
     def pieces(self) -> Sequence[BoundPiece]:
         """Bounds by single polynomials. The cost is at least the largest of these bounds."""
         found = []
@@ -494,7 +497,6 @@ class FoundLowerBound(LowerBound):
 
     schema = "hfa.lower-bound/1"
     made_by = "hfa prove cost"
-    json_keys = f"{LowerBound.json_keys} stopped"
 
     stopped: str
 
@@ -509,7 +511,6 @@ class CheckedLowerBound(LowerBound):
 
     schema = "hfa.lower-bound-check/1"
     made_by = "hfa prove cost --check FILE"
-    json_keys = f"{LowerBound.json_keys} written not_given"
 
     written: Mapping[str, str]
     not_given: Sequence[str] = ()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 
@@ -12,7 +12,7 @@ from hfa_aircraft.readers.daveml.functions import Expressions
 from hfa_aircraft.readers.daveml.names import spelled
 from hfa_aircraft.rigid.tables import Interpolator
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import UNSTORED, Result, stored
 from hfa_support.reporting.text import Table
 
 
@@ -27,8 +27,6 @@ class CheckedOutput(Result):
     tolerance: largest permitted difference, from the file.
     """
 
-    json_keys = "case output printed computed tolerance ok"
-
     case: str
     output: str
     printed: float
@@ -36,6 +34,7 @@ class CheckedOutput(Result):
     tolerance: float
 
     @property
+    @stored()
     def ok(self) -> bool:
         """True if the printed and computed values differ by at most the tolerance."""
         return abs(self.computed - self.printed) <= self.tolerance
@@ -51,27 +50,30 @@ class CheckedDocument(Result, Reported):
 
     schema = "hfa.daveml-check/1"
     made_by = "hfa daveml"
-    json_keys = "path title ok cases outputs"
 
-    document: Document
+    document: Document = field(metadata=UNSTORED)
     outputs: Sequence[CheckedOutput]
 
     @property
+    @stored()
     def path(self) -> str:
         """Path of the file."""
         return self.document.path
 
     @property
+    @stored()
     def title(self) -> str:
         """Title in the header of the file."""
         return self.document.title
 
     @property
+    @stored()
     def cases(self) -> int:
         """Number of check cases."""
         return len(self.document.cases)
 
     @property
+    @stored()
     def ok(self) -> bool:
         """True if there are outputs and all agree within their tolerances."""
         return bool(self.outputs) and all(output.ok for output in self.outputs)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as ca
@@ -16,7 +16,7 @@ from hfa_flight.policies.tables import table_expression
 from hfa_flight.signals import CommandSteps
 from hfa_support.errors import BadInputError
 from hfa_support.linear_table import LinearTable
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import UNSTORED, Result, stored, stored_parts
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
@@ -37,12 +37,12 @@ class TrimPath(Result):
     commands: r as a deviation from its value at `base`
     """
 
-    json_keys = "names=commands.names values=commands.values times=commands.times filter"
-
-    base: OperatingPoint
-    states: LinearTable
-    inputs: LinearTable
-    commands: CommandSteps
+    base: OperatingPoint = field(metadata=UNSTORED)
+    states: LinearTable = field(metadata=UNSTORED)
+    inputs: LinearTable = field(metadata=UNSTORED)
+    commands: CommandSteps = field(
+        metadata=stored_parts(names="names", values="values", times="times")
+    )
 
     @property
     def size(self) -> int:
@@ -76,6 +76,7 @@ class TrimPath(Result):
         return table_expression(self.inputs, self.commanded(t)) - ca.DM(np.array(self.base.inputs))
 
     @property
+    @stored()
     def filter(self) -> tuple[float, float]:
         """Bandwidth, rad/s, and damping of the filter of the commands."""
         return self.commands.bandwidth, self.commands.damping
