@@ -23,11 +23,11 @@ from controller.game.basis import basis
 from controller.hfa_files import published_game
 from controller.riccati.gare import unconfirmed_solution
 from hfa_aircraft.limits import Limits
+from hfa_aircraft.waveform import Harmonic, Waveform, zero
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant
 from hfa_flight.samples.monte_carlo import MonteCarlo, fly_member
 from hfa_flight.samples.store import stream_members
 from hfa_flight.scenario import Scenario, Uncertainty
-from hfa_flight.signals import Harmonic, Waveform, zero
 from hfa_flight.simulation import CompiledLoop
 from hfa_model.published import published_models
 from hfa_model.vectors import STATES

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from hfa_aircraft.waveform import Harmonic
 from hfa_flight import Waveform
-from hfa_flight.signals import Harmonic
 from hfa_support.files import read_toml
 from hfa_support.reporting.data_files import jsonable
 

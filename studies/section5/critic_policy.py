@@ -10,8 +10,8 @@ import casadi as ca
 import numpy as np
 
 from controller.game.basis import Basis
+from hfa_aircraft.waveform import Waveform
 from hfa_flight.policies.policy import Measurements, Policy
-from hfa_flight.signals import Harmonic, Waveform
 from hfa_support.errors import BadInputError
 from studies.update_law.published_law import PublishedLaw
 
@@ -100,18 +100,6 @@ class CriticPolicy(Policy):
     @property
     def _scales(self) -> ca.DM:
         return ca.DM(self.law.equations.scales)
-
-
-def forcing(A: np.ndarray, reference: Waveform) -> Waveform:
-    """Return r = A x_d - x_d', (n,), the effect of a reference x_d on the rate of the error z."""
-    turned = [Harmonic(h.frequency, A @ h.sine, A @ h.cosine) for h in reference.harmonics]
-    slopes = [
-        Harmonic(h.frequency, h.frequency * h.cosine, -h.frequency * h.sine)
-        for h in reference.harmonics
-    ]
-    return Waveform(
-        A @ reference.constant - reference.slope, A @ reference.slope, (*turned, *slopes)
-    )
 
 
 def gradient(basis: Basis, z: ca.SX) -> ca.SX:

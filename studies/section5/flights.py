@@ -14,20 +14,20 @@ import hfa
 from controller import Stack, basis, random_pool
 from controller.critic.training_run import TrainingRun
 from controller.game.basis import Basis
+from controller.reference import feedforward as exact_feedforward, forcing
 from hfa import Game, Solution, from_weights, learn, solve, verify
 from hfa.paper import published_game
+from hfa_aircraft.waveform import Harmonic, zero
 from hfa_flight import Policy, Scenario, Waveform
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant
 from hfa_flight.history import Deviations
 from hfa_flight.policies.policy import Measurements, column_by_column
-from hfa_flight.signals import Harmonic, zero
 from hfa_flight.simulation import CompiledLoop
 from hfa_model import INPUTS, LINEAR_STATES, published_models
 from hfa_model.vectors import CONTROL_LIMITS
 from hfa_support.errors import refuse_unknown
 from studies.section5.configuration import Configuration
-from studies.section5.critic_policy import CriticPolicy, forcing
-from studies.section5.feedforward import exosystem, exosystem_feedforward
+from studies.section5.critic_policy import CriticPolicy
 from studies.section5.learning_in_flight import certified_gains
 from studies.section5.metrics import Critic, flight_metrics, learning_metrics, residual_at
 from studies.update_law.integral_rl import baseline_weights, learn_by_integrals
@@ -363,12 +363,11 @@ def feedforward(case: PaperCase, reference: Waveform) -> np.ndarray:
     """Return F = -R⁻¹B'P_s, (5, k), with which u = -K z + F w(t) is the exact policy for a
     reference.
 
-    w is the result of `generator`, and P_s that of `exosystem_feedforward`.
+    w is the result of `generator`.
     """
-    made_by = exosystem(reference.constant, reference.slope, *reference.harmonics)
-    return -case.game.R_inverse_B_transposed @ exosystem_feedforward(
-        case.game, case.exact.P, made_by
-    )
+    inputs = exact_feedforward(case.game, case.exact.P, reference).inputs
+    waves = [amplitude for h in inputs.harmonics for amplitude in (h.sine, h.cosine)]
+    return np.column_stack([inputs.constant, inputs.slope, *waves])
 
 
 def recorded_pool(setting: Setting, case: PaperCase) -> Stack:

@@ -15,12 +15,13 @@ from tolerances import SAME_FORMULA
 from controller import ScheduledController
 from hfa import BadInputError, OperatingPoint, fly, linearize
 from hfa_aircraft.model import Model
+from hfa_aircraft.waveform import Harmonic
 from hfa_flight import ActuatorBank, CommandSteps, Scenario, Waveform, flight_envelope
 from hfa_flight.closed_loop import LinearPlant
 from hfa_flight.flight import Flight
 from hfa_flight.policies.controller import MeasuredOutputs, servo_policy
 from hfa_flight.policies.policy import Measurements
-from hfa_flight.signals import CommandedStates, Harmonic
+from hfa_flight.signals import CommandedStates
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Input
 
 Z = "vertical_acceleration_short_period"

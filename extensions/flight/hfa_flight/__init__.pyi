@@ -1,5 +1,7 @@
 """One simulated flight: plant, policy, actuators and gusts in one loop."""
 
+from hfa_aircraft.waveform import Waveform as Waveform
+
 from .actuators import ActuatorBank as ActuatorBank, ActuatorFault as ActuatorFault
 from .air.gusts import OneMinusCosine as OneMinusCosine
 from .envelope import flight_envelope as flight_envelope
@@ -7,4 +9,4 @@ from .policies.policy import GainPolicy as GainPolicy, Policy as Policy
 from .samples.monte_carlo import MonteCarlo as MonteCarlo
 from .samples.store import run_monte_carlo as run_monte_carlo
 from .scenario import Scenario as Scenario, Uncertainty as Uncertainty
-from .signals import CommandSteps as CommandSteps, Waveform as Waveform
+from .signals import CommandSteps as CommandSteps

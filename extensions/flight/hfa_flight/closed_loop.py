@@ -16,11 +16,11 @@ import numpy as np
 
 from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
+from hfa_aircraft.waveform import zero
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.names import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, has_angle_of_attack
 from hfa_flight.policies.policy import FunctionPolicy, GainPolicy, Measurements, Policy
 from hfa_flight.scenario import Scenario
-from hfa_flight.signals import zero
 from hfa_support.errors import BadInputError
 from trim.linear.kinks import linearization_at
 from trim.point.operating_point import OperatingPoint

@@ -25,6 +25,7 @@ from hfa.options.trims import TrimOptions
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
+from hfa_aircraft.waveform import Waveform
 from hfa_flight.actuators import ActuatorBank, ActuatorFault
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.gusts import Gust, OneMinusCosine
@@ -35,7 +36,7 @@ from hfa_flight.envelope import control_limits, flight_envelope
 from hfa_flight.flight import lengthened
 from hfa_flight.own_steps import JSBSIM, METHODS, RUNGE_KUTTA
 from hfa_flight.scenario import Scenario, Uncertainty, with_errors
-from hfa_flight.signals import CommandedStates, CommandSteps, Waveform
+from hfa_flight.signals import CommandedStates, CommandSteps
 from hfa_support.errors import BadInputError, NoSolutionError, choice_of, refuse_unknown, warn
 from hfa_support.files import MATRIX_FILES
 from trim.linear.linear_model import LinearModel

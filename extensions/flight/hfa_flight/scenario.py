@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_aircraft.waveform import Waveform, zero
 from hfa_flight.actuators import ActuatorBank
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.gusts import Gust
 from hfa_flight.air.turbulence import Turbulence
-from hfa_flight.signals import TimeVector, Waveform, zero
+from hfa_flight.signals import TimeVector
 from hfa_support.errors import (
     BadInputError,
     is_finite,

@@ -1,11 +1,11 @@
-"""Vector functions of time: references, disturbances, noise, filtered commands."""
+"""Vector functions of time: filtered commands."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -19,89 +19,6 @@ COMMAND_FILTER = (0.5, 2.0)
 #: Interface of a reference, disturbance or noise: `size` n, and `at(t)`, the value (n,) at an
 #: expression t. `until` is the time, s, at which the signal becomes constant; inf if it is missing.
 TimeVector = Any
-
-
-class Harmonic(NamedTuple):
-    """Harmonic signal sine sin(ω t) + cosine cos(ω t).
-
-    frequency: ω, rad/s
-    sine, cosine: amplitudes, (n,)
-    """
-
-    frequency: float
-    sine: np.ndarray
-    cosine: np.ndarray
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Waveform(Result, Reported):
-    """Signal s(t) = constant + slope t + Σ_i (sine_i sin ω_i t + cosine_i cos ω_i t), (n,).
-
-    constant: (n,)
-    slope: (n,), per s
-    harmonics: ω_i, sine_i and cosine_i
-
-    Raises BadInputError if the parts differ in length or are not finite.
-    """
-
-    constant: np.ndarray
-    slope: np.ndarray
-    harmonics: tuple[Harmonic, ...] = ()
-
-    def __post_init__(self) -> None:
-        """Raise BadInputError unless the parts are finite vectors of equal length."""
-        size = np.shape(self.constant)
-        for part in (
-            self.constant,
-            self.slope,
-            *(row for h in self.harmonics for row in (h.sine, h.cosine)),
-        ):
-            if len(size) != 1 or np.shape(part) != size:
-                raise BadInputError(
-                    f"the parts of a waveform have shapes {size} and {np.shape(part)}; give "
-                    "vectors of equal length"
-                )
-            if not np.all(np.isfinite(part)):
-                raise BadInputError(
-                    "a waveform has an entry that is not finite; give finite numbers"
-                )
-
-    @property
-    def size(self) -> int:
-        """Number of channels."""
-        return len(self.constant)
-
-    @property
-    def until(self) -> float:
-        """Time at which the harmonics end, s: inf with harmonics, 0 without."""
-        return math.inf if self.harmonics else 0.0
-
-    # The results of NumPy for numbers and of CasADi for expressions have no common type.
-    def at(self, t: Any) -> Any:
-        """Return s(t): an array (n,) for a number t, a CasADi column for an expression t."""
-        if not isinstance(t, (ca.SX, ca.MX)):
-            return self.sampled(np.array([t]))[0]
-        value: Any = ca.DM(self.constant) + ca.DM(self.slope) * t
-        for h in self.harmonics:
-            value = (
-                value
-                + ca.DM(h.sine) * ca.sin(h.frequency * t)
-                + ca.DM(h.cosine) * ca.cos(h.frequency * t)
-            )
-        return value
-
-    def sampled(self, times: np.ndarray) -> np.ndarray:
-        """Return s at the times (N,), as (N, n)."""
-        value = self.constant + np.outer(times, self.slope)
-        for h in self.harmonics:
-            value = value + np.outer(np.sin(h.frequency * times), h.sine)
-            value = value + np.outer(np.cos(h.frequency * times), h.cosine)
-        return np.asarray(value)
-
-
-def zero(size: int) -> Waveform:
-    """Return the waveform with `size` channels that is always 0."""
-    return Waveform(np.zeros(size), np.zeros(size))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -14,6 +14,7 @@ from random_points import rates
 import hfa
 from hfa import BadInputError, fly, trim
 from hfa.paper import level_flight
+from hfa_aircraft.waveform import zero
 from hfa_flight import (
     GainPolicy,
     MonteCarlo,
@@ -27,7 +28,6 @@ from hfa_flight.samples.monte_carlo import fly_member, fly_members, member_row
 from hfa_flight.samples.report import member_report
 from hfa_flight.samples.store import MEMBER_STEPS, chunk_of, run_monte_carlo, stream_members
 from hfa_flight.scenario import with_errors
-from hfa_flight.signals import zero
 from hfa_model import LINEAR_STATES, STATES, Input, Parameters, State
 from hfa_model.kinematics import Wind, Winds
 from hfa_model.variants import variant_named

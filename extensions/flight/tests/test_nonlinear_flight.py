@@ -16,6 +16,7 @@ from simulated_cases import SMALL, SimulatedCase, signal, simulate_case
 
 from hfa import BadInputError, trim
 from hfa.paper import level_flight
+from hfa_aircraft.waveform import Harmonic
 from hfa_flight import (
     ActuatorBank,
     GainPolicy,
@@ -28,7 +29,6 @@ from hfa_flight import (
 from hfa_flight.air.turbulence import Turbulence, TurbulentAir
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
 from hfa_flight.flight import Flight
-from hfa_flight.signals import Harmonic
 from hfa_flight.simulation import CompiledLoop
 from hfa_model import LINEAR_STATES, STATES, Input, State
 from hfa_model.vectors import CONTROL_LIMITS

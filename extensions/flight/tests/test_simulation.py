@@ -29,6 +29,7 @@ from hfa import (
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
+from hfa_aircraft.waveform import Harmonic, Waveform
 from hfa_flight import (
     ActuatorBank,
     CommandSteps,
@@ -44,7 +45,6 @@ from hfa_flight.history import Deviations
 from hfa_flight.limit_cycle import Decay, LimitCycle, limit_cycle, oscillation
 from hfa_flight.policies.policy import OpenLoop, open_loop
 from hfa_flight.samples.monte_carlo import fly_members
-from hfa_flight.signals import Harmonic, Waveform
 from hfa_flight.simulation import CompiledLoop
 from hfa_model import STATES
 from trim.point.condition import usual_condition

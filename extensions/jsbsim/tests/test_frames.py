@@ -8,8 +8,8 @@ import pytest
 
 import hfa
 from hfa.main import main
+from hfa_aircraft.waveform import Harmonic, Waveform
 from hfa_flight.scenario import Scenario
-from hfa_flight.signals import Harmonic, Waveform
 from hfa_jsbsim import frame
 from hfa_jsbsim.reader import read_model
 from hfa_support.errors import BadInputError

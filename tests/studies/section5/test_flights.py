@@ -13,11 +13,11 @@ from linear_flight import simulate
 from project import ROOT
 from simulated_cases import SMALL, SimulatedCase
 
+from controller.reference import forcing
 from hfa import fly, learn, solve
+from hfa_aircraft.waveform import Harmonic
 from hfa_flight import GainPolicy, Scenario, Waveform
-from hfa_flight.signals import Harmonic
 from studies.section5.configuration import PaperFlight, section5_configuration
-from studies.section5.critic_policy import forcing
 from studies.section5.flights import (
     CERTIFIED,
     CERTIFIED_FF,

@@ -1,0 +1,112 @@
+"""Exact feedforward of a game for a reference that is known in advance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.balancing import spectrum
+from hfa_aircraft.waveform import Harmonic, Waveform
+from hfa_support.errors import BadInputError
+
+
+@dataclass(frozen=True, eq=False)
+class Feedforward:
+    """Policies of the game of tracking a reference x_d(t), u = -K z + u_d(t).
+
+    With z = x - x_d and r = A x_d - x_d', the error obeys z' = A z + B u + E d + r(t). The value is
+    V = z'Pz + 2 s'z + c, with the bounded solution s(t) of
+
+        -s' = (A - S P)'s + P r,   -c' = 2 s'r - s'S s,
+        u = -R⁻¹(B'(P z + s) + N'z),   d = δ⁻²E'(P z + s).
+
+    game: the game of regulation
+    reference: x_d, (n,)
+    forcing: r, (n,)
+    costate: s, (n,)
+
+    Source: Athans and Falb, Optimal Control, Section 9.9, with S in place of B R⁻¹B'.
+    """
+
+    game: Game
+    reference: Waveform
+    forcing: Waveform
+    costate: Waveform
+
+    @property
+    def inputs(self) -> Waveform:
+        """Feedforward u_d = -R⁻¹B's, (m,), of the inputs."""
+        return self.costate.through(-self.game.R_inverse_B_transposed)
+
+    @property
+    def disturbance(self) -> Waveform:
+        """Feedforward δ⁻²E's, (p,), of the worst disturbance."""
+        return self.costate.through(self.game.E.T / self.game.delta**2)
+
+    def cost_per_second(self, duration: float) -> float:
+        """Return the mean of -c' over a duration: what tracking costs where z follows the policies.
+
+        duration: s
+        """
+        from scipy.integrate import quad_vec
+
+        def rate(t: float) -> float:
+            s = self.costate.at(t)
+            return float(2.0 * s @ self.forcing.at(t) - s @ self.game.S @ s)
+
+        total, _ = quad_vec(rate, 0.0, duration, epsrel=1e-10)
+        return float(total) / duration
+
+
+def forcing(A: np.ndarray, reference: Waveform) -> Waveform:
+    """Return r = A x_d - x_d', (n,), the effect of a reference x_d on the rate of the error z.
+
+    A: (n, n)
+    """
+    moved = reference.through(A)
+    rate = reference.rate()
+    waves = tuple(
+        Harmonic(one.frequency, one.sine - other.sine, one.cosine - other.cosine)
+        for one, other in zip(moved.harmonics, rate.harmonics, strict=True)
+    )
+    return Waveform(moved.constant - rate.constant, moved.slope - rate.slope, waves)
+
+
+def feedforward(game: Game, P: np.ndarray, reference: Waveform) -> Feedforward:
+    """Return the exact feedforward of a game for a reference of its states.
+
+    The solution is found for each term of the reference: with L = (A - S P)', the sinusoid
+    Re(ρ exp(jωt)) of r has Re(σ exp(jωt)) in s, (jω I + L) σ = -P ρ, and the ramp r_0 + r_1 t has
+    s_0 + s_1 t, L s_1 = -P r_1, L s_0 = -P r_0 - s_1.
+
+    P: (n, n), the stabilizing solution
+
+    Raises BadInputError if the reference has another number of states than the game, or if A - S P
+    is not Hurwitz.
+    """
+    if reference.size != len(game.A):
+        raise BadInputError(
+            f"the reference has {reference.size} states; the game has {len(game.A)}"
+        )
+    plain = game.without_cross_weights
+    loop = plain.A - plain.S @ P
+    abscissa = spectrum(loop).abscissa
+    if abscissa >= 0.0:
+        raise BadInputError(
+            f"A - S P has abscissa {abscissa:+.4g} 1/s; give the stabilizing P of the game"
+        )
+    driving = forcing(game.A, reference)
+    driven = driving.through(-P)
+    slope = np.linalg.solve(loop.T, driven.slope)
+    constant = np.linalg.solve(loop.T, driven.constant - slope)
+    identity = np.eye(len(loop))
+    waves = []
+    for wave in driven.harmonics:
+        # sine sin(ωt) + cosine cos(ωt) = Re((cosine - j sine) exp(jωt))
+        phasor = np.linalg.solve(
+            1j * wave.frequency * identity + loop.T, wave.cosine - 1j * wave.sine
+        )
+        waves.append(Harmonic(wave.frequency, -phasor.imag, phasor.real))
+    return Feedforward(game, reference, driving, Waveform(constant, slope, tuple(waves)))

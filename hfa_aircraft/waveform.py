@@ -1,0 +1,181 @@
+"""Vector functions of time that are sums of a constant, a ramp and sinusoids."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.report import Reported
+from hfa_support.reporting.results import Result
+
+
+class Harmonic(NamedTuple):
+    """Harmonic signal sine sin(ω t) + cosine cos(ω t).
+
+    frequency: ω, rad/s
+    sine, cosine: amplitudes, (n,)
+    """
+
+    frequency: float
+    sine: np.ndarray
+    cosine: np.ndarray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Waveform(Result, Reported):
+    """Signal s(t) = constant + slope t + Σ_i (sine_i sin ω_i t + cosine_i cos ω_i t), (n,).
+
+    constant: (n,)
+    slope: (n,), per s
+    harmonics: ω_i, sine_i and cosine_i
+
+    Raises BadInputError if the parts differ in length or are not finite.
+    """
+
+    constant: np.ndarray
+    slope: np.ndarray
+    harmonics: tuple[Harmonic, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Raise BadInputError unless the parts are finite vectors of equal length."""
+        size = np.shape(self.constant)
+        for part in (
+            self.constant,
+            self.slope,
+            *(row for h in self.harmonics for row in (h.sine, h.cosine)),
+        ):
+            if len(size) != 1 or np.shape(part) != size:
+                raise BadInputError(
+                    f"the parts of a waveform have shapes {size} and {np.shape(part)}; give "
+                    "vectors of equal length"
+                )
+            if not np.all(np.isfinite(part)):
+                raise BadInputError(
+                    "a waveform has an entry that is not finite; give finite numbers"
+                )
+
+    @property
+    def size(self) -> int:
+        """Number of channels."""
+        return len(self.constant)
+
+    @property
+    def until(self) -> float:
+        """Time at which the harmonics end, s: inf with harmonics, 0 without."""
+        return math.inf if self.harmonics else 0.0
+
+    # The results of NumPy for numbers and of CasADi for expressions have no common type.
+    def at(self, t: Any) -> Any:
+        """Return s(t): an array (n,) for a number t, a CasADi column for an expression t."""
+        if not isinstance(t, (ca.SX, ca.MX)):
+            return self.sampled(np.array([t]))[0]
+        value: Any = ca.DM(self.constant) + ca.DM(self.slope) * t
+        for h in self.harmonics:
+            value = (
+                value
+                + ca.DM(h.sine) * ca.sin(h.frequency * t)
+                + ca.DM(h.cosine) * ca.cos(h.frequency * t)
+            )
+        return value
+
+    def sampled(self, times: np.ndarray) -> np.ndarray:
+        """Return s at the times (N,), as (N, n)."""
+        value = self.constant + np.outer(times, self.slope)
+        for h in self.harmonics:
+            value = value + np.outer(np.sin(h.frequency * times), h.sine)
+            value = value + np.outer(np.cos(h.frequency * times), h.cosine)
+        return np.asarray(value)
+
+    def through(self, matrix: np.ndarray) -> Waveform:
+        """Return the waveform M s(t), (m,).
+
+        matrix: M, (m, n)
+        """
+        waves = tuple(
+            Harmonic(h.frequency, matrix @ h.sine, matrix @ h.cosine) for h in self.harmonics
+        )
+        return Waveform(matrix @ self.constant, matrix @ self.slope, waves)
+
+    def rate(self) -> Waveform:
+        """Return the waveform s'(t), (n,), per s."""
+        waves = tuple(
+            Harmonic(h.frequency, -h.frequency * h.cosine, h.frequency * h.sine)
+            for h in self.harmonics
+        )
+        return Waveform(self.slope, np.zeros(self.size), waves)
+
+
+#: A number without sign, as people write it: 7, .5, 1e-3.
+_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+#: A term of a channel: sign, and `2`, `0.01t`, `2sin(0.5t)` or `2cos(0.5t)`, with or without `*`.
+_TERM = re.compile(
+    rf"(?P<sign>[+-]?)(?P<amplitude>{_NUMBER})?\*?"
+    rf"(?:(?P<ramp>t)|(?P<wave>sin|cos)\((?P<frequency>{_NUMBER})?\*?t\))?"
+)
+
+
+def channel(text: str) -> Waveform:
+    """Return the waveform with one channel that a text describes, such as 7+0.01t+2sin(0.5t).
+
+    The terms are numbers, multiples of the time t in s, and multiples of sin(ω t) and cos(ω t)
+    with ω in rad/s.
+
+    Raises BadInputError for another text.
+    """
+    words = re.sub(r"(?<![\d.])\s+|\s+(?![\d.])", "", text.strip())
+    constant = 0.0
+    slope = 0.0
+    waves = []
+    begin = 0
+    while begin < len(words):
+        term = _TERM.match(words, begin)
+        empty = term is None or not (term["amplitude"] or term["ramp"] or term["wave"])
+        if term is None or empty or (begin > 0 and not term["sign"]):
+            raise BadInputError(
+                f"{words[begin:]!r} is no term of a signal; write sums of terms such as 7, 0.01t, "
+                "2sin(0.5t), 2cos(0.5t)"
+            )
+        amplitude = float(f"{term['sign']}{term['amplitude'] or 1}")
+        if term["ramp"]:
+            slope += amplitude
+        elif term["wave"]:
+            vector = np.array([amplitude])
+            frequency = float(term["frequency"] or 1)
+            sine = vector * (term["wave"] == "sin")
+            waves.append(Harmonic(frequency, sine, vector - sine))
+        else:
+            constant += amplitude
+        begin = term.end()
+    if not words:
+        raise BadInputError("a signal is empty; write terms such as 7, 0.01t, 2sin(0.5t)")
+    return Waveform(np.array([constant]), np.array([slope]), tuple(waves))
+
+
+def stacked(channels: Mapping[str, Waveform], names: Sequence[str]) -> Waveform:
+    """Return the waveform (n,) with the given channels, and 0 in the others.
+
+    channels: name -> waveform (1,)
+    names: names of all n channels
+    """
+    total = zero(len(names))
+    for name, wave in channels.items():
+        place = np.array([[float(other == name)] for other in names])
+        part = wave.through(place)
+        total = Waveform(
+            total.constant + part.constant,
+            total.slope + part.slope,
+            total.harmonics + part.harmonics,
+        )
+    return total
+
+
+def zero(size: int) -> Waveform:
+    """Return the waveform with `size` channels that is always 0."""
+    return Waveform(np.zeros(size), np.zeros(size))

@@ -1,0 +1,180 @@
+"""Exact feedforward of a game for a reference."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from game_samples import INITIAL, game_models
+from linear_flight import LinearFlight, simulate
+
+from controller.reference import feedforward, forcing
+from hfa import BadInputError, Game, solve
+from hfa_aircraft.waveform import Harmonic, Waveform, channel, stacked
+
+#: Constant, ramp and two sinusoids in several states.
+REFERENCE = Waveform(
+    np.array([7.0, 0.1, 0.0, 0.0, 0.5, 0.0]),
+    np.array([0.01, 0.0, 0.002, 0.0, 0.0, 0.0]),
+    (
+        Harmonic(0.5, np.array([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]), np.zeros(6)),
+        Harmonic(1.3, np.array([0.0, 0.0, 0.02, 0.0, 0.1, 0.0]), np.full(6, 0.03)),
+    ),
+)
+
+
+@pytest.fixture(params=["plain", "cross weights"])
+def game(request: pytest.FixtureRequest) -> Game:
+    """The paper's game at 5 deg, also with cross weights N."""
+    found = game_models()[min(game_models())]
+    if request.param == "plain":
+        return found
+    N = 0.1 * np.random.default_rng(3).standard_normal((6, 5))
+    return replace(found, Q=found.Q + np.eye(6), R=found.R + np.eye(5), N=N)
+
+
+def test_feedforward_satisfies_its_differential_equation(game: Game) -> None:
+    """The costate s(t) satisfies -s' = (A - S P)'s + P r, with derivatives by central differences."""
+    P = solve(game).P
+    s = feedforward(game, P, REFERENCE).costate
+    plain = game.without_cross_weights
+    loop = plain.A - plain.S @ P
+    step = 1e-3
+    weights = np.array([1.0, -8.0, 8.0, -1.0]) / 12e-3
+    for t in (0.0, 3.0, 17.0):
+        around = [t + k * step for k in (-2, -1, 1, 2)]
+        r = game.A @ REFERENCE.at(t) - weights @ np.array([REFERENCE.at(each) for each in around])
+        rate = weights @ np.array([s.at(each) for each in around])
+        assert np.abs(rate + loop.T @ s.at(t) + P @ r).max() < 1e-9 * np.abs(P @ r).max()
+
+
+def test_a_free_motion_of_the_plant_needs_no_feedforward() -> None:
+    """A reference that the plant follows by itself, a sinusoid of an oscillator, has s = 0."""
+    A = np.array([[0.0, 2.0], [-2.0, 0.0]])
+    game = Game(A, np.array([[0.0], [1.0]]), np.eye(2), np.eye(2), np.eye(1), 10.0)
+    free = Waveform(np.zeros(2), np.zeros(2), (Harmonic(2.0, np.eye(2)[0], np.eye(2)[1]),))
+    assert np.abs(forcing(A, free).harmonics[0].sine).max() < 1e-15
+    assert np.abs(feedforward(game, solve(game).P, free).inputs.at(1.0)).max() < 1e-12
+
+
+def test_a_wrong_solution_or_reference_is_refused() -> None:
+    """A P whose loop is not Hurwitz, and a reference of another size, are refused."""
+    game = game_models()[min(game_models())]
+    P = solve(game).P
+    with pytest.raises(BadInputError, match="give the stabilizing P of the game"):
+        feedforward(game, -P, REFERENCE)
+    with pytest.raises(BadInputError, match="the reference has 1 states; the game has 6"):
+        feedforward(game, P, channel("7"))
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("7+0.01t+2sin(0.5t)", lambda t: 7 + 0.01 * t + 2 * math.sin(0.5 * t)),
+        ("-.5", lambda t: -0.5),
+        ("1e-3*t - cos(2*t)", lambda t: 1e-3 * t - math.cos(2 * t)),
+        ("3 sin(t) + 2e1cos(.1t) - 4", lambda t: 3 * math.sin(t) + 20 * math.cos(0.1 * t) - 4),
+    ],
+)
+def test_a_written_signal_is_read(text: str, value: Callable[[float], float]) -> None:
+    """Sums of constants, ramps, sines and cosines are read, with and without spaces and `*`."""
+    for t in (0.0, 1.7, 30.0):
+        assert channel(text).at(t)[0] == pytest.approx(value(t), rel=1e-14, abs=1e-14)
+
+
+@pytest.mark.parametrize("text", ["", "t^2", "2sin(0.5)", "exp(t)", "2 3", "7+", "nan", "sin(ut)"])
+def test_another_signal_is_refused(text: str) -> None:
+    """A text that is no such sum is refused in one line."""
+    with pytest.raises(BadInputError, match="write"):
+        channel(text)
+
+
+def test_channels_are_stacked_by_name() -> None:
+    """Channels take the places of their names, and the others are 0."""
+    wave = stacked({"b": channel("2t+sin(3t)"), "a": channel("1")}, ("a", "c", "b"))
+    assert wave.at(0.4) == pytest.approx([1.0, 0.0, 0.8 + math.sin(1.2)])
+
+
+class _Tracking:
+    """The game of tracking the reference, with simulations of several policies."""
+
+    def __init__(self, game: Game) -> None:
+        self.game, self.P = game, solve(game).P
+        self.exact = feedforward(game, self.P, REFERENCE)
+
+    def fly(
+        self,
+        end: float,
+        push: Callable[[float], np.ndarray] = lambda t: np.zeros(5),
+        gust: Callable[[float], np.ndarray] = lambda t: np.zeros(6),
+        share: float = 1.0,
+    ) -> LinearFlight:
+        K = self.game.gain(self.P)
+        return simulate(
+            self.game,
+            lambda t, z: -K @ z + share * self.exact.inputs.at(t) + push(t),
+            lambda t, z: (
+                self.game.E.T @ self.P @ z / self.game.delta**2
+                + self.exact.disturbance.at(t)
+                + gust(t)
+            ),
+            INITIAL - REFERENCE.at(0.0),
+            np.array([0.0, end]),
+            self.exact.forcing.at,
+        )
+
+    def total(self, flight: LinearFlight) -> float:
+        """Return the cost of a flight plus the value of its final state, without c(T).
+
+        c(T) does not depend on the policies.
+        """
+        z = flight.states[-1]
+        s = self.exact.costate.at(flight.times[-1])
+        return float(flight.cost[-1] + z @ self.P @ z + 2.0 * s @ z)
+
+
+def test_costs_of_exact_policies_equal_the_value() -> None:
+    """The exact policies have the cost J(0, T) = V(z(0), 0) - V(z(T), T).
+
+    c(0) - c(T) is T times the cost per second. A feedforward that is 1 % larger costs more.
+    """
+    tracking = _Tracking(game_models()[min(game_models())])
+    end = 8.0
+    flight = tracking.fly(end)
+    z = flight.states[0]
+    constant = end * tracking.exact.cost_per_second(end)
+    value = z @ tracking.P @ z + 2.0 * tracking.exact.costate.at(0.0) @ z + constant
+    assert tracking.total(flight) == pytest.approx(value, rel=1e-9)
+    assert tracking.total(tracking.fly(end, share=1.01)) > tracking.total(flight) + 1e-3
+
+
+def test_deviations_change_the_cost_to_second_order() -> None:
+    """A deviation from the exact policies changes the cost to second order.
+
+    The input u + ε v increases the cost by ε² ∫ v'R v. The disturbance d + ε g changes the cost by
+    -ε² δ² ∫ g'g.
+    """
+    game = game_models()[min(game_models())]
+    tracking = _Tracking(game)
+    rng = np.random.default_rng(0)
+    end = 6.0
+    v = rng.standard_normal(5)
+    g = rng.standard_normal(6)
+    best = tracking.total(tracking.fly(end))
+    pulse = end * 3.0 / 8.0  # ∫ sin⁴(π t/end) dt
+    costs = (("push", v, float(v @ game.R @ v)), ("gust", g, -(game.delta**2) * float(g @ g)))
+    for name, way, exact in costs:
+        found = [
+            tracking.total(
+                tracking.fly(
+                    end, **{name: lambda t, e=e, d=way: e * math.sin(math.pi * t / end) ** 2 * d}
+                )
+            )
+            - best
+            for e in (1.0, 0.1)
+        ]
+        assert found[0] == pytest.approx(exact * pulse, rel=1e-5)
+        assert math.log10(found[0] / found[1]) == pytest.approx(2.0, abs=0.01)
