@@ -6,14 +6,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from itertools import pairwise
 
 from grimp import ImportGraph
 from importlinter import Contract, ContractCheck, fields, output
 from importlinter.domain.helpers import module_expressions_to_modules
-
-#: Chain of modules, each of which imports the next one.
-Chain = tuple[str, ...]
 
 
 class ImportsNothingBut(Contract):
@@ -27,41 +23,39 @@ class ImportsNothingBut(Contract):
     allowed = fields.ListField(subfield=fields.ModuleExpressionField())
 
     def check(self, graph: ImportGraph, verbose: bool) -> ContractCheck:
-        """Return whether the contract is kept, with the shortest chain of imports for each
-        violation.
+        """Return whether the contract is kept, with every import that leaves the allowed packages.
 
-        A chain consists of the modules from the checked module to the first forbidden one.
+        An import counts if allowed modules alone connect it with a checked module.
         """
-        allowed = _within(graph, self.allowed)
-        found = {
-            chain
-            for module in sorted(_within(graph, self.modules))
-            for chain in self._chains(graph, module, allowed)
-        }
-        # Keep the shortest chain for each import that leaves the allowed packages.
-        shortest = {self._crossing(chain): chain for chain in sorted(found, key=len, reverse=True)}
-        chains = sorted(shortest.values())
-        return ContractCheck(kept=not chains, metadata={"chains": chains, "graph": graph})
+        inside = _within(graph, self.allowed) | _within(graph, self.modules)
+        reached = _within(graph, self.modules)
+        waiting = sorted(reached)
+        found = set()
+        while waiting:
+            module = waiting.pop()
+            for other in self._neighbors(graph, module):
+                if other not in inside:
+                    found.add(self._edge(module, other))
+                elif other not in reached:
+                    reached.add(other)
+                    waiting.append(other)
+        return ContractCheck(kept=not found, metadata={"imports": sorted(found), "graph": graph})
 
-    def _chains(self, graph: ImportGraph, module: str, allowed: set[str]) -> Iterable[Chain]:
-        for other in graph.find_upstream_modules(module) - allowed:
-            chain = graph.find_shortest_chain(importer=module, imported=other)
-            if chain and allowed.issuperset(chain[:-1]):
-                yield chain
+    def _neighbors(self, graph: ImportGraph, module: str) -> Iterable[str]:
+        return graph.find_modules_directly_imported_by(module)
 
-    def _crossing(self, chain: Chain) -> Chain:
-        return chain[-2:]
+    def _edge(self, module: str, other: str) -> tuple[str, str]:
+        return module, other
 
     def render_broken_contract(self, check: ContractCheck) -> None:
-        """Print the chains of imports that break the contract, with line numbers."""
-        for chain in check.metadata["chains"]:
-            for importer, imported in pairwise(chain):
-                details = check.metadata["graph"].get_import_details(
-                    importer=importer, imported=imported
-                )
-                lines = ", ".join(f"l.{each['line_number']}" for each in details)
-                output.print_error(f"- {importer} -> {imported} ({lines})", bold=False)
-            output.new_line()
+        """Print the imports that break the contract, with line numbers."""
+        for importer, imported in check.metadata["imports"]:
+            details = check.metadata["graph"].get_import_details(
+                importer=importer, imported=imported
+            )
+            lines = ", ".join(f"l.{each['line_number']}" for each in details)
+            output.print_error(f"- {importer} -> {imported} ({lines})", bold=False)
+        output.new_line()
 
 
 class ImportedByNothingBut(ImportsNothingBut):
@@ -71,15 +65,11 @@ class ImportedByNothingBut(ImportsNothingBut):
     allowed: packages that may import the modules
     """
 
-    def _chains(self, graph: ImportGraph, module: str, allowed: set[str]) -> Iterable[Chain]:
-        inside = allowed | _within(graph, self.modules)
-        for other in graph.find_downstream_modules(module) - inside:
-            chain = graph.find_shortest_chain(importer=other, imported=module)
-            if chain and inside.issuperset(chain[1:]):
-                yield chain
+    def _neighbors(self, graph: ImportGraph, module: str) -> Iterable[str]:
+        return graph.find_modules_that_directly_import(module)
 
-    def _crossing(self, chain: Chain) -> Chain:
-        return chain[:2]
+    def _edge(self, module: str, other: str) -> tuple[str, str]:
+        return other, module
 
 
 def _within(graph: ImportGraph, packages: Iterable[object]) -> set[str]:
