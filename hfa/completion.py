@@ -9,7 +9,7 @@ import os
 import sys
 
 from hfa.entry_points import command_named, commands, found_in
-from hfa.options.trims import named_model
+from hfa.options.aircraft import Aircraft
 from hfa_support.errors import BadInputError
 
 
@@ -24,7 +24,7 @@ def candidates(words: list[str]) -> list[str]:
     except BadInputError:  # the second word of `prove` is missing
         name = ""
     if name and begun.startswith("-"):
-        options = command_named(name).load().request.options(named_model({}))
+        options = command_named(name).load().request.options(Aircraft.loaded({}))
         known = [flag for option in options.values() for flag in option.flags if flag[:2] == "--"]
     else:
         rows = [command.split() for command in commands()]

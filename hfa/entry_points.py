@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
 from hfa.options.parser import unknown
-from hfa.options.request import is_installed
+from hfa.options.part import is_installed
 from hfa_support.entry_points import COMMANDS as GROUP, loaded, offered, package_of
 from hfa_support.errors import BadInputError, shortened
 
@@ -115,9 +115,9 @@ COMMANDS = {
         "hfa.commands.game:solve",
         example="hfa solve --dihedral 15 --delta 300",
         results=(
-            "controller.riccati.gare:Solution hfa.options.games:NamedGame"
+            "controller.riccati.gare:Solution hfa.options.game:NamedGame"
             " controller.expansion.expansion:Expansion?",
-            "controller.discrete.report:AnalysedDiscreteGame hfa.options.games:NamedGame",
+            "controller.discrete.report:AnalysedDiscreteGame hfa.options.game:NamedGame",
         ),
     ),
     "learn": CommandEntry(
@@ -126,7 +126,7 @@ COMMANDS = {
         "hfa.commands.game:learn",
         example="hfa learn --dihedral 15 -o learned.npz",
         results=(
-            "controller.critic.training_run:TrainingRun hfa.options.games:NamedGame"
+            "controller.critic.training_run:TrainingRun hfa.options.game:NamedGame"
             " hfa.commands.game:LearnedChecks",
         ),
     ),
@@ -137,10 +137,10 @@ COMMANDS = {
         example="hfa verify --dihedral 15 --weights learned.npz",
         results=(
             "verification.verdict:Verdict verification.verdict:Details"
-            " hfa.options.games:Weights hfa.options.games:NamedGame",
-            "verification.verdict:Verdicts hfa.options.games:Weights hfa.options.games:NamedGame",
+            " hfa.options.game:Weights hfa.options.game:NamedGame",
+            "verification.verdict:Verdicts hfa.options.game:Weights hfa.options.game:NamedGame",
             "verification.critic.discrete:DiscreteVerdict verification.verdict:Details"
-            " hfa.options.games:Weights hfa.options.games:NamedGame",
+            " hfa.options.game:Weights hfa.options.game:NamedGame",
         ),
     ),
     "assess": CommandEntry(

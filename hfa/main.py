@@ -13,13 +13,13 @@ import shlex
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from hfa.entry_points import command_named, commands, found_in, words_after
 from hfa.exit_codes import BAD_INPUT, DONE, FAILED, INTERRUPTED
 from hfa.options.parser import Parser, unknown
 from hfa_support.errors import BadInputError, NoSolutionError, on_one_line, shortened
-from hfa_support.progress import drop, print_to_stderr
+from hfa_support.progress import drop, print_notes, print_to_stderr
 
 if TYPE_CHECKING:
     from hfa.options.request import Command, Request
@@ -30,9 +30,6 @@ if TYPE_CHECKING:
 
 #: Exceptions caused by the user's input or system, reported in one line. Any other is a bug.
 FAILURES = (BadInputError, NoSolutionError, OverflowError, UnicodeError, MemoryError, OSError)
-#: Fields of requests that name files to write, and fields that define the model.
-_WRITTEN = ("output", "picture")
-_OF_THE_MODEL = ("aircraft", "steps", "dynamics", "parameters", "units")
 #: Megabytes of address space that every command needs. With less, OpenBLAS would retry its
 #: allocation forever while it is loaded, and no signal would end the process.
 _ADDRESS_SPACE = 384
@@ -142,9 +139,11 @@ def _run(words: list[str], find: Find) -> int:
         try:
             return command.run(request)
         except BadInputError as error:
-            if not error.options or not hasattr(request, "reading"):
+            name = error.options[0] if error.options else ""
+            if name not in {
+                flag for each in request.options(request.model).values() for flag in each.flags
+            }:
                 raise
-            name = error.options[0]
             kept = list(options)
             if name in kept and name != "--set":
                 place = kept.index(name)
@@ -188,32 +187,67 @@ def _request(command: Command, program: str, words: list[str]) -> Request:
     program: name of the program in messages, such as "hfa trim"
     words: words of the command line after the name of the command
     """
-    from hfa.options.trims import named_model
     from hfa_support.provenance import now
+
+    about = {"line": shlex.join([*program.split(), *words]), "date": now()}
+    if not hasattr(command.request, "of_the_model"):
+        return _inherited(command, program, words, about)
+    model = _model(command.request, program, words)
+    parser = filled(Parser(prog=program), command, model)
+    values = parser.parse_words(words)
+    flags = {path: parser.options[path].flags[-1] for path in values}
+    return command.request.of(model, values, flags, **about)
+
+
+def _model(request: type[Request], program: str, words: list[str]) -> Model:
+    """Return the model that the options of the aircraft in a command line define."""
+    name, kind = request.of_the_model()
+    prefix = f"{name}." if name else ""
+    first = Parser(prog=program, with_help=False)
+    first.declare(
+        {
+            path: option.of(None, path)
+            for path, option in request.declared().items()
+            if name and path.startswith(prefix)
+        }
+    )
+    typed = first.typed(first.parse_known_args(words)[0])
+    return kind.loaded({path.removeprefix(prefix): value for path, value in typed.items()})
+
+
+def _inherited(command: Command, program: str, words: list[str], about: Any) -> Any:
+    from hfa.options.aircraft import Aircraft
 
     of_the_model = {
         field: option.of(None, field)
         for field, option in command.request.declared().items()
-        if field in _OF_THE_MODEL
+        if field in ("aircraft", "steps", "dynamics", "parameters", "units")
     }
     first = Parser(prog=program, with_help=False)
     first.declare(of_the_model)
     chosen = first.typed(first.parse_known_args(words)[0])
-    model = named_model(chosen)
-    if chosen.get("units") == "si":
-        from hfa_aircraft.units import in_si
+    if "steps" in chosen:
+        from controller.discrete.step_model import step_model
 
-        model = in_si(model)
+        model = step_model(chosen["steps"])
+    else:
+        if "aircraft" in chosen:
+            chosen["source"] = chosen["aircraft"]
+        model = Aircraft.loaded(chosen)
     typed = filled(Parser(prog=program), command, model).parse_words(words)
-    line = shlex.join([*program.split(), *words])
-    return command.request(model=model, line=line, date=now(), typed=frozenset(typed), **typed)
+    made: Any = command.request
+    return made(model=model, typed=frozenset(typed), **about, **typed)
 
 
 def _refuse_to_overwrite(request: Request) -> None:
     """Raise BadInputError if an output file was read as input or is named for two outputs."""
     from hfa_support.files import refuse_read
 
-    outputs = [getattr(request, name, None) for name in _WRITTEN]
+    output: Any = request.output
+    if not hasattr(output, "picture"):
+        outputs = [getattr(request, name, None) for name in ("output", "picture")]
+    else:
+        outputs = [output.file, output.picture]
     paths = [path for path in outputs if path is not None]
     for path in paths:
         refuse_read(path)
@@ -228,8 +262,6 @@ def _print_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
     - warnings for programmers, such as deprecations: none is printed.
     - other warnings, such as those of NumPy: at most `_MOST_NOTES` are printed.
     """
-    from hfa.options.output import print_notes
-
     caught = [each for each in caught if not issubclass(each.category, _FOR_PROGRAMMERS)]
     notes = [str(warning.message) for warning in caught if warning.category is UserWarning]
     others = [
@@ -266,7 +298,7 @@ def filled(parser: Parser, command: Command, model: Model) -> Parser:
 
     The options have the names and units of the model.
     """
-    from hfa.options.trims import is_own
+    from hfa.options.aircraft import is_own
 
     parser.description = inspect.cleandoc(command.run.__doc__ or "")
     parser.declare(command.request.options(model))

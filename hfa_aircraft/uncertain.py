@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -75,20 +75,18 @@ def spread_of_file(path: str, model: Model) -> ParameterSpread:
     return ParameterSpread(values, matrix)
 
 
-def spread_of(request: Any) -> ParameterSpread:
-    """Return the uncertain parameters of the request's aircraft.
+def spread_of(model: Model, known: Any, held: Collection[str]) -> ParameterSpread:
+    """Return the uncertain parameters of an aircraft. Units are SI if the model is in SI.
 
-    Parameters that the request fixes are left out. Units are SI if the request's model is in SI.
+    known: file of the aircraft or of its parameters, or a `ParameterSet`
+    held: names of parameters that are left out
 
     Raises BadInputError if the covariance is unknown.
     """
-    model = request.model
     native = model.extras.native or model
-    if request.own:
-        file = request.parameters or model.extras.source[0]
-        spread = spread_of_file(str(file), native)
+    if isinstance(known, str):
+        spread = spread_of_file(known, native)
     else:
-        known = request.parameter_set
         if not known.covariance.size:
             raise BadInputError(
                 "--draws requires the covariance of the parameters; give --parameters FILE with "
@@ -97,7 +95,6 @@ def spread_of(request: Any) -> ParameterSpread:
         spread = spread_of_set(known)
     if model.extras.native is not None:
         spread = _in_si(spread, native)
-    held = request.held_parameters()
     kept = [at for at, name in enumerate(spread.values) if name not in held]
     return replace(
         spread,

@@ -9,8 +9,10 @@ import contextlib
 import io
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Protocol, TextIO, TypeVar
+
+from hfa_support.errors import on_one_line
 
 Item = TypeVar("Item")
 
@@ -46,6 +48,12 @@ def print_flushed(text: str) -> None:
         print(text, flush=True)
     except BrokenPipeError:
         drop(sys.stdout)
+
+
+def print_notes(warnings: Iterable[str]) -> None:
+    """Print each note as one line on standard error, prefixed by "hfa: note: "."""
+    for warning in warnings:
+        print_to_stderr(f"hfa: note: {on_one_line(warning)}")
 
 
 def print_to_stderr(text: str, end: str = "\n") -> None:

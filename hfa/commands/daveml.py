@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from hfa.options.argument_types import input_file
-from hfa.options.output import show
-from hfa.options.request import command, option
-from hfa.options.trims import OutputOptions
+from hfa.options.part import option
+from hfa.options.request import Request, command
 from hfa_aircraft.readers.daveml.check_cases import checked_document
 from hfa_aircraft.readers.daveml.document import read_document
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class DavemlRequest(OutputOptions):
+class DavemlRequest(Request):
     """Options of `hfa daveml`."""
 
     file: Path = option(
@@ -27,12 +24,6 @@ class DavemlRequest(OutputOptions):
         required=True,
     )
 
-    def origin(self) -> Mapping[str, Any]:
-        """Return an empty provenance. The recorded command line already contains the path of the
-        file.
-        """
-        return {}
-
 
 @command(DavemlRequest)
 def daveml(request: DavemlRequest) -> int:
@@ -42,5 +33,5 @@ def daveml(request: DavemlRequest) -> int:
     the file has no check case.
     """
     checked = checked_document(read_document(str(request.file)))
-    show(checked.report(), request)
+    request.show(checked.report())
     return 0 if checked.ok else 1

@@ -6,12 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from hfa.learning import Learning
+from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import whole
 from hfa.options.draws import draws_option, with_draws
-from hfa.options.games import CONTINUOUS, LearningOptions, NamedGame, PlantOptions
-from hfa.options.output import ProgressLine, show
-from hfa.options.request import OfModel, command, option
-from hfa.options.trims import OutputOptions, UnitsOption
+from hfa.options.game import CONTINUOUS, GameGiven, NamedGame
+from hfa.options.output import ProgressLine
+from hfa.options.part import OfModel, option, part
+from hfa.options.request import Request, command
+from hfa.options.trim import Trim
 from hfa_support.reporting.checks import Check
 from hfa_support.reporting.results import Matrix, Result, stored_as
 
@@ -36,23 +39,39 @@ def _design(model: Model, name: str) -> Any:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class GameOptions(UnitsOption, PlantOptions):
-    """Options that define one game, including --units and --design."""
+class DesignedGame(GameGiven):
+    """The game, whose weights a design may define."""
 
     design: Any = option(_about_design, "NAME", OfModel(_design), package="hfa_design")
 
-    def game_at(self, linear: LinearModel) -> NamedGame:
+    def game_at(self, linear: LinearModel, aircraft: Aircraft) -> NamedGame:
         """Return the game on the linear model of an aircraft at a trim, of --design if given."""
         if self.design is None:
-            return super().game_at(linear)
+            return super().game_at(linear, aircraft)
         from hfa_design.designed_game import designed_game
 
-        return designed_game(self, linear)
+        aircraft.refuse(
+            ("units",),
+            "cannot be combined with --design, whose weights are in the units of the declaration; "
+            "remove this option",
+        )
+        return designed_game(self.design, self.weights, linear)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class GameRequest(GameOptions, OutputOptions):
-    """Options of a command that solves, learns or checks one game."""
+class GameRequest(Request):
+    """Request of a command that solves, learns or checks one game."""
+
+    aircraft: Aircraft = part(Aircraft)
+    trim: Trim = part(Trim)
+    game: DesignedGame = part(DesignedGame)
+
+    def named_game(self, read: dict[str, Any] | None = None) -> NamedGame:
+        """Return the game that the options define, in continuous or discrete time.
+
+        read: entries of the plant file, if it has been read already, or None
+        """
+        return self.game.game(self.aircraft, self.trim, read, may_be_discrete=True)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,28 +99,29 @@ def solve(request: SolveRequest) -> int:
     from controller.expansion.expansion import expand
     from controller.riccati import gare
 
-    if request.plant is not None or request.design is not None:
+    plant = request.game.plant
+    if plant is not None or request.game.design is not None:
         request.refuse(
             ("order",), "requires the equations of an aircraft; remove --model and --design"
         )
     arrays = None
-    if request.plant is not None:
+    if plant is not None:
         from hfa_aircraft.readers.matrices_file import has_all
         from hfa_support.arrays.read import read_arrays
 
-        arrays = read_arrays(request.plant)
+        arrays = read_arrays(plant)
         if has_all(arrays, "B2"):
-            request.refuse_of_the_aircraft()
-            request.refuse(
+            request.game.refuse_aircraft(request.aircraft, request.trim)
+            request.game.weights.refuse(
                 ("Q", "R"),
                 "does not apply to a generalized plant; define the cost by C1 and D12",
             )
             from controller.plant.plant_report import solved_plant
 
-            report = solved_plant(request.plant, arrays, request.delta)
-            show(report, request, notes=report.data["warnings"])
+            report = solved_plant(plant, arrays, request.game.weights.delta)
+            request.show(report, notes=report.data["warnings"])
             return 0
-    named = request.game(arrays, may_be_discrete=True)
+    named = request.named_game(arrays)
     if named.discrete is not None:
         return _solve_discrete(request, named, named.discrete)
     with named.asking_for_time():
@@ -112,8 +132,9 @@ def solve(request: SolveRequest) -> int:
         expanded = expand(named.linear, solution, request.order).report()
         parts = (*solved.parts, expanded.title, *expanded.parts)
         solved = replace(solved, parts=parts).with_data(**expanded.data)
-    report = with_draws(solved, request, (named, solution.K))
-    show(report.with_data(**named.as_data()), request, notes=named.warnings)
+    subject = (named, solution.K)
+    report = with_draws(solved, request.draws, request.aircraft, request.trim, subject)
+    request.show(report.with_data(**named.as_data()), notes=named.warnings)
     return 0
 
 
@@ -123,13 +144,15 @@ def _solve_discrete(request: SolveRequest, named: NamedGame, problem: DiscreteGa
 
     request.refuse(("draws",), CONTINUOUS)
     report = discrete_report(analyse_discrete(problem, ProgressLine("solve")))
-    show(report.with_data(**named.as_data()), request, notes=named.warnings)
+    request.show(report.with_data(**named.as_data()), notes=named.warnings)
     return 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LearnRequest(GameRequest, LearningOptions):
+class LearnRequest(GameRequest):
     """Options of `hfa learn`."""
+
+    learning: Learning = part(Learning)
 
 
 @command(LearnRequest)
@@ -141,10 +164,10 @@ def learn(request: LearnRequest) -> int:
     """
     from verification.critic.critic_check import verify
 
-    named = request.game(may_be_discrete=True)
+    named = request.named_game()
     if named.discrete is not None:
         return _learn_discrete(request, named, named.discrete)
-    run = request.learned(named.game)
+    run = request.learning.learned(named.game)
     critic = run.critic(named.game)
     return _show_learned(request, named, run, verify(named.game, critic, run=run))
 
@@ -155,8 +178,8 @@ def _learn_discrete(request: LearnRequest, named: NamedGame, problem: DiscreteGa
     from controller.learning.q_learning import learn_steps
     from verification.critic.discrete import check_discrete
 
-    request.refuse(("law", "set"), CONTINUOUS)
-    run, H = learn_steps(problem, request.seed, progress=ProgressLine("learn"))
+    request.learning.refuse(("law", "set"), CONTINUOUS)
+    run, H = learn_steps(problem, request.learning.seed, progress=ProgressLine("learn"))
     critic = from_parts(problem.step, {"P": run.P, "K": run.K})
     verdict = check_discrete(problem, critic, more={"H": H})
     return _show_learned(request, named, run, verdict, H)
@@ -196,5 +219,5 @@ def _show_learned(
     parts = (verdict.headline(), *report.parts, checks_block(verdict.checks))
     report = replace(report, parts=parts).with_data(**named.as_data(), **judged)
     whole = {**run.report(history=True).data, **judged}
-    show(report, request, only_in_files=whole, notes=named.warnings)
+    request.show(report, only_in_files=whole, notes=named.warnings)
     return 0 if verdict.ok else 1

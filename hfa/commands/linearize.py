@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 import hfa_model
+from hfa.commands.trim import OneTrimRequest
 from hfa.options.argument_types import some_of
 from hfa.options.draws import draws_option, with_draws
-from hfa.options.output import show, trimmed
-from hfa.options.request import OfModel, command, option
-from hfa.options.trims import OneTrimRequest, picture_option
+from hfa.options.output import Output, picture_option
+from hfa.options.part import OfModel, option, part
+from hfa.options.request import command
 from hfa_aircraft.model import Model
 from hfa_model.choice import aircraft
 from hfa_model.variants import VARIANTS
@@ -55,6 +55,9 @@ def _about_states(model: Model) -> str:
 class LinearizeRequest(OneTrimRequest):
     """Options of `hfa linearize`."""
 
+    output: Output = part(
+        Output, picture=picture_option("Bode plots from each input to each output")
+    )
     states: tuple[str, ...] | None = option(_about_states, "a,b,...", _names_of("states"))
     inputs: tuple[str, ...] | None = option(
         "inputs of the model, in order; default: all", "a,b,...", _names_of("inputs"), rare=True
@@ -72,15 +75,14 @@ class LinearizeRequest(OneTrimRequest):
     )
     bode: bool = option("add transmission zeros and transfer functions")
     draws: int | None = draws_option()
-    picture: Path | None = picture_option("Bode plots from each input to each output")
 
 
 @command(LinearizeRequest)
 def linearize(request: LinearizeRequest) -> int:
     """Linearize exactly at a trim, and report matrices, modes and handling qualities. --bode adds
     transfer functions. Error bands and differences from printed matrices are added where known."""
-    aircraft = request.flown_aircraft()
-    point = trimmed(request, aircraft)
+    point = request.trimmed()
+    aircraft = request.trim.aircraft
     usual = aircraft.linear
     follow = request.residualize
     states = request.states or tuple(name for name in usual if name not in follow)
@@ -100,20 +102,20 @@ def linearize(request: LinearizeRequest) -> int:
 
         report = with_transfers(report, model.system)
     # The printed matrices are in feet.
-    printed = printed_at(point) if _is_printed(model) and request.units != "si" else None
+    printed = printed_at(point) if _is_printed(model) and request.aircraft.units != "si" else None
     if printed is not None:
         report = with_printed_matrices(report, model, printed)
     notes = [*report.notes, reduction_note(model.matrices, full.select(usual).matrices, follow)]
     notes = [note for note in notes if note]
     report = replace(report, notes=notes).with_data(warnings=notes)
-    report = with_draws(report, request, full.select(usual))
+    report = with_draws(report, request.draws, request.aircraft, request.trim, full.select(usual))
 
     def figure() -> Figure:
         from trim.linear.frequency import bode_figure
 
         return bode_figure(model.system)
 
-    show(report, request, figure=figure)
+    request.show(report, figure=figure)
     return 0
 
 
@@ -152,13 +154,13 @@ def _of_the_hfa(request: LinearizeRequest, model: LinearModel) -> Report:
     - a comparison with the linear model of other dynamics, if they have a trim at this condition
     - error bands of the entries, if they are known for the parameters
     """
-    parameters = request.parameter_set
-    condition = request.trim_condition
+    parameters = request.aircraft.parameter_set
+    condition = request.trim.condition
     bands = None
     comparison = None
     if _is_printed(model):
         bands = entry_bands(parameters, condition, model) if has_bands(parameters) else None
-        name = next((variant for variant in VARIANTS if variant != request.dynamics), "")
+        name = next((variant for variant in VARIANTS if variant != request.aircraft.dynamics), "")
         changed = aircraft(name, parameters.values)
         with suppress(BadInputError, NoSolutionError):  # the other dynamics have no trim there
             comparison = trim(changed, condition, model.point).linearize()

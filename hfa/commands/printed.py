@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from hfa.options.argument_types import input_file, positive
-from hfa.options.output import ProgressLine, show
-from hfa.options.request import command, option
-from hfa.options.trims import OutputOptions
+from hfa.options.output import ProgressLine
+from hfa.options.part import option
+from hfa.options.request import Request, command
 from verification.printed.verdict import check_printed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PrintedRequest(OutputOptions):
+class PrintedRequest(Request):
     """Arguments of `hfa printed`."""
 
     file: Path = option(
@@ -33,10 +31,6 @@ class PrintedRequest(OutputOptions):
         positive,
     )
 
-    def origin(self) -> Mapping[str, Any]:
-        """Return no additional entries of the provenance, because the file contains the plant."""
-        return {}
-
 
 @command(PrintedRequest)
 def printed(request: PrintedRequest) -> int:
@@ -48,5 +42,5 @@ def printed(request: PrintedRequest) -> int:
     progress(0, 1)
     verdict = replace(check_printed(request.file, progress), limit_cost=request.limit_cost)
     progress(1, 1)
-    show(verdict.report(), request)
+    request.show(verdict.report())
     return 0 if verdict.ok else 1

@@ -5,29 +5,20 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import quantity
-from hfa.options.output import ProgressLine, print_report, show
+from hfa.options.output import Output, ProgressLine, output_option, picture_option
+from hfa.options.part import OfModel, is_installed, option, part
 from hfa.options.ranges import Range, array_of, scheduled_range, value_range
-from hfa.options.request import OfModel, command, is_installed, option
-from hfa.options.trims import (
-    AircraftOptions,
-    OutputOptions,
-    TrimOptions,
-    UnitsOption,
-    called_at,
-    condition_help,
-    condition_or_list,
-    output_option,
-    picture_option,
-    scheduled,
-)
-from hfa.options.workers import WorkersOptions
+from hfa.options.request import Request, command
+from hfa.options.trim import Trim, called_at, condition_help, condition_or_list, scheduled
+from hfa.options.workers import Workers
 from hfa_support.errors import BadInputError, warn
 from hfa_support.files import regular_file
 from trim.point.condition import TrimCondition
@@ -65,8 +56,8 @@ def _purpose() -> str:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, OutputOptions):
-    """Options of `hfa sweep`, which trims over a grid or a list of points."""
+class SweptTrim(Trim):
+    """The conditions of a sweep over a grid or a list of points."""
 
     at: Range | None = scheduled(
         scheduled_range, "RANGE", "a number, a list a,b,c or a range start:stop:step"
@@ -77,39 +68,34 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
         OfModel(value_range),
         named=True,
     )
-    condition: TrimCondition | Path | None = option(
+    given: TrimCondition | Path | None = option(
         lambda model: (
             f"{condition_help(model)}, or a .csv file of points: a row of names, rows of values"
         ),
         "FILE",
         OfModel(condition_or_list),
+        names="--condition",
         rare=True,
     )
-    picture: Path | None = picture_option("the root locus")
-    output: Path | None = output_option(*_suffixes(), stores=(STORE,), purpose=_purpose)
-
-    @property
-    def stored(self) -> bool:
-        """True if the suffix of the output is that of a store, and not of a file."""
-        return self.output is not None and self.output.suffix.lower() == STORE
 
     @cached_property
     def common_condition(self) -> TrimCondition:
         """Trim condition shared by all points, without the variables that a list of points sets."""
-        if isinstance(self.condition, Path):
-            return replace(self, condition=None).common_condition
+        if isinstance(self.given, Path):
+            return replace(self, given=None).common_condition
         return super().common_condition
 
-    def plan(self) -> SweepPlan:
+    def plan(self, stored: bool) -> SweepPlan:
         """Return the plan of the sweep: axes, aircraft and trim condition.
 
         The axes are those of a list of points, or the swept options. For a grid that is not written
         to a store, the axes with a single value come first.
 
-        Raises BadInputError if nothing is swept, if an axis is invalid, or if a picture is
-        requested for more than one varied axis.
+        stored: whether the sweep is written to a store
+
+        Raises BadInputError if nothing is swept or if an axis is invalid.
         """
-        listing = self.condition if isinstance(self.condition, Path) else None
+        listing = self.given if isinstance(self.given, Path) else None
         condition = self.common_condition
         by = self.model.schedule
         ranges: dict[str, Range] = {} if self.at is None else {by: self.at}
@@ -120,23 +106,15 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
             raise BadInputError(
                 f"no variable is swept; give --{called_at(self.model)} RANGE or --hold NAME=RANGE"
             )
-        elif self.stored:
+        elif stored:
             axes = dict(ranges)
         else:
             arrays = {name: array_of(name, each, MOST_POINTS) for name, each in ranges.items()}
             axes = dict(sorted(arrays.items(), key=lambda axis: axis[1].size > 1))
-        if self.picture is not None:
-            varied = [name for name, values in axes.items() if np.ptp(values) > 0]
-            if len(varied) > 1:
-                raise BadInputError(
-                    "--picture requires a sweep in one variable; fix all but one of "
-                    f"{', '.join(varied)}"
-                )
         is_named = by in (*axes, *condition.free, *self.hold)
         if listing is None and self.model.extras.names_schedule and not is_named:
             warn(f"no --{by} is given: every point is at 0 deg")
-        aircraft = self.flown_aircraft()
-        return SweepPlan(axes, aircraft, condition, self.start_point, listing is not None)
+        return SweepPlan(axes, self.aircraft, condition, self.start_point, listing is not None)
 
     def _listed_axes(
         self, listing: Path, condition: TrimCondition, ranges: Mapping[str, Range]
@@ -163,6 +141,20 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
         return axes
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SweepRequest(Request):
+    """Options of `hfa sweep`."""
+
+    aircraft: Aircraft = part(Aircraft)
+    trim: SweptTrim = part(SweptTrim)
+    processes: Workers = part(Workers)
+    output: Output = part(
+        Output,
+        file=output_option(*_suffixes(), stores=(STORE,), purpose=_purpose),
+        picture=picture_option("the root locus"),
+    )
+
+
 @command(SweepRequest)
 def sweep(request: SweepRequest) -> int:
     """Trim and linearize an aircraft over a grid of conditions, and track its modes.
@@ -170,45 +162,55 @@ def sweep(request: SweepRequest) -> int:
     Any variable of a trim (--hold speed=60:70:2) and any parameter of the aircraft
     (--hold NAME=9:11:1) can be swept. For a point without a trim, the row contains the reason. The
     exit code is 1 if no point has a trim. --resume continues an interrupted sweep into a store."""
-    if not request.stored:
-        request.refuse(OF_A_STORE, f"requires a store; add -o FILE{STORE}")
+    store = request.output.file
+    if store is None or store.suffix.lower() != STORE:
+        request.processes.refuse(OF_A_STORE, f"requires a store; add -o FILE{STORE}")
         return _in_memory(request)
-    request.refuse(("picture",), "is not available for a sweep into a store; remove this option")
-    return _in_store(request)
+    request.output.refuse(
+        ("picture",), "is not available for a sweep into a store; remove this option"
+    )
+    return _in_store(request, store)
 
 
 def _in_memory(request: SweepRequest) -> int:
-    result = run_plan(request.plan(), progress=ProgressLine("sweep"))
+    plan = request.trim.plan(stored=False)
+    picture = request.output.picture
+    if picture is not None:
+        varied = [name for name, values in plan.axes.items() if np.ptp(values) > 0]
+        if len(varied) > 1:
+            raise BadInputError(
+                "--picture requires a sweep in one variable; fix all but one of "
+                f"{', '.join(varied)}"
+            )
+    result = run_plan(plan, progress=ProgressLine("sweep"))
     report = result.report()
     figure: Callable[[], Figure] | None = result.figure
-    output = request.output
     notes = list(report.notes)
-    if request.picture is not None and not result.trimmed.any():
-        notes.append(f"nothing to draw: {request.picture} is not written")
+    if picture is not None and not result.trimmed.any():
+        notes.append(f"nothing to draw: {picture} is not written")
         figure = None
-    if output is not None and output.suffix.lower() == FMU:
+    write = None
+    if request.output.file is not None and request.output.file.suffix.lower() == FMU:
         from hfa_flight.export.fmu import write_sweep
 
-        write_sweep(result, output, request.provenance)
-        request = replace(request, output=None)
+        write = partial(write_sweep, result, provenance=request.provenance)
     # Notes are printed on standard error, so that standard output contains only the table.
-    show(replace(report, notes=()), request, figure=figure, notes=notes)
+    request.show(replace(report, notes=()), figure=figure, write=write, notes=notes)
     return 0 if result.trimmed.any() else 1
 
 
-def _in_store(request: SweepRequest) -> int:
+def _in_store(request: SweepRequest, store: Path) -> int:
     from trim.sweeps.store import reported_sweep
 
-    assert request.output is not None
     report = reported_sweep(
-        request.plan(),
-        request.output,
-        workers=request.workers,
-        resume=request.resume,
+        request.trim.plan(stored=True),
+        store,
+        workers=request.processes.workers,
+        resume=request.processes.resume,
         provenance=request.provenance.to_dict(),
         progress=ProgressLine("sweep"),
     )
-    print_report(replace(report, notes=()), request, notes=report.notes)
+    request.print(replace(report, notes=()), notes=report.notes)
     return 0 if report.data["counts"]["trimmed"] else 1
 
 

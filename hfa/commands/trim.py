@@ -3,28 +3,58 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import hfa_model
+from hfa.options.aircraft import Aircraft
+from hfa.options.argument_types import breakpoint_value
 from hfa.options.draws import draws_option, with_draws
-from hfa.options.output import show, trimmed
-from hfa.options.request import command
-from hfa.options.trims import OneTrimRequest, picture_option
+from hfa.options.output import Output, picture_option
+from hfa.options.part import part
+from hfa.options.request import Request, command
+from hfa.options.trim import Trim, scheduled
+from trim.point.solve import TrimError
 from trim.point.trim_report import trim_report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from trim.point.operating_point import OperatingPoint
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OneTrimRequest(Request):
+    """Request about one trim of any aircraft."""
+
+    aircraft: Aircraft = part(Aircraft)
+    trim: Trim = part(Trim, at=scheduled(breakpoint_value, required=True))
+
+    def trimmed(self) -> OperatingPoint:
+        """Return the operating point at the trim condition given by the options.
+
+        If no trim is found, the command reports the reason. With --json, the report of the nearest
+        point within the limits, with the active limits, is printed before the error is raised.
+
+        Raises TrimError if no trim is found.
+        """
+        try:
+            return self.trim.point()
+        except TrimError as error:
+            if self.output.json:
+                report = trim_report(self.trim.aircraft, self.trim.condition, error.attempt)
+                self.print(report.with_data(reason=str(error)))
+            raise
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrimRequest(OneTrimRequest):
     """Options of `hfa trim`."""
 
-    draws: int | None = draws_option()
-    picture: Path | None = picture_option(
-        "a front view of the aircraft with its loads", only_hfa=True
+    output: Output = part(
+        Output,
+        picture=picture_option("a front view of the aircraft with its loads", only_hfa=True),
     )
+    draws: int | None = draws_option()
 
 
 @command(TrimRequest)
@@ -32,16 +62,18 @@ def trim(request: TrimRequest) -> int:
     """Trim the aircraft and report variables, limits, active limits, residuals, loads and
     performance."""
     if not hfa_model.is_hfa(request.model):
-        request.refuse(("picture",), "supports only the HFA; remove this option or --aircraft")
-    aircraft = request.flown_aircraft()
-    point = trimmed(request, aircraft)
-    report = trim_report(aircraft, request.trim_condition, point)
-    report = with_draws(report, request, point)
+        request.output.refuse(
+            ("picture",), "supports only the HFA; remove this option or --aircraft"
+        )
+    point = request.trimmed()
+    aircraft = request.trim.aircraft
+    report = trim_report(aircraft, request.trim.condition, point)
+    report = with_draws(report, request.draws, request.aircraft, request.trim, point)
 
     def figure() -> Figure:
         from trim.hfa.front_view import trim_figure
 
         return trim_figure(aircraft, point)
 
-    show(report, request, figure=figure)
+    request.show(report, figure=figure)
     return 0

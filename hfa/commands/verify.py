@@ -12,14 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 from controller.critic.critic_file import critic_suffixes, critics_in, is_network
 from controller.game.zero_sum import Game
-from hfa.commands.game import GameOptions
+from hfa.commands.game import GameRequest
+from hfa.learning import Learning, setting_option
 from hfa.options.argument_types import positive, whole
-from hfa.options.critics import READING_SETTINGS, ReadingOptions, critic_path
+from hfa.options.critics import READING_SETTINGS, ReadingGiven, critic_path
 from hfa.options.draws import draws_option, with_draws
-from hfa.options.games import CONTINUOUS, LearningOptions, NamedGame, setting_option
-from hfa.options.output import ProgressLine, show
-from hfa.options.request import command, option
-from hfa.options.trims import OutputOptions, picture_option
+from hfa.options.game import CONTINUOUS, NamedGame
+from hfa.options.output import Output, ProgressLine, picture_option
+from hfa.options.part import option, part
+from hfa.options.request import command
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown
 from hfa_support.files import MATRIX_FILES, note_read
@@ -80,20 +81,31 @@ def _about_weights(_: Model) -> str:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions):
+class VerifyRequest(GameRequest):
     """Options of `hfa verify`."""
 
+    learning: Learning = part(
+        Learning,
+        set=setting_option(
+            "setting of the learning law or of a critic: predefined_time=S (critic over time), "
+            "scale=a,b,... (network: factor on each state), activation=HIDDEN[,OUTPUT] (state "
+            "dict)",
+            _SETTINGS,
+        ),
+    )
+    reading: ReadingGiven = part(ReadingGiven)
+    output: Output = part(
+        Output,
+        picture=picture_option(
+            "P, the exact P, their difference and errors over time, or errors of several critics"
+        ),
+    )
     weights: tuple[list[Path], ...] = option(
         _about_weights,
         "FILE",
         _critics,
         default=(),
         count="+",
-    )
-    set: Mapping[str, Any] = setting_option(
-        "setting of the learning law or of a critic: predefined_time=S (critic over time), "
-        "scale=a,b,... (network: factor on each state), activation=HIDDEN[,OUTPUT] (state dict)",
-        _SETTINGS,
     )
     discount: float | None = option("discount factor per sample; requires --dt", "NUMBER", positive)
     dt: float | None = option("sample time, s; requires --discount", "S", positive)
@@ -116,9 +128,6 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         package="hfa_optimal",
     )
     draws: int | None = draws_option()
-    picture: Path | None = picture_option(
-        "P, the exact P, their difference and errors over time, or errors of several critics"
-    )
 
 
 @command(VerifyRequest)
@@ -133,14 +142,14 @@ def verify(request: VerifyRequest) -> int:
         raise BadInputError(
             "--draws requires a single critic; remove --draws, or give a single file with --weights"
         )
-    named = request.game(may_be_discrete=bool(paths))
+    named = request.named_game() if paths else request.game.game(request.aircraft, request.trim)
     if named.discrete is not None:
         return _verify_discrete(request, named, named.discrete, paths)
     scope = _scope(request, named)
     verdicts = {}
     progress = ProgressLine("compare")
     if not paths:
-        run = request.learned(named.game)
+        run = request.learning.learned(named.game)
         verdicts[f"the law {run.law!r}, seed {run.seed},"] = critic_check.verify(
             named.game, run.critic(named.game), run=run, limit=request.limit_error, scope=scope
         )
@@ -169,8 +178,9 @@ def verify(request: VerifyRequest) -> int:
         from hfa_optimal.commands.section import with_flights
 
         report = with_flights(report, judged, named, request.flights)
-    report = with_draws(report, request, (named, judged[-1].critic.K))
-    show(report, request, figure=partial(_figure, verdicts, origin), notes=named.warnings)
+    subject = (named, judged[-1].critic.K)
+    report = with_draws(report, request.draws, request.aircraft, request.trim, subject)
+    request.show(report, figure=partial(_figure, verdicts, origin), notes=named.warnings)
     return 0 if all(verdict.holds(cost) for verdict in judged) else 1
 
 
@@ -190,9 +200,10 @@ def _verify_discrete(
         raise BadInputError(
             "a discrete-time plant requires exactly one critic; give --weights FILE once"
         )
-    request.refuse(("discount", "dt", "region", "flights", "draws", "picture"), CONTINUOUS)
+    names = ("discount", "dt", "region", "flights", "draws", "output.picture")
+    request.refuse(names, CONTINUOUS)
     (path,) = paths
-    critic, more = critic_of_steps(path, problem, request.reading())
+    critic, more = critic_of_steps(path, problem, request.reading.reading(request.learning.set))
     scope = Scope(progress=ProgressLine("prove"))
     with prefix_errors(path):
         verdict = check_discrete(problem, critic, limit=request.limit_error, more=more, scope=scope)
@@ -200,7 +211,7 @@ def _verify_discrete(
     lines = _about(named, verdict, cost)
     report = verdict.report(limit_cost=cost, about=lines, source=str(path))
     report = report.with_data(**named.as_data(), **named.weights.as_data())
-    show(report, request, notes=named.warnings)
+    request.show(report, notes=named.warnings)
     return 0 if verdict.holds(cost) else 1
 
 
@@ -237,7 +248,7 @@ def _scope(request: VerifyRequest, named: NamedGame) -> Scope:
     """Return the scope of the checks. The critic is compared with other games only if a dihedral
     angle is given.
     """
-    nearby = None if request.at is None else partial(_nearby, request, named.game)
+    nearby = None if request.trim.at is None else partial(_nearby, request, named.game)
     return Scope(nearby=nearby)
 
 
@@ -254,7 +265,8 @@ def _nearby(request: VerifyRequest, game: Game) -> Nearby:
 
     @cache
     def game_at(degrees: float) -> Game:
-        return replace(request, at=math.radians(degrees)).game().game
+        at = replace(request.trim, at=math.radians(degrees))
+        return request.game.game(request.aircraft, at).game
 
     printed = {
         f"of the matrices printed for {pair.dihedral_deg:g} deg": replace(game, A=pair.A, B=pair.B)
@@ -272,31 +284,38 @@ def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
     paths: files of critics, empty if the critic is learned
     """
     if not any(map(is_network, paths)):
-        request.refuse(("network",), "applies only to a network; give a network with --weights")
+        request.refuse(
+            ("reading.network",), "applies only to a network; give a network with --weights"
+        )
         for name in ("activation", "scale") if paths else ():
-            if name in request.set:
+            if name in request.learning.set:
                 raise BadInputError(
                     f"--set {name} applies only to a network; give a network with --weights"
                 )
     if (request.discount is None) != (request.dt is None):
         raise BadInputError("--discount and --dt require each other; give both options")
     if request.discount is not None:
-        request.refuse(("picture",), "cannot be combined with --discount; remove one of the two")
+        request.refuse(
+            ("output.picture",), "cannot be combined with --discount; remove one of the two"
+        )
         if len(paths) != 1:
             raise BadInputError(
                 "--discount requires a single critic; give a single file with --weights"
             )
-        if "predefined_time" in request.set:
+        if "predefined_time" in request.learning.set:
             raise BadInputError(
                 "--set predefined_time cannot be combined with --discount; remove one of the two"
             )
     if not paths:
         request.refuse(
-            ("basis",), "applies only to --weights; for a learning law, give --set basis=..."
+            ("reading.basis",),
+            "applies only to --weights; for a learning law, give --set basis=...",
         )
         return
-    request.refuse(("law", "seed"), "applies only to learning; remove this option or --weights")
-    for name in request.set:
+    request.learning.refuse(
+        ("law", "seed"), "applies only to learning; remove this option or --weights"
+    )
+    for name in request.learning.set:
         refuse_unknown("a critic of a file has no setting", name, _SETTINGS)
 
 
@@ -315,7 +334,7 @@ def _check_file(
 
     Raises BadInputError if --set predefined_time is given for a critic without time.
     """
-    critics = critics_in(path, named.game, request.reading())
+    critics = critics_in(path, named.game, request.reading.reading(request.learning.set))
     critic = critics[-1]
     if request.discount is not None:
         return _check_discounted(path, critic, request, named.game, scope)
@@ -330,7 +349,7 @@ def _check_file(
             scope = replace(scope, plant=nonlinear_plant(named.linear))
     if critic.time is not None:
         return _check_history(path, critics, request, named, scope)
-    if "predefined_time" in request.set:
+    if "predefined_time" in request.learning.set:
         raise BadInputError(
             f"{path} is not a history, but --set predefined_time requires one; remove this setting"
         )
@@ -376,6 +395,6 @@ def _check_history(
             critics,
             limit=request.limit_error,
             scope=scope,
-            predefined_time=request.set.get("predefined_time"),
+            predefined_time=request.learning.set.get("predefined_time"),
             progress=ProgressLine("compare"),
         )

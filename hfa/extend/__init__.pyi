@@ -2,19 +2,17 @@
 
 from controller.critic.reading import CriticReader as CriticReader, Reading as Reading
 from hfa.entry_points import CommandEntry as CommandEntry
+from hfa.options.aircraft import Aircraft as Aircraft
 from hfa.options.argument_types import (
     input_file as input_file,
     one_of as one_of,
     positive as positive,
     whole as whole,
 )
-from hfa.options.output import ProgressLine as ProgressLine, show as show
-from hfa.options.request import Request as Request, command as command, option as option
-from hfa.options.trims import (
-    AircraftOptions as AircraftOptions,
-    OneTrimOptions as OneTrimOptions,
-    OutputOptions as OutputOptions,
-)
+from hfa.options.output import Output as Output, ProgressLine as ProgressLine
+from hfa.options.part import option as option, part as part
+from hfa.options.request import Request as Request, command as command
+from hfa.options.trim import Trim as Trim
 from hfa_aircraft.loading import AircraftReader as AircraftReader
 from hfa_aircraft.source import Extras as Extras
 from hfa_support.reporting.checks import Check as Check

@@ -10,8 +10,8 @@ from typing import Any
 from controller.critic.critic_file import critic_suffixes
 from controller.critic.reading import Reading
 from hfa.options.argument_types import input_file, number
-from hfa.options.request import Request, option
-from hfa_support.errors import BadInputError
+from hfa.options.part import Part, option
+from hfa_support.errors import BadInputError, choice_of
 from hfa_support.files import MATRIX_FILES
 
 
@@ -45,9 +45,28 @@ def critic_path(text: str) -> Path:
     return input_file(*critic_suffixes())(text)
 
 
+def settings_option(
+    about: str, kinds: Callable[[], Mapping[str, Callable[[str], Any]]], whose: str
+) -> Any:
+    """Return the repeatable option --set NAME=VALUE.
+
+    about: help of the option
+    kinds: function that returns setting -> type of its value
+    whose: what has the settings, for messages
+    """
+
+    def setting(name: str, text: str) -> Any:
+        known = kinds()
+        if name not in known:
+            raise BadInputError(f"is not a setting of {whose}; {choice_of(name, known)}")
+        return known[name](text)
+
+    return option(about, "NAME=VALUE", setting, named=True, rare=True)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ReadingOptions(Request):
-    """Options for reading a critic file (--weights)."""
+class ReadingGiven(Part):
+    """How the critic file of --weights is read."""
 
     basis: str | None = option(
         "basis functions of W: a name (default quadratic), or a list 'x1**2, x1*x2, sin(x3)'",
@@ -60,8 +79,11 @@ class ReadingOptions(Request):
         default="",
         rare=True,
     )
-    set: Mapping[str, Any]
 
-    def reading(self) -> Reading:
-        """Return the settings for reading a critic file, from the options."""
-        return Reading(self.basis, self.network, self.set.get("activation"), self.set.get("scale"))
+    def reading(self, settings: Mapping[str, Any]) -> Reading:
+        """Return the settings for reading a critic file.
+
+        settings: values of --set
+        """
+        scale = settings.get("scale")
+        return Reading(self.basis, self.network, settings.get("activation"), scale)

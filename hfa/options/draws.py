@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 from hfa.options.argument_types import whole
 from hfa.options.output import ProgressLine
-from hfa.options.request import option
+from hfa.options.part import option
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, shown_unit, shown_value, wrapped
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
+    from hfa.options.aircraft import Aircraft
+    from hfa.options.trim import Trim
     from verification.drawn import DrawnAircraft, Draws
 
 #: Seed of the draws.
@@ -31,31 +33,34 @@ def draws_option() -> Any:
     )
 
 
-def with_draws(report: Report, request: Any, subject: Any) -> Report:
-    """Return a report, with a section on `request.draws` aircraft with random parameters if --draws
-    is given.
+def with_draws(
+    report: Report, count: int | None, aircraft: Aircraft, trim: Trim, subject: Any
+) -> Report:
+    """Return a report, with a section on `count` aircraft with random parameters if --draws is
+    given.
 
     report: report without the section
-    request: the options
+    count: number of --draws, or None
+    aircraft, trim: the options of the aircraft and its trim
     subject: the reported operating point, linear model, or pair (`NamedGame`, gain)
 
     Raises BadInputError if the covariance of the parameters is unknown, or if the game has no
     aircraft.
     """
-    if request.draws is None:
+    if count is None:
         return report
     from trim.linear.linear_model import LinearModel
 
     progress = ProgressLine("draws")
     if isinstance(subject, OperatingPoint):
-        return reported(report, _drawn(request, subject).trims(progress))
+        return reported(report, _drawn(count, aircraft, trim, subject).trims(progress))
     if isinstance(subject, LinearModel):
-        drawn = _drawn(request, subject.point)
+        drawn = _drawn(count, aircraft, trim, subject.point)
         return reported(report, drawn.linear_models(subject, progress))
     named, gain = subject
     if named.linear is None:
         raise BadInputError("--draws does not support --design; remove one of the two")
-    drawn = _drawn(request, named.linear.point)
+    drawn = _drawn(count, aircraft, trim, named.linear.point)
     return reported(report, drawn.gain(named.game, gain, progress))
 
 
@@ -87,15 +92,13 @@ def reported(report: Report, draws: Draws) -> Report:
     return shown.with_data(**WithDraws(draws).as_data())
 
 
-def _drawn(request: Any, point: OperatingPoint) -> DrawnAircraft:
-    """Return the aircraft drawn for a request with --draws.
+def _drawn(count: int, aircraft: Aircraft, trim: Trim, point: OperatingPoint) -> DrawnAircraft:
+    """Return `count` aircraft with random parameters.
 
     point: trim of the aircraft with the given parameters
     """
-    from hfa_aircraft.uncertain import spread_of
     from verification.drawn import DrawnAircraft
 
-    spread = spread_of(request)
-    models = spread.aircraft(request.flown_aircraft(), request.draws, SEED)
-    condition = request.trim_condition
-    return DrawnAircraft(models, tuple(spread.values), SEED, condition, point)
+    spread = aircraft.spread(trim.held_parameters)
+    models = spread.aircraft(trim.aircraft, count, SEED)
+    return DrawnAircraft(models, tuple(spread.values), SEED, trim.condition, point)

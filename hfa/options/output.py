@@ -6,77 +6,125 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hfa_support.errors import NoSolutionError, on_one_line, printable
-from hfa_support.progress import print_flushed, print_to_stderr
+from hfa.options.aircraft import of_hfa
+from hfa.options.argument_types import PICTURES, output_file
+from hfa.options.part import Part, option
+from hfa_support.errors import NoSolutionError, printable
+from hfa_support.progress import print_flushed, print_notes, print_to_stderr
+from hfa_support.reporting.report import SUFFIXES, Report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from hfa.options.request import Request
-    from hfa.options.trims import JsonOption, OneTrimRequest, OutputOptions
     from hfa_aircraft.model import Model
-    from hfa_support.reporting.report import Report
-    from trim.point.operating_point import OperatingPoint
+
+#: Suffix -> function that writes the report as text. HTML embeds its pictures; Markdown has none.
+REPORTS: dict[str, Callable[[Report], str]] = {
+    ".md": Report.markdown,
+    ".html": lambda report: f'<!doctype html>\n<meta charset="utf-8">\n{report.html()}',
+}
 
 
-# Results.
+def output_option(
+    *more: str, stores: Sequence[str] = (), purpose: str | Callable[[], str] = ""
+) -> Any:
+    """Return the option -o, which names a file or store to write.
 
-
-def stated(report: Report, request: Request) -> Report:
-    """Return the report with the provenance of the run and the unit system of --units."""
-    units = getattr(request, "units", None)
-    if units is not None:
-        report = report.with_data(units=units)
-    origin = request.provenance
-    return replace(report, source=origin.text()).with_data(provenance=origin.to_dict())
-
-
-def show(
-    report: Report,
-    request: OutputOptions,
-    *,
-    figure: Callable[[], Figure] | None = None,
-    printed: Report | None = None,
-    only_in_files: Mapping[str, Any] | None = None,
-    notes: Iterable[str] = (),
-) -> None:
-    """Write the files of -o and --picture, then print the report or, with --json, its data.
-
-    Either both files are written or none. Notes are printed after the report.
-
-    report: the report
-    request: the options of the command
-    figure: function that draws the picture, or None if there is none
-    printed: shorter report to print in place of `report`, or None
-    only_in_files: data added to the file of -o only, or None
-    notes: notes on the result
-
-    Raises NoSolutionError with `report.failure` if this text is not empty.
+    more: accepted suffixes besides those of a report
+    stores: accepted suffixes of stores
+    purpose: text on the additional suffixes for the help, or a function that returns it
     """
-    from hfa_support.files import all_or_none
+    suffixes = (*SUFFIXES, *REPORTS, *more)
 
-    picture = None if figure is None else request.picture
-    with all_or_none():
-        if request.output is not None:
-            _write(stated(report.with_data(**(only_in_files or {})), request), request.output)
-        if picture is not None and figure is not None:
-            from hfa_support.reporting.figure import save
+    def about(_: Model) -> str:
+        """Return the help of -o, with the accepted suffixes."""
+        use = purpose() if callable(purpose) else purpose
+        return f"write results: {', '.join((*suffixes, *stores))}{use}"
 
-            save(figure(), picture, request.provenance.text())
-    print_report(printed or report, request, notes=notes)
-    for written in filter(None, (request.output, picture)):
-        print_to_stderr(f"wrote {printable(written)}")
-    if report.failure:
-        raise NoSolutionError(report.failure)
+    return option(about, "FILE", output_file(*suffixes, stores=stores), names="-o --output")
+
+
+def picture_option(shows: str, *, only_hfa: bool = False) -> Any:
+    """Return the option --picture, which names the image file to write.
+
+    shows: content of the picture, for the help
+    only_hfa: True to hide the option for all aircraft except the HFA
+    """
+    about = f"draw {shows} ({', '.join(PICTURES)})"
+    return option(of_hfa(about, "" if only_hfa else about), "FILE", output_file(*PICTURES))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Output(Part):
+    """Where a report goes: text or JSON on standard output, a file, a picture."""
+
+    file: Path | None = output_option()
+    picture: Path | None = None
+    json: bool = option("print JSON (angles in radians) instead of text")
+
+    def show(
+        self,
+        report: Report,
+        *,
+        figure: Callable[[], Figure] | None = None,
+        printed: Report | None = None,
+        only_in_files: Mapping[str, Any] | None = None,
+        write: Callable[[Path], object] | None = None,
+        notes: Iterable[str] = (),
+    ) -> None:
+        """Write the files of -o and --picture, then print the report.
+
+        Either both files are written or none. Notes are printed after the report.
+
+        report: the report, with its provenance
+        figure: function that draws the picture, or None if there is none
+        printed: shorter report to print in place of `report`, or None
+        only_in_files: data added to the file of -o only, or None
+        write: function that writes the file of -o in a format of the command's own, or None
+        notes: notes on the result
+
+        Raises NoSolutionError with `report.failure` if this text is not empty.
+        """
+        from hfa_support.files import all_or_none
+
+        picture = None if figure is None else self.picture
+        with all_or_none():
+            if self.file is not None and write is not None:
+                write(self.file)
+            elif self.file is not None:
+                _write(report.with_data(**(only_in_files or {})), self.file)
+            if picture is not None and figure is not None:
+                from hfa_support.reporting.figure import save
+
+                save(figure(), picture, report.source)
+        self.print(printed or report, notes=notes)
+        for written in filter(None, (self.file, picture)):
+            print_to_stderr(f"wrote {printable(written)}")
+        if report.failure:
+            raise NoSolutionError(report.failure)
+
+    def print(self, report: Report, *, notes: Iterable[str] = ()) -> None:
+        """Print the report or, with --json, its data, and then the notes.
+
+        The text is colored only on a terminal, unless NO_COLOR is set or TERM is "dumb".
+        """
+        if self.json:
+            print_flushed(report.json())
+        elif sys.stdout is None or not sys.stdout.isatty():
+            print_flushed(report.text())
+        else:
+            # Colors are turned off by NO_COLOR (no-color.org).
+            plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
+            print_flushed(report.text(not plain, shutil.get_terminal_size().columns))
+        print_notes(notes)
 
 
 def _write(report: Report, path: Path) -> None:
-    from hfa.options.trims import REPORTS
     from hfa_support.files import write_text
 
     form = REPORTS.get(path.suffix.lower())
@@ -86,54 +134,7 @@ def _write(report: Report, path: Path) -> None:
         write_text(path, form(report))
 
 
-def print_report(report: Report, request: JsonOption, *, notes: Iterable[str] = ()) -> None:
-    """Print the report or, with --json, its data, and then the notes.
-
-    The text is colored only on a terminal, unless NO_COLOR is set or TERM is "dumb".
-
-    report: the report
-    request: the options of the command
-    notes: notes on the result
-    """
-    report = stated(report, request)
-    if request.json:
-        print_flushed(report.json())
-    elif sys.stdout is None or not sys.stdout.isatty():
-        print_flushed(report.text())
-    else:
-        # Colors are turned off by NO_COLOR (no-color.org).
-        plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
-        print_flushed(report.text(not plain, shutil.get_terminal_size().columns))
-    print_notes(notes)
-
-
-def trimmed(request: OneTrimRequest, aircraft: Model) -> OperatingPoint:
-    """Return the operating point at the trim condition given by the options.
-
-    If no trim is found, the command reports the reason. With --json, the report of the nearest
-    point within the limits, with the active limits, is printed before the error is raised.
-
-    Raises TrimError if no trim is found.
-    """
-    from trim.point.solve import TrimError
-    from trim.point.trim_report import trim_report
-
-    try:
-        return request.operating_point(aircraft)
-    except TrimError as error:
-        if request.json:
-            report = trim_report(aircraft, request.trim_condition, error.attempt)
-            print_report(report.with_data(reason=str(error)), request)
-        raise
-
-
 # Standard error during a run.
-
-
-def print_notes(warnings: Iterable[str]) -> None:
-    """Print each note as one line on standard error, prefixed by "hfa: note: "."""
-    for warning in warnings:
-        print_to_stderr(f"hfa: note: {on_one_line(warning)}")
 
 
 #: Seconds of work before the duration is estimated, and shortest duration that is announced.

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any, NoReturn
 
-from hfa.options.request import Option, is_installed
+from hfa.options.part import Option, is_installed
 from hfa_support.errors import BadInputError, advice, shortened
 
 

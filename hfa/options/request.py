@@ -1,166 +1,81 @@
-"""Requests: the input of a run, in which each field is declared with its option.
+"""Requests: the input of a run. A request has an aircraft, a trim, a game and an output.
 
 Each command has a class of requests. The parser converts a command line to a request.
 """
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, partial
-from importlib.util import find_spec
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
-from hfa_support.errors import BadInputError
+from hfa.options.aircraft import Aircraft
+from hfa.options.output import Output
+from hfa.options.part import Option, Part, option, part
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from hfa.options.game import GameGiven
+    from hfa.options.trim import Trim
     from hfa_aircraft.model import Model
     from hfa_support.provenance import Provenance
-
-
-class OfModel(NamedTuple):
-    """Option type that needs the model, which defines the names and units of the typed value.
-
-    kind: function (model, word) -> value, or (model, name, text) -> value for a `named` option
-    """
-
-    kind: Callable[..., Any]
-
-
-@dataclass(frozen=True)
-class Option:
-    """A command-line option that sets a field of a request.
-
-    about: help of the option, or "" to hide the option
-    form: placeholder of the value in the help, or "" for a switch
-    kind: function word -> value, or (name, text) -> value for a `named` option
-    names: names separated by blanks, as in "-o --output", or one word without dashes for a
-      positional argument
-    named: whether the words are NAME=VALUE[,NAME=VALUE...]
-    repeated: whether the option is repeatable and the field contains all values
-    count: number of words, as argparse's nargs, or None for one word
-    required: whether the option is mandatory
-    aliases: alias -> name in the model, for a `named` option
-    rare: whether only `--help more` explains the option, and `--help` lists its name
-    package: package of an extension that the option requires, or "". Without the package, the help
-        omits the option
-
-    about, form, names and required may be functions of the model that return the value. The message
-    of a BadInputError of `kind` completes a sentence that begins with the option.
-    """
-
-    about: str | Callable[..., str]
-    form: str | Callable[[Model], str] = ""
-    kind: Callable[..., Any] | OfModel = str
-    names: str | Callable[[Model], str] = ""
-    named: bool = False
-    repeated: bool = False
-    count: str | None = None
-    required: bool | Callable[[Model], bool] = False
-    rare: bool = False
-    package: str = ""
-    aliases: Mapping[str, str] = field(default_factory=dict)
-
-    def of(self, model: Model | None, name: str) -> Option:
-        """Return a copy of this option for a model.
-
-        - form, names, required: functions are evaluated for the model
-        - about: a function is bound to the model
-        - kind: the function of an `OfModel` is bound to the model
-        - aliases: those of the model, or {} without a model
-
-        model: None for an option that does not depend on the model
-        name: name of the field, which determines the option's name if `names` is empty
-        """
-        kind = partial(self.kind.kind, model) if isinstance(self.kind, OfModel) else self.kind
-        names = _resolved(self.names, model) or "--" + name.replace("_", "-")
-        return replace(
-            self,
-            about=partial(self.about, model) if callable(self.about) else self.about,
-            form=_resolved(self.form, model),
-            kind=kind,
-            names=names,
-            required=_resolved(self.required, model),
-            aliases={} if model is None else model.extras.aliases,
-        )
-
-    @property
-    def flags(self) -> list[str]:
-        """Names of the option, for example ["-o", "--output"].
-
-        Messages use the last name.
-        """
-        return str(self.names).split()
-
-
-def is_installed(package: str) -> bool:
-    """Return whether a package can be imported, without importing it.
-
-    package: name of a top-level package, such as "hfa_flight"
-    """
-    return find_spec(package) is not None
-
-
-def _resolved(value: Any, model: Model | None) -> Any:
-    return value(model) if callable(value) else value
-
-
-def option(
-    about: str | Callable[[Model], str],
-    form: str | Callable[[Model], str] = "",
-    kind: Callable[..., Any] | OfModel = str,
-    default: Any = None,
-    **more: Any,
-) -> Any:
-    """Return a field of a request, together with the command-line option that sets it.
-
-    about, form, kind: as in `Option`
-    default: value without the option, ignored for switches and for `named` or `repeated` options
-    more: further fields of `Option`
-    """
-    declared = Option(about, form, kind, **more)
-    metadata = {"option": declared}
-    if declared.named:
-        return field(default_factory=dict, metadata=metadata)
-    if declared.repeated:
-        return field(default=(), metadata=metadata)
-    if not form:
-        return field(default=False, metadata=metadata)
-    return field(default=default, metadata=metadata)
+    from hfa_support.reporting.report import Report
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Request:
+class Request(Part):
     """Input of one run.
 
-    model: the aircraft, which defines the names and units of the other fields
+    aircraft, trim, game: what the run is about, or None
+    output: where its report goes
     line: the command line as typed
     date: start of the run in UTC, as text
-    typed: names of the fields given by the user, while all other fields have default values
     quiet: whether notes and progress are suppressed
     """
 
-    model: Model
+    aircraft: Aircraft | None = None
+    trim: Trim | None = None
+    game: GameGiven | None = None
+    output: Output = part(Output)
+    quiet: bool = option("suppress notes and progress messages", names="-q --quiet", rare=True)
     line: str = ""
     date: str = ""
-    typed: frozenset[str] = frozenset()
-    quiet: bool = option("suppress notes and progress messages", names="-q --quiet", rare=True)
 
     @classmethod
     def declared(cls) -> dict[str, Option]:
-        """Return the options of the request, field -> option. The fields of base classes come
-        first.
+        """Return the options of the request, path of the field -> option.
+
+        The parts come first, then the output and --quiet, then the options of the command itself.
         """
-        options = {field.name: field.metadata["option"] for field in fields(cls) if field.metadata}
-        classes = (*cls.__mro__[1:], cls)
-        names = [name for field in classes for name in inspect.get_annotations(field)]
-        return {name: options[name] for name in dict.fromkeys(names) if name in options}
+        last = {each.name for each in fields(Request)} - {"aircraft", "trim", "game"}
+        found = super().declared()
+
+        def place(path: str) -> int:
+            if path.partition(".")[0] in last:
+                return 1
+            return 0 if "." in path else 2
+
+        return {path: found[path] for path in sorted(found, key=place)}
 
     @classmethod
     def options(cls, model: Model) -> dict[str, Option]:
-        """Return the options of the request in the names and units of a model, field -> option."""
-        return {name: option.of(model, name) for name, option in cls.declared().items()}
+        """Return the options of the request in the names and units of a model, path -> option."""
+        return {path: option.of(model, path) for path, option in cls.declared().items()}
+
+    @classmethod
+    def of_the_model(cls) -> tuple[str, type[Aircraft]]:
+        """Return the path of the part that defines the model, and its class.
+
+        The path is "" for a request without an aircraft.
+        """
+        for each in fields(cls):
+            declared = each.metadata.get("part")
+            if declared is not None and issubclass(declared.kind, Aircraft):
+                return each.name, declared.kind
+        return "", Aircraft
 
     @cached_property
     def provenance(self) -> Provenance:
@@ -170,22 +85,45 @@ class Request:
         return Provenance(self.line, date=self.date, **self.origin())
 
     def origin(self) -> Mapping[str, Any]:
-        """Return the entries that this class adds to the provenance, by default none."""
-        return {}
+        """Return the entries of the provenance on the plant: a plant file, or aircraft and trim."""
+        if self.game is not None and self.game.plant is not None:
+            return {"model": str(self.game.plant)}
+        if self.aircraft is None:
+            return {}
+        if self.trim is None:
+            return self.aircraft.origin({})
+        return self.aircraft.origin(self.trim.held_parameters) | self.trim.origin()
 
-    def refuse(self, names: Iterable[str], reason: str) -> None:
-        """Raise BadInputError if one of these options was given.
+    def stated(self, report: Report) -> Report:
+        """Return the report with the provenance of the run and the unit system of --units."""
+        if "aircraft.units" in type(self).declared() and self.aircraft is not None:
+            report = report.with_data(units=self.aircraft.units)
+        origin = self.provenance
+        return replace(report, source=origin.text()).with_data(provenance=origin.to_dict())
 
-        names: fields whose options have no effect in this request
-        reason: end of the message, which follows the name of the option
-        """
-        options = self.options(self.model)
-        for name in names:
-            if name in self.typed:
-                raise BadInputError(f"{options[name].flags[-1]} {reason}")
+    def show(
+        self,
+        report: Report,
+        *,
+        figure: Callable[[], Figure] | None = None,
+        printed: Report | None = None,
+        only_in_files: Mapping[str, Any] | None = None,
+        write: Callable[[Path], object] | None = None,
+        notes: Iterable[str] = (),
+    ) -> None:
+        """Write and print a report with the provenance of the run, as `Output.show` does."""
+        self.output.show(
+            self.stated(report),
+            figure=figure,
+            printed=None if printed is None else self.stated(printed),
+            only_in_files=only_in_files,
+            write=write,
+            notes=notes,
+        )
 
-
-R = TypeVar("R", bound=Request)
+    def print(self, report: Report, *, notes: Iterable[str] = ()) -> None:
+        """Print a report with the provenance of the run, and write no file."""
+        self.output.print(self.stated(report), notes=notes)
 
 
 class Command(NamedTuple):
@@ -203,9 +141,12 @@ class Command(NamedTuple):
     example: str = ""
 
 
+R = TypeVar("R")
+
+
 def command(request: type[R]) -> Callable[[Callable[[R], int]], Command]:
     """Return a decorator that makes a `Command` from a function (request) -> exit code.
 
     request: class of the requests, whose fields are the options
     """
-    return lambda run: Command(request, run)
+    return lambda run: Command(request, run)  # type: ignore[arg-type]

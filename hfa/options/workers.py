@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hfa.options.argument_types import whole
-from hfa.options.request import Request, option
+from hfa.options.part import Part, option
 
 MOST_WORKERS = 1000
 
@@ -19,8 +19,8 @@ def _workers(text: str) -> int | str:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class WorkersOptions(Request):
-    """Options for the worker processes of a run."""
+class Workers(Part):
+    """The worker processes of a run into a store."""
 
     workers: int | str = option(
         "number of processes, or address of a Dask scheduler (tcp://host:port); default 1",

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import output_file, some_of
-from hfa.options.output import ProgressLine, stated
+from hfa.options.output import Output, ProgressLine
+from hfa.options.part import OfModel, option, part
 from hfa.options.ranges import Range, array_of, scheduled_range
-from hfa.options.request import OfModel, command, option
-from hfa.options.trims import TrimOptions, UnitsOption, scheduled
+from hfa.options.request import Request, command
+from hfa.options.trim import Trim, scheduled
 from hfa.page.claims import load_claims
 from hfa.page.flights import load_flights
 from hfa.page.job_report import main_report, page, plotly_script
@@ -40,14 +42,29 @@ def _flights(text: str) -> Any:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ReportRequest(UnitsOption, TrimOptions):
+class ReportRequest(Request):
     """Options of `hfa report`."""
 
-    at: Range | None = scheduled(
-        scheduled_range,
-        "RANGE",
-        "angles shown in detail: a number, a list a,b,c or a range start:stop:step; default: the "
-        "printed 5 and 15",
+    aircraft: Aircraft = part(Aircraft, without=("source",))
+    trim: Trim = part(
+        Trim,
+        at=scheduled(
+            scheduled_range,
+            "RANGE",
+            "angles shown in detail: a number, a list a,b,c or a range start:stop:step; default: "
+            "the printed 5 and 15",
+        ),
+    )
+    output: Output = part(
+        Output,
+        file=option(
+            "write one self-contained .html file, or a folder with the page, pictures and numbers "
+            "(JSON)",
+            "PLACE",
+            output_file(".html", folder=True),
+            names="-o --output",
+        ),
+        json=option("print the numbers as JSON (radians, feet, pounds)"),
     )
     sweep: Range = option(
         "dihedral angles of the slider and the root locus, degrees; default 0:20:0.5",
@@ -70,14 +87,6 @@ class ReportRequest(UnitsOption, TrimOptions):
         "FILE",
         _flights,
     )
-    output: Path | None = option(
-        "write one self-contained .html file, or a folder with the page, pictures and numbers "
-        "(JSON)",
-        "PLACE",
-        output_file(".html", folder=True),
-        names="-o --output",
-    )
-    json: bool = option("print the numbers as JSON (radians, feet, pounds)")
 
 
 @command(ReportRequest)
@@ -91,40 +100,41 @@ def report(request: ReportRequest) -> int:
     (package plotly) and loads nothing from a network. Exit code 1 if the printed matrices are not
     regenerated or a learned critic is wrong.
     """
-    if request.output is None and not request.json:
+    place = request.output.file
+    if place is None and not request.output.json:
         raise BadInputError(
             "no output is chosen; give --output FILE.html, --output FOLDER or --json"
         )
-    if request.output is not None:
+    if place is not None:
         plotly_script()  # refused before anything is computed if Plotly is missing
-    if "dihedral" in (*request.free, *request.hold):
+    if "dihedral" in (*request.trim.free, *request.trim.hold):
         raise BadInputError(
             "dihedral is held or free, but --dihedral and --sweep define the angles of a report; "
             "remove --hold dihedral or --free dihedral"
         )
-    asked = array_of("--dihedral", request.at or ASKED, MOST_ASKED)
+    asked = array_of("--dihedral", request.trim.at or ASKED, MOST_ASKED)
     swept = array_of("--sweep", request.sweep, MOST_SWEPT)
     job = main_job(
-        request.parameter_set,
-        request.dynamics,
+        request.aircraft.parameter_set,
+        request.aircraft.dynamics,
         asked=np.unique(asked).tolist(),
         swept=np.unique(swept),
         outputs=request.outputs,
         claims=request.claims,
-        flight=request.common_condition,
-        start=request.start_point,
+        flight=request.trim.common_condition,
+        start=request.trim.start_point,
         progress=ProgressLine("report"),
     )
     job = replace(job, flights=request.flights)
-    whole = stated(main_report(job), request)
+    whole = request.stated(main_report(job))
     lines = []
-    if request.output is not None:
-        lines.append(_written(job, whole, request.output, request.provenance))
+    if place is not None:
+        lines.append(_written(job, whole, place, request.provenance))
     lines.append(f"Both printed pairs regenerated: {'yes' if job.regeneration.ok else 'NO'}")
     lines.append(
         f"Learned critics agree with the exact game solution: {'yes' if job.learned else 'NO'}"
     )
-    print_flushed(whole.json() if request.json else "\n".join(lines))
+    print_flushed(whole.json() if request.output.json else "\n".join(lines))
     return 0 if job.ok else 1
 
 

@@ -5,16 +5,18 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 
-from hfa.options.output import show
-from hfa.options.request import command
-from hfa.options.trims import HfaOptions, OutputOptions
+from hfa.options.aircraft import Aircraft
+from hfa.options.part import part
+from hfa.options.request import Request, command
 from studies.alone import run_alone
 from studies.validation.outside import validate
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ValidationRequest(HfaOptions, OutputOptions):
+class ValidationRequest(Request):
     """Options of the comparison with published data."""
+
+    aircraft: Aircraft = part(Aircraft, without=("units", "source"))
 
 
 @command(ValidationRequest)
@@ -24,8 +26,8 @@ def validation(request: ValidationRequest) -> int:
 
     Exit code 1 when a difference is beyond its limit.
     """
-    result = validate(request.hfa)
-    show(result.report(), request)
+    result = validate(request.model)
+    request.show(result.report())
     return 0 if result.ok else 1
 
 

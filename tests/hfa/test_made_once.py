@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from cli import answer
 
-from hfa.options import trims
+from hfa.options import trim as trim_options
 from trim.point.condition import release
 from trim.point.system import TrimSystem
 
@@ -32,6 +32,6 @@ def test_one_trim_makes_one_system_and_one_condition(
     begin = _counted(TrimSystem.__init__, calls, "system")
     # Only a count of the calls shows how often it is built.
     monkeypatch.setattr(TrimSystem, "__init__", begin)
-    monkeypatch.setattr(trims, "release", _counted(release, calls, "condition"))
+    monkeypatch.setattr(trim_options, "release", _counted(release, calls, "condition"))
     assert answer("trim", *options)["status"] == "trimmed"
     assert sorted(calls) == ["condition", "system"]

@@ -83,7 +83,7 @@ BREACHES = {
     },
     # A learner that another module imports.
     "Only commands reach what learns": {
-        f"{PROVE}/results.py": "hfa.options.games",
+        f"{PROVE}/results.py": "hfa.learning",
         "extensions/policy/hfa_policy/reach.py": "hfa_flight.options",
     },
     "A critic is what was learned": {

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from hfa.options.request import OfModel, option
-from hfa.options.trims import is_own
+from hfa.options.aircraft import is_own
+from hfa.options.part import OfModel, option
 from hfa_aircraft.model import Model
 from hfa_design.design import NAMED, Design, load_design
 

@@ -11,17 +11,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from hfa.inherited import LearningOptions, ReadingOptions, TrimOptions, WeightOptions
+from hfa.learning import DEFAULT_LAW, law_option, setting_option
 from hfa.options.argument_types import input_file, number, one_of, positive, quantity, span
-from hfa.options.critics import READING_SETTINGS, ReadingOptions, critic_path
-from hfa.options.games import (
-    DEFAULT_LAW,
-    LearningOptions,
-    WeightOptions,
-    law_option,
-    setting_option,
-)
-from hfa.options.request import OfModel, option
-from hfa.options.trims import TrimOptions
+from hfa.options.critics import READING_SETTINGS, critic_path
+from hfa.options.part import OfModel, option
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record

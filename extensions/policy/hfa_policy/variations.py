@@ -218,7 +218,9 @@ def drawn_policy(
     assessed: results on the original aircraft, at each trim
     request: arguments of `hfa assess`
     """
-    spread = spread_of(request)
+    file = request.parameters or request.model.extras.source[0]
+    known = str(file) if request.own else request.parameter_set
+    spread = spread_of(request.model, known, request.held_parameters())
     models = spread.aircraft(request.flown_aircraft(), request.draws, SEED)
     rests = np.ones(len(models), dtype=bool)
     stable = np.ones(len(models), dtype=bool)

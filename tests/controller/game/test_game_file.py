@@ -16,7 +16,7 @@ from controller import load_game
 from controller.game.game_file import stored_game
 from controller.hfa_files import paper_defaults
 from hfa import BadInputError, Game
-from hfa.options.games import diagonal
+from hfa.options.game import diagonal
 from hfa.paper import published_game
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.readers.matrices_file import file_scales

@@ -14,17 +14,13 @@ from controller.schedule.scheduled_controller import (
     load_controller,
     save_controller,
 )
+from hfa.inherited import AircraftOptions, OutputOptions, UnitsOption, print_report
 from hfa.options.argument_types import input_file, output_file, positive
-from hfa.options.output import ProgressLine, print_report
+from hfa.options.output import ProgressLine
+from hfa.options.part import option
 from hfa.options.ranges import Range, array_of, scheduled_range, value_range
-from hfa.options.request import command, option
-from hfa.options.trims import (
-    AircraftOptions,
-    OutputOptions,
-    UnitsOption,
-    called_at,
-    scheduled,
-)
+from hfa.options.request import command
+from hfa.options.trim import called_at, scheduled
 from hfa_aircraft.units import native_of, native_values
 from hfa_design.design import load_design
 from hfa_design.options import design_option

@@ -9,11 +9,12 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hfa.inherited import AircraftOptions, JsonOption, TrimOptions, print_report
+from hfa.learning import DEFAULT_LAW
 from hfa.options.argument_types import breakpoint_value, one_of, output_file
-from hfa.options.games import DEFAULT_LAW
-from hfa.options.output import print_report
-from hfa.options.request import command, option
-from hfa.options.trims import AircraftOptions, JsonOption, TrimOptions, scheduled
+from hfa.options.part import option
+from hfa.options.request import command
+from hfa.options.trim import scheduled
 from hfa_flight.export.c_text import write_texts
 from hfa_flight.options import (
     LawOptions,

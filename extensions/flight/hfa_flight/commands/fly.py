@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 
 from controller.discrete.critic_file import critic_of_steps
-from hfa.options.argument_types import input_file, whole
-from hfa.options.critics import ReadingOptions
-from hfa.options.output import ProgressLine, show
-from hfa.options.request import command, option
-from hfa.options.trims import (
+from hfa.inherited import (
     OneTrimOptions,
     OutputOptions,
-    output_option,
-    picture_option,
+    ReadingOptions,
+    WorkersOptions,
+    inherited_spread,
+    show,
 )
-from hfa.options.workers import WorkersOptions
-from hfa_aircraft.uncertain import spread_of
+from hfa.options.argument_types import input_file, whole
+from hfa.options.output import ProgressLine, output_option, picture_option
+from hfa.options.part import option
+from hfa.options.request import command
 from hfa_flight.options import FlightOptions
 from hfa_support.errors import BadInputError, warn
 from hfa_support.files import MATRIX_FILES
@@ -203,7 +203,7 @@ def _fly_members(request: FlyRequest) -> int:
         )
     if request.resume and target is None:
         raise BadInputError("--resume requires a store; add -o FILE.zarr")
-    spread = None if request.draws is None else spread_of(request)
+    spread = None if request.draws is None else inherited_spread(request)
     plan = MonteCarlo(members, request.seed, *request.flight(), spread=spread)
     progress = ProgressLine("simulate")
     if target is None:

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from hfa.inherited import AircraftOptions, OutputOptions, show
 from hfa.options.argument_types import input_file, one_of, quantity
-from hfa.options.output import ProgressLine, show
-from hfa.options.request import OfModel, command, option
-from hfa.options.trims import AircraftOptions, OutputOptions, output_option, picture_option
+from hfa.options.output import ProgressLine, output_option, picture_option
+from hfa.options.part import OfModel, option
+from hfa.options.request import command
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, printable, refuse_unknown
 from hfa_support.progress import print_to_stderr

@@ -9,12 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa.inherited import (
+    AircraftOptions,
+    OutputOptions,
+    SeedOption,
+    TrimOptions,
+    WeightOptions,
+    show,
+)
 from hfa.options.argument_types import input_file, one_of, positive, quantity, span, whole
 from hfa.options.critics import critic_path
-from hfa.options.games import SeedOption, WeightOptions
-from hfa.options.output import ProgressLine, show
-from hfa.options.request import OfModel, command, option
-from hfa.options.trims import AircraftOptions, OutputOptions, TrimOptions, picture_option
+from hfa.options.output import ProgressLine, picture_option
+from hfa.options.part import OfModel, option
+from hfa.options.request import command
 from hfa_flight.options import linear_state
 from hfa_support.errors import BadInputError, prefix_errors
 from trim.point.linearize import linearize

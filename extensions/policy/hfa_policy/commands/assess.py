@@ -9,20 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from controller.critic.critic_file import critic_suffixes
+from hfa.inherited import AircraftOptions, OutputOptions, TrimOptions, show
+from hfa.options.aircraft import aircraft_help
 from hfa.options.argument_types import input_file, number, span, whole
 from hfa.options.draws import draws_option
-from hfa.options.output import ProgressLine, show
+from hfa.options.output import ProgressLine, picture_option
+from hfa.options.part import OfModel, option
 from hfa.options.ranges import Range, array_of, scheduled_range
-from hfa.options.request import OfModel, command, option
-from hfa.options.trims import (
-    AircraftOptions,
-    OutputOptions,
-    TrimOptions,
-    aircraft_help,
-    called_at,
-    picture_option,
-    scheduled,
-)
+from hfa.options.request import command
+from hfa.options.trim import called_at, scheduled
 from hfa_aircraft.model import Model
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.options import (

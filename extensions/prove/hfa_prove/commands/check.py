@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from hfa.options.output import ProgressLine, show
+from hfa.inherited import show
+from hfa.options.output import ProgressLine
 from hfa.options.request import command
 from hfa_prove.commands import cost, region
 from hfa_prove.commands.request import CheckRequest

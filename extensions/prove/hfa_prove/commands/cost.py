@@ -8,17 +8,24 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
+from hfa.inherited import (
+    AircraftOptions,
+    OutputOptions,
+    TrimOptions,
+    WeightOptions,
+    print_report,
+    show,
+)
 from hfa.options.argument_types import input_file, number, one_of, positive, span
-from hfa.options.games import WeightOptions
-from hfa.options.output import ProgressLine, print_report, show
-from hfa.options.request import OfModel, command, option
-from hfa.options.trims import AircraftOptions, OutputOptions, TrimOptions
+from hfa.options.output import ProgressLine
+from hfa.options.part import OfModel, option
+from hfa.options.request import command
 from hfa_support.errors import BadInputError
 from hfa_support.files import forget_read
 from trim.point.linearize import linearize
 
 if TYPE_CHECKING:
-    from hfa.options.games import PlantOptions
+    from hfa.inherited import PlantOptions
     from hfa_flight.problem import FlightProblem
     from hfa_prove.check.cost import VerifiedCost
     from hfa_prove.commands.request import CheckRequest

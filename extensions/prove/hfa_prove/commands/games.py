@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from hfa.inherited import OutputOptions, PlantOptions, print_report
 from hfa.options.argument_types import input_file
-from hfa.options.games import NamedGame, PlantOptions
-from hfa.options.output import ProgressLine, print_report
-from hfa.options.request import command, option
-from hfa.options.trims import OutputOptions, called_at, scheduled
+from hfa.options.game import NamedGame
+from hfa.options.output import ProgressLine
+from hfa.options.part import option
+from hfa.options.request import command
+from hfa.options.trim import called_at, scheduled
 from hfa_prove.commands.options import family_of, interval_of, refuse_no_certificate
 from hfa_support.errors import BadInputError, prefix_errors
 from hfa_support.files import MATRIX_FILES

@@ -12,7 +12,8 @@ import numpy as np
 from controller.critic.critic_file import entries_in, single_parts
 from controller.game.basis import basis
 from controller.hfa_game import usual_game
-from hfa.options.trims import OF_THE_TRIM, called_at
+from hfa.inherited import OF_THE_TRIM
+from hfa.options.trim import called_at
 from hfa_aircraft.names import UNNAMED, PlantNames
 from hfa_prove.check.game import matrix_of_weights
 from hfa_prove.commands.options import family_of, loop_of_file
@@ -30,7 +31,7 @@ from hfa_prove.subject import Given
 from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 
 if TYPE_CHECKING:
-    from hfa.options.games import PlantOptions
+    from hfa.inherited import PlantOptions
     from hfa_prove.commands.request import CheckRequest
 
 #: Options that name an aircraft.

@@ -10,14 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from controller.schedule.gain_schedule import load_gain_schedule
 from controller.schedule.scheduled_controller import load_controller
+from hfa.inherited import AircraftOptions, OutputOptions, TrimOptions
 from hfa.options.argument_types import number
-from hfa.options.trims import (
-    AircraftOptions,
-    OutputOptions,
-    TrimOptions,
-    called_at,
-    scheduled,
-)
+from hfa.options.trim import called_at, scheduled
 from hfa_aircraft.model import Model
 from hfa_prove.hfa import standard_errors_of
 from hfa_support.errors import BadInputError, shortened

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.critic.critic_file import is_network
-from hfa.options.output import ProgressLine, print_report, show
+from hfa.inherited import print_report, show
+from hfa.options.output import ProgressLine
 from hfa.options.request import command
 from hfa_prove.commands.request import CheckRequest, RegionRequest
 from hfa_support.errors import BadInputError

@@ -11,8 +11,8 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import symbols_for
-from hfa.options.output import ProgressLine, print_report, show
-from hfa.options.trims import OutputOptions
+from hfa.inherited import OutputOptions, print_report, show
+from hfa.options.output import ProgressLine
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_prove.check.region_boxes import check_certificate, write_certificate
@@ -314,7 +314,8 @@ def checked_gain_on_boxes(request: CheckRequest | RegionRequest, certificate: Pa
 
     Raises NoSolutionError if the statement is not proved or differs from the user's data.
     """
-    from hfa.options.output import ProgressLine, show
+    from hfa.inherited import show
+    from hfa.options.output import ProgressLine
     from hfa_prove.check.region_boxes import check_certificate
     from hfa_prove.commands.given_region import given_on_boxes
     from hfa_prove.fields_boxes import FIELDS

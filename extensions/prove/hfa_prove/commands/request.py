@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hfa.inherited import OutputOptions, PlantOptions, ReadingOptions
+from hfa.learning import setting_option
 from hfa.options.argument_types import input_file, one_of, positive, quantity
-from hfa.options.critics import READING_SETTINGS, ReadingOptions, critic_path
-from hfa.options.games import PlantOptions, setting_option
-from hfa.options.request import OfModel, option
-from hfa.options.trims import OutputOptions, picture_option, scheduled
+from hfa.options.critics import READING_SETTINGS, critic_path
+from hfa.options.output import picture_option
+from hfa.options.part import OfModel, option
+from hfa.options.trim import scheduled
 from hfa_aircraft.model import Model
 from hfa_design.options import design_option
 from hfa_prove.commands.options import interval_of

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hfa.inherited import WeightOptions, print_report
 from hfa.options.argument_types import input_file
-from hfa.options.games import WeightOptions
-from hfa.options.output import ProgressLine, print_report
-from hfa.options.request import command, option
+from hfa.options.output import ProgressLine
+from hfa.options.part import option
+from hfa.options.request import command
 from hfa_design.options import design_option
 from hfa_prove.commands.options import (
     RangeOptions,

@@ -10,7 +10,7 @@ from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 from hfa_support.reporting.report import Report
 
 if TYPE_CHECKING:
-    from hfa.options.games import NamedGame
+    from hfa.options.game import NamedGame
     from verification.verdict import Verdict
 
 _TITLE = "Region of attraction of the saturated nonlinear loop"

@@ -1,14 +1,13 @@
-"""Options of a game and of learning. The plant is an aircraft at a trim, or is read from a file."""
+"""The game of a request: its plant, an aircraft at a trim or a plant file, and its weights."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, replace
-from functools import partial
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,21 +17,17 @@ from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
 from controller.hfa_game import plant_names, usual_game
 from controller.riccati.smallest_delta import ModeError
-from hfa.options.argument_types import input_file, number, one_of, whole
+from hfa.options.aircraft import Aircraft, of_hfa
+from hfa.options.argument_types import input_file, number
 from hfa.options.critics import listed_numbers
-from hfa.options.output import ProgressLine
-from hfa.options.request import Request, option
-from hfa.options.trims import OF_THE_TRIM, AircraftOptions, TrimOptions, of_hfa
+from hfa.options.part import Part, option, part
+from hfa.options.trim import OF_THE_TRIM, Trim
 from hfa_model.variants import VARIANTS
-from hfa_support.errors import BadInputError, NoSolutionError, choice_of
+from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.files import MATRIX_FILES
 from hfa_support.reporting.results import UNSTORED, Matrix, Result, stored, stored_as, stored_parts
 from trim.linear.linear_model import LinearModel
 
-if TYPE_CHECKING:
-    from controller.critic.training_run import TrainingRun
-
-DEFAULT_LAW = "certified"
 #: Default weights for an aircraft other than the HFA, for notes and helps.
 USUAL_WEIGHTS = {
     "Q": "1/nominal^2 on the diagonal",
@@ -77,9 +72,16 @@ def _diagonal_option(name: str) -> Any:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class WeightOptions(Request):
-    """Options for the weights Q, R and delta of the game."""
+class GameWeights(Part):
+    """The weights Q, R, delta and N of a game."""
 
+    N: np.ndarray | None = option(
+        "cross weights of the cost 2 z'Nu, one row for each state; default 0",
+        "a,b;c,d",
+        _rows,
+        names="--N",
+        rare=True,
+    )
     delta: float | None = option(
         of_hfa(
             "disturbance weight; default: 200 for the paper's aircraft, else inf (LQR)",
@@ -91,130 +93,57 @@ class WeightOptions(Request):
     Q: np.ndarray | None = _diagonal_option("Q")
     R: np.ndarray | None = _diagonal_option("R")
 
-    def changed_weights(self) -> dict[str, Any]:
-        """Return the weights set by options, "Q", "R" or "delta" -> value, in the model's units."""
-        typed: dict[str, Any] = {"Q": self.Q, "R": self.R, "delta": self.delta}
-        return {name: value for name, value in typed.items() if value is not None}
+    @property
+    def changed(self) -> dict[str, Any]:
+        """The weights set by options, "Q", "R", "delta" or "N" -> value, in the model's units."""
+        given: dict[str, Any] = {"Q": self.Q, "R": self.R, "delta": self.delta, "N": self.N}
+        return {name: value for name, value in given.items() if value is not None}
 
-    def game_on(self, linear: LinearModel) -> Game:
+    def game(self, linear: LinearModel) -> Game:
         """Return the game on a linear model, with the weights from options and default values for
         the others.
         """
-        changes = self.changed_weights()
         names = plant_names(linear)
-        game = usual_game(linear.model, linear.A, linear.B, names, **changes)
+        game = usual_game(linear.model, linear.A, linear.B, names, **self.changed)
         return replace(game, half_widths=widths_within_limits(linear))
 
+    def sources(self, otherwise: str, of_file: Collection[str] = ()) -> dict[str, str]:
+        """Return the source of each weight.
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SeedOption(Request):
-    """Option for the seed of random numbers."""
+        The result is "Q", "R" and "delta" -> "given", "file" or `otherwise`, and "N" if given.
 
-    seed: int = option(
-        "seed of all random numbers; default 0",
-        "N",
-        whole(0),
-        default=0,
-        rare=True,
-    )
-
-
-def law_option(*laws: str) -> Any:
-    """Return the request field `law`, with the option --law that selects the learning law.
-
-    laws: accepted names besides the default learning law
-    """
-    choices = (*laws, DEFAULT_LAW)
-    about = f"learning law; the only choice is {DEFAULT_LAW}"
-    if laws:
-        about = f"policy: {', '.join(choices)}; default {DEFAULT_LAW}"
-    return option(about, "NAME", one_of(*choices), default=DEFAULT_LAW)
-
-
-def setting_option(
-    about: str = "setting of the learning law, for example predefined_time=2",
-    more: Mapping[str, Callable[[str], Any]] | None = None,
-) -> Any:
-    """Return the request field `set`, with the repeatable option --set NAME=VALUE.
-
-    about: help of the option
-    more: additional settings, name -> function that converts the text to the value; None for none
-    """
-
-    def setting(name: str, text: str) -> Any:
-        from controller.learning.certified import CertifiedSettings
-
-        kinds: dict[str, Callable[[str], Any]] = {
-            field.name: partial(_converted, str(field.type)) for field in fields(CertifiedSettings)
-        }
-        kinds |= more or {}
-        if name not in kinds:
-            raise BadInputError(
-                f"is not a setting of law {DEFAULT_LAW!r}; {choice_of(name, kinds)}"
-            )
-        return kinds[name](text)
-
-    return option(about, "NAME=VALUE", setting, named=True, rare=True)
+        otherwise: source of the weights that are neither given by an option nor in the file
+        of_file: names of the weights that the plant file contains
+        """
+        whose = dict.fromkeys(("Q", "R", "delta"), otherwise)
+        whose |= {name: "file" for name in of_file if name in (*whose, "N")}
+        return whose | dict.fromkeys(self.changed, "given")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LearningOptions(SeedOption):
-    """Options of the learning law."""
+class GameGiven(Part):
+    """The game: on an aircraft at a trim, or on a plant read from a file."""
 
-    law: str = law_option()
-    set: Mapping[str, Any] = setting_option()
-
-    def learned(self, game: Game) -> TrainingRun:
-        """Return the training run of the selected learning law on a game."""
-        from controller.learning.certified import learn
-
-        return learn(game, self.law, self.seed, progress=ProgressLine("learn"), **self.set)
-
-
-def plant_option() -> Any:
-    """Return the request field `plant`, whose option --model names a plant file."""
-    return option(
+    plant: Path | None = option(
         f"file with a plant: A, B and optionally E, Q, R, N ({' '.join(MATRIX_FILES)})",
         "FILE",
         input_file(*MATRIX_FILES),
         names="--model",
     )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
-    """Options of a game on an aircraft at a trim, or on a plant read from a file."""
-
-    plant: Path | None = plant_option()
     design: Any = None
-    N: np.ndarray | None = option(
-        "cross weights of the cost 2 z'Nu, one row for each state; default 0",
-        "a,b;c,d",
-        _rows,
-        names="--N",
-        rare=True,
-    )
-
-    def changed_weights(self) -> dict[str, Any]:
-        """Return the weights set by options, "Q", "R", "delta" or "N" -> value, in the model's
-        units.
-        """
-        cross = {} if self.N is None else {"N": self.N}
-        return super().changed_weights() | cross
-
-    def origin(self) -> Mapping[str, Any]:
-        """Return the provenance of the game.
-
-        The provenance is {"model": path} for a plant file, and otherwise the provenance of the
-        aircraft and the trim.
-        """
-        return super().origin() if self.plant is None else {"model": str(self.plant)}
+    weights: GameWeights = part(GameWeights)
 
     def game(
-        self, read: dict[str, Any] | None = None, *, may_be_discrete: bool = False
+        self,
+        aircraft: Aircraft,
+        trim: Trim,
+        read: dict[str, Any] | None = None,
+        *,
+        may_be_discrete: bool = False,
     ) -> NamedGame:
         """Return the game specified by the options, on a plant file or on an aircraft at a trim.
 
+        aircraft, trim: the options of the aircraft and its trim
         read: entries of the plant file, if it has been read already, or None
         may_be_discrete: whether the command accepts a discrete-time plant
 
@@ -225,6 +154,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         Raises NoSolutionError if the aircraft has no trim.
         """
         if self.plant is not None:
+            self.refuse_aircraft(aircraft, trim)
             named = self._game_of_file(self.plant, read)
             if named.discrete is not None and not may_be_discrete:
                 raise BadInputError(
@@ -232,57 +162,46 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
                     " solve, hfa learn or hfa verify --weights"
                 )
             return named
-        if not self.own and self.dynamics in VARIANTS and self.at is None:
+        if not aircraft.own and aircraft.dynamics in VARIANTS and trim.at is None:
             raise BadInputError("no plant is given; add --dihedral DEG or --model FILE")
-        aircraft = self.flown_aircraft()
-        point = self.operating_point(aircraft)
-        return self.game_at(point.linearize())
+        return self.game_at(trim.point().linearize(), aircraft)
 
-    def game_at(self, linear: LinearModel) -> NamedGame:
+    def game_at(self, linear: LinearModel, aircraft: Aircraft) -> NamedGame:
         """Return the game on the linear model of an aircraft at a trim."""
         warnings = (*linear.point.warnings, *linear.kinks)
-        missing = [name for name in ("Q", "R", "delta") if name not in self.changed_weights()]
-        if self.own and missing:
+        missing = [name for name in ("Q", "R", "delta") if name not in self.weights.changed]
+        if aircraft.own and missing:
             taken = [f"{name} {USUAL_WEIGHTS[name]}" for name in missing]
             warnings += (f"{' and '.join(missing)} not given; used: {', '.join(taken)}",)
-        whose = self.weights_from("default")
-        return NamedGame(self.game_on(linear), warnings, linear=linear, weights_from=whose)
-
-    def weights_from(self, else_from: str, of_file: Collection[str] = ()) -> dict[str, str]:
-        """Return the source of each weight.
-
-        The result is "Q", "R" and "delta" -> "given", "file" or `else_from`, and "N" if given.
-
-        else_from: source of the weights that are neither given by an option nor in the file
-        of_file: names of the weights that the plant file contains
-        """
-        whose = dict.fromkeys(("Q", "R", "delta"), else_from)
-        whose |= {name: "file" for name in of_file if name in (*whose, "N")}
-        return whose | dict.fromkeys(self.changed_weights(), "given")
+        whose = self.weights.sources("default")
+        return NamedGame(self.weights.game(linear), warnings, linear=linear, weights_from=whose)
 
     def _game_of_file(self, plant: Path, read: dict[str, Any] | None) -> NamedGame:
         from controller.game.game_file import stored_game
         from controller.hfa_files import paper_defaults
 
-        self.refuse_of_the_aircraft()
-        stored = stored_game(plant, found=read, defaults=paper_defaults, **self.changed_weights())
+        stored = stored_game(plant, found=read, defaults=paper_defaults, **self.weights.changed)
         return NamedGame(
             stored.game,
             warnings=stored.notes,
             plant_provenance=stored.provenance,
             discrete=stored.discrete,
             has_time=stored.has_time,
-            weights_from=self.weights_from("default", stored.stated),
+            weights_from=self.weights.sources("default", stored.stated),
         )
 
-    def refuse_of_the_aircraft(self) -> None:
+    def refuse_aircraft(self, aircraft: Aircraft, trim: Trim) -> None:
         """Raise BadInputError if an option of the aircraft or its trim is combined with --model."""
-        if self.at is not None:
+        if trim.at is not None:
             raise BadInputError(
                 "--dihedral and --model both define the plant; remove one of these options"
             )
-        of_the_aircraft = ("aircraft", *OF_THE_TRIM, "parameters", "design", "units", "dynamics")
-        self.refuse(of_the_aircraft, "applies only to the aircraft; remove this option or --model")
+        reason = "applies only to the aircraft; remove this option or --model"
+        aircraft.refuse(("source",), reason)
+        trim.refuse(OF_THE_TRIM, reason)
+        aircraft.refuse(("parameters",), reason)
+        self.refuse(("design",), reason)
+        aircraft.refuse(("units", "dynamics"), reason)
 
 
 @dataclass(frozen=True, eq=False)
@@ -377,19 +296,3 @@ def _is_solvable_in_steps(game: Game) -> bool:
     except NoSolutionError:
         return False
     return True
-
-
-def _converted(kind: str, text: str) -> Any:
-    """Return the value of a setting of the learning law, from its text.
-
-    kind: annotation of the setting's field, for example "float | tuple[float, ...]"
-    text: the value as typed
-
-    Raises BadInputError if the text is not a number of this kind.
-    """
-    if kind.startswith("str"):
-        return text
-    if kind.startswith("int"):
-        return whole(0)(text)
-    values = tuple(listed_numbers(text))
-    return values[0] if len(values) == 1 and kind.startswith("float") else values

@@ -1,0 +1,171 @@
+"""The aircraft of a request: the paper's flexible aircraft (HFA), or an aircraft of the user."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hfa.options.argument_types import one_of
+from hfa.options.part import OfModel, Part, option
+from hfa_aircraft.model import Model
+from hfa_model.choice import aircraft
+from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters
+from hfa_support.errors import BadInputError
+from hfa_support.files import note_read
+from hfa_support.units import SYSTEMS
+
+if TYPE_CHECKING:
+    from hfa_aircraft.uncertain import ParameterSpread
+
+
+def is_own(model: Model | None) -> bool:
+    """Return whether a model was loaded from a file or another source that the user named.
+
+    The result is False for the paper's flexible aircraft and for None.
+    """
+    return model is not None and model.extras.source[0] != ""
+
+
+def of_hfa(about: str, otherwise: str = "") -> Callable[[Model | None], str]:
+    """Return a help text of an option that depends on the model, as a function of the model.
+
+    about: help for the paper's flexible aircraft
+    otherwise: help for an aircraft of the user, or "" to hide the option
+    """
+    return lambda model: otherwise if is_own(model) else about
+
+
+def aircraft_help(model: Model | None) -> str:
+    """Return the help of --aircraft, with the formats of the core and of installed packages."""
+    from hfa_aircraft.loading import forms_of_packages
+
+    forms = ("aircraft: a Python file (executed) or package.module:NAME", *forms_of_packages())
+    return ", ".join(forms) + of_hfa("; default: the HFA")(model)
+
+
+def _parameters(model: Model | None, text: str) -> ParameterSet | Path:
+    """Return the parameters that --parameters gives: those of the HFA, or the file for an aircraft
+    of the user.
+
+    model: None while the model is unknown, which `Aircraft.loaded` loads with the parameters
+    """
+    return Path(text) if model is None or is_own(model) else load_parameters(text)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Aircraft(Part):
+    """The aircraft: the HFA with its dynamics and parameters, or an aircraft of the user."""
+
+    units: str = option(
+        of_hfa(
+            "units of input and output: english (ft, slug, lbf; default) or si (m, kg, N)",
+            "units of input and output: si (m, kg, N); default: units of the aircraft",
+        ),
+        "UNITS",
+        one_of(*SYSTEMS),
+        default="english",
+        rare=True,
+    )
+    source: str | None = option(aircraft_help, "FILE.py:NAME", names="--aircraft")
+    dynamics: str = option(
+        of_hfa(
+            "equations of motion: published (regenerates the printed matrices; default), "
+            "newton (exact mechanics, the same air loads), unsteady"
+        ),
+        "VARIANT",
+        default="published",
+    )
+    parameters: ParameterSet | Path | None = option(
+        of_hfa(
+            f"parameters of the HFA: a file, {' or '.join(NAMED)} (default: identified)",
+            "new values of parameters: a file that hfa identify -o FILE.toml wrote",
+        ),
+        "FILE",
+        OfModel(_parameters),
+        rare=True,
+    )
+
+    @property
+    def own(self) -> bool:
+        """True if the model is an aircraft that the user loaded, and not the HFA."""
+        return is_own(self.model)
+
+    @property
+    def parameter_set(self) -> ParameterSet:
+        """Parameters of the HFA, from --parameters or the default."""
+        known = self.parameters
+        return known if isinstance(known, ParameterSet) else default_parameters()
+
+    @classmethod
+    def loaded(cls, typed: Mapping[str, Any]) -> Model:
+        """Return the model that the options of the user define, in the units of --units.
+
+        typed: field -> value, for the options given by the user
+
+        Raises BadInputError if --dynamics is combined with --aircraft.
+        """
+        model = cls.declared_model(typed)
+        if typed.get("units") != "si":
+            return model
+        from hfa_aircraft.units import in_si
+
+        return in_si(model)
+
+    @classmethod
+    def declared_model(cls, typed: Mapping[str, Any]) -> Model:
+        """Return the model of --aircraft, or the HFA, in its own units."""
+        if "source" not in typed:
+            known = load_parameters(typed.get("parameters", "identified"))
+            return aircraft(typed.get("dynamics", "published"), known.values)
+        from hfa_aircraft.loading import load_model
+
+        if "dynamics" in typed:
+            raise BadInputError(
+                "--dynamics applies only to the HFA; remove this option or --aircraft"
+            )
+        note_read(typed["source"].rpartition(":")[0])
+        return load_model(typed["source"], typed.get("parameters"))
+
+    def origin(self, held: Mapping[str, float]) -> dict[str, Any]:
+        """Return the provenance of the aircraft.
+
+        The provenance is the aircraft's file with its digest, or the dynamics and parameters of the
+        HFA.
+
+        held: parameter -> value, for the parameters that the options of a trim set
+        """
+        if self.own:
+            file, digest = self.model.extras.source
+            origin = {"model": f"{file} (SHA-256 {digest[:12]})"}
+            if isinstance(self.parameters, Path):
+                content = hashlib.sha256(self.parameters.read_bytes()).hexdigest()
+                origin |= {"parameters": str(self.parameters), "parameter_hash": content[:12]}
+            return origin
+        from hfa_model.parameters import changed_parameters
+        from hfa_support.provenance import Change, parameter_hash
+
+        chosen = self.parameter_set
+        changed = changed_parameters(chosen)
+        for name, value in held.items():
+            signal = self.model.parameters[name]
+            if value != signal.start:
+                changed[name] = Change(value, signal.start, signal.unit)
+        return {
+            "dynamics": self.dynamics,
+            "parameters": chosen.name,
+            "parameter_hash": parameter_hash(chosen.values),
+            "changed": changed,
+        }
+
+    def spread(self, held: Mapping[str, float]) -> ParameterSpread:
+        """Return the uncertain parameters of the aircraft, without those that are held.
+
+        Raises BadInputError if their covariance is unknown.
+        """
+        from hfa_aircraft.uncertain import spread_of
+
+        file = self.parameters or self.model.extras.source[0]
+        return spread_of(self.model, str(file) if self.own else self.parameter_set, held)

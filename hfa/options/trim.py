@@ -1,0 +1,311 @@
+"""The trim of a request: its condition, and the search for its operating point."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from hfa.options.aircraft import is_own, of_hfa
+from hfa.options.argument_types import breakpoint_value, quantity, span
+from hfa.options.part import OfModel, Part, option
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown, warn
+from trim.point.condition import TrimCondition, release, usual_condition
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import TrimError, explained, trim
+
+#: Options of the trim condition, without the scheduling variable.
+OF_THE_TRIM = ("given", "free", "hold", "limit", "start")
+
+
+def called_at(model: Model) -> str:
+    """Return the name of the option for the scheduling variable.
+
+    The name is that of the variable if the model has `names_schedule`, otherwise "at".
+    """
+    return model.schedule if model.extras.names_schedule else "at"
+
+
+def scheduled(
+    kind: Callable[[Model, str], Any],
+    form: str = "",
+    about: str | Callable[[Model], str] = "",
+    *,
+    required: bool = False,
+) -> Any:
+    """Return the request field `at`, whose option sets the scheduling variable.
+
+    The option is --at. If the model has `names_schedule`, the option is also --NAME with the name
+    of the variable, for example --dihedral.
+
+    kind: function (model, word) -> value
+    form: placeholder of the value in the help, or "" for DEG or VALUE
+    about: text added to the help
+    required: whether the option is mandatory for a model with `names_schedule`
+    """
+
+    def convert(model: Model, text: str) -> Any:
+        if not model.schedule:
+            raise BadInputError(
+                f"must be removed, because {model.name} declares no scheduling variable"
+            )
+        return kind(model, text)
+
+    def unit(model: Model) -> str:
+        return model.schedule_unit if model.schedule else ""
+
+    def words(model: Model) -> str:
+        name = model.schedule or "the scheduling variable"
+        shown_unit = "degrees" if unit(model) == "deg" else unit(model)
+        more = about(model) if callable(about) else about
+        return f"{name}, {shown_unit}".rstrip(", ") + f"; {more}".rstrip("; ")
+
+    return option(
+        words,
+        lambda model: form or ("DEG" if unit(model) == "deg" else "VALUE"),
+        OfModel(convert),
+        names=lambda model: f"--at --{model.schedule}" if model.extras.names_schedule else "--at",
+        required=lambda model: required and model.extras.names_schedule,
+    )
+
+
+def _usual(model: Model) -> str:
+    """Return the help of --hold, which lists up to four of the variables that a trim holds by
+    default.
+    """
+    held = [
+        f"{name} {model.describe(name, value)}"
+        for name, value in model.trim.items()
+        if name != model.schedule
+    ]
+    usual = f"; default: {', '.join(held[:4])}" if held else ""
+    return f"hold a variable at a value (repeatable){usual}"
+
+
+def condition_or_list(model: Model, text: str) -> TrimCondition | Path:
+    """Return the trim condition named by --condition, or the path of a CSV file of trim points.
+
+    text: name or file of a condition, or path of a .csv file
+    """
+    from trim.hfa.level_flight import load_condition
+
+    if text.lower().endswith(".csv"):
+        return Path(text)
+    return load_condition(text, usual_condition(model))
+
+
+def _name(model: Model, text: str) -> str:
+    """Return the model's name of a variable.
+
+    text: this name, or an alias of the variable
+    """
+    return model.extras.aliases.get(text, text)
+
+
+def _start(model: Model, text: str) -> OperatingPoint | dict[str, float]:
+    """Return the initial point of the trim search that --start gives.
+
+    - a file: the operating point in it
+    - NAME=VALUE,NAME=VALUE: name -> value, in internal units
+
+    Raises BadInputError for an unreadable file, an unknown variable or an invalid value.
+    """
+    if "=" not in text or Path(text).exists():
+        return OperatingPoint.load(Path(text), model)
+    values = {}
+    for word in text.split(","):
+        typed, _, value = word.partition("=")
+        name = _name(model, typed)
+        refuse_unknown("no variable is called", name, model.variables)
+        values[name] = quantity(model, name, value)
+    return values
+
+
+def condition_help(model: Model | None) -> str:
+    """Return the help of --condition, which lists the named conditions for the HFA."""
+    from trim.hfa.level_flight import CONDITIONS
+
+    names = of_hfa(f", or {', '.join(CONDITIONS)}")(model)
+    return f"trim condition that replaces the default: a file{names}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trim(Part):
+    """The condition of a trim."""
+
+    at: Any = scheduled(breakpoint_value)
+    given: TrimCondition | Path | None = option(
+        condition_help, "FILE", OfModel(condition_or_list), names="--condition", rare=True
+    )
+    free: tuple[str, ...] = option(
+        "variable that the trim solves for; repeatable",
+        "NAME",
+        OfModel(_name),
+        repeated=True,
+        rare=True,
+    )
+    glide: bool = option("trim a glide: lowest throttle, free flight-path angle", rare=True)
+    hold: Mapping[str, Any] = option(_usual, "NAME=VALUE", OfModel(quantity), named=True)
+    limit: Mapping[str, tuple[float, float]] = option(
+        "limits of a free variable of the trim, degrees for angles; repeatable",
+        "NAME=LOW:HIGH",
+        OfModel(span),
+        named=True,
+        rare=True,
+    )
+    start: OperatingPoint | Mapping[str, float] | None = option(
+        "initial point of the trim search: an operating point (.json), or NAME=VALUE,NAME=VALUE",
+        "FILE",
+        OfModel(_start),
+        rare=True,
+    )
+
+    @property
+    def held_parameters(self) -> dict[str, float]:
+        """Parameter -> value, for the parameters that options set to a single value."""
+        held = {**self.hold, self.model.schedule: self.at}
+        return {
+            name: held[name] for name in self.model.parameters if isinstance(held.get(name), float)
+        }
+
+    @cached_property
+    def aircraft(self) -> Model:
+        """The model with the parameter values that options set."""
+        return self.model.with_parameters(**self.held_parameters)
+
+    @cached_property
+    def common_condition(self) -> TrimCondition:
+        """The trim condition shared by all points, without the value of the scheduling variable.
+
+        The condition is --condition or the default, changed by --hold, --free, --limit, --glide and
+        --start.
+
+        Raises BadInputError if a variable is given twice, if --condition is a list of points, and
+        as `release` does.
+        """
+        self._refuse_doubles()
+        model = self.model
+        usual = self.given or usual_condition(model)
+        if isinstance(usual, Path):
+            raise BadInputError(
+                f"--condition {usual} is a list of points; give one condition, or use `hfa sweep`"
+            )
+        held: dict[str, float] = {}
+        for name, value in self.hold.items():
+            if name in model.parameters:
+                continue
+            if isinstance(value, float):
+                held[name] = value
+            elif self.is_constant(name):
+                held[name] = value[0]
+        free = self.free
+        if self.glide:
+            free = (*free, "gamma")
+            if "throttle" in model.inputs:
+                held["throttle"] = model.inputs["throttle"].min
+        condition = release(usual, free=free, hold=held, limits=self.limit)
+        if isinstance(self.start, Mapping):
+            return replace(condition, begin={**condition.begin, **self.start})
+        return condition
+
+    def _refuse_doubles(self) -> None:
+        """Raise BadInputError if the same variable is given by two of the options --free, --hold
+        and --at.
+
+        --free and a single value of --at may give the same variable. The value is then the initial
+        guess.
+        """
+        for name in self.free:
+            if name in self.hold:
+                raise BadInputError(
+                    f"{name} is both free and held; remove --free or --hold for this variable"
+                )
+        if self.at is None:
+            return
+        variable = self.model.schedule
+        option_name = f"--{called_at(self.model)}"
+        if variable in self.hold:
+            raise BadInputError(
+                f"{variable} is given by both {option_name} and --hold; remove one of these options"
+            )
+        # A single value of a free variable is the initial guess of the search.
+        if variable in self.free and not isinstance(self.at, float):
+            raise BadInputError(
+                f"{variable} is given by both {option_name} and --free; remove one of these options"
+            )
+
+    def is_constant(self, name: str) -> bool:
+        """Return whether --hold of a sweep gives only one value for a variable of the trim.
+
+        The result is False for a parameter of the model. Parameters are always axes of the sweep.
+        """
+        values = self.hold[name]
+        one_value = isinstance(values, tuple) and len(values) == 1
+        return one_value and name not in self.model.parameters
+
+    @cached_property
+    def condition(self) -> TrimCondition:
+        """The condition of a single trim, with the value of the scheduling variable."""
+        is_parameter = self.model.schedule in self.model.parameters
+        return self.common_condition.at(None if is_parameter else self.at)
+
+    @property
+    def start_point(self) -> OperatingPoint | None:
+        """The operating point from the file given by --start, or None if --start gives no file."""
+        return self.start if isinstance(self.start, OperatingPoint) else None
+
+    def point(self) -> OperatingPoint:
+        """Return the operating point at the condition set by the options.
+
+        If --start gives a point, the search begins there.
+
+        Raises TrimError with an explanation if no trim is found.
+        """
+        by = self.model.schedule
+        if self.at is not None and by in self.condition.free:
+            typed = f"--{called_at(self.model)} {self.model.describe(by, self.at)}"
+            begins = typed if self.start is None else "--start"
+            warn(f"{by} is free: the search begins at {begins}")
+        try:
+            return trim(self.aircraft, self.condition, self.start_point)
+        except TrimError as failure:
+            raise self._advised(failure) from None
+
+    def _advised(self, failure: TrimError) -> TrimError:
+        """Return the error of a failed trim, with the reason and advice on options added.
+
+        If alpha is held and a trim with free alpha exists, the message also advises --free alpha.
+        """
+        error = explained(failure, self.aircraft, self.condition)
+        if "alpha" not in self.condition.imposed:
+            return error
+        freed = release(self.condition, free=("alpha",))
+        try:
+            free_point = trim(self.aircraft, freed, self.start_point)
+        except NoSolutionError:
+            return error
+        trimmed = self.model.describe("alpha", free_point.states.alpha)
+        advice = "add --free alpha"
+        if "alpha" in self.hold:
+            advice = "replace --hold alpha by --free alpha"
+        reason = f"{error}; with alpha free, the trim is at {trimmed}: {advice}"
+        return TrimError(reason, error.attempt)
+
+    def origin(self) -> dict[str, Any]:
+        """Return the provenance of the trim condition."""
+        common = self.common_condition
+        if is_own(self.model):
+            return {"condition": {**common.changes, "parameters": self.held_parameters}}
+        condition: Mapping[str, Any] = common.changes
+        if isinstance(self.at, float):
+            single = common.at(self.at)
+            limits = {name: list(single.limits_of(name)) for name in single.free}
+            condition = {
+                "imposed": dict(single.imposed),
+                "free": list(single.free),
+                "limits": limits,
+            }
+        return {"condition": condition, "flight": common.in_words()}
