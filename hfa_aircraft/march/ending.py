@@ -1,17 +1,29 @@
-"""Ends of flights: convergence, departure from the limits, divergence."""
+"""Ends of flights: convergence, departure from the limits, divergence, limit cycles.
+
+All constants that decide how a flight ends are in this module.
+"""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import reduce
+from typing import Any, NamedTuple
 
+import casadi as ca
 import numpy as np
 
 from hfa_aircraft.march.march import History
 
 #: Nominal values by which a state deviates from the trim when a flight diverges.
 FAR = 1e4
+#: A flight from a trim has settled if no state changes more in a window, in nominal values.
+STILL = 1e-9
+#: Half-widths of the ball within which a flight has converged, in half-widths of the
+#: initial-condition box.
+BALL = 0.05
 
 
 class Outcome(StrEnum):
@@ -19,12 +31,34 @@ class Outcome(StrEnum):
 
     CONVERGED = "converges"
     LEFT = "leaves the envelope"
-    LOST = "does not converge"
-    UNDECIDED = "is not decided within the time"
+    DIVERGED = "diverges"
+    CYCLES = "limit cycle"
+    ELSEWHERE = "converges to another equilibrium"
+    UNDECIDED = "does not converge"
 
 
 #: Function from states (N, n) to a mask (N,).
 Mask = Callable[[np.ndarray], np.ndarray]
+
+
+def is_within(states: Any, least: Any, most: Any) -> Any:
+    """Return whether all states are finite numbers within limits.
+
+    The result is a mask (N,) for arrays, and an expression for CasADi columns.
+
+    states, least, most: (N, n), or columns (n,)
+    """
+    if isinstance(states, np.ndarray):
+        return (np.isfinite(states) & (states >= least) & (states <= most)).all(axis=-1)
+    limits = zip(*map(ca.vertsplit, (least, states, most)), strict=True)
+    inside: list[Any] = [ca.logic_and(low <= x, x <= high) for low, x, high in limits]
+    return ca.logic_and(all_finite(states), reduce(ca.logic_and, inside))
+
+
+def all_finite(column: Any) -> Any:
+    """Return the expression that all entries of a CasADi column are finite numbers."""
+    finite: list[Any] = [ca.fabs(x) <= sys.float_info.max for x in ca.vertsplit(column)]
+    return reduce(ca.logic_and, finite)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +68,7 @@ class EndRule:
     A flight is over in the first of these cases that applies:
 
     - It has converged.
-    - It is lost: a state is not a number, or deviates by more than `far`.
+    - It diverges: a state is not a number, or deviates by more than `far`.
     - It has left the limits.
 
     far: deviation of each state beyond which a flight diverges, (n,) or a number
@@ -51,13 +85,13 @@ class EndRule:
         outcomes = np.full(len(states), Outcome.UNDECIDED, dtype=object)
         if self.inside is not None:
             outcomes[~self.inside(states)] = Outcome.LEFT
-        outcomes[~self._is_near(states)] = Outcome.LOST
+        outcomes[~self._is_near(states)] = Outcome.DIVERGED
         if self.converged is not None:
             outcomes[self.converged(states)] = Outcome.CONVERGED
         return outcomes
 
     def over(self, flown: History) -> np.ndarray:
-        """Return a mask (N, T), True where a flight is over, for `march`."""
+        """Return a mask (N, T + 1), True where a flight is over, for `march`."""
         states = flown.states
         over = self.is_over(states.reshape(-1, states.shape[-1]))
         return over.reshape(states.shape[:-1])
@@ -73,3 +107,205 @@ class EndRule:
 
     def _is_near(self, states: np.ndarray) -> np.ndarray:
         return np.asarray((np.abs(states) <= self.far).all(axis=-1))
+
+
+def settled(still: np.ndarray) -> Callable[[History], np.ndarray]:
+    """Return the rule for `march` that all flights are over when all have settled.
+
+    A flight has settled if no state changes by more than `still` from the start to the end of a
+    window.
+
+    still: (n,)
+    """
+
+    def over(flown: History) -> np.ndarray:
+        moved = np.abs(flown.states[:, -1, : len(still)] - flown.states[:, 0, : len(still)])
+        mask = np.zeros(flown.states.shape[:2], dtype=bool)
+        mask[:, -1] = (moved <= still).all()
+        return mask
+
+    return over
+
+
+class Motion(NamedTuple):
+    """Motion of N flights in a window, in half-widths of the ball in which a flight has converged.
+
+    distance: largest distance from the equilibrium, (N,), inf without an equilibrium
+    swings: half the range of each state, (N, k), 0 for a state that does not count
+    """
+
+    distance: np.ndarray
+    swings: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Patience:
+    """Numbers of windows, and tolerances, by which a flight ends before its full duration.
+
+    standing: a flight is at another equilibrium if in this number of consecutive windows its motion
+        is at most `stands` times its distance, which exceeds `elsewhere` balls
+    block: a flight is in a limit cycle if the least half range of a state in each of the last three
+        blocks of this number of windows is at least `cycles` balls, equal in all to within `same`,
+        and neither only rises nor only falls
+    growth: a flight about an unstable equilibrium has converged, and chatters in the ball, only if
+        its distance grew by less than the factor `grown` in its last `growth` windows
+    """
+
+    standing: int
+    stands: float
+    elsewhere: float
+    block: int
+    cycles: float
+    same: float
+    growth: int
+    grown: float
+
+
+#: This is measured, not proved: of 26,000 flights of 5 policies with 0 to 5 samples of delay, each
+#: had the outcome of its full duration. With `same` = 0.05, 24 of 19,200 had not, because of slow
+#: decay or growth.
+PATIENCE = Patience(
+    standing=10,
+    stands=1e-3,
+    elsewhere=2.0,
+    block=5,
+    cycles=3.0,
+    same=0.002,
+    growth=10,
+    grown=1.02,
+)
+
+
+class Endings:
+    """How N flights end, decided window by window while `march` simulates them.
+
+    A flight ends with the window in which the first of these cases applies:
+
+    - It has left the limits, or a state is not a number.
+    - It has converged: it was in the ball for `enough` windows, and its distance does not increase.
+      It must be certain to stay there (`stays`).
+    - It is in a limit cycle or at another equilibrium (`Patience`).
+
+    A flight of the full duration converges if it ends in the ball, and its distance does not grow
+    about an unstable equilibrium.
+
+    outcomes: `Outcome` of each flight, (N,)
+    nearest: distance of each flight in its last window, (N,)
+    left_at: number of the step at which each flight left the limits, (N,)
+    left_with: states at this step, (N, n)
+    """
+
+    def __init__(
+        self,
+        limits: tuple[np.ndarray, np.ndarray],
+        motion: Callable[[History], Motion],
+        windows: int,
+        *,
+        enough: np.ndarray,
+        stays: np.ndarray,
+        stable: np.ndarray,
+        counted: int,
+        patience: Patience,
+    ) -> None:
+        """Begin with N undecided flights.
+
+        limits: least and most value of each state, (N, n) each
+        motion: motion of the flights in a window
+        windows: number of windows in the full duration
+        enough: number of windows in the ball after which a flight has converged, (N,)
+        stays: True for flights that cannot leave the ball again, (N,)
+        stable: True for flights about a stable equilibrium, (N,)
+        counted: number k of the states whose motion is observed
+        """
+        count, n = limits[0].shape
+        self.outcomes = np.full(count, Outcome.UNDECIDED, dtype=object)
+        self.nearest = np.full(count, np.inf)
+        self.left_at = np.zeros(count, dtype=int)
+        self.left_with = np.full((count, n), np.nan)
+        self._least, self._most = limits
+        self._motion = motion
+        self._windows = windows
+        self._enough = enough
+        self._stays = stays
+        self._stable = stable
+        self._patience = patience
+        self._earlier = np.full(count, np.inf)
+        self._in_ball = np.zeros(count, dtype=int)
+        self._standing = np.zeros(count, dtype=int)
+        self._swings = np.full((3, count, counted), np.inf)
+
+    def over(self, flown: History) -> np.ndarray:
+        """Return a mask (F, T + 1), True at the end of a window in which a flight ends."""
+        flying = flown.flights
+        number = flown.first // (flown.states.shape[1] - 1)
+        if number == self._windows - self._patience.growth:
+            self._earlier[flying] = self.nearest[flying]
+        distance, swings = self._motion(flown)
+        left = self._left(flown)
+        back = self._back(flying, distance)
+        cycling = self._cycling(flying, swings, number)
+        standing = self._stands(flying, distance, swings)
+        self.nearest[flying] = distance
+        self.outcomes[flying[standing]] = Outcome.ELSEWHERE
+        self.outcomes[flying[cycling]] = Outcome.CYCLES
+        self.outcomes[flying[back]] = Outcome.CONVERGED
+        self.outcomes[flying[left]] = Outcome.LEFT
+        mask = np.zeros(flown.states.shape[:2], dtype=bool)
+        mask[:, -1] = left | back | cycling | standing
+        return mask
+
+    def close(self) -> None:
+        """Decide the flights of the full duration: those that end in the ball have converged."""
+        grows = self.nearest > self._patience.grown * self._earlier
+        back = (self.nearest <= 1.0) & (self._stable | ~grows)
+        self.outcomes[(self.outcomes == Outcome.UNDECIDED) & back] = Outcome.CONVERGED
+
+    def _left(self, flown: History) -> np.ndarray:
+        """Return a mask of the flights that left their limits, and store where."""
+        flying = flown.flights
+        states = flown.states[:, :, : self._least.shape[1]]
+        lowest, highest = np.fmin.reduce(states, axis=1), np.fmax.reduce(states, axis=1)
+        least, most = self._least[flying], self._most[flying]
+        left = ~(is_within(lowest, least, most) & is_within(highest, least, most))
+        left |= ~np.isfinite(states[:, -1]).all(axis=1)
+        states, least, most = states[left], least[left, None], most[left, None]
+        first = (~is_within(states, least, most)).argmax(axis=1)
+        self.left_at[flying[left]] = flown.first + first
+        self.left_with[flying[left]] = states[np.arange(len(states)), first]
+        return np.asarray(left)
+
+    def _back(self, flying: np.ndarray, distance: np.ndarray) -> np.ndarray:
+        """Return a mask of the flights that have converged."""
+        self._in_ball[flying] = np.where(distance <= 1.0, self._in_ball[flying] + 1, 0)
+        is_long = self._in_ball[flying] >= self._enough[flying]
+        return np.asarray(self._stays[flying] & is_long & (distance <= self.nearest[flying]))
+
+    def _stands(self, flying: np.ndarray, distance: np.ndarray, swings: np.ndarray) -> np.ndarray:
+        """Return a mask of the flights that have settled at another equilibrium."""
+        patience = self._patience
+        is_away = np.isfinite(distance) & (distance > patience.elsewhere)
+        stands = is_away & (swings.max(axis=1) <= patience.stands * distance)
+        self._standing[flying] = np.where(stands, self._standing[flying] + 1, 0)
+        return np.asarray(self._standing[flying] >= patience.standing)
+
+    def _cycling(self, flying: np.ndarray, swings: np.ndarray, number: int) -> np.ndarray:
+        """Return a mask of the flights in a limit cycle, decided at the end of each block.
+
+        number: number of earlier windows
+        """
+        patience = self._patience
+        blocks = self._swings[:, flying]
+        blocks[0] = np.minimum(blocks[0], swings)
+        cycling = np.zeros(len(flying), dtype=bool)
+        if (number + 1) % patience.block == 0:
+            least = blocks.min(axis=0)
+            most = blocks.max(axis=0)
+            is_large = least >= patience.cycles
+            is_same = most - least <= patience.same * least
+            rises = (blocks[0] > blocks[1]) & (blocks[1] > blocks[2])
+            falls = (blocks[0] < blocks[1]) & (blocks[1] < blocks[2])
+            cycling = np.any(is_large & is_same & ~rises & ~falls, axis=1)
+            blocks[1:] = blocks[:-1].copy()
+            blocks[0] = np.inf
+        self._swings[:, flying] = blocks
+        return cycling

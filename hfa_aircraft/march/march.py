@@ -40,14 +40,16 @@ class History:
 
     step: integration step, s
     first: number of the first of T steps
-    states: (N, T, n)
+    states: (N, T, n). A history of a window also has the states at its end, (N, T + 1, n)
     seen: observed values, (N, T, k)
+    flights: numbers of the flights, (N,)
     """
 
     step: float
     first: int
     states: np.ndarray
     seen: np.ndarray
+    flights: np.ndarray
 
     @property
     def times(self) -> np.ndarray:
@@ -108,7 +110,8 @@ class Rows:
         return np.empty((len(state), 0))
 
 
-#: Function from the time history of some steps to a mask (N, T), True where a flight is over.
+#: Function from the time history of a window to a mask (N, T) or (N, T + 1), True where a flight is
+#: over.
 Over = Callable[[History], np.ndarray]
 
 
@@ -160,7 +163,7 @@ def march(
             observed[:, row : row + steps] = before
             state = flown[:, row + steps]
         if over is not None:
-            mask = over(History(step, begin, flown[:, :-1], observed))
+            mask = over(History(step, begin, flown, observed, flying))
             is_over = mask.any(axis=1)
             first_over = begin + mask[is_over].argmax(axis=1)
             ends[flying[is_over]] = steps * np.ceil(first_over / steps).astype(int)
@@ -178,4 +181,4 @@ def march(
             progress(last if flying.size else ticks, ticks)
         if not flying.size:
             break
-    return History(step, 0, states, seen), ends
+    return History(step, 0, states, seen, np.arange(len(states))), ends

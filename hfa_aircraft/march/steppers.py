@@ -8,8 +8,9 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
-from hfa_support.native.bound import BoundFunction
+from hfa_support.native.bound import BoundFunction, RowFunction
 from hfa_support.native.machine_code import machine_code
+from hfa_support.native.row_code import row_code
 
 
 def rk4(rate: Callable[[Any, float], Any], x: Any, h: Any) -> Any:
@@ -100,6 +101,32 @@ class RungeKutta:
     def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
         """Return the values observed at a time, (1, k)."""
         return np.array(self._observed(time, state[0], held[0])).reshape(1, -1)
+
+
+class Ticks:
+    """Stepper of many flights by one compiled function, of which a tick is one step.
+
+    after: (state, held) -> state at the end of the tick
+    is_long: whether compilation to machine code saves time
+    """
+
+    steps = 1
+
+    def __init__(self, after: ca.Function, step: float, *, is_long: bool = False) -> None:
+        self.step = step
+        self.sizes = after.numel_out(0), 0
+        self._after = row_code(after) if is_long else RowFunction(after)
+
+    def __call__(
+        self, time: float, state: np.ndarray, held: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the states at the end of the tick, (N, 1, n). Nothing else is observed."""
+        (after,) = self._after(state, held)
+        return after[:, None], self.observed(time, state, held)[:, None]
+
+    def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """Return an array (N, 0)."""
+        return np.empty((len(state), 0))
 
 
 def _tick(

@@ -129,34 +129,38 @@ class RowCode:
         self._call(ctypes.c_longlong(count), _addresses(given), _addresses(results))
         return results
 
-    def bound(self, table: np.ndarray, results: Sequence[np.ndarray]) -> Callable[[], Any]:
-        """Return a function without arguments that evaluates all rows of `table` into `results`.
+    def bound(
+        self, tables: Sequence[np.ndarray], results: Sequence[np.ndarray]
+    ) -> Callable[[], Any]:
+        """Return a function without arguments that evaluates all rows of the tables into `results`.
 
-        A result may be the table itself. Raises ValueError unless all arrays are contiguous, of
+        A result may be one of the tables. Raises ValueError unless all arrays are contiguous, of
         doubles and of matching shapes.
         """
-        for each, width in zip((table, *results), (*self._widths, *self._sizes), strict=True):
-            if each.shape != (len(table), width) or each.dtype != float or not each.data.contiguous:
+        count = len(tables[0])
+        widths = (*self._widths, *self._sizes)
+        for each, width in zip((*tables, *results), widths, strict=True):
+            if each.shape != (count, width) or each.dtype != float or not each.data.contiguous:
                 raise ValueError(
                     "a bound table is not a contiguous array of doubles with all rows; copy the "
                     "table"
                 )
-        count = ctypes.c_longlong(len(table))
-        return partial(self._call, count, _addresses([table]), _addresses(results))
+        addresses = _addresses(tables), _addresses(results)
+        return partial(self._call, ctypes.c_longlong(count), *addresses)
 
 
 def bound_rows(
-    code: RowCode | RowFunction, table: np.ndarray, results: Sequence[np.ndarray]
+    code: RowCode | RowFunction, tables: Sequence[np.ndarray], results: Sequence[np.ndarray]
 ) -> Callable[[], Any]:
-    """Return a function without arguments that evaluates all rows of `table` into `results`.
+    """Return a function without arguments that evaluates all rows of the tables into `results`.
 
-    A result may be the table itself.
+    A result may be one of the tables.
     """
     if isinstance(code, RowCode):
-        return code.bound(table, results)
+        return code.bound(tables, results)
 
     def evaluate() -> None:
-        for result, values in zip(results, code(table), strict=True):
+        for result, values in zip(results, code(*tables), strict=True):
             result[:] = values
 
     return evaluate

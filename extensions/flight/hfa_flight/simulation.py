@@ -110,7 +110,7 @@ class CompiledLoop:
         flying = _Flying(loop, self.stepper, self._measured, self._command, parameters)
 
         def over(rows: History) -> np.ndarray:
-            flown = self._flight(rows.times, rows.states[0], rows.seen[0])
+            flown = self._flight(rows.times[:-1], rows.states[0, :-1], rows.seen[0])
             return (_is_lost(flown) if stop is None else stop(flown))[None]
 
         last_tick = loop.scenario.ticks if ticks is None else ticks

@@ -77,7 +77,7 @@ class SimulatedFlight(NamedTuple):
 
     @property
     def _convergence(self) -> str:
-        return Outcome.CONVERGED if self.converges else Outcome.LOST
+        return Outcome.CONVERGED if self.converges else Outcome.UNDECIDED
 
     def outcome(self) -> str:
         """Return the outcome in words, with the state and limit of a departure."""

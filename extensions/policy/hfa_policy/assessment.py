@@ -35,7 +35,7 @@ from hfa_policy.evidence import (
 from hfa_policy.flights import SampledFlight
 from hfa_policy.nonlinearity import Nonlinearity, nonlinearity
 from hfa_policy.outcomes import (
-    Outcome,
+    Outcomes,
     Place,
     departure_text,
     ends_from_trim,
@@ -106,8 +106,8 @@ class AssessedPoint(Result):
     margins: Margins | None = field(metadata=stored_parts(disk_margin="disk.disk"))
     cost: CostAboveOptimum | None = field(metadata=stored_as("cost_lost"))
     nonlinearity: Nonlinearity | None
-    flights: Outcome | None
-    disturbed: Outcome | None
+    flights: Outcomes | None
+    disturbed: Outcomes | None
     findings: tuple[str, ...]
     actions: tuple[ActionEffect, ...] = ()
     observations: tuple[ObservationRange, ...] = ()
@@ -285,8 +285,8 @@ class Assessor:
             search.from_point(np.array(search.point.states), np.array(search.point.inputs))
             for search in searches
         ]
-        window = flight.window(len(self.points), _TO_REST + 2 * HORIZON * self.samples)
-        states, inputs = ends_from_trim(flight, list(self.points), window, _TO_REST)
+        samples = flight.compiled(len(self.points), _TO_REST + 2 * HORIZON * self.samples)
+        states, inputs = ends_from_trim(flight, list(self.points), samples, _TO_REST)
         places = []
         for number, search in enumerate(searches):
             widths = self._widths(search.point)
@@ -351,7 +351,7 @@ class Assessor:
         self.deployed.refuse_undefined_at(self.points)
         flight = self.flight()
         places = self.places(flight)
-        plain: Sequence[Outcome | None] = [None] * len(places)
+        plain: Sequence[Outcomes | None] = [None] * len(places)
         disturbed = plain
         if self.samples:
             plain, disturbed = fly_places(flight, places, self.samples, self.seed, progress)
@@ -395,8 +395,8 @@ class Assessor:
         self,
         place: Place,
         loop_delays: Delays | None,
-        flown: Outcome | None,
-        pushed: Outcome | None,
+        flown: Outcomes | None,
+        pushed: Outcomes | None,
     ) -> AssessedPoint:
         deployment = self.deployed.deployment
         equilibrium = place.equilibrium
@@ -496,7 +496,7 @@ def equilibrium_findings(equilibrium: Equilibrium, reach: Reach) -> list[str]:
     return findings
 
 
-def flight_findings(radius: float, flown: Outcome | None, pushed: Outcome | None) -> list[str]:
+def flight_findings(radius: float, flown: Outcomes | None, pushed: Outcomes | None) -> list[str]:
     """Return the findings of the flights, worst first, or [] without flights.
 
     radius: spectral radius of the sampled loop

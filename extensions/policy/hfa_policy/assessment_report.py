@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from hfa_policy.outcomes import Outcome
+    from hfa_policy.outcomes import Outcomes
 
 #: Name of a requirement -> sentence if it is not satisfied. The cost is in continuous time and
 #: sampled.
@@ -719,7 +719,7 @@ def _draw_margins(axes: Axes, assessment: Assessment, shades: np.ndarray) -> Non
     axes.set_ylabel("disk margin, all inputs at once")
 
 
-def _draw_outcomes(axes: Axes, outcomes: Sequence[Outcome | None]) -> None:
+def _draw_outcomes(axes: Axes, outcomes: Sequence[Outcomes | None]) -> None:
     """Draw the percentages of flights that converge, leave the envelope, or do neither."""
     places = np.arange(len(outcomes))
     converged = np.zeros(len(outcomes))

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import math
 import os
-import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import reduce
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.layout import components
+from hfa_aircraft.march.ending import all_finite, is_within
 from hfa_aircraft.march.march import saturated
 from hfa_aircraft.model import Model
 from hfa_flight.air.turbulence import AirFilter, Turbulence
@@ -22,10 +20,11 @@ from hfa_flight.envelope import flight_envelope
 from hfa_flight.held_step import parts_of_a_sample
 from hfa_flight.initial_box import start_box
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_policy.flights import SampledFlight, Steered, symbols_of_a_sample
+from hfa_policy.flights import SampledFlight, symbols_of_a_sample
 from hfa_policy.outcomes import departure_at, refuse_edges
 from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
-from hfa_support.native.row_code import bound_rows, row_code
+from hfa_support.native.bound import RowFunction
+from hfa_support.native.row_code import RowCode, bound_rows, row_code
 from trim.point.operating_point import OperatingPoint
 
 #: From this number of episodes on, several threads are faster.
@@ -121,8 +120,7 @@ class Episodes:
             deployed.deployment.dt,
             deployed.deployment.delay,
             parts_of_a_sample(list(points), deployed.deployment.dt),
-            extra=len(deployed.commanded),
-            other=_moved_by_actions(deployed, self.low, self.high),
+            moves=_moved_by_actions(deployed, self.low, self.high),
             winds=() if self._air is None else self._air.names,
         )
         self._envelopes = [flight_envelope(deployed.model, point) for point in points]
@@ -131,21 +129,19 @@ class Episodes:
         self._linear = [list(deployed.model.states).index(name) for name in deployed.model.linear]
         self.owners = np.zeros(count, dtype=int)
 
-        flown = sum(self._flight.sizes)
-        self._rows = np.zeros((count, flown + _ends_size(self._flight)))
-        self._flown = self._rows[:, :flown]
-        self._ends = self._rows[:, flown:]
-        X, memory, *_, trim, pushes, extra = self._flight.slices
-        winds = slice(pushes.stop - len(self._flight.winds), pushes.stop)
-        inputs = slice(memory.stop - len(deployed.model.inputs), memory.stop)
+        X, memory, _ = self._flight.slices
+        actions, trim, push = self._flight.held_slices
+        n, m = len(deployed.model.states), len(deployed.model.inputs)
+        self._state = np.zeros((count, memory.stop + 1))
+        self._held = np.zeros((count, push.stop + 2 * n))
+        self.states = self._state[:, X]
+        self.inputs = self._state[:, memory.stop - m : memory.stop]
+        self._left = self._state[:, memory.stop]
+        self._actions = self._held[:, actions]
+        self.parameters = self._held[:, trim][:, n + m :]
+        self._winds = self._held[:, push.stop - len(self._flight.winds) : push.stop]
         names = list(deployed.model.parameters)
-        first = len(deployed.model.states) + len(deployed.model.inputs)
-        self._drawn = [first + names.index(name) for name in self.varied]
-        self.parameters = self._rows[:, trim][:, first:]
-        self.states = self._rows[:, X]
-        self.inputs = self._rows[:, inputs]
-        self._winds = self._rows[:, winds]
-        self._actions = self._rows[:, extra]
+        self._drawn = [n + m + names.index(name) for name in self.varied]
 
         self._observe = row_code(self._observation())
         self._observed = np.zeros((count, deployed.observe.numel_out(0)))
@@ -159,7 +155,7 @@ class Episodes:
     @property
     def done(self) -> np.ndarray:
         """Number of elapsed samples of each episode, (N,)."""
-        return self.samples - self._ends[:, -1].astype(int)
+        return self.samples - self._left.astype(int)
 
     def begin(self, numbers: np.ndarray, random: np.random.Generator) -> np.ndarray:
         """Restart episodes from random initial conditions about random trims.
@@ -198,17 +194,18 @@ class Episodes:
         if random is not None and self.varied:
             lowest, highest = np.array(list(self.varied.values())).T
             trims[:, self._drawn] = random.uniform(lowest, highest, (count, len(lowest)))
-        pushes = np.zeros((count, len(self._linear) + len(self._flight.winds)))
         if self._air is not None:
             self._air.begin(numbers, owners)
-        actions = np.zeros((count, len(self.low)))
-        self._flown[numbers] = self._flight.rows(starts, trims, pushes, actions)
+        actions, _, push = self._flight.held_sizes
+        begun = self._flight.start(starts, trims)
+        self._state[numbers] = np.column_stack([begun, np.full(count, self.samples)])
         within = [self._envelopes[owner] for owner in owners]
         least = np.array([envelope.least for envelope in within])
         most = np.array([envelope.most for envelope in within])
-        self._ends[numbers] = np.column_stack([least, most, np.full(count, self.samples)])
+        nothing = np.zeros((count, actions)), np.zeros((count, push))
+        self._held[numbers] = np.hstack([nothing[0], trims, nothing[1], least, most])
         self.owners[numbers] = owners
-        first = np.asarray(self._observe(self._flown[numbers])[0])
+        first = np.asarray(self._observe(begun, trims)[0])
         self.frames[numbers] = np.tile(first, (1, self.deployed.deployment.history))
         return self.frames[numbers]
 
@@ -257,9 +254,11 @@ class Episodes:
         envelope = self._envelopes[self.owners[number]]
         if not envelope.within(self.states[number]).all():
             return departure_at(envelope, self.states[number], time)
-        # A row keeps its values if the next values are not numbers.
-        moved, _ = self._flight.moved()(self._flown[number], self._actions[number])
-        after = np.array(moved).ravel()[: self.states.shape[1]]
+        # The state keeps its values if the next values are not numbers.
+        state, held = self._state[number], self._held[number]
+        sizes = sum(self._flight.sizes), sum(self._flight.held_sizes)
+        later = self._flight.tick()(state[: sizes[0]], held[: sizes[1]])
+        after = np.array(later).ravel()[: self.states.shape[1]]
         if np.isfinite(after).all():
             return f"the command is not a number at {time:.4g} s"
         return departure_at(envelope, after, time)
@@ -271,42 +270,58 @@ class Episodes:
         """
         count = len(self.owners)
         code = row_code(self._sample(), one_row=count == 1)
-        tables = (self._rows, self.outcomes, self._observed)
+        tables = (self._state, self._held, self.outcomes, self._observed)
         if count < _MANY:
-            return bound_rows(code, self._rows, tables)
+            return _bound(code, *tables)
         parts = os.cpu_count() or 1
         split = zip(*(np.array_split(table, parts) for table in tables), strict=True)
-        bound = [bound_rows(code, rows, (rows, *others)) for rows, *others in split]
+        bound = [_bound(code, *part) for part in split]
         threads = ThreadPoolExecutor(parts)
         return lambda: list(threads.map(lambda fly: fly(), bound))
 
     def _sample(self) -> ca.Function:
         """Return the CasADi Function that advances one episode by a sample.
 
-        The Function maps the row of the episode to the next row, the outcome (reward, whether the
-        aircraft left its limits, whether no samples remain) and the next observations. The row
-        consists of the row of a flight (`flights.py`), with the actions as extra entries, and of
-        the entries that determine the end of the episode (`_outcome`).
+        The Function maps (state, held) to the next state, the outcome (reward, whether the aircraft
+        left its limits, whether no samples remain) and the next observations. The state is that of
+        a flight (`flights.py`) and the number of remaining samples. The actions, the trim and the
+        push are held, as in a flight, and the lowest and highest X.
         """
         flight = self._flight
-        flown = sum(flight.sizes)
-        n = len(flight.deployed.model.states)
-        row = ca.MX.sym("row", flown + _ends_size(flight))
-        now, ends = ca.vertsplit(row, [0, flown, row.numel()])
-        X, before, trim, actions = flight.observed(now)
-        U = flight.steered.moves(actions, X, before, trim, actions)
+        flown, of_flight = sum(flight.sizes), sum(flight.held_sizes)
+        n, m = len(flight.deployed.model.states), len(flight.deployed.model.inputs)
+        state = ca.MX.sym("state", flown + 1)
+        held = ca.MX.sym("held", of_flight + 2 * n)
+        now, left = ca.vertsplit(state, [0, flown, flown + 1])
+        flying, limits = ca.vertsplit(held, [0, of_flight, of_flight + 2 * n])
+        actions, trim, _ = (flying[part] for part in flight.held_slices)
+        X, before = now[:n], now[-m:]
+        assert flight.moves is not None
+        U = flight.moves(actions, X, before, trim)
         cost = flight.dt * cost_rate(self.deployed)(X, U, trim)
-        moved, _ = flight.moved()(now, actions)
-        here, still = ca.vertsplit(now, [0, moved.numel(), flown])
-        kept, ends, outcome = _outcome(moved.numel(), n)(here, moved, cost, ends)
-        o = self.deployed.observe(kept[:n], kept[-before.numel() :], trim)
-        return ca.Function("episode", [row], [ca.vertcat(kept, still, ends), outcome, o])
+        after = flight.tick()(now, flying)
+        kept, left, outcome = _outcome(flown, n)(now, after, cost, left, limits)
+        o = self.deployed.observe(kept[:n], kept[-m:], trim)
+        return ca.Function("episode", [state, held], [ca.vertcat(kept, left), outcome, o])
 
     def _observation(self) -> ca.Function:
-        """Return the CasADi Function from the row of a flight (`flights.py`) to observations."""
-        row = ca.MX.sym("row", sum(self._flight.sizes))
-        X, before, trim, _ = self._flight.observed(row)
-        return ca.Function("observation", [row], [self.deployed.observe(X, before, trim)])
+        """Return the CasADi Function (state of a flight, trim) -> observations."""
+        n, m = len(self.deployed.model.states), len(self.deployed.model.inputs)
+        state = ca.MX.sym("state", sum(self._flight.sizes))
+        trim = ca.MX.sym("trim", self._flight.held_sizes[1])
+        seen = self.deployed.observe(state[:n], state[-m:], trim)
+        return ca.Function("observation", [state, trim], [seen])
+
+
+def _bound(
+    code: RowCode | RowFunction,
+    state: np.ndarray,
+    held: np.ndarray,
+    outcomes: np.ndarray,
+    observed: np.ndarray,
+) -> Callable[[], Any]:
+    """Return a function without arguments that advances episodes by one sample, in place."""
+    return bound_rows(code, (state, held), (state, outcomes, observed))
 
 
 def _ranges(
@@ -340,56 +355,33 @@ def _has_nan(actions: np.ndarray) -> bool:
     return math.isnan(np.vdot(actions, actions))
 
 
-def _ends_size(flight: SampledFlight) -> int:
-    """Return the number of entries of an episode's row that determine the end of the episode.
+def _outcome(size: int, n: int) -> ca.Function:
+    """Return the function (before, after, cost, left, limits) -> (accepted state, left, outcome).
 
-    The entries are the lowest X, the highest X and the number of remaining samples.
-    """
-    return 2 * len(flight.deployed.model.states) + 1
-
-
-def _outcome(changing: int, n: int) -> ca.Function:
-    """Return the function (before, after, cost, ends) -> (accepted entries, new ends, outcome).
-
-    - before, after: entries of a row that change, before and after the sample
+    - before, after: state before and after the sample
     - cost: cost of the sample, replaced by `_DEAREST` if not finite
-    - ends: lowest X, highest X and the number of remaining samples, including this one
-    - accepted entries: `after` if all its entries are finite, else `before`
+    - left: number of remaining samples, before including and after excluding this one
+    - limits: lowest X and highest X
+    - accepted state: `after` if all its entries are finite, else `before`
     - outcome: reward, whether the aircraft left the limits, whether no samples remain
 
     An entry of `after` that is not finite counts as leaving the limits. The reward is -cost. If the
     aircraft leaves the limits, the cost of the sample is also counted for each later sample.
 
-    changing: number of entries that change
-    n: number of states, which are the first of these entries
+    size: size of the state
+    n: number of X, which are the first of these entries
     """
-    before, after, cost = (ca.SX.sym(name, size) for name, size in _changed_sizes(changing))
-    least = ca.SX.sym("least", n)
-    most = ca.SX.sym("most", n)
-    left = ca.SX.sym("left")
-    numbers = _all(ca.fabs(value) <= sys.float_info.max for value in components(after))
+    before, after = ca.SX.sym("before", size), ca.SX.sym("after", size)
+    cost, left = ca.SX.sym("cost"), ca.SX.sym("left")
+    limits = ca.SX.sym("limits", 2 * n)
+    numbers = all_finite(after)
     kept = ca.if_else(numbers, after, before)
-    limits = zip(components(least), components(kept), components(most), strict=False)
-    inside = _all(ca.logic_and(low <= x, x <= high) for low, x, high in limits)
-    lost = ca.logic_not(ca.logic_and(numbers, inside))
+    lost = ca.logic_not(ca.logic_and(numbers, is_within(kept[:n], limits[:n], limits[n:])))
     later = ca.fmax(left - 1.0, 0.0)
-    paid = ca.if_else(ca.fabs(cost) <= sys.float_info.max, cost, _DEAREST)
+    paid = ca.if_else(all_finite(cost), cost, _DEAREST)
     reward = -paid * ca.if_else(lost, 1.0 + later, 1.0)
-    ends = ca.vertcat(least, most, left)
-    return ca.Function(
-        "outcome",
-        [before, after, cost, ends],
-        [kept, ca.vertcat(least, most, later), ca.vertcat(reward, lost, later <= 0.0)],
-    )
-
-
-def _changed_sizes(changing: int) -> tuple[tuple[str, int], ...]:
-    return ("before", changing), ("after", changing), ("cost", 1)
-
-
-def _all(conditions: Iterable[ca.SX]) -> ca.SX:
-    """Return the expression that is true if all conditions are true."""
-    return reduce(ca.logic_and, conditions)
+    outcome = ca.vertcat(reward, lost, later <= 0.0)
+    return ca.Function("outcome", [before, after, cost, left, limits], [kept, later, outcome])
 
 
 class EpisodeAir:
@@ -469,23 +461,16 @@ def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:
     return low, high
 
 
-def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> Steered:
-    """Return the command steps of episodes, in which the actions come from outside the simulation.
-
-    The actions are the extra entries of a flight's row (`flights.py`) and are clipped to the box.
+def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> ca.Function:
+    """Return the function (action, X, U before, trim) -> U of actions that are limited to the box.
 
     low, high: limits of the box, (m,) each
     """
-    count = len(low)
-    arguments = symbols_of_a_sample(deployed, count)
-    action = ca.SX.sym("a", count)
+    arguments = symbols_of_a_sample(deployed)
+    action = ca.SX.sym("a", len(low))
     within = saturated(action, ca.DM(low), ca.DM(high))
-    commanded = deployed.inputs(within, *arguments[:3])
-    return Steered(
-        enters=ca.Function("enters", arguments, [arguments[3]]),
-        network=ca.Function("none", [action], [action]),
-        moves=ca.Function("moves", [action, *arguments], [ca.densify(commanded)]),
-    )
+    commanded = deployed.inputs(within, *arguments)
+    return ca.Function("moves", [action, *arguments], [ca.densify(commanded)])
 
 
 def cost_weights(deployed: Deployed) -> tuple[Mapping[str, float], Mapping[str, float]]:

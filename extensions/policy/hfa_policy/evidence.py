@@ -10,16 +10,17 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 
 from controller.riccati.gare import unconfirmed_solution
+from hfa_aircraft.march.ending import is_within
+from hfa_aircraft.march.march import march
 from hfa_flight.envelope import flight_envelope
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.equilibrium import EquilibriumSearch
 from hfa_policy.cost_above_optimum import lqr_at
-from hfa_policy.flights import SampledFlight
+from hfa_policy.flights import SampledFlight, SampledRows
 from hfa_policy.outcomes import Place, seeded_starts
 from hfa_policy.reach import reach_of
 from hfa_support.errors import NoSolutionError
@@ -104,15 +105,7 @@ def observation_ranges(
     seed: seed of the initial conditions
     """
     deployed = flight.deployed
-    rows = []
-    for place in places:
-        starts, pushes = seeded_starts(place, _FLIGHTS, seed, pushed=False)
-        trims = np.tile(deployed.trim_vector(place.point), (_FLIGHTS, 1))
-        rows.append(flight.rows(starts, trims, pushes))
-    envelopes = [flight_envelope(deployed.model, place.point) for place in places]
-    least = np.repeat([each.least for each in envelopes], _FLIGHTS, axis=0)
-    most = np.repeat([each.most for each in envelopes], _FLIGHTS, axis=0)
-    lowest, highest = _extremes(flight, np.vstack(rows), least, most)
+    lowest, highest = _extremes(flight, places, seed)
     names = list(deployed.deployment.observation)
     mean, spread = _in_training(deployed.deployment)
     ranges = []
@@ -128,27 +121,38 @@ def observation_ranges(
 
 
 def _extremes(
-    flight: SampledFlight, rows: np.ndarray, least: np.ndarray, most: np.ndarray
+    flight: SampledFlight, places: Sequence[Place], seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the lowest and the highest observations (N, k) of flights within their envelopes.
 
-    rows: initial rows of the flights
-    least, most: limits of the states, (N, n)
+    There are `_FLIGHTS` flights from each trim.
+
+    seed: seed of the initial conditions
     """
-    row = ca.MX.sym("row", rows.shape[1])
-    seen = flight.deployed.observe(*flight.observed(row)[:3])
-    observe = RowFunction(ca.Function("observed", [row], [ca.densify(seen)]))
+    deployed = flight.deployed
+    owners = np.repeat(np.arange(len(places)), _FLIGHTS)
+    starts = np.vstack([seeded_starts(place, _FLIGHTS, seed, pushed=False)[0] for place in places])
+    trims = np.array([deployed.trim_vector(place.point) for place in places])[owners]
     seconds = min(_SECONDS, _SAMPLES * flight.dt)
-    window = flight.window(len(rows), seconds)
-    (observed,) = observe(rows)
-    lowest, highest = observed.copy(), observed.copy()
-    for _ in range(max(1, round(seconds / (flight.samples_in_window * flight.dt)))):
-        for _ in window.samples(rows):
-            inside = flight.are_inside(rows, least, most)
-            (observed,) = observe(rows)
-            lowest[inside] = np.fmin(lowest, observed)[inside]
-            highest[inside] = np.fmax(highest, observed)[inside]
-    return lowest, highest
+    window = flight.samples_in_window
+    ticks = window * max(1, round(seconds / (window * flight.dt)))
+    loop = SampledRows(flight.compiled(len(owners), seconds), flight.start(starts, trims), trims)
+    with np.errstate(all="ignore"):
+        flown, _ = march(loop, ticks)
+    X, memory, _ = flight.slices
+    states = flown.states[:, :, X]
+    before = flown.states[:, :, memory][:, :, -len(deployed.model.inputs) :]
+    observe = RowFunction(deployed.observe)
+    rows = (states, before, np.repeat(trims[:, None], ticks + 1, axis=1))
+    (observed,) = observe(*(each.reshape(-1, each.shape[2]) for each in rows))
+    observed = observed.reshape(len(owners), ticks + 1, -1)
+    envelopes = [flight_envelope(deployed.model, place.point) for place in places]
+    least = np.array([each.least for each in envelopes])[owners, None]
+    most = np.array([each.most for each in envelopes])[owners, None]
+    inside = np.logical_and.accumulate(is_within(states, least, most), axis=1)
+    inside[:, 0] = True
+    observed[~inside] = np.nan
+    return np.fmin.reduce(observed, axis=1), np.fmax.reduce(observed, axis=1)
 
 
 def _in_training(deployment: Deployment) -> tuple[np.ndarray, np.ndarray]:

@@ -4,20 +4,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from hfa_aircraft.limits import Limits
+from hfa_aircraft.march.ending import (
+    BALL,
+    PATIENCE,
+    STILL,
+    Endings,
+    Motion,
+    Outcome,
+    Patience,
+    settled,
+)
+from hfa_aircraft.march.march import History, Loop, march
 from hfa_flight.envelope import Departure, departure, flight_envelope
 from hfa_flight.history import Deviations
 from hfa_flight.limit_cycle import LimitCycle, limit_cycle
 from hfa_flight.policies.deployment.equilibrium import Equilibrium, EquilibriumSearch, whole_turns
-from hfa_policy.flights import SampledFlight, Window, in_threads
+from hfa_policy.flights import CompiledSamples, SampledFlight, SampledRows, in_threads
 from hfa_policy.reach import HORIZON, Reach
 from hfa_support.errors import BadInputError
-from hfa_support.native.bound import RowFunction
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result, stored_as
 from hfa_support.reporting.text import short_number, shown_unit
@@ -44,32 +54,6 @@ def departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
     left = departure(envelope, np.array([time]), states[None], False)
     assert left is not None
     return departure_text(left)
-
-
-def first_departure(
-    flight: SampledFlight, rows: np.ndarray, envelope: Limits, seconds: float, pushed: float
-) -> tuple[int, Departure | None]:
-    """Return the index and the departure of the flight that leaves the envelope first.
-
-    The result is (0, None) if all flights stay inside.
-
-    rows: initial rows of the flights (`flights.py`)
-    seconds: duration of the flights, s
-    pushed: end of the disturbance pulse, s
-    """
-    X, *_, push, _ = flight.slices
-    advance = RowFunction(flight.sample())
-    moving = rows.copy()
-    for number in range(round(seconds / flight.dt) + 1):
-        left = ~envelope.within(moving[:, X]).all(axis=1)
-        if left.any():
-            first = int(np.argmax(left))
-            times = np.array([number * flight.dt])
-            return first, departure(envelope, times, moving[first, X][None], False)
-        if number == round(pushed / flight.dt):
-            moving[:, push] = 0.0
-        moving = advance(moving)[0]
-    return 0, None
 
 
 def refuse_edges(points: Sequence[OperatingPoint]) -> None:
@@ -101,41 +85,12 @@ def refuse_edges(points: Sequence[OperatingPoint]) -> None:
             )
 
 
-#: Half-widths of the ball within which a flight has converged, in half-widths of the
-#: initial-condition box.
-BALL = 0.05
 #: Duration of the disturbance pulse, s, and the distance by which it alone would move a state, in
 #: half-widths of the box.
 PUSHED = 1.0
 PUSH = 0.5
 #: Duration of the flight in which a limit cycle is measured, s.
 _CYCLE_SECONDS = 20.0
-_FLYING, _RETURNED, _LOST, _ENDED = range(4)
-#: Outcomes of a flight, in words.
-LEAVES = "leaves the envelope"
-DOES_NOT_CONVERGE = "does not converge"
-CONVERGES = "converges"
-# A flight ends early when its outcome is known. This is a measured rule, not a proof. Of 26,000
-# flights of 5 policies, with 0 to 5 samples of delay, each had the outcome of its full duration.
-# With a limit cycle tolerance (`_SAME`) of 0.05, 24 of 19,200 did not, because of slow decay or
-# growth.
-#: A flight has settled if no state changes more in a window, relative to its nominal value.
-_STILL = 1e-9
-#: A flight is at another equilibrium if, in this number of consecutive windows, its range is at
-#: most the second value times its distance. The distance must exceed the third value, in balls.
-_STANDING = 10
-_STANDS = 1e-3
-_ELSEWHERE = 2.0
-#: A flight is in a limit cycle if a state satisfies two conditions over three blocks of windows.
-#: Its least half range in a block is at least the second value, in balls. It is equal in all blocks
-#: to within the third value, and neither only rises nor only falls.
-_BLOCK = 5
-_CYCLES = 3.0
-_SAME = 0.002
-#: A flight about an unstable equilibrium has converged, and chatters in the ball, only if it grew
-#: by less than this factor in its last `_GROWTH_WINDOWS` windows.
-_GROWN = 1.02
-_GROWTH_WINDOWS = 10
 #: A flight that moved by less in the last window, in half-widths of the box, may be at an
 #: equilibrium.
 _SETTLED = 1e-3
@@ -181,6 +136,16 @@ class Place:
         """Mask (k,) of the linear states that decide whether a flight converges."""
         return np.ones(len(self.box), dtype=bool) if self.reach is None else self.reach.decisive
 
+    def centre(self, linear: list[int]) -> np.ndarray:
+        """Return the linear states at the equilibrium, with their lag, (k,), or nan without one.
+
+        linear: indices of the linear states
+        """
+        if self.equilibrium is None:
+            return np.full(len(linear), np.nan)
+        states = self.equilibrium.states[linear]
+        return states if self.lag is None else states + self.lag
+
     @property
     def stays(self) -> bool:
         """True if the loop is stable and no mode out of reach diverges."""
@@ -189,7 +154,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Outcome(Result):
+class Outcomes(Result):
     """Outcomes of the flights about one trim.
 
     starts: number of flights.
@@ -243,256 +208,174 @@ def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[An
     return starts, pushes
 
 
-class SimulatedRows:
+class PlacedFlights:
     """Simulation of flights at several places.
 
     A flight ends if it converges, leaves the envelope, is in a limit cycle, or remains at another
     equilibrium, or if its duration has elapsed.
 
-    rows: initial rows of the flights (`flights.py`).
+    flight: the aircraft over a sample.
+    places: the places.
     owners: index of each flight's place, (N,).
+    trims: (X0; U0; p) of each flight's trim, (N, t).
+    pushes: disturbance pulses, (N, k).
+    first: initial states of the flights, (N, s).
+    states: states at the end of each flight, (N, s).
+    times: duration of each flight, s, (N,).
+    endings: how each flight ended.
+    swings: half the range of each linear state in the last window, (N, k), or 0 for a state that
+        does not count.
     """
 
     def __init__(
-        self, flight: SampledFlight, places: list[Place], rows: np.ndarray, owners: np.ndarray
+        self,
+        flight: SampledFlight,
+        places: list[Place],
+        owners: np.ndarray,
+        starts: np.ndarray,
+        pushes: np.ndarray,
+        patience: Patience = PATIENCE,
     ) -> None:
+        """Prepare flights from initial states X, (N, n).
+
+        pushes: disturbance pulses, (N, k)
+        """
         model = flight.deployed.model
         self.flight = flight
-        self.rows = rows
-        self.first = rows.copy()
-        self.status = np.full(len(rows), _FLYING)
-        self.times = np.zeros(len(rows))
-        self.linear = [list(model.states).index(name) for name in model.linear]
+        self.places = places
         self.owners = owners
-        envelopes = [flight_envelope(model, place.point) for place in places]
-        self.least = np.array([envelope.least for envelope in envelopes])[owners]
-        self.most = np.array([envelope.most for envelope in envelopes])[owners]
-        nowhere = np.full(len(model.linear), np.nan)
-        centres = [
-            nowhere if place.equilibrium is None else place.equilibrium.states[self.linear]
-            for place in places
-        ]
-        lags = [np.zeros(len(nowhere)) if place.lag is None else place.lag for place in places]
-        self.centres = (np.array(centres) + np.array(lags))[owners]
-        self.trims = np.array([place.point.states for place in places], dtype=float)[owners]
-        still = np.zeros((len(model.linear), len(model.states)))
-        drifts = [still if place.drift is None else place.drift for place in places]
-        self.drifts = np.array(drifts)[owners]
-        none = np.zeros(len(nowhere))
-        self.turns = np.array([p.turns if p.turns.size else none for p in places])[owners]
-        self.balls = np.array([BALL * place.box for place in places])[owners]
-        self.stable = np.array([place.stable for place in places])[owners]
-        self.stays = np.array([place.stays for place in places])[owners]
-        self.decisive = np.array([place.decisive for place in places])[owners]
-        window = flight.samples_in_window * flight.dt
-        enough = [2 + math.ceil(place.swing / window - 1e-9) for place in places]
-        self.enough = np.array(enough)[owners]
-        self.in_ball = np.zeros(len(rows), dtype=int)
-        self.nearest = np.full(len(rows), np.inf)
-        self.earlier = np.full(len(rows), np.inf)
-        self.standing = np.zeros(len(rows), dtype=int)
+        self.linear = [list(model.states).index(name) for name in model.linear]
+        trims = [flight.deployed.trim_vector(place.point) for place in places]
+        self.trims = np.array(trims)[owners]
+        self.first = flight.start(starts, self.trims)
+        self.states = self.first.copy()
+        self.times = np.zeros(len(owners))
         self.seconds = HORIZON
-        shape = (3, len(rows), len(model.linear))
-        self.swings_of_blocks = np.full(shape, np.inf)
+        self.pushes = pushes
+        self._patience = patience
+        k = len(model.linear)
+        self.swings = np.zeros((len(owners), k))
+        self._moved_from = np.array([place.point.states for place in places], dtype=float)[owners]
+        self._centres = np.array([place.centre(self.linear) for place in places])[owners]
+        still = np.zeros((k, len(model.states)))
+        drifts = [still if place.drift is None else place.drift for place in places]
+        self._drifts = np.array(drifts)[owners]
+        none = np.zeros(k)
+        self._turns = np.array([p.turns if p.turns.size else none for p in places])[owners]
+        self._balls = np.array([BALL * place.box for place in places])[owners]
+        self._decisive = np.array([place.decisive for place in places])[owners]
+        self.endings = self._undecided(1)
 
-    def fly(self, seconds: float, window: Window, progress: Progress | None = None) -> None:
+    def fly(
+        self, seconds: float, samples: CompiledSamples, progress: Progress | None = None
+    ) -> None:
         """Simulate all flights, each until it ends or `seconds` have elapsed.
 
         seconds: s
-        window: function that advances the rows of flights by a window
+        samples: policy and aircraft
         """
+        window = self.flight.samples_in_window
+        of_window = window * self.flight.dt
+        windows = max(1, round(seconds / of_window))
         self.seconds = seconds
-        count = len(self.rows)
-        windows = max(1, round(seconds / (self.flight.samples_in_window * self.flight.dt)))
+        self.endings = self._undecided(windows)
 
         def work(numbers: np.ndarray) -> None:
-            flying = numbers
-            for number in range(windows):
-                flying = flying[self.status[flying] == _FLYING]
-                if not flying.size:
-                    break
-                if number == windows - _GROWTH_WINDOWS:
-                    self.earlier[flying] = self.nearest[flying]
-                self._window(window, flying, number)
-                if progress is not None and numbers[0] == 0:
-                    progress(number + 1, windows)
+            rows = self.first[numbers], self.trims[numbers], self.pushes[numbers]
+            shown = progress if progress is not None and 0 in numbers else None
 
-        in_threads(work, count)
+            def over(flown: History) -> np.ndarray:
+                if shown is not None:
+                    shown(flown.first // window + 1, windows)
+                return self.endings.over(replace(flown, flights=numbers[flown.flights]))
+
+            with np.errstate(all="ignore"):
+                loop = SampledRows(samples, *rows, PUSHED)
+                flown, ends = march(loop, windows * window, over=over, window=window, keep=False)
+            self.states[numbers] = flown.states[:, 0]
+            self.times[numbers] = (ends // window - 1) * of_window + of_window
+
+        in_threads(work, len(self.owners), (window + 1) * self.first.shape[1])
         if progress is not None:
             progress(windows, windows)
-        self.status[self.status == _ENDED] = _FLYING
-        left = self.status == _FLYING
-        grows = self.nearest > _GROWN * self.earlier
-        back = left & (self.nearest <= 1.0) & (self.stable | ~grows)
-        self.status[back] = _RETURNED
+        self.endings.close()
 
-    def _window(self, window: Window, flying: np.ndarray, number: int) -> None:
-        """Simulate unfinished flights for one window, and mark the flights that end.
+    def _undecided(self, windows: int) -> Endings:
+        """Return the rule by which the flights end.
 
-        flying: indices of the unfinished flights
-        number: number of earlier windows
+        windows: number of windows in the full duration
         """
-        rows = self._advanced(window, flying, number)
-        lost = ~self.flight.are_inside(rows, self.least[flying], self.most[flying])
-        distance, swings = self._in_balls(rows, flying)
-        back = self._back(flying, distance)
-        ended = self._cycling(flying, swings, number) | self._standing(flying, distance, swings)
-        self.nearest[flying] = distance
-        self.status[flying[ended]] = _ENDED
-        self.status[flying[back]] = _RETURNED
-        self.status[flying[lost]] = _LOST
+        model = self.flight.deployed.model
+        envelopes = [flight_envelope(model, place.point) for place in self.places]
+        least = np.array([envelope.least for envelope in envelopes])[self.owners]
+        most = np.array([envelope.most for envelope in envelopes])[self.owners]
+        of_window = self.flight.samples_in_window * self.flight.dt
+        enough = [2 + math.ceil(place.swing / of_window - 1e-9) for place in self.places]
+        return Endings(
+            (least, most),
+            self.motion,
+            windows,
+            enough=np.array(enough)[self.owners],
+            stays=np.array([place.stays for place in self.places])[self.owners],
+            stable=np.array([place.stable for place in self.places])[self.owners],
+            counted=len(self.linear),
+            patience=self._patience,
+        )
 
-    def _advanced(self, window: Window, flying: np.ndarray, number: int) -> np.ndarray:
-        """Advance flights by one window and return their rows (`flights.py`) at its end.
-
-        The lowest and highest values in these rows are those within the window. The disturbance
-        pulse ends at its time.
-
-        flying: indices of the flights
-        number: number of earlier windows
-        """
-        *_, push, _ = self.flight.slices
-        rows = self.rows[flying]
-        seconds = self.flight.samples_in_window * self.flight.dt
-        self.flight.forget_extremes(rows)
-        if number == round(PUSHED / seconds):
-            rows[:, push] = 0.0
-        rows = window(rows)
-        self.rows[flying] = rows
-        self.times[flying] = number * seconds + seconds
-        return rows
-
-    def _in_balls(self, rows: np.ndarray, flying: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def motion(self, flown: History) -> Motion:
         """Return how far each flight was from its equilibrium in a window, and how much it moved.
 
-        The distance (N,) is the largest in the window. The motion (N, k) is half the range of each
-        linear state, or 0 for a state that does not count. Both are in half-widths of the ball in
-        which a flight counts as converged.
-
-        rows: rows of the flights after the window
-        flying: indices of the flights
+        The equilibrium moves with the states outside the linear model.
         """
-        _, _, low_X, high_X, *_ = self.flight.slices
-        lowest = rows[:, low_X][:, self.linear]
-        highest = rows[:, high_X][:, self.linear]
-        moved = rows[:, self.flight.slices[0]] - self.trims[flying]
-        centre = self.centres[flying] + np.einsum("nij,nj->ni", self.drifts[flying], moved)
-        centre += whole_turns((lowest + highest) / 2.0 - centre, self.turns[flying])
-        farthest = np.maximum(highest - centre, centre - lowest) / self.balls[flying]
-        decisive = self.decisive[flying]
+        flying = flown.flights
+        X = flown.states[:, :, : len(self._moved_from[0])]
+        lowest = np.fmin.reduce(X[:, :, self.linear], axis=1)
+        highest = np.fmax.reduce(X[:, :, self.linear], axis=1)
+        moved = X[:, -1] - self._moved_from[flying]
+        centre = self._centres[flying] + np.einsum("nij,nj->ni", self._drifts[flying], moved)
+        centre += whole_turns((lowest + highest) / 2.0 - centre, self._turns[flying])
+        farthest = np.maximum(highest - centre, centre - lowest) / self._balls[flying]
+        decisive = self._decisive[flying]
         distance = np.nan_to_num(np.where(decisive, farthest, 0.0).max(axis=1), nan=np.inf)
-        return distance, np.where(decisive, (highest - lowest) / 2.0 / self.balls[flying], 0.0)
+        half_range = (highest - lowest) / 2.0
+        self.swings[flying] = np.where(decisive, half_range, 0.0)
+        return Motion(distance, np.where(decisive, half_range / self._balls[flying], 0.0))
 
-    def _back(self, flying: np.ndarray, distance: np.ndarray) -> np.ndarray:
-        """Return a mask of the flights that have converged.
-
-        Such a flight has been in the ball about the equilibrium for `enough` windows, and is not
-        farther from the equilibrium than in the window before. If a mode diverges, no flight has
-        converged yet.
-
-        flying: indices of the flights
-        distance: largest distance from the equilibrium in the window, in half-widths of the ball,
-            (N,)
-        """
-        self.in_ball[flying] = np.where(distance <= 1.0, self.in_ball[flying] + 1, 0)
-        stays = self.in_ball[flying] >= self.enough[flying]
-        return np.asarray(self.stays[flying] & stays & (distance <= self.nearest[flying]))
-
-    def _standing(self, flying: np.ndarray, distance: np.ndarray, swings: np.ndarray) -> np.ndarray:
-        """Return a mask of the flights that have settled at another equilibrium.
-
-        Such a flight fulfills two conditions in each of the last `_STANDING` windows:
-
-        - The distance is finite and more than `_ELSEWHERE`.
-        - No swing exceeds `_STANDS` times the distance.
-
-        The number of such windows in sequence is updated for each flight.
-
-        flying: indices of the flights
-        distance: (N,), result of `_in_balls`
-        swings: (N, k), result of `_in_balls`
-        """
-        is_away = np.isfinite(distance) & (distance > _ELSEWHERE)
-        stands = is_away & (swings.max(axis=1) <= _STANDS * distance)
-        self.standing[flying] = np.where(stands, self.standing[flying] + 1, 0)
-        return np.asarray(self.standing[flying] >= _STANDING)
-
-    def _cycling(self, flying: np.ndarray, swings: np.ndarray, number: int) -> np.ndarray:
-        """Return a mask of the flights in a limit cycle.
-
-        The mask is False unless this window is the last of a block of `_BLOCK` windows. In such a
-        window, the smallest half range of each state in each of the last three blocks is
-        considered. A flight is in a limit cycle if these three values of a state fulfill all
-        conditions:
-
-        - Each value is at least `_CYCLES`.
-        - The range of the values is at most `_SAME` times the smallest.
-        - The values neither increase nor decrease in order.
-
-        flying: indices of the flights
-        swings: half ranges in this window, (N, k), as returned by `_in_balls`
-        number: number of earlier windows
-        """
-        blocks = self.swings_of_blocks[:, flying]
-        blocks[0] = np.minimum(blocks[0], swings)
-        cycling = np.zeros(len(flying), dtype=bool)
-        if (number + 1) % _BLOCK == 0:
-            least = blocks.min(axis=0)
-            most = blocks.max(axis=0)
-            is_large = least >= _CYCLES
-            is_same = most - least <= _SAME * least
-            rises = (blocks[0] > blocks[1]) & (blocks[1] > blocks[2])
-            falls = (blocks[0] < blocks[1]) & (blocks[1] < blocks[2])
-            cycling = np.any(is_large & is_same & ~rises & ~falls, axis=1)
-            blocks[1:] = blocks[:-1].copy()
-            blocks[0] = np.inf
-        self.swings_of_blocks[:, flying] = blocks
-        return cycling
-
-    def swings(self) -> np.ndarray:
-        """Half the range of each linear state in the last window, (N, k).
-
-        The value is 0 for a state that does not count.
-        """
-        _, _, low_X, high_X, *_ = self.flight.slices
-        moved = (self.rows[:, high_X] - self.rows[:, low_X])[:, self.linear]
-        return np.asarray(np.where(self.decisive, moved / 2.0, 0.0))
-
-    def outcome(self, owner: int, place: Place) -> Outcome:
+    def outcomes(self, owner: int) -> Outcomes:
         """Return the outcomes of the flights about one trim.
 
         owner: index of the trim
         """
+        place = self.places[owner]
         model = place.point.model
         mine = np.flatnonzero(self.owners == owner)
-        status = self.status[mine]
-        lost = mine[status == _LOST]
-        neither = mine[status == _FLYING]
-        returned = mine[status == _RETURNED]
-        worst, ends = self._worst(neither, returned)
+        ends = self.endings.outcomes[mine]
+        lost = mine[ends == Outcome.LEFT]
+        returned = mine[ends == Outcome.CONVERGED]
+        neither = mine[(ends != Outcome.LEFT) & (ends != Outcome.CONVERGED)]
+        worst, end = self._worst(neither, returned)
         left = None
         if lost.size:
-            worst, left = self._earliest_departure(lost, place)
-            ends = LEAVES
-        X = self.flight.slices[0]
-        at_start = self.first[worst, X][self.linear]
+            worst, end = int(lost[np.argmin(self.endings.left_at[lost])]), Outcome.LEFT
+            left = self._departure(worst, place)
+        at_start = self.first[worst][self.linear]
         cycle = None
-        settled = neither
+        settling = neither
         if neither.size:
-            swings = (self.swings()[neither] / place.box).max(axis=1)
-            settled = neither[swings <= _SETTLED]
-            if settled.size < neither.size:
+            swings = (self.swings[neither] / place.box).max(axis=1)
+            settling = neither[swings <= _SETTLED]
+            if settling.size < neither.size:
                 swinging = int(neither[int(np.argmax(swings))])
-                cycle = measured_cycle(self.flight, self.rows[swinging], place)
+                cycle = self._cycle(swinging, place)
         elif returned.size and not place.stable:
-            cycle = measured_cycle(self.flight, self.rows[returned[0]], place)
-        elsewhere, elsewhere_at = self._other_equilibria(settled, place)
-        return Outcome(
+            cycle = self._cycle(int(returned[0]), place)
+        elsewhere, elsewhere_at = self._other_equilibria(settling, place)
+        return Outcomes(
             starts=len(mine),
             returned=len(returned),
             lost=len(lost),
             worst_start=dict(zip(model.linear, at_start.tolist(), strict=True)),
-            worst_outcome=ends,
+            worst_outcome=str(end),
             slowest=float(self.times[returned].max(initial=0.0)),
             cycle=cycle,
             elsewhere=elsewhere,
@@ -502,38 +385,39 @@ class SimulatedRows:
             departure=left,
         )
 
-    def _earliest_departure(self, lost: np.ndarray, place: Place) -> tuple[int, Departure | None]:
-        """Return the index of the flight that leaves the envelope first, and its departure or None.
+    def _departure(self, number: int, place: Place) -> Departure | None:
+        """Return the departure of a flight that left the envelope, with its state and limit."""
+        times = self.flight.dt * self.endings.left_at[[number]]
+        states = self.endings.left_with[[number]]
+        return departure(flight_envelope(place.point.model, place.point), times, states, False)
 
-        lost: indices of the flights that leave the envelope
-        """
-        soonest = lost[self.times[lost] == self.times[lost].min()]
-        envelope = flight_envelope(place.point.model, place.point)
-        seconds = float(self.times[soonest[0]])
-        first, left = first_departure(self.flight, self.first[soonest], envelope, seconds, PUSHED)
-        return int(soonest[first]), left
+    def _cycle(self, number: int, place: Place) -> LimitCycle | None:
+        """Return the limit cycle of a flight that continues from its end, or None."""
+        samples = self.flight.compiled(1, _CYCLE_SECONDS)
+        loop = SampledRows(samples, self.states[[number]], self.trims[[number]])
+        return measured_cycle(self.flight, loop, place.point)
 
-    def _other_equilibria(self, settled: np.ndarray, place: Place) -> tuple[int, dict[str, float]]:
+    def _other_equilibria(self, steady: np.ndarray, place: Place) -> tuple[int, dict[str, float]]:
         """Return the number of flights at other equilibria, and one such equilibrium.
 
         The equilibrium is the first that is found, as linear state -> value, or {} if none is
         found. At most `_OTHERS` equilibria are searched.
 
-        settled: indices of the flights that are almost steady
+        steady: indices of the flights that are almost steady
         """
         search = EquilibriumSearch(self.flight.deployed, place.point, place.steady)
-        X, memory, *_ = self.flight.slices
+        X, memory, _ = self.flight.slices
         m = len(place.point.model.inputs)
         ball = BALL * place.box[place.decisive]
         count = 0
         first: dict[str, float] = {}
         for _ in range(_OTHERS):
-            if not settled.size:
+            if not steady.size:
                 break
-            row = self.rows[settled[0]]
-            other = search.from_point(row[X], row[memory][:m])
-            here = self.rows[settled][:, X][:, self.linear][:, place.decisive]
-            at = np.zeros(len(settled), dtype=bool)
+            state = self.states[steady[0]]
+            other = search.from_point(state[X], state[memory][:m])
+            here = self.states[steady][:, self.linear][:, place.decisive]
+            at = np.zeros(len(steady), dtype=bool)
             if other is not None and not _is_same(other, place, self.linear):
                 there = other.states[self.linear]
                 at = np.all(np.abs(here - there[place.decisive]) <= ball, axis=1)
@@ -541,7 +425,7 @@ class SimulatedRows:
                 count += int(at.sum())
                 first = first or dict(zip(place.point.model.linear, there.tolist(), strict=True))
             at[0] = True
-            settled = settled[~at]
+            steady = steady[~at]
         return count, first
 
     def _worst(self, neither: np.ndarray, returned: np.ndarray) -> tuple[int, str]:
@@ -555,9 +439,9 @@ class SimulatedRows:
         returned: indices of the flights that converge
         """
         if neither.size:
-            return int(neither[np.argmax(self.nearest[neither])]), DOES_NOT_CONVERGE
+            return int(neither[np.argmax(self.endings.nearest[neither])]), Outcome.UNDECIDED
         if returned.size:
-            return int(returned[np.argmax(self.times[returned])]), CONVERGES
+            return int(returned[np.argmax(self.times[returned])]), Outcome.CONVERGED
         return 0, ""
 
 
@@ -578,30 +462,25 @@ def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
 
 
 def measured_cycle(
-    flight: SampledFlight, row: np.ndarray, place: Place, seconds: float = _CYCLE_SECONDS
+    flight: SampledFlight, loop: Loop, point: OperatingPoint, seconds: float = _CYCLE_SECONDS
 ) -> LimitCycle | None:
     """Return the limit cycle of a flight, or None if it has none or a state is not finite.
 
-    row: initial row of the flight (`flights.py`)
-    place: trim of the flight
+    loop: the flight, for `march`
+    point: trim of the flight
     seconds: duration of the flight, at least 64 samples
     """
-    model = place.point.model
-    X, memory, *_ = flight.slices
-    m = len(model.inputs)
-    steps = max(64, round(seconds / flight.dt))
-    path = flight.sample().mapaccum(steps)
-    row = row.copy()
-    states = np.array(path(row)).T
-    states = np.vstack([row, states])
+    X, memory, _ = flight.slices
+    with np.errstate(all="ignore"):
+        flown, _ = march(loop, max(64, round(seconds / flight.dt)))
+    states = flown.states[0]
     if not np.isfinite(states[:, X]).all():
         return None
-    inputs = states[:, memory][:, :m] - np.array(place.point.inputs)
-    deviations = states[:, X] - np.array(place.point.states)
-    times = flight.dt * np.arange(len(states))
-    empty = np.zeros((len(times), 0))
-    trace = Deviations(times, deviations, empty, inputs, empty, deviations, {})
-    return limit_cycle(model, trace, 0.0)
+    inputs = states[:, memory][:, : len(point.model.inputs)] - np.array(point.inputs)
+    deviations = states[:, X] - np.array(point.states)
+    empty = np.zeros((len(states), 0))
+    trace = Deviations(flown.times, deviations, empty, inputs, empty, deviations, {})
+    return limit_cycle(point.model, trace, 0.0)
 
 
 def fly_places(
@@ -610,48 +489,51 @@ def fly_places(
     samples: int,
     seed: int = 0,
     progress: Progress | None = None,
-) -> tuple[list[Outcome], list[Outcome]]:
+) -> tuple[list[Outcomes], list[Outcomes]]:
     """Return the outcomes of flights about each trim, without and with a disturbance pulse.
 
-    The results are two lists with an `Outcome` for each trim.
+    The results are two lists with the `Outcomes` at each trim.
 
     samples: number of initial conditions at each trim
     """
-    rows = []
-    for pushed in (False, True):
-        for place in places:
-            starts, pushes = seeded_starts(place, samples, seed, pushed)
-            trim = flight.deployed.trim_vector(place.point)
-            rows.append(flight.rows(starts, np.tile(trim, (samples, 1)), pushes))
-    flown_places = places + places
-    owners = np.repeat(np.arange(len(flown_places)), samples)
-    flown = SimulatedRows(flight, flown_places, np.vstack(rows), owners)
+    flown = placed_flights(flight, places, samples, seed)
     seconds = max(place.seconds for place in places)
-    flown.fly(seconds, flight.window(len(owners), seconds), progress)
-    outcomes = [flown.outcome(owner, place) for owner, place in enumerate(flown_places)]
+    flown.fly(seconds, flight.compiled(len(flown.owners), seconds), progress)
+    outcomes = [flown.outcomes(owner) for owner in range(len(flown.places))]
     return outcomes[: len(places)], outcomes[len(places) :]
 
 
+def placed_flights(
+    flight: SampledFlight, places: list[Place], samples: int, seed: int
+) -> PlacedFlights:
+    """Return flights about each trim, without and then with a disturbance pulse.
+
+    samples: number of initial conditions at each trim
+    """
+    drawn = [
+        seeded_starts(place, samples, seed, pushed) for pushed in (False, True) for place in places
+    ]
+    starts, pushes = (np.vstack(each) for each in zip(*drawn, strict=True))
+    owners = np.repeat(np.arange(2 * len(places)), samples)
+    return PlacedFlights(flight, places + places, owners, starts, pushes)
+
+
 def ends_from_trim(
-    flight: SampledFlight, points: list[OperatingPoint], window: Window, seconds: float
+    flight: SampledFlight, points: list[OperatingPoint], samples: CompiledSamples, seconds: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Simulate flights that begin at their trims, for at most `seconds`.
 
-    Returns the final X (N, n) and the final acting inputs (N, m). All flights end early if no state
-    of any flight changes by more than `_STILL` of its nominal value from the start to the end of a
-    window.
+    Returns the final X (N, n) and the final acting inputs (N, m). All flights end early if all have
+    settled.
     """
     model = points[0].model
-    still = _STILL * np.array([model.signals[name].nominal for name in model.states])
+    still = STILL * np.array([model.signals[name].nominal for name in model.states])
     trims = np.array([flight.deployed.trim_vector(point) for point in points])
-    n = len(model.states)
-    m = len(model.inputs)
-    pushes = np.zeros((len(points), len(model.linear)))
-    rows = flight.rows(trims[:, :n], trims, pushes)
-    X, memory, *_ = flight.slices
-    for _ in range(max(1, round(seconds / (flight.samples_in_window * flight.dt)))):
-        before = rows
-        rows = window(before)
-        if (np.abs(rows[:, X] - before[:, X]) <= still).all():
-            break
-    return rows[:, X], rows[:, memory][:, :m]
+    X, memory, _ = flight.slices
+    window = flight.samples_in_window
+    ticks = window * max(1, round(seconds / (window * flight.dt)))
+    loop = SampledRows(samples, flight.start(trims[:, X], trims), trims)
+    with np.errstate(all="ignore"):
+        flown, _ = march(loop, ticks, over=settled(still), window=window, keep=False)
+    final = flown.states[:, 0]
+    return final[:, X], final[:, memory][:, : len(model.inputs)]

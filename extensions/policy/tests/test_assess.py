@@ -13,6 +13,7 @@ from policy_cases import (
     GTM,
     ROOT,
     aircraft,
+    flown_samples,
     gtm_deployment,
     model_of,
     stored_deployment,
@@ -138,8 +139,8 @@ def test_the_equilibrium_equals_the_end_of_flight(name):
     points = trims(name)[:1]
     assessor = Assessor(deployed, points, samples=0)
     flight = assessor.flight()
-    window = flight.window(4, 1e4)
-    ends, _ = ends_from_trim(flight, list(points), window, 200.0)
+    samples = flight.compiled(4, 1e4)
+    ends, _ = ends_from_trim(flight, list(points), samples, 200.0)
     for place, end in zip(assessor.places(flight), ends, strict=True):
         np.testing.assert_allclose(place.equilibrium.states, end, rtol=1e-6, atol=1e-6)
 
@@ -156,11 +157,9 @@ def test_a_sample_with_delay_equals_scipys_integration():
     trim = deployed.trim_vector(point)
     start = np.add(point.states, [1.0, 0.02, 0.05, -0.03])
     push = np.array([0.5, 0.0, 0.1, 0.0])
-    row = flight.rows(start[None], trim[None], push[None])[0]
-    X, memory = flight.slices[:2]
+    X, memory, _ = flight.slices
     inputs = [np.add(point.inputs, [0.02, 1.0]), np.add(point.inputs, [-0.01, -2.0])]
-    row[memory] = np.concatenate(inputs)
-    after = np.array(flight.sample()(row)).ravel()
+    _, after = flown_samples(flight, start, trim, 1, push, np.concatenate(inputs))
 
     def rates(_, x, u):
         values = model.rates_at(x, u)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from policy_cases import AIRCRAFT, aircraft, stored_deployment, trims
+from policy_cases import AIRCRAFT, aircraft, flown_samples, stored_deployment, trims
 
 from hfa_flight.held_step import parts_of_a_sample
 from hfa_flight.initial_box import start_box
@@ -31,15 +31,14 @@ def deviation_grows(name, point, equilibrium, delay):
     flight = SampledFlight(deployed, deployment.dt, delay, parts)
     rows = [list(point.model.states).index(state) for state in point.model.linear]
     widths = start_box(point.model, point)
-    path = flight.sample().mapaccum(round(END / deployment.dt))
     trim = deployed.trim_vector(point)
     flown = []
     for share in (0.0, SMALL):
         start = equilibrium.states.copy()
         start[rows] += share * widths
-        row = flight.rows(start[None], trim[None], np.zeros((1, len(rows))))[0]
-        row[flight.slices[1]] = np.tile(equilibrium.inputs, flight.whole + 1)
-        flown.append(np.array(path(row)).T[:, rows])
+        memory = np.tile(equilibrium.inputs, flight.whole + 1)
+        count = round(END / deployment.dt)
+        flown.append(flown_samples(flight, start, trim, count, memory=memory)[1:, rows])
     deviations = (np.abs(flown[1] - flown[0]) / widths).max(axis=1)
     second = round(1.0 / deployment.dt)
     middle = len(deviations) // 2

@@ -1,25 +1,28 @@
 """Flights that end early, compared with flights of the full duration."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import ROOT, aircraft, gtm_deployment, stored_deployment, trims
+from policy_cases import ROOT, aircraft, flown_samples, gtm_deployment, stored_deployment, trims
 
 import hfa
 from hfa_aircraft.loading import load_model
+from hfa_aircraft.march.ending import BALL, Outcome, is_within
+from hfa_aircraft.march.march import History, Rows, march
+from hfa_flight.envelope import flight_envelope
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.equilibrium import EquilibriumSearch
 from hfa_policy.assessment import Assessor
+from hfa_policy.flights import SampledRows
 from hfa_policy.outcomes import (
-    _LOST,
-    _RETURNED,
     HORIZON,
-    SimulatedRows,
+    PUSHED,
+    PlacedFlights,
     measured_cycle,
+    placed_flights,
     seeded_starts,
 )
 from hfa_policy.trims import trims_of
@@ -40,25 +43,17 @@ def test_flights_that_end_early_are_classified_correctly(name, late):
     assessor = Assessor(Deployed(deployment, aircraft(name)), trims(name), STARTS, seed=77)
     flight = assessor.flight()
     places = assessor.places(flight)
-    rows = []
-    for place in places:
-        starts, pushes = seeded_starts(place, STARTS, 77, pushed=True)
-        trim = flight.deployed.trim_vector(place.point)
-        rows.append(flight.rows(starts, np.tile(trim, (STARTS, 1)), pushes))
-    owners = np.repeat(np.arange(len(places)), STARTS)
-    flown = SimulatedRows(flight, places, np.vstack(rows), owners)
-    window = flight.window(len(owners), HORIZON)
-    flown.fly(HORIZON, window)
-    is_back, is_lost = flown.status == _RETURNED, flown.status == _LOST
+    flown = placed_flights(flight, places, STARTS, 77)
+    samples = flight.compiled(len(flown.owners), HORIZON)
+    flown.fly(HORIZON, samples)
+    ends = flown.endings.outcomes
+    is_back, is_lost = ends == Outcome.CONVERGED, ends == Outcome.LEFT
     is_early = ~is_lost & (flown.times < HORIZON - 0.5)
     assert is_early.sum() > 50
     assert late == 0 or (is_early & ~is_back).any()
-
-    after, farthest = _continued(flown, window, is_early)
-    assert (farthest[1] >= flown.least[is_early]).all()
-    assert (farthest[2] <= flown.most[is_early]).all()
-    distance = _distance(flown, after, is_early)
-    np.testing.assert_array_equal(distance <= 1.0, is_back[is_early])
+    final, _, stayed = _to_the_end(flown, samples)
+    assert stayed[is_early].all()
+    np.testing.assert_array_equal(final[is_early] <= 1.0, is_back[is_early])
 
 
 @pytest.mark.slow
@@ -85,15 +80,14 @@ def test_a_flight_that_has_converged_stays(stays):
     if not stays:
         place = replace(place, swing=0.0)
     starts, pushes = seeded_starts(place, 40, 1, pushed=True)
-    trim = flight.deployed.trim_vector(place.point)
-    rows = flight.rows(starts, np.tile(trim, (40, 1)), pushes)
-    flown = SimulatedRows(flight, [place], rows, np.zeros(40, dtype=int))
-    window = flight.window(40, place.seconds)
-    flown.fly(place.seconds, window)
-    is_early = (flown.status == _RETURNED) & (flown.times < place.seconds - 0.5)
+    flown = PlacedFlights(flight, [place], np.zeros(40, dtype=int), starts, pushes)
+    samples = flight.compiled(40, place.seconds)
+    flown.fly(place.seconds, samples)
+    returned = flown.endings.outcomes == Outcome.CONVERGED
+    is_early = returned & (flown.times < place.seconds - 0.5)
     assert is_early.sum() > 20
-    _, farthest = _continued(flown, window, is_early, place.seconds)
-    assert (farthest[0] <= 1.0).all() == stays
+    _, farthest, _ = _to_the_end(flown, samples)
+    assert (farthest[is_early] <= 1.0).all() == stays
 
 
 def test_the_equilibrium_follows_the_altitude():
@@ -118,40 +112,33 @@ def test_the_equilibrium_follows_the_altitude():
     np.testing.assert_allclose(slopes[:, altitude], expected, rtol=1e-3, atol=1e-9)
 
 
-def _continued(flown, window, chosen, seconds=HORIZON):
-    """Simulate the chosen flights to the end of their full duration, and return their final rows.
+def _to_the_end(flown, samples):
+    """Simulate all flights for their full duration. Each result is (N,).
 
-    For each flight, the function also returns the largest distance from the equilibrium, in
-    half-widths of the convergence ball, and the lowest and highest absolute state X.
+    The function returns the distance from the equilibrium in the last window, the largest distance
+    after the flight ended early, and whether the flight then stayed within the limits.
     """
-    X, _, low, high, *_ = flown.flight.slices
-    rows, times = flown.rows.copy(), flown.times.copy()
-    farthest = np.zeros(len(rows))
-    lowest, highest = rows[:, X].copy(), rows[:, X].copy()
-    while (flying := np.flatnonzero(chosen & (times < seconds - 0.5))).size:
-        going = rows[flying]
-        flown.flight.forget_extremes(going)
-        rows[flying] = window(going)
-        times[flying] += flown.flight.samples_in_window * flown.flight.dt
-        distance = _distance(flown, rows[flying], flying)
-        farthest[flying] = np.maximum(farthest[flying], distance)
-        lowest[flying] = np.minimum(lowest[flying], rows[flying][:, low])
-        highest[flying] = np.maximum(highest[flying], rows[flying][:, high])
-    return rows[chosen], (farthest[chosen], lowest[chosen], highest[chosen])
+    flight = flown.flight
+    window = flight.samples_in_window
+    count = len(flown.owners)
+    final, farthest, stayed = np.zeros(count), np.zeros(count), np.ones(count, dtype=bool)
+    envelopes = [flight_envelope(place.point.model, place.point) for place in flown.places]
+    least, most = (np.array([getattr(e, end) for e in envelopes]) for end in ("least", "most"))
 
+    def watched(history):
+        final[:] = flown.motion(history).distance
+        after = (history.first + window) * flight.dt > flown.times + 0.5
+        farthest[after] = np.maximum(farthest, final)[after]
+        states = history.states[:, :, flight.slices[0]]
+        inside = is_within(states, least[flown.owners, None], most[flown.owners, None])
+        stayed[after] &= inside.all(axis=1)[after]
+        return np.zeros(history.states.shape[:2], dtype=bool)
 
-def _distance(flown, rows, chosen):
-    """Return the largest distance of flights from the equilibrium in the last window.
-
-    The unit is the half-widths of the convergence ball.
-    """
-    X, _, low, high, *_ = flown.flight.slices
-    moved = rows[:, X] - flown.trims[chosen]
-    centres = flown.centres[chosen] + np.einsum("nij,nj->ni", flown.drifts[chosen], moved)
-    above = rows[:, high][:, flown.linear] - centres
-    below = centres - rows[:, low][:, flown.linear]
-    distance = np.maximum(above, below) / flown.balls[chosen]
-    return np.where(flown.decisive[chosen], distance, 0.0).max(axis=1)
+    ticks = window * round(flown.seconds / (window * flight.dt))
+    loop = SampledRows(samples, flown.first, flown.trims, flown.pushes, PUSHED)
+    with np.errstate(all="ignore"):
+        march(loop, ticks, over=watched, window=window, keep=False)
+    return final, farthest, stayed
 
 
 @pytest.mark.slow
@@ -171,15 +158,11 @@ def test_states_lag_behind_a_moving_equilibrium():
     assessor = Assessor(Deployed(deployment, model), (point,), 1)
     flight = assessor.flight()
     (place,) = assessor.places(flight)
-    trim = flight.deployed.trim_vector(point)[None]
-    states = np.array(point.states)[None]
-    row = flight.rows(states, trim, np.zeros((1, len(model.linear))))
-    window = flight.window(1, 120.0)
-    for _ in range(120):
-        row = window(row)
-    X = row[0, flight.slices[0]]
+    trim = flight.deployed.trim_vector(point)
+    states = np.array(point.states)
+    X = flown_samples(flight, states, trim, 1200)[-1, flight.slices[0]]
     rows = [list(model.states).index(name) for name in model.linear]
-    off = (X - place.equilibrium.states)[rows] - place.drift @ (X - states[0])
+    off = (X - place.equilibrium.states)[rows] - place.drift @ (X - states)
     assert abs(place.lag[0]) > 1e-3
     assert off[0] == pytest.approx(place.lag[0], rel=0.1)
 
@@ -216,30 +199,30 @@ def test_a_flight_that_departs_again_has_not_converged():
 
 def test_a_flight_on_the_moved_equilibrium_is_at_distance_0():
     """The equilibrium moves by drift · (X - trim). The opposite sign would give a distance."""
-    flown = SimpleNamespace(
-        flight=SimpleNamespace(slices=(slice(0, 2), slice(2, 2), slice(2, 4), slice(4, 6))),
-        linear=[0],
-        trims=np.array([[1.0, 100.0]]),
-        centres=np.array([[1.0]]),
-        drifts=np.array([[[0.0, 0.02]]]),
-        balls=np.array([[0.1]]),
-        decisive=np.array([[True]]),
-        turns=np.array([[0.0]]),
-    )
-    state = np.array([1.0 + 0.02 * 50.0, 150.0])
-    rows = np.concatenate([state, state, state])[None]
-    distance, moved = SimulatedRows._in_balls(flown, rows, np.array([0]))
-    assert distance == pytest.approx(0.0, abs=1e-12)
-    assert moved == pytest.approx(0.0)
+    deployed = Deployed(stored_deployment("ppo_gtm"), aircraft("ppo_gtm"))
+    assessor = Assessor(deployed, trims("ppo_gtm")[:1], samples=0)
+    flight = assessor.flight()
+    (place,) = assessor.places(flight)
+    n = len(place.point.states)
+    drift = np.zeros((len(place.box), n))
+    drift[0, 1] = 3.0
+    place = replace(place, drift=drift, lag=None)
+    equilibrium = place.equilibrium.states
+    start = equilibrium.copy()
+    start[1] += 1e-3 * place.box[1]
+    start[0] += 3.0 * (start[1] - place.point.states[1])
+    pushes = np.zeros((1, len(place.box)))
+    flown = PlacedFlights(flight, [place], np.zeros(1, dtype=int), start[None], pushes)
+    still = np.tile(flown.first, (2, 1))[None]
+    history = History(flight.dt, 0, still, np.zeros((1, 1, 0)), np.zeros(1, dtype=int))
+    distance, swings = flown.motion(history)
+    assert distance[0] == pytest.approx(1e-3 / BALL, rel=1e-6)
+    np.testing.assert_array_equal(swings, 0.0)
 
 
 def test_a_flight_that_overflows_has_no_limit_cycle():
-    row = ca.SX.sym("row", 3)
-    flight = SimpleNamespace(
-        slices=(slice(0, 2), slice(2, 3)),
-        dt=0.02,
-        sample=lambda: ca.Function("sample", [row], [1e30 * row]),
-    )
-    model = SimpleNamespace(inputs=("elevator",), states=("speed", "alpha"))
-    place = SimpleNamespace(point=SimpleNamespace(model=model, states=[0.0, 0.0], inputs=[0.0]))
-    assert measured_cycle(flight, np.ones(3), place, seconds=2.0) is None
+    deployed = Deployed(stored_deployment("ppo_gtm"), aircraft("ppo_gtm"))
+    (point,) = trims("ppo_gtm")[:1]
+    flight = Assessor(deployed, (point,), samples=0).flight()
+    overflows = Rows(lambda x, _: 1e5 * x, np.full((1, 6), 1e300), 0.02, lambda x, _: x[:, :0])
+    assert measured_cycle(flight, overflows, point, seconds=2.0) is None

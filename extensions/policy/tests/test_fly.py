@@ -5,7 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
-from policy_cases import FOLDER, GTM, aircraft, stored_deployment, trims
+from policy_cases import FOLDER, GTM, aircraft, flown_samples, stored_deployment, trims
 
 from hfa.main import main
 from hfa_flight.envelope import flight_envelope
@@ -46,9 +46,8 @@ def test_fly_and_assess_simulate_equal_flights(tmp_path, delay):
     deployed = Deployed(Deployment.load(path), model)
     flight = SampledFlight(deployed, 0.02, delay, parts_of_a_sample([point], 0.02))
     trim = deployed.trim_vector(point)
-    starts = (np.array(point.states) + START)[None]
-    row = flight.rows(starts, trim[None], np.zeros((1, 4)))[0]
-    path_of_rows = np.array(flight.sample().mapaccum(200)(row)).T[:, flight.slices[0]]
+    start = np.array(point.states) + START
+    path_of_rows = flown_samples(flight, start, trim, 200)[1:, flight.slices[0]]
     every_sample = round(0.02 / scenario.step)
     assert len(flown.states) == 200 * every_sample + 1
     np.testing.assert_allclose(flown.states[every_sample::every_sample], path_of_rows, rtol=1e-9)
@@ -65,12 +64,9 @@ def test_a_half_sample_delay_halves_integration_steps():
     deployed = Deployed(stored_deployment("ppo_gtm"), aircraft("ppo_gtm"))
     point = trims("ppo_gtm")[0]
     flight = SampledFlight(deployed, 0.01, 0.025, parts=2)
-    row = flight.rows(
-        (np.array(point.states) + START)[None], deployed.trim_vector(point)[None], np.zeros((1, 4))
-    )[0]
-    after = np.array(flight.sample()(row)).ravel()[flight.slices[0]]
-    half = held_step(deployed.model, 0.005, 1)
     X = np.array(point.states) + START
+    _, after = flown_samples(flight, X, deployed.trim_vector(point), 1)[:, flight.slices[0]]
+    half = held_step(deployed.model, 0.005, 1)
     for _ in range(2):
         X = half(X, point.inputs, np.zeros(4), point.model.p)
     np.testing.assert_allclose(after, np.array(X).ravel(), rtol=1e-14)

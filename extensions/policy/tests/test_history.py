@@ -6,7 +6,7 @@ import subprocess
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import aircraft, gtm_deployment, trims
+from policy_cases import aircraft, flown_samples, gtm_deployment, trims
 from scipy.signal import cont2discrete
 from tolerances import FEW_ROUNDINGS, SAME_FORMULA
 
@@ -16,7 +16,6 @@ from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.policy import flown_deployment
 from hfa_policy.assess import assess
 from hfa_policy.assessment import Assessor
-from hfa_policy.outcomes import SimulatedRows
 from hfa_support.errors import BadInputError
 from hfa_support.native.machine_code import c_compiler
 
@@ -71,11 +70,7 @@ def test_assess_fly_and_environments_give_equal_flights(delay):
     assessor = Assessor(Deployed(deployment, model), (point,), samples=1)
     flight = assessor.flight()
     trim = assessor.deployed.trim_vector(point)
-    rows = flight.rows(start[None], trim[None], np.zeros((1, 4)))
-    (place,) = assessor.places(flight)
-    flown = SimulatedRows(flight, [place], rows, np.zeros(1, dtype=int))
-    flown.fly(1.0, flight.window(1, 1.0))
-    states = flown.rows[0, flight.slices[0]]
+    states = flown_samples(flight, start, trim, 50)[-1, flight.slices[0]]
     initial = dict(zip(model.states, start - point.states, strict=True))
     by_fly = hfa.fly(model, point, deployment, 1.0, initial=initial).states[-1]
     np.testing.assert_allclose(states, by_fly, rtol=SAME_FORMULA)

@@ -1,5 +1,6 @@
 """Evaluation of networks for all flights at once, and flights that end early."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import casadi as ca
@@ -10,10 +11,12 @@ from tolerances import SAME_FORMULA
 
 from controller.critic.network.activations import ACTIVATIONS
 from controller.critic.network.row_network import ROW_ACTIVATIONS
+from hfa_aircraft.march.ending import PATIENCE
+from hfa_aircraft.march.march import march
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_policy import outcomes
 from hfa_policy.assessment import Assessor
-from hfa_policy.outcomes import SimulatedRows, seeded_starts
+from hfa_policy.flights import SampledRows
+from hfa_policy.outcomes import PlacedFlights, seeded_starts
 from hfa_policy.trims import trims_of
 
 
@@ -123,17 +126,15 @@ def test_flights_in_a_limit_cycle_end_early():
     assessor = Assessor(Deployed(late, aircraft("ppo_gtm")), trims("ppo_gtm")[1:2], samples=8)
     flight = assessor.flight()
     places = assessor.places(flight)
-    flown = SimulatedRows(
-        flight, places, simulated_rows(flight, places[0], 8), np.zeros(8, dtype=int)
-    )
-    flown.fly(60.0, flight.window(8, 60.0))
-    outcome = flown.outcome(0, places[0])
+    flown = flights_of(flight, places[0], 8)
+    flown.fly(60.0, flight.compiled(8, 60.0))
+    outcome = flown.outcomes(0)
     assert (outcome.returned, outcome.lost) == (0, 0)
     assert outcome.cycle is not None
     assert flown.times.max() <= 40.0
 
 
-def test_flight_at_another_equilibrium_ends_early(monkeypatch):
+def test_flight_at_another_equilibrium_ends_early():
     """A flight that settles at another equilibrium ends early, with the outcome of the full
     duration.
     """
@@ -145,14 +146,10 @@ def test_flight_at_another_equilibrium_ends_early(monkeypatch):
     flight = assessor.flight()
     places = assessor.places(flight)
     ends = []
-    for windows in (outcomes._STANDING, 1000):
-        # Only this number lets such a flight continue to its end.
-        monkeypatch.setattr(outcomes, "_STANDING", windows)
-        flown = SimulatedRows(
-            flight, places, simulated_rows(flight, places[0], 24), np.zeros(24, dtype=int)
-        )
-        flown.fly(60.0, flight.window(24, 60.0))
-        ends.append((flown.times.max(), flown.outcome(0, places[0])))
+    for patience in (PATIENCE, replace(PATIENCE, standing=1000)):
+        flown = flights_of(flight, places[0], 24, patience)
+        flown.fly(60.0, flight.compiled(24, 60.0))
+        ends.append((flown.times.max(), flown.outcomes(0)))
     (early, outcome), (late, to_the_end) = ends
     assert early < 45.0 < late
     assert 0 < outcome.elsewhere == to_the_end.elsewhere
@@ -161,10 +158,10 @@ def test_flight_at_another_equilibrium_ends_early(monkeypatch):
     assert outcome.elsewhere_at["pitch"] == pytest.approx(pitch, abs=1e-3)
 
 
-def simulated_rows(flight, place, count):
+def flights_of(flight, place, count, patience=PATIENCE):
     starts, pushes = seeded_starts(place, count, 0, False)
-    trim = flight.deployed.trim_vector(place.point)
-    return flight.rows(starts, np.tile(trim, (count, 1)), pushes)
+    owners = np.zeros(count, dtype=int)
+    return PlacedFlights(flight, [place], owners, starts, pushes, patience)
 
 
 @pytest.mark.parametrize(
@@ -185,13 +182,22 @@ def test_flights_simulated_together_equal_single_flights(name, delay):
     assessor = Assessor(Deployed(late, aircraft(name)), trims(name)[:1], samples=0)
     flight = assessor.flight()
     (place,) = assessor.places(flight)
-    rows = simulated_rows(flight, place, 5)
-    together = flight.window(5, 1.0)(rows)
-    alone = flight.sample().fold(flight.samples_in_window)
-    for after, row in zip(together, rows, strict=True):
-        np.testing.assert_allclose(
-            after, np.array(alone(row)).ravel(), rtol=SAME_FORMULA, atol=1e-12
-        )
+    starts, pushes = seeded_starts(place, 5, 0, True)
+    trim = assessor.deployed.trim_vector(place.point)
+    count = flight.samples_in_window
+    trims_of_all = np.tile(trim, (5, 1))
+    states = flight.start(starts, trims_of_all)
+    loop = SampledRows(flight.compiled(5, 1.0), states, trims_of_all, pushes, pulse=1.0)
+    together = march(loop, count)[0].states[:, -1]
+    state = ca.MX.sym("state", together.shape[1])
+    push = ca.MX.sym("push", pushes.shape[1])
+    raw = assessor.deployed.deployment.actor.function(flight.entering()(state, trim))
+    after = flight.tick()(state, ca.vertcat(ca.vec(raw), trim, push))
+    alone = ca.Function("alone", [state, push], [after]).mapaccum(count)
+    for end, start, pulse in zip(together, starts, pushes, strict=True):
+        begun = flight.start(start[None], trim[None])[0]
+        path = np.array(alone(begun, np.tile(pulse[:, None], (1, count))))
+        np.testing.assert_allclose(end, path[:, -1], rtol=SAME_FORMULA, atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Markers of initial conditions that do not converge.
-_MARKERS = {Outcome.LEFT: "C3+", Outcome.LOST: "C3x"}
+_MARKERS = {Outcome.LEFT: "C3+", Outcome.DIVERGED: "C3x"}
 #: Descriptions of their outcomes.
-_ENDS = {Outcome.LEFT: "leaves the limits", Outcome.LOST: "does not converge"}
+_ENDS = {Outcome.LEFT: "leaves the limits", Outcome.DIVERGED: "does not converge"}
 #: Largest number of pairs of states.
 _MOST_PAIRS = 6
 #: Number of rays on which levels are drawn.

@@ -45,7 +45,7 @@ def region_report(region: Region) -> Report:
         region.origin,
         _place(statement, bounds.rises),
         starts.get(Outcome.LEFT),
-        starts.get(Outcome.LOST),
+        starts.get(Outcome.DIVERGED),
         bounds.limits,
         region.stopped,
     )

@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 
-from hfa_aircraft.march.ending import EndRule, Outcome
-from hfa_aircraft.march.march import Rows, march
+from hfa_aircraft.march.ending import (
+    PATIENCE,
+    Endings,
+    EndRule,
+    Motion,
+    Outcome,
+    Patience,
+    all_finite,
+    is_within,
+    settled,
+)
+from hfa_aircraft.march.march import History, Rows, march
 
 STATES = np.array(
     [[0.1, 0.0], [0.5, 0.0], [3.0, 0.0], [200.0, 0.0], [math.nan, 0.0], [0.0, math.inf]]
@@ -17,9 +29,9 @@ OUTCOMES = [
     Outcome.CONVERGED,
     Outcome.UNDECIDED,
     Outcome.LEFT,
-    Outcome.LOST,
-    Outcome.LOST,
-    Outcome.LOST,
+    Outcome.DIVERGED,
+    Outcome.DIVERGED,
+    Outcome.DIVERGED,
 ]
 RULE = EndRule(
     np.array([100.0, 100.0]),
@@ -60,3 +72,89 @@ def test_flights_of_a_saddle_end_as_their_exponentials_do() -> None:
     assert times == pytest.approx([math.log(5.0), math.log(20.0), math.log(5.0)], abs=0.05)
     _, later = flown(EndRule(100.0, lambda x: np.abs(x[:, 0]) < 4.0, RULE.converged))
     assert later[1] - times[1] == pytest.approx(math.log(2.0), abs=0.05)
+
+
+#: Motions x = e^(growth t) cos(frequency t) + shift: growth, frequency, shift, outcome.
+MOTIONS = [
+    (-0.5, 0.0, 0.0, Outcome.CONVERGED),
+    (0.0, 6.0, 0.0, Outcome.CYCLES),
+    (-0.5, 0.0, 0.5, Outcome.ELSEWHERE),
+    (0.1, 0.0, 0.0, Outcome.LEFT),
+    (-0.002, 6.0, 0.0, Outcome.UNDECIDED),
+    (0.002, 6.0, 0.0, Outcome.UNDECIDED),
+]
+#: Radius of the ball.
+NEAR = 0.05
+
+
+def ended(patience: Patience = PATIENCE, *, windows: int = 60) -> tuple[list[str], list[float]]:
+    """Return the outcomes of `MOTIONS`, watched in windows of 1 s, and their times, s."""
+    growth, frequency, shift = np.array([motion[:3] for motion in MOTIONS]).T
+    a = growth + 1j * frequency
+    starts = np.column_stack([np.ones(len(a)), np.zeros(len(a)), a.real, a.imag, shift])
+
+    def rate(x: np.ndarray, _: np.ndarray) -> np.ndarray:
+        re, im, by, turn, _ = x.T
+        return np.column_stack([by * re - turn * im, turn * re + by * im, *np.zeros((3, len(x)))])
+
+    def motion(flown: History) -> Motion:
+        x = flown.states[:, :, 0] + flown.states[:, :, 4]
+        half_range = (x.max(axis=1) - x.min(axis=1)) / 2.0
+        return Motion(np.abs(x).max(axis=1) / NEAR, half_range[:, None] / NEAR)
+
+    count = len(MOTIONS)
+    far = np.array([5.0, 5.0, *[np.inf] * 3])
+    endings = Endings(
+        (np.tile(-far, (count, 1)), np.tile(far, (count, 1))),
+        motion,
+        windows,
+        enough=np.full(count, 2),
+        stays=np.ones(count, dtype=bool),
+        stable=np.ones(count, dtype=bool),
+        counted=1,
+        patience=patience,
+    )
+    loop = Rows(rate, starts, 0.02, lambda x, _: x[:, :0])
+    _, ends = march(loop, 50 * windows, over=endings.over, window=50, keep=False)
+    endings.close()
+    return endings.outcomes.tolist(), (0.02 * ends).tolist()
+
+
+def test_motions_end_as_their_formulas_do() -> None:
+    """Each motion of known form has its outcome, and all but the undecided end early."""
+    outcomes, times = ended()
+    assert outcomes == [outcome for *_, outcome in MOTIONS]
+    undecided = [outcome == Outcome.UNDECIDED for outcome in outcomes]
+    assert [time == pytest.approx(60.0) for time in times] == undecided
+    assert times[3] == math.ceil(math.log(5.0) / 0.1)
+
+
+def test_another_patience_gives_other_outcomes() -> None:
+    """A limit cycle tolerance of 5 % takes slow decay and slow growth for limit cycles."""
+    outcomes, _ = ended(replace(PATIENCE, same=0.05, block=1))
+    assert outcomes[4:] == [Outcome.CYCLES] * 2
+    waiting, _ = ended(replace(PATIENCE, standing=1000))
+    assert waiting[2] == Outcome.UNDECIDED
+    never, _ = ended(replace(PATIENCE, cycles=1e9))
+    assert never[1] == Outcome.UNDECIDED
+
+
+def test_flights_from_trims_end_when_all_have_settled() -> None:
+    """x' = -x from 1 and 0: both flights end when the first moves by less than 1e-3 a second."""
+    loop = Rows(lambda x, _: -x, np.array([[1.0], [0.0]]), 0.01, lambda x, _: x[:, :0])
+    _, ends = march(loop, 5000, over=settled(np.array([1e-3])), window=100, keep=False)
+    moved = math.log((1.0 - math.exp(-1.0)) / 1e-3)
+    assert ends.tolist() == [100 * (math.ceil(moved) + 1)] * 2
+
+
+@pytest.mark.parametrize("value", [0.5, 1.0, 1.5, -1.0, math.inf, math.nan])
+def test_limits_are_the_same_for_arrays_and_expressions(value: float) -> None:
+    """Infinite and undefined values are outside infinite limits too."""
+    least, most = np.array([-0.5, -math.inf]), np.array([1.0, math.inf])
+    x, low, high = (ca.SX.sym(name, 2) for name in ("x", "low", "high"))
+    function = ca.Function("within", [x, low, high], [is_within(x, low, high), all_finite(x)])
+    for states in ([value, 0.0], [0.0, value]):
+        inside, finite = (bool(each) for each in function(states, least, most))
+        assert inside == is_within(np.array([states]), least, most)[0]
+        assert finite == math.isfinite(value)
+        assert inside == (math.isfinite(value) and -0.5 <= states[0] <= 1.0)

@@ -7,7 +7,9 @@ import numpy as np
 
 import hfa
 from hfa_aircraft.loading import load_model
+from hfa_aircraft.march.march import march
 from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_policy.flights import SampledRows
 from hfa_policy.trims import trims_of
 
 FOLDER = Path(__file__).resolve().parent.parent / "policies"
@@ -59,3 +61,20 @@ def gtm_deployment(policy, **tables):
         "timing": {"dt": 0.02},
     }
     return Deployment(policy=policy, **(entries | tables))
+
+
+def flown_samples(flight, start, trim, count, push=None, memory=None):
+    """Return the states [X; memory; past] of a sampled flight at each sample, (count + 1, s).
+
+    start: X
+    trim: (X0; U0; p)
+    push: disturbance pulse during the whole flight, or None
+    memory: commands that act now or later at the start, or None for the trim
+    """
+    state = flight.start(start[None], trim[None])
+    if memory is not None:
+        state[:, flight.slices[1]] = memory
+    pushes = None if push is None else push[None]
+    samples = flight.compiled(1, count * flight.dt)
+    loop = SampledRows(samples, state, trim[None], pushes, pulse=count * flight.dt)
+    return march(loop, count)[0].states[0]

@@ -274,7 +274,7 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 #: Descriptions of flights that do not enter the proved set.
 NOT_RETURNED = {
     Outcome.LEFT: "flight leaves the limits",
-    Outcome.LOST: "flight does not converge",
+    Outcome.DIVERGED: "flight does not converge",
     Outcome.UNDECIDED: "flight undecided within the time",
 }
 
@@ -306,7 +306,7 @@ def outcomes(
         result = rule.outcomes(final)
         moved = np.abs(plant.rates(final)) * seconds
     rests = np.all(moved <= _RESTS * plant.nominal, axis=1)
-    result[rests & (result == Outcome.UNDECIDED)] = Outcome.LOST
+    result[rests & (result == Outcome.UNDECIDED)] = Outcome.DIVERGED
     return result
 
 

@@ -458,13 +458,13 @@ def starts_by_outcome(
         found = outcomes(plant, starts, holds, seconds)
         open_starts = np.concatenate([open_starts, starts[found == Outcome.UNDECIDED]])
         found = found.reshape(shells.shape)
-        gone = (found == Outcome.LEFT) | (found == Outcome.LOST)
+        gone = (found == Outcome.LEFT) | (found == Outcome.DIVERGED)
         kinds = found[gone.argmax(axis=0), np.arange(len(rays))][gone.any(axis=0)]
         rays, low, high = _first_not_converging(rays, low, shells, gone)
         if not len(rays):
             break
     first = np.asarray(high[:, None] * rays)
-    of_kind = {kind: first[kinds == kind] for kind in (Outcome.LEFT, Outcome.LOST)}
+    of_kind = {kind: first[kinds == kind] for kind in (Outcome.LEFT, Outcome.DIVERGED)}
     of_kind[Outcome.UNDECIDED] = open_starts
     return {kind: starts for kind, starts in of_kind.items() if len(starts)}
 

@@ -31,7 +31,9 @@ def region() -> Region:
     loop = saturated_loop(linearize(model, trim(model)), np.array([[2.0, 1.0]]))
     V = PolynomialFunction.quadratic(np.diag([1.0, 1.0 / 36.0]))
     statement = RegionStatement(loop, V.terms, 0.25, {"angle": (-0.5, 0.5), "rate": (-3.0, 3.0)})
-    bounds = Bounds((0.3, np.array([0.5, 0.0])), {Outcome.LOST: (0.5, np.array([0.6, 1.0]))}, ())
+    bounds = Bounds(
+        (0.3, np.array([0.5, 0.0])), {Outcome.DIVERGED: (0.5, np.array([0.6, 1.0]))}, ()
+    )
     proved = ProvedLevel(statement, {}, 1)
     return Region(proved, V, "a test", bounds, Plant(loop), np.diag([0.5, 3.0]))
 

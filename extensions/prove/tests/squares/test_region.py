@@ -147,7 +147,7 @@ def test_rays_contain_nonconverging_initial_conditions(certificate: Path, model:
     V = PolynomialFunction.of_terms(statement.terms)
     T = np.sqrt(statement.rho) * np.linalg.inv(np.linalg.cholesky(V.matrix())).T * 1.0001
     rays = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]) * np.linalg.norm(T, axis=1)
-    starts = starts_by_outcome(Plant(statement.loop), V, statement.rho, T, rays)[Outcome.LOST]
+    starts = starts_by_outcome(Plant(statement.loop), V, statement.rho, T, rays)[Outcome.DIVERGED]
     # The torque cannot lift the pendulum from the horizontal, nor stop it beyond some rate.
     assert len(starts) == 3
     assert np.all(V(starts) > statement.rho)
