@@ -145,10 +145,14 @@ class _Declared(NamedTuple):
     def made(self, model: Model, values: Mapping[str, Any], flags: Mapping[str, str]) -> Part:
         """Return the part of a model with the given values, path -> value."""
         defaults = {}
+        inner = {}
         for name, each in self.changed.items():
-            made = each.default_factory
-            defaults[name] = each.default if made is MISSING else made()
-        return self.kind.of(model, {**defaults, **values}, flags)
+            if "part" in each.metadata:
+                inner[name] = _made(each, name, model, values, flags)
+            else:
+                usual = each.default_factory
+                defaults[name] = each.default if usual is MISSING else usual()
+        return self.kind.of(model, {**defaults, **values}, flags, **inner)
 
 
 def _options_of(each: Field[Any], name: str) -> dict[str, Option]:
@@ -159,12 +163,25 @@ def _options_of(each: Field[Any], name: str) -> dict[str, Option]:
     return {name: each.metadata["option"]} if "option" in each.metadata else {}
 
 
+def _made(
+    each: Field[Any],
+    name: str,
+    model: Model,
+    values: Mapping[str, Any],
+    flags: Mapping[str, str],
+) -> Part:
+    """Return the part of a field, from the values and flags of all options, path -> value."""
+    declared: _Declared = each.metadata["part"]
+    return declared.made(model, _inside(name, values), _inside(name, flags))
+
+
 def part(kind: type[Part], *, without: Sequence[str] = (), **changed: Any) -> Any:
     """Return a field of a request that has a group of options.
 
     kind: class of the group
     without: options of the group that the command does not offer
-    changed: name -> `option` that replaces the one of the group, for example with another help
+    changed: name -> `option` or `part` that replaces the one of the group, for example with
+        another help
     """
     return field(metadata={"part": _Declared(kind, without, changed)})
 
@@ -194,13 +211,12 @@ class Part:
         model: the aircraft
         values: path of the field -> value
         flags: path of each option that the user gave -> option
-        more: fields that are no options
+        more: fields that are no options, and parts that are made already
         """
         known = {path: value for path, value in values.items() if "." not in path}
         for each in fields(cls):
-            if "part" in each.metadata:
-                inner = _inside(each.name, values), _inside(each.name, flags)
-                known[each.name] = each.metadata["part"].made(model, *inner)
+            if "part" in each.metadata and each.name not in more:
+                known[each.name] = _made(each, each.name, model, values, flags)
         return cls(model=model, typed=flags, **known, **more)
 
     def refuse(self, names: Iterable[str], reason: str) -> None:

@@ -9,21 +9,20 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hfa.inherited import AircraftOptions, JsonOption, TrimOptions, print_report
-from hfa.learning import DEFAULT_LAW
-from hfa.options.argument_types import breakpoint_value, one_of, output_file
-from hfa.options.part import option
-from hfa.options.request import command
-from hfa.options.trim import scheduled
+from hfa.learning import DEFAULT_LAW, Learning
+from hfa.options.aircraft import Aircraft
+from hfa.options.argument_types import one_of, output_file
+from hfa.options.output import Output
+from hfa.options.part import option, part
+from hfa.options.request import Request, command
+from hfa.options.trim import Trim
 from hfa_flight.export.c_text import write_texts
 from hfa_flight.options import (
-    LawOptions,
+    PolicyGiven,
     actuators_of,
     actuators_option,
-    controller_option,
-    deployment_option,
     noted_linear_model,
-    weights_option,
+    policy_setting_option,
 )
 from hfa_flight.results import Exported
 from hfa_support.errors import BadInputError, printable
@@ -40,28 +39,42 @@ _DIHEDRAL = math.radians(15.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ExportRequest(LawOptions, AircraftOptions, TrimOptions, JsonOption):
+class ExportRequest(Request):
     """Options of `hfa export`."""
 
-    at: float | None = scheduled(breakpoint_value)
-    output: Path = option(
-        "folder for C source, FILE.fmu for an FMU, or FILE.m for a function that reads models from "
-        ".mat files",
-        "PLACE",
-        output_file(".fmu", ".m", folder=True),
-        names="-o --output",
-        required=True,
+    aircraft: Aircraft = part(Aircraft, without=("units",))
+    trim: Trim = part(Trim)
+    policy: PolicyGiven = part(
+        PolicyGiven,
+        learning=part(
+            Learning,
+            law=option(
+                "gain to export: exact or certified (learned); default: exact in C, none in an FMU",
+                "NAME",
+                one_of("exact", DEFAULT_LAW),
+                default="",
+            ),
+            set=policy_setting_option(),
+        ),
     )
-    law: str = option(
-        "gain to export: exact or certified (learned); default: exact in C, none in an FMU",
-        "NAME",
-        one_of("exact", DEFAULT_LAW),
-        default="",
+    output: Output = part(
+        Output,
+        file=option(
+            "folder for C source, FILE.fmu for an FMU, or FILE.m for a function that reads models "
+            "from .mat files",
+            "PLACE",
+            output_file(".fmu", ".m", folder=True),
+            names="-o --output",
+            required=True,
+        ),
     )
-    weights: Path | None = weights_option()
-    controller: Path | None = controller_option()
     actuators: tuple[float, ...] | None = actuators_option()
-    policy: Path | None = deployment_option()
+
+    @property
+    def target(self) -> Path:
+        """The folder or file of -o."""
+        assert self.output.file is not None  # required
+        return self.output.file
 
 
 @command(ExportRequest)
@@ -75,45 +88,40 @@ def export(request: ExportRequest) -> int:
     --controller FILE replaces the gain by a controller. With --policy DEPLOYMENT.toml, the C source
     is only a function for one sample of the deployed policy, with normalizer, clipping and mapping.
     """
-    names_no_policy = (
-        not request.law
-        and request.weights is None
-        and request.controller is None
-        and request.policy is None
-    )
-    if names_no_policy:
-        request = replace(request, law="exact")
-    if request.at is None and not request.own:
-        request = replace(request, at=_DIHEDRAL)
+    policy = request.policy
+    files_of_policy = (policy.weights, policy.controller, policy.deployment)
+    names_no_policy = not policy.learning.law and files_of_policy == (None, None, None)
+    if request.trim.at is None and not request.aircraft.own:
+        request = replace(request, trim=replace(request.trim, at=_DIHEDRAL))
     # Computing the provenance checks options that the code below does not read, before any file is
     # written.
     origin = f"{request.provenance.text()}\n{request.line}"
-    if request.output.suffix.lower() == ".m":
+    if request.target.suffix.lower() == ".m":
         return _write_function(request)
-    if request.controller is None:
+    if policy.controller is None:
         request.refuse(("actuators",), "applies only to --controller; remove this option")
     elif _is_fmu(request) and request.actuators is None:
         raise BadInputError("--controller requires actuators in an FMU; add --actuators LAG:RATE")
-    if request.policy is not None and _is_fmu(request):
+    if policy.deployment is not None and _is_fmu(request):
         raise BadInputError(
-            f"{request.output}: an FMU has neither the sample time nor the delay of a deployment "
+            f"{request.target}: an FMU has neither the sample time nor the delay of a deployment "
             "file; give a folder for C source, which is called once a sample"
         )
-    request.check_policy()
-    model = request.flown_aircraft()
-    point = request.operating_point(model)
-    if request.policy is not None:
-        written = _write_deployed_policy(request, request.policy, point, origin)
+    policy.check(request)
+    model = request.trim.aircraft
+    point = request.trim.point()
+    if policy.deployment is not None:
+        written = _write_deployed_policy(request, policy.deployment, point, origin)
     else:
         is_aircraft_alone = names_no_policy and _is_fmu(request)
         written = _written(request, model, point, origin, with_gain=not is_aircraft_alone)
-    print_report(_report(written), request, notes=point.warnings)
+    request.print(_report(written), notes=point.warnings)
     return 0
 
 
 def _is_fmu(request: ExportRequest) -> bool:
     """Return whether the output is an .fmu file."""
-    return request.output.suffix.lower() == ".fmu"
+    return request.target.suffix.lower() == ".fmu"
 
 
 def _write_function(request: ExportRequest) -> int:
@@ -121,14 +129,14 @@ def _write_function(request: ExportRequest) -> int:
 
     Raises BadInputError if the name of the file cannot be the name of a function.
     """
-    target = request.output
+    target = request.target
     if not re.fullmatch(r"[A-Za-z]\w*", target.stem, re.ASCII):
         raise BadInputError(
             f"{target}: the file name is not a name of a function; give a letter, then letters, "
             "digits and _, as in hfa_models.m"
         )
     write_text(target, files("hfa_flight.export").joinpath("hfa_models.m").read_text("utf-8"))
-    print_report(_report([target]), request)
+    request.print(_report([target]))
     return 0
 
 
@@ -146,7 +154,7 @@ def _write_deployed_policy(
     from hfa_flight.policies.deployment.policy import flown_deployment
 
     policy = flown_deployment(deployment, point)
-    return write_texts(request.output, exported_texts(policy, origin))
+    return write_texts(request.target, exported_texts(policy, origin))
 
 
 def _written(
@@ -172,12 +180,12 @@ def _written(
 
     actuators = actuators_of(model, request.actuators)
     controller = None
-    if request.controller is not None:
-        controller = load_controller(request.controller, model)
+    if request.policy.controller is not None:
+        controller = load_controller(request.policy.controller, model)
     linear = noted_linear_model(model, point)
     policy = None
     if controller is None and with_gain:
-        policy = request.policy_about(linear)
+        policy = request.policy.about(linear)
     if _is_fmu(request):
         steering = None
         if controller is not None:
@@ -185,12 +193,12 @@ def _written(
         elif policy is not None:
             steering = following_a_reference(model, policy)
         loop = exported_loop(model, point, steering, actuators)
-        write_fmu(loop, request.output, request.provenance)
-        return [request.output]
+        write_fmu(loop, request.target, request.provenance)
+        return [request.target]
     texts = c_model_texts(linear, policy, origin)
     if controller is not None:
         texts |= c_controller_texts(controller, model, point, origin, actuators)
-    return write_texts(request.output, texts)
+    return write_texts(request.target, texts)
 
 
 def _report(written: list[Path]) -> Report:

@@ -4,36 +4,153 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from controller.discrete.critic_file import critic_of_steps
-from hfa.inherited import (
-    OneTrimOptions,
-    OutputOptions,
-    ReadingOptions,
-    WorkersOptions,
-    inherited_spread,
-    show,
+from hfa.options.aircraft import Aircraft
+from hfa.options.argument_types import (
+    input_file,
+    number,
+    one_of,
+    positive,
+    quantity,
+    whole,
 )
-from hfa.options.argument_types import input_file, whole
-from hfa.options.output import ProgressLine, output_option, picture_option
-from hfa.options.part import option
-from hfa.options.request import command
-from hfa_flight.options import FlightOptions
-from hfa_support.errors import BadInputError, warn
+from hfa.options.output import Output, ProgressLine, output_option, picture_option
+from hfa.options.part import OfModel, option, part
+from hfa.options.request import Request, command
+from hfa.options.trim import Trim
+from hfa.options.workers import Workers
+from hfa_aircraft.limits import Limits
+from hfa_aircraft.model import Model
+from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
+from hfa_flight.envelope import flight_envelope
+from hfa_flight.flight import lengthened
+from hfa_flight.options import NONE, PolicyGiven, ScenarioGiven, noted_linear_model
+from hfa_flight.own_steps import JSBSIM, METHODS, RUNGE_KUTTA
+from hfa_flight.scenario import Scenario, with_errors
+from hfa_flight.signals import CommandedStates, CommandSteps
+from hfa_support.errors import BadInputError, refuse_unknown, warn
 from hfa_support.files import MATRIX_FILES
+from trim.point.operating_point import OperatingPoint
+
+if TYPE_CHECKING:
+    from hfa_flight.policies.policy import Policy
 
 _MOST_MEMBERS = 10_000_000
 _MOST_STEPS = 1_000_000
+#: Form of --command in the help.
+_COMMAND = "NAME=TIME:VALUE[,TIME:VALUE...]"
+
+
+def _command(model: Model, name: str, text: str) -> list[tuple[float, float]]:
+    """Return the steps of a command: pairs (time in s, value), with times increasing from 0 on.
+
+    name: name of the commanded variable
+    text: typed text "TIME:VALUE,TIME:VALUE", with values in the units of the command line
+
+    Raises BadInputError if the text has another form.
+    """
+    pairs = [part.split(":") for part in text.split(",")]
+    if any(len(pair) != 2 for pair in pairs):
+        raise BadInputError(f"is {text!r}; give {_COMMAND}")
+    steps = [(number(time), quantity(model, name, value)) for time, value in pairs]
+    times = [time for time, _ in steps]
+    if times[0] < 0.0 or any(later <= earlier for earlier, later in pairwise(times)):
+        raise BadInputError(f"is {text!r}; give increasing times of at least 0 s")
+    return steps
+
+
+def _fraction(text: str) -> float:
+    """Return the positive number that a text such as 0.01 or 1/120 represents."""
+    above, slash, below = text.partition("/")
+    value = positive(above)
+    return value / positive(below) if slash else value
+
+
+class PlannedFlight(NamedTuple):
+    """A flight to be simulated.
+
+    point: the trim
+    envelope: limits of the states
+    """
+
+    model: Model
+    point: OperatingPoint
+    policy: Policy
+    scenario: Scenario
+    envelope: Limits
+
+    def lengthened(self) -> PlannedFlight:
+        """Return the flight, longer if limit cycles of growing modes require it."""
+        plant = NonlinearPlant(with_errors(self.model, self.scenario), self.point)
+        loop = ClosedLoop(plant, self.policy, self.scenario)
+        return self._replace(scenario=lengthened(loop))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
+class FlownAircraft(Aircraft):
+    """The aircraft of a flight, or a discrete-time plant."""
+
+    steps: Path | None = option(
+        "simulate the discrete-time plant in FILE from --initial for --duration steps; policy: "
+        "optimum of the game, or --weights",
+        "FILE",
+        input_file(*MATRIX_FILES),
+        names="--model",
+        rare=True,
+    )
+
+    @classmethod
+    def declared_model(cls, typed: Mapping[str, Any]) -> Model:
+        """Return the model of --model, of --aircraft, or the HFA."""
+        if "steps" not in typed:
+            return super().declared_model(typed)
+        from controller.discrete.step_model import step_model
+
+        return step_model(typed["steps"])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlyRequest(Request):
     """Options of `hfa fly`."""
 
+    aircraft: FlownAircraft = part(FlownAircraft)
+    trim: Trim = part(Trim)
+    policy: PolicyGiven = part(PolicyGiven)
+    scenario: ScenarioGiven = part(ScenarioGiven)
+    processes: Workers = part(Workers)
+    output: Output = part(
+        Output,
+        file=output_option(stores=(".zarr",), purpose=" (flights of --samples or --draws)"),
+        picture=picture_option("the flight, or the flights of --draws"),
+    )
+    command: Mapping[str, list[tuple[float, float]]] = option(
+        f"step commands for a state, or with --law {NONE} for an input: time, s, and deviation "
+        "from the trim; repeatable",
+        _COMMAND,
+        OfModel(_command),
+        named=True,
+    )
+    method: str = option(
+        f"integration: {RUNGE_KUTTA} (default), or {JSBSIM} (JSBSim's own steps; JSBSim aircraft "
+        "only)",
+        "NAME",
+        one_of(*METHODS),
+        default=RUNGE_KUTTA,
+        rare=True,
+    )
+    frame: float | None = option(
+        f"step of --method {JSBSIM}, s; default 1/120",
+        "S",
+        _fraction,
+        names="--step",
+        rare=True,
+    )
     samples: int | None = option(
         "simulate N flights, each with its own random errors, noise and turbulence",
         "N",
@@ -46,22 +163,98 @@ class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
         whole(1),
         rare=True,
     )
-    output: Path | None = output_option(
-        stores=(".zarr",), purpose=" (flights of --samples or --draws)"
-    )
-    picture: Path | None = picture_option("the flight, or the flights of --draws")
-    steps: Path | None = option(
-        "simulate the discrete-time plant in FILE from --initial for --duration steps; policy: "
-        "optimum of the game, or --weights",
-        "FILE",
-        input_file(*MATRIX_FILES),
-        names="--model",
-        rare=True,
-    )
 
     def origin(self) -> Mapping[str, Any]:
         """Return the provenance of the model: path of the discrete-time plant, or the aircraft."""
-        return super().origin() if self.steps is None else {"model": str(self.steps)}
+        steps = self.aircraft.steps
+        return super().origin() if steps is None else {"model": str(steps)}
+
+    @property
+    def members(self) -> int | None:
+        """Number of flights with random differences, or None for a single flight."""
+        return self.samples if self.draws is None else self.draws
+
+    def flight(self) -> PlannedFlight:
+        """Return the flight to be simulated, as specified by the options.
+
+        Raises BadInputError if the options contradict each other.
+        """
+        from hfa_flight.policies.policy import open_loop
+
+        given = self.policy
+        # Of a single flight, --Q and --R are the weights of its cost.
+        prices = ("policy.game.Q", "policy.game.R") if self.members is None else ()
+        seeded = self.members is not None or self.scenario.turbulence is not None
+        given.check(self, prices, seeded=seeded)
+        model = self.trim.aircraft
+        point = self.trim.point()
+        drawn = self.members is not None
+        seed = given.learning.seed
+        scenario = self.scenario.scenario(point, self.trim.hold, seed, drawn=drawn)
+        steps = _steps_of(self.command)
+        reference: Any = None
+        if given.deployment is not None:
+            from hfa_flight.policies.deployment.policy import flown_deployment, sampled_scenario
+
+            deployed = flown_deployment(given.deployment, point)
+            scenario = sampled_scenario(deployed, scenario, point)
+            policy: Policy = deployed
+        elif given.controller is not None:
+            policy, reference = self._controller_policy(given.controller, point, steps)
+        elif given.law == NONE:
+            policy = open_loop(steps, tuple(model.inputs), scenario.tick, scenario.ticks)
+        else:
+            for name in steps.names:
+                refuse_unknown("a gain cannot follow a command of", name, model.linear)
+            if steps.names:
+                reference = CommandedStates(steps, model.linear, filtered=False)
+            policy = given.about(noted_linear_model(model, point))
+        if reference is not None:
+            scenario = replace(scenario, reference=reference)
+        envelope = flight_envelope(model, point, self.scenario.envelope)
+        return PlannedFlight(model, point, policy, scenario, envelope)
+
+    def _controller_policy(
+        self, file: Path, point: OperatingPoint, steps: CommandSteps
+    ) -> tuple[Policy, Any]:
+        """Return the policy of --controller and the reference of the flight.
+
+        file: the file of --controller
+        steps: commands of --command
+
+        Raises BadInputError if --actuators is missing for a controller of `hfa design`.
+        """
+        from controller.schedule.gain_schedule import GainSchedule
+        from controller.schedule.scheduled_controller import load_controller_or_gains
+        from hfa_flight.policies.controller import servo_policy
+        from hfa_flight.policies.scheduled_gains import scheduled_gains
+
+        model = self.trim.aircraft
+        controller = load_controller_or_gains(file, model)
+        if isinstance(controller, GainSchedule):
+            condition = self.trim.common_condition.at
+            scheduled = scheduled_gains(f"gains of {file}", controller, point, steps, condition)
+            return scheduled, scheduled.path
+        if self.scenario.actuators is None:
+            raise BadInputError("--controller requires actuators; add --actuators LAG:RATE")
+        steps = CommandSteps(steps.names, steps.times, steps.values, *controller.command_filter)
+        policy = servo_policy(controller, steps, model, point)
+        return policy, CommandedStates(steps, model.linear)
+
+
+def _steps_of(given: Mapping[str, list[tuple[float, float]]]) -> CommandSteps:
+    """Return the commands of --command as one table of steps.
+
+    The times are the union of the times of all commanded variables.
+
+    given: commanded variable -> pairs (time in s, value)
+    """
+    times = sorted({time for steps in given.values() for time, _ in steps})
+    values = np.zeros((len(times), len(given)))
+    for column, steps in enumerate(given.values()):
+        for time, value in steps:
+            values[times.index(time) :, column] = value
+    return CommandSteps(tuple(given), np.array(times), values)
 
 
 @command(FlyRequest)
@@ -78,8 +271,8 @@ def fly(request: FlyRequest) -> int:
     Exit code 1 if a state leaves its envelope, an input exceeds its control limits, or an
     oscillation does not decay (--samples: in every flight; --draws: in any).
     """
-    if request.steps is not None:
-        return _fly_steps(request, request.steps)
+    if request.aircraft.steps is not None:
+        return _fly_steps(request, request.aircraft.steps)
     if request.members is not None:
         many = "--samples" if request.draws is None else "--draws"
         request.refuse(
@@ -92,18 +285,19 @@ def fly(request: FlyRequest) -> int:
     from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
     from trim.point.linearize import linearize
 
-    request.refuse(
+    request.processes.refuse(
         ("workers", "resume"), "applies only to --samples or --draws; remove this option"
     )
-    if request.output is not None and request.output.suffix == ".zarr":
+    file = request.output.file
+    if file is not None and file.suffix == ".zarr":
         raise BadInputError(
-            f"{request.output} is a store for the flights of --samples or --draws; add --samples N"
+            f"{file} is a store for the flights of --samples or --draws; add --samples N"
         )
     refuse_method(request.model, request.method, request.frame)
     planned = request.flight()
-    if "duration" not in request.typed:
+    if "scenario.duration" not in request.typed:
         planned = planned.lengthened()
-    if request.at is None and request.model.extras.names_schedule:
+    if request.trim.at is None and request.model.extras.names_schedule:
         warn(f"no --{request.model.schedule} is given: the flight is {planned.point.at_scheduled}")
     # With scheduled gains, the linear model at the first trim does not apply to other trims.
     predict = not isinstance(planned.policy, ScheduledGainPolicy)
@@ -118,13 +312,12 @@ def fly(request: FlyRequest) -> int:
         step=request.frame,
         progress=ProgressLine("simulate"),
     )
-    if request.Q is not None or request.R is not None:
-        game = request.game_on(linearize(planned.model, planned.point))
+    if {"policy.game.Q", "policy.game.R"} & request.typed.keys():
+        game = request.policy.game.game(linearize(planned.model, planned.point))
         result = replace(result, weights=(game.Q, game.R))
     report = result.report()
-    show(
+    request.show(
         report,
-        request,
         figure=lambda: flight_figure(result, report.title),
         only_in_files=result.history().as_data(),
         notes=result.warnings,
@@ -144,31 +337,45 @@ def _fly_steps(request: FlyRequest, path: Path) -> int:
     from controller.game.game_file import stored_game
     from hfa_flight.step_flight import fly_steps
 
-    used = {"steps", "initial", "duration", "weights", *ReadingOptions.declared()}
-    others = request.typed - used - {*OutputOptions.declared()} | (request.typed & {"picture"})
+    used = {
+        "aircraft.steps",
+        "scenario.initial",
+        "scenario.duration",
+        "policy.weights",
+        "policy.reading.basis",
+        "policy.reading.network",
+        "policy.learning.set",
+        "output.file",
+        "output.json",
+        "quiet",
+    }
+    others = request.typed.keys() - used
     request.refuse(sorted(others), "applies only to an aircraft; remove this option or --model")
     stored = stored_game(path)
     problem = stored.discrete
     assert problem is not None
-    if not request.initial:
+    if not request.scenario.initial:
         raise BadInputError("--model requires an initial state; add --initial NAME=VALUE")
-    duration = request.duration
+    duration = request.scenario.duration
     assert duration is not None
     if not (duration == int(duration) and 1 <= duration <= _MOST_STEPS):
         raise BadInputError(
             f"--duration is {duration:g}; give a whole number of steps from 1 to {_MOST_STEPS}"
         )
-    if request.weights is None:
+    weights = request.policy.weights
+    if weights is None:
         K = solve_discrete(problem).K
         policy = "the game's policy"
     else:
-        critic, _ = critic_of_steps(request.weights, problem, request.reading())
+        critic, _ = critic_of_steps(
+            weights, problem, request.policy.reading.reading(request.policy.learning.set)
+        )
         K = discrete_critic(problem, critic).K
-        policy = f"the policy of {request.weights}"
-    start = np.array([request.initial.get(name, 0.0) for name in request.model.states])
+        policy = f"the policy of {weights}"
+    start = np.array([request.scenario.initial.get(name, 0.0) for name in request.model.states])
     flight = fly_steps(problem, K, policy, start, int(duration))
     flight = replace(flight, warnings=tuple(stored.notes))
-    show(flight.report(), request, notes=stored.notes)
+    request.show(flight.report(), notes=stored.notes)
     return 0 if flight.decays else 1
 
 
@@ -190,9 +397,9 @@ def _fly_members(request: FlyRequest) -> int:
             ("samples",),
             "and --draws both set the number of flights; remove one of these options",
         )
-    target = request.output
+    target = request.output.file
     if request.draws is None:
-        request.refuse(
+        request.output.refuse(
             ("picture",),
             "applies only to a single flight or --draws; remove this option or --samples",
         )
@@ -201,20 +408,22 @@ def _fly_members(request: FlyRequest) -> int:
             f"{target}: the flights of --samples and --draws are written to a Zarr store; use -o "
             "FILE.zarr"
         )
-    if request.resume and target is None:
+    if request.processes.resume and target is None:
         raise BadInputError("--resume requires a store; add -o FILE.zarr")
-    spread = None if request.draws is None else inherited_spread(request)
-    plan = MonteCarlo(members, request.seed, *request.flight(), spread=spread)
+    spread = None
+    if request.draws is not None:
+        spread = request.aircraft.spread(request.trim.held_parameters)
+    plan = MonteCarlo(members, request.policy.learning.seed, *request.flight(), spread=spread)
     progress = ProgressLine("simulate")
     if target is None:
-        flown = run_monte_carlo(plan, request.workers, progress)
+        flown = run_monte_carlo(plan, request.processes.workers, progress)
         report = member_report(plan, flown.__getitem__, "members not kept")
     else:
         dataset = stream_members(
             plan,
             target,
-            workers=request.workers,
-            resume=request.resume,
+            workers=request.processes.workers,
+            resume=request.processes.resume,
             provenance=request.provenance.to_dict(),
             progress=progress,
         )
@@ -222,6 +431,7 @@ def _fly_members(request: FlyRequest) -> int:
     notes = list(dict.fromkeys(plan.point.warnings))
     report = report.with_data(store=None if target is None else str(target), warnings=notes)
     if spread is not None:
-        report = with_stability(report, plan, request.trim_condition, ProgressLine("draws"))
-    show(report, replace(request, output=None), figure=lambda: drawn_figure(plan), notes=notes)
+        report = with_stability(report, plan, request.trim.condition, ProgressLine("draws"))
+    shown = replace(request, output=replace(request.output, file=None))
+    shown.show(report, figure=lambda: drawn_figure(plan), notes=notes)
     return 0 if report.data["within_limits"] >= plan.least_within else 1
