@@ -65,21 +65,32 @@ def forcing(A: np.ndarray, reference: Waveform) -> Waveform:
 
     A: (n, n)
     """
-    moved = reference.through(A)
-    rate = reference.rate()
-    waves = tuple(
-        Harmonic(one.frequency, one.sine - other.sine, one.cosine - other.cosine)
-        for one, other in zip(moved.harmonics, rate.harmonics, strict=True)
-    )
-    return Waveform(moved.constant - rate.constant, moved.slope - rate.slope, waves)
+    return reference.through(A) + reference.rate().through(-np.eye(len(A)))
+
+
+def particular(M: np.ndarray, forcing: Waveform) -> Waveform:
+    """Return the solution w(t), (n,), of w' = M w + f(t) that has the form of f.
+
+    With a Hurwitz M, or -M, this is the only solution that grows no faster than f. The sinusoid
+    Re(ρ exp(jωt)) of f has Re(σ exp(jωt)) in w, (jω I - M) σ = ρ, and the ramp f_0 + f_1 t has
+    w_0 + w_1 t, M w_1 = -f_1, M w_0 = w_1 - f_0.
+
+    M: (n, n), without an eigenvalue 0 or ±jω
+    forcing: f, (n,)
+    """
+    slope = -np.linalg.solve(M, forcing.slope)
+    constant = np.linalg.solve(M, slope - forcing.constant)
+    identity = np.eye(len(M))
+    waves = []
+    for wave in forcing.harmonics:
+        # sine sin(ωt) + cosine cos(ωt) = Re((cosine - j sine) exp(jωt))
+        phasor = np.linalg.solve(1j * wave.frequency * identity - M, wave.cosine - 1j * wave.sine)
+        waves.append(Harmonic(wave.frequency, -phasor.imag, phasor.real))
+    return Waveform(constant, slope, tuple(waves))
 
 
 def feedforward(game: Game, P: np.ndarray, reference: Waveform) -> Feedforward:
     """Return the exact feedforward of a game for a reference of its states.
-
-    The solution is found for each term of the reference: with L = (A - S P)', the sinusoid
-    Re(ρ exp(jωt)) of r has Re(σ exp(jωt)) in s, (jω I + L) σ = -P ρ, and the ramp r_0 + r_1 t has
-    s_0 + s_1 t, L s_1 = -P r_1, L s_0 = -P r_0 - s_1.
 
     P: (n, n), the stabilizing solution
 
@@ -98,15 +109,4 @@ def feedforward(game: Game, P: np.ndarray, reference: Waveform) -> Feedforward:
             f"A - S P has abscissa {abscissa:+.4g} 1/s; give the stabilizing P of the game"
         )
     driving = forcing(game.A, reference)
-    driven = driving.through(-P)
-    slope = np.linalg.solve(loop.T, driven.slope)
-    constant = np.linalg.solve(loop.T, driven.constant - slope)
-    identity = np.eye(len(loop))
-    waves = []
-    for wave in driven.harmonics:
-        # sine sin(ωt) + cosine cos(ωt) = Re((cosine - j sine) exp(jωt))
-        phasor = np.linalg.solve(
-            1j * wave.frequency * identity + loop.T, wave.cosine - 1j * wave.sine
-        )
-        waves.append(Harmonic(wave.frequency, -phasor.imag, phasor.real))
-    return Feedforward(game, reference, driving, Waveform(constant, slope, tuple(waves)))
+    return Feedforward(game, reference, driving, particular(-loop.T, driving.through(-P)))

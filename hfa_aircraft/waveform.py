@@ -93,6 +93,26 @@ class Waveform(Result, Reported):
             value = value + np.outer(np.cos(h.frequency * times), h.cosine)
         return np.asarray(value)
 
+    @property
+    def moving(self) -> np.ndarray:
+        """Whether each channel changes with time, (n,)."""
+        moves = self.slope != 0.0
+        for h in self.harmonics:
+            moves = moves | (h.sine != 0.0) | (h.cosine != 0.0)
+        return np.asarray(moves)
+
+    def __add__(self, other: Waveform) -> Waveform:
+        """Return the sum of two waveforms of equal length. Equal frequencies are one harmonic."""
+        waves = {h.frequency: h for h in self.harmonics}
+        for h in other.harmonics:
+            own = waves.get(h.frequency)
+            if own is not None:
+                h = Harmonic(h.frequency, own.sine + h.sine, own.cosine + h.cosine)
+            waves[h.frequency] = h
+        return Waveform(
+            self.constant + other.constant, self.slope + other.slope, tuple(waves.values())
+        )
+
     def through(self, matrix: np.ndarray) -> Waveform:
         """Return the waveform M s(t), (m,).
 
@@ -167,13 +187,13 @@ def stacked(channels: Mapping[str, Waveform], names: Sequence[str]) -> Waveform:
     total = zero(len(names))
     for name, wave in channels.items():
         place = np.array([[float(other == name)] for other in names])
-        part = wave.through(place)
-        total = Waveform(
-            total.constant + part.constant,
-            total.slope + part.slope,
-            total.harmonics + part.harmonics,
-        )
+        total = total + wave.through(place)
     return total
+
+
+def constant(values: np.ndarray) -> Waveform:
+    """Return the waveform with constant values, (n,)."""
+    return Waveform(values, np.zeros(len(values)))
 
 
 def zero(size: int) -> Waveform:

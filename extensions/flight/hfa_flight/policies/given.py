@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.critic.critic_file import entries_in, is_network, read_critic, single_parts
 from controller.game.linear_game import names_of_linear
+from controller.tracking import Tracking
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.policy import flown_deployment, sampled_scenario
 from hfa_flight.policies.policy import (
@@ -35,8 +36,8 @@ from hfa_support.errors import BadInputError, numbers_in, prefix_errors, refuse_
 from trim.point.operating_point import OperatingPoint
 
 _FORMS = (
-    "give a gain K, a critic, a solution, a Deployment, a file that contains one of these, input "
-    "steps {name: [(time, value), ...]} or a function of (t, X)"
+    "give a gain K, a critic, a solution, hfa.track(...), a Deployment, a file that "
+    "contains one of these, input steps {name: [(time, value), ...]} or a function of (t, X)"
 )
 
 
@@ -45,8 +46,8 @@ def policy_and_scenario(
 ) -> tuple[Policy, Scenario]:
     """Return the policy of a flight and the scenario.
 
-    If `given` is a deployment, the scenario is changed to the sampling of the deployment.
-    Otherwise, it is returned unchanged.
+    If `given` is a deployment, the scenario is changed to the sampling of the deployment, and if it
+    is the result of `hfa.track`, to its reference. Otherwise, it is returned unchanged.
 
     given: policy in any form that `hfa.fly` accepts
     point: the trim
@@ -65,6 +66,9 @@ def policy_and_scenario(
         return open_loop(steps, inputs, scenario.tick, scenario.ticks), scenario
     if isinstance(given, Critic) and not given.linear:
         return function_policy(given.origin, given.policy, point), scenario
+    if isinstance(given, Tracking):
+        policy = GainPolicy("tracking", given.K, given.inputs)
+        return policy, replace(scenario, reference=given.exact.reference)
     if hasattr(given, "K"):
         return GainPolicy(getattr(given, "origin", "exact"), given.K), scenario
     if callable(given):

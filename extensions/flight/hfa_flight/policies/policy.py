@@ -15,6 +15,7 @@ import numpy as np
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.march.march import saturated
 from hfa_aircraft.model import Model
+from hfa_aircraft.waveform import Waveform
 from hfa_flight.history import Deviations
 from hfa_flight.signals import CommandSteps
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
@@ -122,14 +123,17 @@ class Policy(Reported):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GainPolicy(Policy):
-    """Policy u = -K z, with the measured error z = x - x_d of the states of the linear model.
+    """Policy u = -K z + u_d(t), with the measured error z = x - x_d of the states of the linear
+    model.
 
     gains: K (m, k), or (N, m, k) with a gain for each tick. Both are stored as (N, m, k)
+    feedforward: u_d, (m,), or None for 0
 
     Raises BadInputError for another shape or a number that is not finite.
     """
 
     gains: np.ndarray
+    feedforward: Waveform | None = None
 
     def __post_init__(self) -> None:
         """Raise BadInputError for invalid gains, and store them column by column in `held`."""
@@ -145,8 +149,9 @@ class GainPolicy(Policy):
         object.__setattr__(self, "identity", {"K": gains})
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return the commanded inputs u = -K z, (m,)."""
-        return -ca.mtimes(ca.reshape(held, *self.gains.shape[1:]), measurements.error)
+        """Return the commanded inputs u = -K z + u_d(t), (m,)."""
+        feedback = -ca.mtimes(ca.reshape(held, *self.gains.shape[1:]), measurements.error)
+        return feedback if self.feedforward is None else feedback + self.feedforward.at(t)
 
     @property
     def gain(self) -> np.ndarray | None:

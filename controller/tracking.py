@@ -1,0 +1,246 @@
+"""Tracking of a reference by the policies of a game: errors, cost, and trims at the commands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.reference import Feedforward, feedforward, particular
+from controller.riccati.gare import Solution
+from hfa_aircraft.waveform import Waveform, channel, constant, stacked
+from hfa_support.arguments import need
+from hfa_support.errors import refuse_unknown, refuse_unless_positive
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import UNSTORED, Matrix, Result, Vector, stored
+from hfa_support.reporting.text import Table, shown_unit, shown_value
+from trim.linear.linear_model import LinearModel
+from trim.point.commanded import CommandedTrim, commanded_trim
+
+#: Times at which means over the duration are computed.
+_TIMES = 2001
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Tracking(Result, Reported):
+    """Policy u = -K z + u_d(t) of a game that tracks a reference x_d(t), with z = x - x_d.
+
+    All errors and costs are those of the linear model without disturbance, after the transients.
+
+    exact: feedforward of the game
+    K: gain of the feedback, (m, n)
+    duration: time over which means are computed, s
+    trims: trims at each commanded value, at the constant ones together, and at all together
+    """
+
+    exact: Feedforward = field(metadata=UNSTORED)
+    K: Matrix
+    duration: float
+    trims: tuple[CommandedTrim, ...] = ()
+
+    @property
+    def game(self) -> Game:
+        """The game of regulation."""
+        return self.exact.game
+
+    @property
+    def inputs(self) -> Waveform:
+        """Feedforward u_d(t), (m,)."""
+        return self.exact.inputs
+
+    @property
+    @stored()
+    def cost_per_second(self) -> float:
+        """Cost of u = -K z + u_d(t), per second."""
+        return self._cost(self.late_error(self.inputs), self.inputs)
+
+    @property
+    @stored()
+    def cost_per_second_without_feedforward(self) -> float:
+        """Cost of u = -K z, per second."""
+        nothing = constant(np.zeros(len(self.K)))
+        return self._cost(self.late_error(nothing), nothing)
+
+    @property
+    @stored()
+    def rms_errors(self) -> Vector:
+        """Root mean square of each late error, (n,)."""
+        return self._rms(self.late_error(self.inputs))
+
+    @property
+    @stored()
+    def rms_errors_without_feedforward(self) -> Vector:
+        """Root mean square of each late error with u = -K z, (n,)."""
+        return self._rms(self.late_error(constant(np.zeros(len(self.K)))))
+
+    @property
+    @stored()
+    def reachable(self) -> bool | None:
+        """Whether the aircraft has a trim at the constant commands; None if this is unknown."""
+        return None if self._decisive is None else self._decisive.is_reachable
+
+    def late_error(self, inputs: Waveform) -> Waveform:
+        """Return the error z(t), (n,), of u = -K z + inputs after the transients.
+
+            z' = (A - B K) z + B inputs + r
+
+        inputs: (m,)
+        """
+        pushed = inputs.through(self.game.B) + self.exact.forcing
+        return particular(self.game.A - self.game.B @ self.K, pushed)
+
+    def _rms(self, error: Waveform) -> np.ndarray:
+        squares = error.sampled(self._times) ** 2
+        return np.sqrt(np.trapezoid(squares, self._times, axis=0) / self.duration)
+
+    def _cost(self, error: Waveform, inputs: Waveform) -> float:
+        z = error.sampled(self._times)
+        u = inputs.sampled(self._times) - z @ self.K.T
+        both = np.hstack([z, u])
+        rates = np.einsum("ti,ij,tj->t", both, self.game.weights, both)
+        return float(np.trapezoid(rates, self._times) / self.duration)
+
+    @cached_property
+    def _times(self) -> np.ndarray:
+        return np.linspace(0.0, self.duration, _TIMES)
+
+    @property
+    def _decisive(self) -> CommandedTrim | None:
+        """The trim at the constant commands together, or at all commands if none is constant."""
+        if not self.trims:
+            return None
+        reference = self.exact.reference
+        constants = zip(self.game.names.states, reference.constant, reference.moving, strict=True)
+        steady = {name for name, value, moves in constants if value and not moves}
+        for found in self.trims:
+            if set(found.command) == steady:
+                return found
+        return self.trims[-1]
+
+    def report(self) -> Report:
+        """Return a report of the errors, the costs and the trims at the commands."""
+        names = self.game.names
+        rows = []
+        both = zip(self.rms_errors, self.rms_errors_without_feedforward, strict=True)
+        command = self._rms(self.exact.reference)
+        for state, unit, size, errors in zip(
+            names.states, names.state_units, command, both, strict=True
+        ):
+            numbers = (shown_value(float(value), unit, ".3g") for value in (size, *errors))
+            rows.append((state, shown_unit(unit), *numbers))
+        return Report(
+            title=f"Tracking: reachable: {self._reachable_text()}",
+            parts=(
+                f"Linear model without disturbance, after the transients, over"
+                f" {self.duration:g} s:\ncost per second {self.cost_per_second:.6g}, without"
+                f" feedforward {self.cost_per_second_without_feedforward:.6g}",
+                Table(("rms of", "unit", "command", "error", "without feedforward"), rows),
+                *self._trim_parts(),
+            ),
+            data=self.as_data(),
+        )
+
+    def _reachable_text(self) -> str:
+        found = self._decisive
+        if found is None:
+            return "unknown, no aircraft was given"
+        if found.is_reachable:
+            return "yes, as a trim of the aircraft"
+        return f"no ({self._need(found)})"
+
+    def _need(self, found: CommandedTrim) -> str:
+        """Return "elevator_center needs -71 deg, limit -30 deg", or why there is no trim."""
+        if found.reason:
+            return found.reason.removeprefix("no trim: ")
+        name = max(found.beyond, key=found.excess)
+        describe = found.model.describe
+        more = f" and {len(found.beyond) - 1} more" if len(found.beyond) > 1 else ""
+        return (
+            f"{name} needs {describe(name, found.needed[name])}, limit"
+            f" {describe(name, found.beyond[name])}{more}"
+        )
+
+    def _trim_parts(self) -> tuple[Table, ...]:
+        """Return a table of the trims at the commands, () without an aircraft."""
+        if not self.trims:
+            return ()
+        free = tuple(dict.fromkeys(name for found in self.trims for name in found.needed))
+        rows = []
+        for found in self.trims:
+            values = []
+            for name in free:
+                if name not in found.needed:
+                    values.append("")
+                    continue
+                mark = "!" if name in found.beyond else ""
+                values.append(shown_value(found.needed[name], found.model.unit(name), ".4g") + mark)
+            verdict = "yes" if found.is_reachable else "no"
+            rows.append((" ".join(found.command), *values, verdict))
+        model = self.trims[0].model
+        units = ["", *(shown_unit(model.unit(name)) for name in free), ""]
+        return (Table(("trim at command", *free, "reachable"), [tuple(units), *rows]),)
+
+
+def track(
+    linear: LinearModel,
+    solution: Solution,
+    reference: Mapping[str, float | str] | Waveform,
+    *,
+    K: np.ndarray | None = None,
+    duration: float = 20.0,
+) -> Tracking:
+    """Return the exact feedforward for a reference of the states, with what it costs and needs.
+
+    The policy is u = -K (x - x_d) + u_d(t). A trim of the aircraft at the commanded values says
+    whether constant commands are reachable.
+
+    linear: the linear model of the game
+    solution: exact solution of the game
+    reference: state -> deviation from the trim, in the units of the model: a number, or a sum of
+        terms of t in s such as "7+0.01t+2sin(0.5t)"
+    K: gain of the feedback, (m, n), by default that of the solution
+    duration: time over which means are computed, s
+
+    Raises BadInputError for an unknown state, another text, or a duration that is not positive.
+
+    >>> import hfa, numpy as np
+    >>> linear = hfa.paper.level_model(hfa.aircraft(), np.radians(15.0))
+    >>> solution = hfa.solve(hfa.paper.published_game(linear))
+    >>> hfa.track(linear, solution, {"dihedral": 0.1}).reachable
+    True
+    """
+    need(linear, LinearModel, "track: linear", "hfa.linearize(point)")
+    need(solution, Solution, "track: solution", "hfa.solve(game)")
+    refuse_unless_positive("the duration", duration)
+    if not isinstance(reference, Waveform):
+        channels = {}
+        for name, value in reference.items():
+            refuse_unknown("unknown state", name, linear.states)
+            channels[name] = channel(value if isinstance(value, str) else f"{value:.17g}")
+        reference = stacked(channels, linear.states)
+    exact = feedforward(solution.game, solution.P, reference)
+    gain = solution.K if K is None else solution.game.checked_gain(K)
+    return Tracking(exact, gain, duration, _trims(linear, reference))
+
+
+def _trims(linear: LinearModel, reference: Waveform) -> tuple[CommandedTrim, ...]:
+    """Return the trims at each command, at the constant commands together, and at all together."""
+    point = linear.point
+    if point is None or point.problem is None:
+        return ()
+    moving = reference.moving
+    commands = {}
+    steady = {}
+    for name, value, moves in zip(linear.states, reference.constant, moving, strict=True):
+        if value or moves:
+            commands[name] = float(value)
+        if value and not moves:
+            steady[name] = float(value)
+    groups = [{name: value} for name, value in commands.items()]
+    for together in (steady, commands):
+        if together and together not in groups:
+            groups.append(together)
+    return tuple(commanded_trim(point, group) for group in groups)

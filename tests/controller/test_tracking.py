@@ -1,0 +1,90 @@
+"""Tracking of a reference: late errors, costs, and trims at the commands."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from linear_flight import simulate
+
+import hfa
+from controller.tracking import Tracking, track
+from hfa_aircraft.waveform import zero
+
+COMMAND = {"speed": "7+0.01t+2sin(0.5t)", "alpha": 0.1, "dihedral": 0.5}
+
+
+def tracking(dihedral_deg: float, command: dict[str, float | str] = COMMAND) -> Tracking:
+    """The paper's game at a dihedral angle, tracking a command."""
+    linear = hfa.paper.level_model(hfa.aircraft(), math.radians(dihedral_deg))
+    return track(linear, hfa.solve(hfa.paper.published_game(linear)), command)
+
+
+@pytest.mark.parametrize(("dihedral_deg", "needed_deg"), [(5.0, -85.6), (15.0, -71.2)])
+def test_the_command_of_the_paper_is_no_trim(dihedral_deg: float, needed_deg: float) -> None:
+    """The commanded alpha and dihedral angle need a centre elevator far beyond its limits."""
+    found = tracking(dihedral_deg)
+    assert not found.reachable
+    together = {frozenset(each.command): each for each in found.trims}
+    constant = together[frozenset({"alpha", "dihedral"})]
+    assert math.degrees(constant.needed["elevator_center"]) == pytest.approx(needed_deg, abs=0.05)
+    assert math.degrees(constant.beyond["elevator_center"]) == pytest.approx(-30.0)
+    assert together[frozenset({"dihedral"})].is_reachable
+    title = str(found.report()).splitlines()[0]
+    assert f"no (elevator_center needs {needed_deg}" in title
+
+
+def test_a_reachable_command_is_said_to_be_reachable() -> None:
+    """A dihedral angle within the limits is a trim; without an aircraft this is unknown."""
+    assert tracking(15.0, {"dihedral": 0.1}).reachable
+    plant = hfa.LinearModel.of([[-1.0]], [[1.0]])
+    solution = hfa.solve(hfa.Game(plant.A, plant.B, np.eye(1), np.eye(1), np.eye(1), 10.0))
+    assert track(plant, solution, {"x1": 1.0}).reachable is None
+
+
+@pytest.mark.parametrize("with_feedforward", [True, False])
+def test_late_errors_are_those_of_a_simulation(with_feedforward: bool) -> None:
+    """The late error of the linear loop is what a simulation shows after the transients."""
+    found = tracking(15.0)
+    inputs = found.inputs.at if with_feedforward else (lambda t: np.zeros(5))
+    flight = simulate(
+        found.game,
+        lambda t, z: -found.K @ z + inputs(t),
+        lambda t, z: np.zeros(6),
+        np.zeros(6),
+        np.array([0.0, 60.0, 80.0]),
+        found.exact.forcing.at,
+    )
+    steady = found.late_error(found.inputs if with_feedforward else zero(5))
+    for time, z in zip(flight.times[1:], flight.states[1:], strict=True):
+        assert np.abs(z - steady.at(time)).max() < 1e-5 * np.abs(z).max()
+
+
+def test_feedforward_costs_less_than_feedback_alone() -> None:
+    """Under the policies of a game with an ineffective disturbance, feedforward costs least."""
+    linear = hfa.paper.level_model(hfa.aircraft(), math.radians(10.0))
+    game = hfa.paper.published_game(linear, delta=1e6)
+    found = track(linear, hfa.solve(game), {"dihedral": 0.1, "speed": "sin(0.3t)"})
+    least = found.cost_per_second
+    assert least < found.cost_per_second_without_feedforward
+    assert least == pytest.approx(found.exact.cost_per_second(found.duration), rel=0.2)
+
+
+def test_a_wrong_reference_is_refused() -> None:
+    """An unknown state and a text that is no signal are refused in one line."""
+    with pytest.raises(hfa.BadInputError, match="unknown state"):
+        tracking(15.0, {"height": 1.0})
+    with pytest.raises(hfa.BadInputError, match="no term of a signal"):
+        tracking(15.0, {"speed": "exp(t)"})
+
+
+def test_a_flight_with_feedforward_follows_the_command() -> None:
+    """The nonlinear aircraft follows a small dihedral command more closely with feedforward."""
+    found = tracking(15.0, {"dihedral": 0.02})
+    model = hfa.aircraft()
+    point = hfa.trim(model, at=math.radians(15.0))
+    flight = hfa.fly(model, point, found, seconds=40.0)
+    moved = flight["dihedral"][-1] - point["dihedral"]
+    expected = 0.02 + found.late_error(found.inputs).at(40.0)[4]
+    assert moved == pytest.approx(expected, abs=2e-4)

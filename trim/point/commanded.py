@@ -1,0 +1,73 @@
+"""Trims at commanded values: what a constant command would need of the inputs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.results import UNSTORED, Result
+from trim.point.condition import release
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import TrimError, trim
+
+
+@dataclass(frozen=True, eq=False)
+class CommandedTrim(Result):
+    """Trim at commanded values, found beyond the limits of the free variables if necessary.
+
+    command: state -> commanded deviation from the trim
+    needed: free variable -> value at which the equations balance; empty if none was found
+    beyond: free variable outside its limits -> the limit that it exceeds
+    model: model of the aircraft
+    reason: why no values were found, or ""
+    """
+
+    command: Mapping[str, float]
+    needed: Mapping[str, float]
+    beyond: Mapping[str, float]
+    model: Model = field(metadata=UNSTORED)
+    reason: str = ""
+
+    @property
+    def is_reachable(self) -> bool:
+        """Whether the aircraft has a trim at the command, within all limits."""
+        return not (self.beyond or self.reason)
+
+    def excess(self, name: str) -> float:
+        """Return by how much a free variable exceeds its limit, relative to its range."""
+        lowest, highest = self.model.limits[name]
+        span = highest - lowest
+        excess = abs(self.needed[name] - self.beyond[name])
+        return excess / span if math.isfinite(span) else excess
+
+
+def commanded_trim(point: OperatingPoint, command: Mapping[str, float]) -> CommandedTrim:
+    """Return the trim in which some states are held away from their trim values.
+
+    The other conditions are those of the trim. The free variables have no limits in this search, so
+    that what the command would need is found.
+
+    point: the trim; its problem is known
+    command: state -> deviation from the trim, in the units of the model
+    """
+    assert point.problem is not None
+    held = {name: point[name] + value for name, value in command.items()}
+    unlimited = (-math.inf, math.inf)
+    try:
+        condition = release(point.problem.asked, hold=held)
+        limits = {name: condition.limits_of(name) for name in condition.free}
+        wide = release(condition, limits=dict.fromkeys(limits, unlimited))
+        found = trim(point.model, wide, point)
+    except (TrimError, BadInputError) as error:
+        return CommandedTrim(command, {}, {}, point.model, str(error))
+    needed = {name: found[name] for name in limits}
+    beyond = {}
+    for name, (lowest, highest) in limits.items():
+        if needed[name] < lowest:
+            beyond[name] = lowest
+        elif needed[name] > highest:
+            beyond[name] = highest
+    return CommandedTrim(command, needed, beyond, point.model)
