@@ -34,8 +34,8 @@ from hfa_flight.scenario import Scenario, Uncertainty
 from trim.point.solve import level_model
 from trim.sweeps.store import stream_sweep
 from trim.sweeps.sweep_plan import Steps, SweepPlan
+from verification.box import ordinary_box
 from verification.critic.critic_check import verify
-from verification.hfa_box import ordinary_box
 from verification.scope import Scope
 
 UNCERTAIN = Uncertainty(

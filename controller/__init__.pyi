@@ -2,8 +2,9 @@
 
 from .critic.critic_file import critic_in as critic_in
 from .critic.critic_history import critics_over_time as critics_over_time
-from .discrete.solution import solve_discounted as solve_discounted
+from .discrete.solution import sampled as sampled, solve_discrete as solve_discrete
 from .game.basis import basis as basis
+from .game.discrete_game import DiscreteGame as DiscreteGame
 from .hfa_files import load_game as load_game
 from .learning.recording import Stack as Stack, random_pool as random_pool, record as record
 from .learning.ticks import run as run

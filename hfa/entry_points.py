@@ -139,8 +139,6 @@ COMMANDS = {
             "verification.verdict:Verdict verification.verdict:Details"
             " hfa.options.game:Weights hfa.options.game:NamedGame",
             "verification.verdict:Verdicts hfa.options.game:Weights hfa.options.game:NamedGame",
-            "verification.critic.discrete:DiscreteVerdict verification.verdict:Details"
-            " hfa.options.game:Weights hfa.options.game:NamedGame",
         ),
     ),
     "assess": CommandEntry(

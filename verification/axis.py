@@ -1,41 +1,37 @@
-"""Loops of a critic in continuous and in discrete time."""
+"""What a verdict needs of a game, in continuous and in discrete time, and simulations of loops."""
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol
+from typing import NamedTuple, Protocol
 
 import casadi as ca
 import numpy as np
 
-from controller.critic.critic import Critic, symbols_for
+from controller.critic.critic import Critic
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import spectrum
-from controller.riccati.cost import loss_matrix
 from hfa_support.native.bound import BoundFunction
+from hfa_support.reporting.checks import Check
 from verification.critic_errors import Exact
-
-if TYPE_CHECKING:
-    from controller.discrete.solution import DiscreteSolution
-    from controller.riccati.gare import Solution
+from verification.scope import NonlinearPlant
+from verification.verdict import Section
 
 #: A simulation ends when the exact loop has decayed to exp(-`DECAY`).
 DECAY = 5.0
 #: It ends later for a slower linear loop, but not later than this many times the time of the exact
 #: loop.
-_SLOWEST = 100.0
+SLOWEST = 100.0
 #: Largest number of LSODA steps in a simulation of the linear plant, in one that is slow to
 #: evaluate (a wide network, the nonlinear plant), and of steps of a discrete loop.
 STEPS = 20_000
-_FEW_STEPS = 1000
-_MOST_STEPS = 20_000
+FEW_STEPS = 1000
+MOST_STEPS = 20_000
 #: The loop has converged if V* has decreased to this fraction.
 RETURNED = 0.05
 #: A loop diverges if V* exceeds this multiple of a bound on V* in the box. Its simulation ends
 #: there.
-_FAR = 1e12
+FAR = 1e12
 #: Largest number of Newton steps to an equilibrium, and its largest distance, in boxes.
 _NEWTON_STEPS = 30
 _FARTHEST_REST = 100.0
@@ -57,16 +53,81 @@ class Loop(Protocol):
         """
 
 
-class TimeAxis(Protocol):
-    """Plant of a critic in continuous or discrete time."""
+class LinearLoop(NamedTuple):
+    """Verdict on the linear loop u = -K z of a critic.
 
-    #: Unit of the time of a cost, for reports.
+    checks: stability, and in continuous time the L2 gain.
+    cost_lost: largest cost above the optimum over all initial conditions, percent, or inf.
+    section: section of the report, with the cost, gain and margins.
+    """
+
+    checks: list[Check]
+    cost_lost: float
+    section: Section
+
+
+class TimeAxis(Protocol):
+    """What a verdict on a critic needs of a game: its exact solution, and everything that differs
+    between continuous and discrete time.
+
+    The pipeline (`verify`) and all searches use a game only through this protocol. A verdict on
+    another kind of game is another implementation.
+
+    period: unit of the time of a cost: second or step.
+    price: weight of u - u* in the cost above V*, (m, m).
+    """
+
     period: str
+    price: np.ndarray
 
     @property
-    def price(self) -> np.ndarray:
-        """Weight of u - u* in the cost above V*, (m, m)."""
+    def step(self) -> Game:
+        """The game; in discrete time, the game of one step."""
 
+    @property
+    def exact(self) -> Exact:
+        """Certified solution of the game."""
+
+    @property
+    def name(self) -> str:
+        """The game in the first line of a verdict, such as "linear game"."""
+
+    @property
+    def solution(self) -> str:
+        """What `exact` is, for the heading of a report."""
+
+    # The critic and its matrices.
+    def critic(self, given: Critic) -> Critic:
+        """Return the critic with the policy that its value implies in this time."""
+
+    def gain(self, P: np.ndarray) -> np.ndarray:
+        """Return the gain K (m, n) of the policy that the value z'P z implies."""
+
+    def more_errors(self, critic: Critic, box: np.ndarray, limit: float) -> list[Check]:
+        """Return the checks of errors besides those of K, P, V and u.
+
+        box: half-widths of the box of states, (n,)
+        """
+
+    def linear_loop(self, critic: Critic, is_exact: bool) -> LinearLoop:
+        """Return the verdict on the loop u = -K z.
+
+        is_exact: whether the critic equals the exact solution, for the texts
+        """
+
+    def value_checks(self, P: np.ndarray, limit: float) -> list[Check]:
+        """Return the checks of the matrix P of a critic's value, besides its errors.
+
+        limit: limit of the residual of the Riccati equation
+        """
+
+    def game_loop(self, P: np.ndarray) -> Check:
+        """Return the check that the loop with both policies of the value z'P z is stable."""
+
+    def residuals(self, values: np.ndarray) -> np.ndarray:
+        """Return the relative residuals of the Riccati equation, (N,), for N matrices P."""
+
+    # Simulations of a policy that is not linear.
     def is_stable(self, K: np.ndarray) -> bool:
         """Return whether the loop A - B K is stable."""
 
@@ -94,155 +155,17 @@ class TimeAxis(Protocol):
         X: (n, n), `excess` of K
         """
 
+    def plant_loop(
+        self, plant: NonlinearPlant, critic: Critic | None, b: np.ndarray
+    ) -> Loop | None:
+        """Return the closed loop of the nonlinear plant, or None if it is not simulated.
 
-class InTime:
-    """Plant z' = A z + B u + E d in continuous time.
-
-    A policy u has the cost J = V* + ∫ (u - u*)'R (u - u*) - δ² (d - d*)'(d - d*) dt. The worst
-    disturbance of u = -K z is d = d* + δ⁻² E'X z.
-
-    exact: exact solution of the game, with V*, u* and d*
-    """
-
-    period = "second"
-
-    def __init__(self, game: Game, exact: Solution) -> None:
-        self._game = game
-        self._exact = exact
-        self.price = game.R
-
-    def is_stable(self, K: np.ndarray) -> bool:
-        """Return whether A - B K is Hurwitz."""
-        return bool(spectrum(self._game.A - self._game.B @ K).abscissa < 0.0)
-
-    def cost(self, z: np.ndarray, u: np.ndarray) -> float:
-        """Return z'Q z + 2 z'N u + u'R u."""
-        both = np.hstack([z, u])
-        return float(both @ self._game.weights @ both)
-
-    def excess(self, K: np.ndarray) -> np.ndarray | None:
-        """Return the `loss_matrix` X of u = -K z, or None if the cost has no bound."""
-        return loss_matrix(self._game, self._exact, K)
-
-    def duration(self, *loops: np.ndarray) -> float:
-        """Return the duration of a simulation, s, in which the exact loop and linear loops decay.
-
-        loops: stable matrices, (n, n)
-        """
-        by_exact = abs(spectrum(self._game.A - self._game.B @ self._exact.K).abscissa)
-        slowest = min([by_exact, *(abs(spectrum(loop).abscissa) for loop in loops)])
-        return DECAY / max(slowest, by_exact / _SLOWEST)
-
-    def loop(self, critic: Critic, b: np.ndarray) -> Loop:
-        """Return the closed loop without disturbance.
-
+        critic: the critic, or None for the exact policy
         b: half-widths of the box of states, (n,)
         """
-        z = critic.symbols
-        rates = ca.DM(self._game.A) @ z + ca.DM(self._game.B) @ critic.policy(z)
-        duration = self.duration(self._game.A - self._game.B @ critic.K)
-        return _FlowLoop(z, rates, self._exact, duration, b)
-
-    def worst_loop(self, critic: Critic, b: np.ndarray, X: np.ndarray) -> Loop:
-        """Return the closed loop under d = d* + δ⁻² E'X z.
-
-        The running cost is v'R v - δ² w'w, with v = u - u* and w = d - d* minus their values at the
-        equilibrium.
-        """
-        game = self._game
-        z = critic.symbols
-        more = game.disturbance_gain(X)
-        plant = game.A + game.E @ (self._exact.disturbance_gain + more)
-        rates = ca.DM(plant) @ z + ca.DM(game.B) @ critic.policy(z)
-        duration = self.duration(game.A - game.B @ critic.K, plant - game.B @ critic.K)
-        loop = _FlowLoop(z, rates, self._exact, duration, b)
-        if loop.equilibrium is None:
-            return loop
-        paid = _cost_of(critic.policy, self._exact.K, self.price, loop.equilibrium)
-        if not math.isfinite(game.delta):
-            return loop.with_cost(paid)
-        gained = ca.DM(game.delta * more)
-        rest = ca.DM(loop.equilibrium)
-        return loop.with_cost(lambda z: paid(z) - ca.sumsqr(gained @ (z - rest)))
 
 
-class InSteps:
-    """Plant x⁺ = A x + B u + E w in discrete time, with discount factor α.
-
-    Under the worst disturbance, a policy u has the cost
-    J = V* + Σ αᵏ (u - u*)'(R + α B'P*B)(u - u*).
-
-    exact: exact solution of the game, with V*, u* and P*
-    """
-
-    period = "step"
-
-    def __init__(self, exact: DiscreteSolution) -> None:
-        step = exact.game
-        self._exact = exact
-        self._worst = step.A + step.E @ exact.disturbance_gain
-        self.price = step.R + exact.discount * step.B.T @ exact.P @ step.B
-
-    def is_stable(self, K: np.ndarray) -> bool:
-        """Return whether all eigenvalues of A - B K are inside the unit circle."""
-        return _radius(self._exact.game.A - self._exact.game.B @ K) < 1.0
-
-    def cost(self, z: np.ndarray, u: np.ndarray) -> float:
-        """Return x'Q x + 2 x'N u + u'R u."""
-        both = np.hstack([z, u])
-        return float(both @ self._exact.game.weights @ both)
-
-    def excess(self, K: np.ndarray) -> np.ndarray | None:
-        """Return X = α F'X F + (K - K*)'(R + α B'P*B)(K - K*) with F = A + E L* - B K.
-
-        The result is None if √α F is not finite or has an eigenvalue outside the open unit disk.
-        """
-        from scipy.linalg import solve_discrete_lyapunov
-
-        moved = math.sqrt(self._exact.discount) * (self._worst - self._exact.game.B @ K)
-        if not np.isfinite(moved).all() or _radius(moved) >= 1.0:
-            return None
-        change = K - self._exact.K
-        return np.asarray(solve_discrete_lyapunov(moved.T, change.T @ self.price @ change))
-
-    def loop(self, critic: Critic, b: np.ndarray) -> Loop:
-        """Return the closed loop without disturbance.
-
-        b: half-widths of the box of states, (n,)
-        """
-        return self._loop_of(self._exact.game.A, critic, b, 0.0 * self.price)
-
-    def worst_loop(self, critic: Critic, b: np.ndarray, X: np.ndarray) -> Loop:
-        """Return the closed loop under the worst disturbance w = L* x of the exact solution.
-
-        The cost is Σ αᵏ v'(R + α B'P*B) v, with v = u - u* minus its value at the equilibrium.
-        """
-        return self._loop_of(self._worst, critic, b, self.price)
-
-    def _loop_of(self, A: np.ndarray, critic: Critic, b: np.ndarray, price: np.ndarray) -> Loop:
-        policy = critic.policy
-        x = symbols_for([policy], len(b))
-        B = self._exact.game.B
-        after = ca.DM(A) @ x + ca.DM(B) @ policy(x)
-        equilibrium = newton_equilibrium(x, after - x, b)
-        paid = type(x)(0.0)
-        if equilibrium is not None:
-            paid = _cost_of(policy, self._exact.K, price, equilibrium)(x)
-        slowest = max(self._exact.radius, _radius(A - B @ critic.K), 1e-3)
-        decay = -math.log(min(slowest, 1.0 - 1e-12))
-        steps = min(math.ceil(DECAY / decay), _MOST_STEPS)
-        by_exact = np.linalg.matrix_power(A - B @ self._exact.K, steps)
-        discount = self._exact.discount
-        P = self._exact.P
-        largest = _FAR * float(b @ np.abs(P) @ b)
-        return _StepLoop((x, after, paid), P, (discount, steps), equilibrium, by_exact, largest)
-
-
-def _radius(matrix: np.ndarray) -> float:
-    return float(np.abs(np.linalg.eigvals(matrix)).max())
-
-
-def _cost_of(
+def cost_of(
     policy: ca.Function, K: np.ndarray, price: np.ndarray, equilibrium: np.ndarray
 ) -> Expression:
     """Return the cost rate of a policy as the function z -> v' price v.
@@ -267,7 +190,7 @@ class _DivergedError(Exception):
     """Error for a simulation that is far outside the box, or not finite."""
 
 
-class _FlowLoop:
+class FlowLoop:
     """Closed loop z' = rates(z), cost' = running(z), integrated with LSODA.
 
     rates and running are CasADi expressions of z (n,).
@@ -283,13 +206,13 @@ class _FlowLoop:
         self._rates = rates
         self._P = exact.P
         self._value = ca.bilin(ca.DM(exact.P), z, z)
-        self._largest_value = _FAR * float(b @ np.abs(exact.P) @ b)
+        self._largest_value = FAR * float(b @ np.abs(exact.P) @ b)
         self._time = time
-        self.most_steps = STEPS if isinstance(rates, ca.SX) else _FEW_STEPS
+        self.most_steps = STEPS if isinstance(rates, ca.SX) else FEW_STEPS
         self.equilibrium = newton_equilibrium(z, rates, b)
         self._bound = self._slopes_of(0.0)
 
-    def with_cost(self, running: Expression) -> _FlowLoop:
+    def with_cost(self, running: Expression) -> FlowLoop:
         """Set the running cost and return the loop.
 
         running: z -> cost rate, 0 at the equilibrium
@@ -316,7 +239,7 @@ class _FlowLoop:
         cases:
         - The loop has no equilibrium near z = 0.
         - V* about the equilibrium does not decrease to `RETURNED` times its initial value.
-        - V* exceeds `_FAR` times its bound in the box, or the integration fails.
+        - V* exceeds `FAR` times its bound in the box, or the integration fails.
         """
         from scipy.integrate import odeint
 
@@ -346,7 +269,7 @@ class _FlowLoop:
         return z, float(end[-1])
 
 
-class _StepLoop:
+class StepLoop:
     """Closed loop x⁺ = after(x) with cost Σ αᵏ paid(x_k).
 
     expressions: symbols x (n,), after and paid

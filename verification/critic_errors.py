@@ -11,7 +11,7 @@ The scale of a linear problem is arbitrary. Therefore each bound is valid for ev
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from hfa_aircraft.names import PlantNames
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.checks import Check, at_most
-from hfa_support.reporting.results import Matrix, Vector
+from hfa_support.reporting.results import Matrix
 
 REACH = 10.0
 #: The error of an entry below this fraction of the largest is relative to this fraction.
@@ -47,28 +47,6 @@ class Exact(Protocol):
     @property
     def names(self) -> PlantNames:
         """Names and units of the game's states and inputs."""
-
-
-class Box(NamedTuple):
-    """Box |z_i| <= half_widths[i] of states in which V, its gradient and the policies are compared.
-
-    half_widths: (n,), in the units of the states
-    about: source of the half-widths, as text
-    """
-
-    half_widths: Vector
-    about: str
-
-
-def balanced_box(game: Game) -> Box:
-    """Return the default box of states, with the balanced units of the game as half-widths."""
-    about = "balanced units of the game (a convention, because no typical deviations are given)"
-    return Box(NormalForm.of(game).units, about)
-
-
-def limited_box(half_widths: np.ndarray) -> Box:
-    """Return the box with these half-widths, the largest within the limits of the states."""
-    return Box(half_widths, "within the limits of the states that the model declares")
 
 
 @checks_arguments
@@ -128,29 +106,29 @@ def error_check(name: str, error: float, limit: float, what: str) -> Check:
 
 
 def critic_errors(
-    game: Game, critic: Critic, exact: Exact, limit: float, box: Box | None = None
-) -> tuple[Check, ...]:
-    """Return the checks of a critic's errors: of K, of P if known, and of V and the policies in a
+    game: Game, critic: Critic, exact: Exact, limit: float, box: np.ndarray
+) -> list[Check]:
+    """Return the checks of a critic's errors: of K, of P if known, and of V and the policy in a
     box.
 
-    The errors in the box are omitted for a critic with a network.
+    The errors in the box are omitted for a critic with a network: they are searched for.
 
+    game: the game, or the game of one step in discrete time
     exact: solution of the game
     limit: limit of each error
-    box: box of states, by default `balanced_box`
+    box: half-widths of the box of states, (n,)
     """
-    checks = list(matrix_errors(game, "K", critic.K, exact.K, limit))
+    checks = matrix_errors(game, "K", critic.K, exact.K, limit)
     if not critic.network:
-        half_widths = (box or balanced_box(game)).half_widths
-        checks += box_errors(game, critic, exact, half_widths, limit)
+        checks += box_errors(game, critic, exact, box, limit)
     if critic.P is not None:
         checks += matrix_errors(game, "P", critic.P, exact.P, limit)
-    return tuple(checks)
+    return checks
 
 
 def matrix_errors(
     game: Game, name: str, matrix: np.ndarray, exact: np.ndarray, limit: float
-) -> tuple[Check, ...]:
+) -> list[Check]:
     """Return three checks of the errors of a matrix P or K.
 
     With the balanced units U, the checks are those of
@@ -176,57 +154,71 @@ def matrix_errors(
     norm = relative_error(matrix, exact)
     balanced = relative_error(root @ matrix * scales, root @ exact * scales)
     entry = entry_error((matrix - exact) * entry_scales, exact * entry_scales)
-    return (
+    return [
         error_check(f"{name}_rel_error", norm, limit, name),
         error_check(f"{name}_balanced_error", balanced, limit, f"{name} in balanced units"),
         error_check(f"{name}_entry_error", entry, limit, f"an entry of {name}"),
-    )
+    ]
 
 
 def box_errors(
     game: Game, critic: Critic, exact: Exact, box: np.ndarray, limit: float
-) -> tuple[Check, ...]:
-    """Return the checks of a critic's errors in a box: of V, each ∂V/∂z_i, and each entry of u and
-    d.
+) -> list[Check]:
+    """Return the checks of a critic's errors in a box: of V, each ∂V/∂z_i, and each entry of u.
 
     The errors are upper bounds. The error of V is relative to the sum of the magnitudes of the
     terms of the exact value at the corner of the box, and all other errors to the largest exact
-    value in the box. u is the critic's policy, and d = ½ δ⁻²E'∂V/∂z is the worst disturbance.
-    Without P, only the policy is checked. With δ = inf, d is not checked.
+    value in the box. Without P, only the policy is checked.
 
-    exact: solution of the game
     box: (n,), half-widths
-    limit: limit of each error
     """
+    P = value_matrix(critic, exact)
     corner = np.outer(box, box)
-    P = exact.P if critic.P is None else (critic.P + critic.P.T) / 2.0  # z'Pz depends on this part
-    K = critic.K if critic.feedback is None else game.gain(P)
-    higher_value, higher_slopes = _higher_terms(critic, box)
+    higher_value, higher_slopes = higher_terms(critic, box)
     with np.errstate(all="ignore"):  # a number that is not finite fails the check
         V_errors = np.abs(P - exact.P) * corner
         V_sizes = np.abs(exact.P) * corner
-        u_errors = np.abs(K - exact.K) @ box
+        u_errors = np.abs(critic.K - exact.K) @ box
         if critic.feedback is not None:
-            u_errors += 0.5 * np.abs(game.R_inverse_B_transposed) @ (higher_slopes / box)
-        d_errors = np.abs(game.disturbance_gain(P - exact.P)) @ box
-        d_errors += 0.5 * np.abs(game.E.T) @ (higher_slopes / box) / game.delta**2
+            u_errors += 0.5 * np.abs(critic.feedback) @ (higher_slopes / box)
     u_scale = np.sqrt(np.diag(game.R))
     policy = entry_error(u_scale * u_errors, u_scale * (np.abs(exact.K) @ box))
     checks = [error_check("policy_rel_error", policy, limit, "the policy in the box")]
     if critic.P is None:
-        return tuple(checks)
+        return checks
     value = entry_error(np.atleast_1d(V_errors.sum() + higher_value), np.atleast_1d(V_sizes.sum()))
     checks.append(error_check("value_rel_error", value, limit, "V in the box"))
     slopes = entry_error(2.0 * V_errors.sum(axis=1) + higher_slopes, 2.0 * V_sizes.sum(axis=1))
     checks.append(error_check("gradient_rel_error", slopes, limit, "a slope of V in the box"))
-    if math.isfinite(game.delta) and game.E.size:
-        worst = entry_error(d_errors, np.abs(exact.disturbance_gain) @ box)
-        what = "the worst disturbance in the box"
-        checks.append(error_check("disturbance_rel_error", worst, limit, what))
-    return tuple(checks)
+    return checks
 
 
-def _higher_terms(critic: Critic, box: np.ndarray) -> tuple[float, np.ndarray]:
+def disturbance_errors(
+    game: Game, critic: Critic, exact: Exact, box: np.ndarray, limit: float
+) -> list[Check]:
+    """Return the check of d = ½ δ⁻²E'∂V/∂z, the worst disturbance in continuous time, in a box.
+
+    The result is empty without P, for a critic with a network, and without a disturbance.
+
+    box: (n,), half-widths
+    """
+    has_disturbance = math.isfinite(game.delta) and game.E.size
+    if critic.P is None or critic.network or not has_disturbance:
+        return []
+    _, higher_slopes = higher_terms(critic, box)
+    with np.errstate(all="ignore"):
+        errors = np.abs(game.disturbance_gain(value_matrix(critic, exact) - exact.P)) @ box
+        errors += 0.5 * np.abs(game.E.T) @ (higher_slopes / box) / game.delta**2
+    worst = entry_error(errors, np.abs(exact.disturbance_gain) @ box)
+    return [error_check("disturbance_rel_error", worst, limit, "the worst disturbance in the box")]
+
+
+def value_matrix(critic: Critic, exact: Exact) -> np.ndarray:
+    """Return the symmetric part of a critic's P, on which z'Pz depends; without P, the exact P."""
+    return exact.P if critic.P is None else (critic.P + critic.P.T) / 2.0
+
+
+def higher_terms(critic: Critic, box: np.ndarray) -> tuple[float, np.ndarray]:
     """Return bounds of the terms of V that are not quadratic, and of their gradient (n,).
 
     Divided by λ², the terms in each box λb with 1/`REACH` <= λ <= `REACH` are within the bounds.

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controller.critic.critic import Critic
 from controller.critic.training_run import settled_at
 from controller.game.basis import basis
-from controller.game.zero_sum import Game
-from controller.riccati.gare import Solution
-from controller.riccati.normal_form import NormalForm
 from hfa_support.reporting.checks import Check, at_least, at_most
 from hfa_support.reporting.results import UNSTORED, Result, Vector, plain, stored, stored_as
+from hfa_support.reporting.text import Table
 from verification.critic_errors import relative_error
 
 if TYPE_CHECKING:
@@ -30,6 +29,15 @@ COLUMNS = {
     "riccati_residual": "Riccati residual",
     "largest_error": "largest error",
 }
+
+
+#: Number of rows in the table of a report. Files contain all rows.
+_TIMES = 9
+
+
+def shown_number(value: float) -> str:
+    """Return a number as text with three digits, or "" for nan."""
+    return "" if math.isnan(value) else f"{value:.3g}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +78,22 @@ class ErrorTable(Result):
         return {"time": data.pop("time"), **plain(self.errors), **data}
 
     @property
+    def records(self) -> Table:
+        """Table with the errors at all times, for a data file."""
+        columns = np.column_stack([self.times, *self.errors.values()])
+        return Table(("time [s]", *self.errors), columns)  # type: ignore[arg-type]
+
+    @property
+    def shown(self) -> Table:
+        """Table with the errors at `_TIMES` times, for a report."""
+        columns = np.column_stack([self.times, *self.errors.values()])
+        some = np.unique(np.linspace(0, len(columns) - 1, _TIMES).round().astype(int))
+        rows = [
+            (f"{time:.4g}", *map(shown_number, errors)) for time, *errors in columns[some].tolist()
+        ]
+        return Table(("time, s", *(COLUMNS[name] for name in self.errors)), rows)
+
+    @property
     def sentence(self) -> str:
         """Sentence on the settling time, or on the last error if the error does not settle."""
         what = f"the {COLUMNS[self.decides]}"
@@ -79,21 +103,52 @@ class ErrorTable(Result):
         return f"{what} ends at {last:.3g} and does not settle within {self.limit:g}"
 
 
-def run_table(game: Game, run: TrainingRun, exact: Solution) -> ErrorTable:
+def run_table(
+    run: TrainingRun, exact: np.ndarray, residuals: Callable[[np.ndarray], np.ndarray]
+) -> ErrorTable:
     """Return the errors of P over the time of a training run, computed from the run's weights.
 
-    exact: solution of the game
+    exact: P of the exact solution, (n, n)
+    residuals: function of N matrices P -> their residuals of the Riccati equation
     """
-    psi = basis(run.basis, len(game.A))
+    psi = basis(run.basis, len(exact))
     values = np.array([psi.matrix(weights) for weights in run.weights])
-    form = NormalForm.of(game)
-    residuals = form.relative_residual(form.of_value(values))
     errors = {
-        "riccati_residual": residuals,
-        "P_rel_error": np.array([relative_error(P, exact.P) for P in values]),
+        "riccati_residual": residuals(values),
+        "P_rel_error": np.array([relative_error(P, exact) for P in values]),
     }
     promised = run.settings.get("predefined_time")
     return ErrorTable(run.time, errors, "riccati_residual", SETTLED, promised)
+
+
+def history_table(
+    critics: Sequence[Critic],
+    errors_of: Callable[[Critic], Sequence[Check]],
+    residuals: Callable[[np.ndarray], np.ndarray],
+    limit: float,
+    predefined_time: float | None,
+) -> ErrorTable:
+    """Return the errors of each critic of a history.
+
+    errors_of: function of a critic -> checks of its errors
+    residuals: as for `run_table`
+    limit: limit of the largest error
+    predefined_time: T_w, s, from which on every error must be within the limit, or None
+    """
+    rows = []
+    for critic in critics:
+        errors = {check.name: check.value for check in errors_of(critic)}
+        residual = math.nan if critic.P is None else float(residuals(critic.P[None])[0])
+        row = {
+            "P_rel_error": errors.get("P_rel_error", math.nan),
+            "K_rel_error": errors["K_rel_error"],
+            "riccati_residual": residual,
+            "largest_error": max(errors.values()),
+        }
+        rows.append(row)
+    times = np.array([critic.time for critic in critics], dtype=float)
+    columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    return ErrorTable(times, columns, "largest_error", limit, predefined_time)
 
 
 def rank_check(run: TrainingRun) -> Check:

@@ -39,7 +39,9 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
     """
     table = verdict.table
     names = verdict.exact.names
-    title = f"Critic on {names.origin}\nagainst the exact {verdict.problem}: {verdict.grade_text()}"
+    title = (
+        f"Critic on {names.origin}\nagainst the exact {verdict.solution}: {verdict.grade_text()}"
+    )
     name = "K" if verdict.critic.P is None else "P"
     rows = names.inputs if name == "K" else names.states
     learned = getattr(verdict.critic, name)

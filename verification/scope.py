@@ -9,14 +9,13 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.game.linear_game import widths_within_limits
 from controller.game.zero_sum import Game
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.march.march import saturated
 from hfa_support.arguments import checks_arguments
 from hfa_support.progress import Progress
 from trim.linear.linear_model import LinearModel
-from verification.critic_errors import Box, limited_box
+from verification.box import Box
 
 
 class NonlinearPlant(NamedTuple):
@@ -57,12 +56,6 @@ def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
     lowest = np.minimum(limits.lowest - at_trim, 0.0)
     highest = np.maximum(limits.highest - at_trim, 0.0)
     return NonlinearPlant(ca.Function("plant", [z, u], [rates[rows]]), lowest, highest)
-
-
-def box_within_limits(linear: LinearModel) -> Box | None:
-    """Return the box of `widths_within_limits`, or None."""
-    half_widths = widths_within_limits(linear)
-    return None if half_widths is None else limited_box(half_widths)
 
 
 #: Default limit of the errors of P, K, V, its gradient and the policies, and of the residual.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -15,10 +15,9 @@ from hfa_support.reporting.checks import Check, Checked, checks_block, verdict_t
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.results import UNSTORED, Result, stored, stored_as, stored_parts
 from hfa_support.reporting.text import Cell, Table, entry_rows
-from verification.critic_errors import Box, Exact
-
-if TYPE_CHECKING:
-    from verification.error_table import ErrorTable
+from verification.box import Box
+from verification.critic_errors import Exact
+from verification.error_table import ErrorTable, shown_number
 
 
 class Proved(Protocol):
@@ -60,7 +59,7 @@ _IN_THE_FACTS = ("error", "rest", "stability", "game loop")
 _PROVED = "proved as simplified"
 Grade = Literal["exact", "near", "fail"]
 #: Largest number of columns of the first line of a report.
-_FIRST_LINE = 100
+_FIRST_LINE = 80
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,11 +114,15 @@ class Verdict(Checked, Result, Reported):
     limit: limit of the errors.
     reason: the recognized mistake, or "".
     cost_lost: upper bound of the cost above the optimum, percent.
+    game: the game in the first line, such as "linear game".
+    solution: what the exact solution is, for the heading.
+    weights: Q, R and delta of the game, and their source, as text.
+    box: box of states in which the errors are measured.
+    flights: number of simulations of the critic, or None for a quadratic critic, whose cost is
+        computed without simulations.
     searched: number of states at which errors in the box were searched for, or 0 if the errors are
         bounds.
     proof: the proved bound on the errors in the box, or None.
-    problem: name of the problem that the exact solution solves, for titles.
-    weights: Q, R and delta of the game, and their source, as text.
     sections: further findings.
     table: errors over time of a history or a training run, or None.
 
@@ -137,13 +140,16 @@ class Verdict(Checked, Result, Reported):
     exact: Exact = field(metadata=stored_parts(P_exact="P", K_exact="K"))
     checks: tuple[Check, ...] = field(metadata=UNSTORED)
     limit: float = field(metadata=UNSTORED)
-    reason: str = field(default="", metadata=stored_as("diagnosis"))
-    cost_lost: float = field(default=0.0, metadata=UNSTORED)
+    reason: str = field(metadata=stored_as("diagnosis"))
+    cost_lost: float = field(metadata=UNSTORED)
+    game: str = field(metadata=UNSTORED)
+    solution: str = field(metadata=UNSTORED)
+    weights: str = field(metadata=UNSTORED)
+    box: Box = field(metadata=UNSTORED)
+    flights: int | None = field(default=None, metadata=UNSTORED)
     searched: int = field(default=0, metadata=UNSTORED)
     proof: Proved | None = field(default=None, metadata=UNSTORED)
-    problem: str = field(default="game solution", metadata=UNSTORED)
-    weights: str = field(default="", metadata=UNSTORED)
-    sections: tuple[Section, ...] = field(default_factory=tuple, metadata=UNSTORED)
+    sections: tuple[Section, ...] = field(default=(), metadata=UNSTORED)
     table: ErrorTable | None = field(default=None, metadata=UNSTORED)
 
     def value_of(self, name: str) -> float:
@@ -209,9 +215,10 @@ class Verdict(Checked, Result, Reported):
         return "near" if self.holds(limit_cost=NEAR) else "fail"
 
     def headline(self, limit_cost: float | None = None) -> str:
-        """Return the first line of the report, with the grade on the linear game and the cost.
+        """Return the first line of the report: the grade, the game, the box, the number of
+        simulations of a critic that is not quadratic, and the first finding.
 
-        The first finding is added if the line then has at most 100 columns.
+        The second finding is added if the line then has at most `_FIRST_LINE` columns.
 
         limit_cost: as for `holds`
         """
@@ -220,20 +227,17 @@ class Verdict(Checked, Result, Reported):
     def _first_lines(self, limit_cost: float | None) -> list[str]:
         """Return the headline of the report, and a line for each further finding.
 
-        The findings are errors, stability, the equilibrium and the L2 gain.
+        The findings are an equilibrium off the trim, the cost, stability, errors and the L2 gain.
 
         limit_cost: as for `holds`
         """
         failed = [check for check in self.checks if not check.ok]
-        decided = ""
-        if limit_cost is not None:
-            decided = f" by cost limit {limit_cost:g} %"
-        elif failed and not any(check.kind in _IN_THE_FACTS for check in failed):
-            decided = f" by {failed[0].name}"
-        grade = self.grade_text(limit_cost)
-        line = f"{grade} on the linear game{decided}: {self._cost_text()}"
+        where = f"on the {self.game}, {self.box.name}"
+        if self.flights is not None:
+            where += f", {self.flights or 'no'} flight{'' if self.flights == 1 else 's'}"
         rests = [check for check in failed if check.kind == "rest"]
         facts = [check.reason for check in rests if check.value > AT_TRIM]
+        facts.append(self._cost_text())
         if not self.stabilizing:
             facts.append("not stabilizing")
         facts.append(self._exactness(failed))
@@ -243,8 +247,13 @@ class Verdict(Checked, Result, Reported):
         gain = next((check for check in self.checks if check.kind == "gain"), None)
         if gain is not None and math.isfinite(gain.value):
             facts.append(f"L2 gain {gain.value:.4g} (delta {gain.limit:g})")
+        line = f"{self.grade_text(limit_cost)} {where}: {facts.pop(0)}"
         if len(line) + len(facts[0]) + 2 <= _FIRST_LINE:
             line += f", {facts.pop(0)}"
+        if limit_cost is not None:
+            facts.insert(0, f"decided by the cost limit {limit_cost:g} %")
+        elif failed and not any(check.kind in _IN_THE_FACTS for check in failed):
+            facts.insert(0, f"decided by {failed[0].name}")
         return [line, *facts]
 
     def _cost_text(self) -> str:
@@ -323,7 +332,7 @@ class Verdict(Checked, Result, Reported):
         for section in self.sections:
             records = section.records or records
         critic = f"Critic of {source}" if source else "Critic"
-        heading = [f"{critic} on {names.origin}, against the exact {self.problem}"]
+        heading = [f"{critic} on {names.origin}, against the exact {self.solution}"]
         heading += about or (self.weights,)
         if self.reason:
             heading.append(f"Reason: {self.reason}")
@@ -411,11 +420,6 @@ def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
                 with_reason[index] = replace(check, reason=f"{check.reason}: {diagnosis}")
             break
     return tuple(with_reason)
-
-
-def shown_number(value: float) -> str:
-    """Return a number as text with three digits, or "" for nan."""
-    return "" if math.isnan(value) else f"{value:.3g}"
 
 
 def _failures(checks: Sequence[Check]) -> Part:

@@ -14,7 +14,9 @@ from typing import ClassVar
 import casadi as ca
 import numpy as np
 
-from controller.game.basis import Basis, basis as named_basis
+from controller.critic.features import basis_of
+from controller.game.basis import Basis
+from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_support.arguments import ArrayLike, checks_arguments, need
 from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
@@ -24,6 +26,8 @@ from hfa_support.reporting.results import Matrix
 
 #: Possible outputs of a network: V, ∂V/∂z, u.
 FUNCTIONS = ("V", "gradient", "policy")
+#: Kinds of games that have critics: in continuous and in discrete time.
+GAMES = (Game, DiscreteGame)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,6 +45,8 @@ class Critic(Reported):
         independent policy
     F: (m, n), R⁻¹N' of a game with cross weights, if the policy follows from the value as
         u = -½ R⁻¹B' ∂V/∂z - F z; None for 0
+    L: (k, n), gain of the learned worst disturbance d = L z, or None if none was learned
+    H: matrix of the learned Q-function over (x, u, w) or (x, u) in discrete time, or None
     time: time of this critic in a history, s, or None
     network: "V", "gradient" (∂V/∂z), "policy" -> CasADi Function of z, for each known function of a
         network or a list of functions; empty for all other critics
@@ -68,6 +74,8 @@ class Critic(Reported):
     precision: str = "float64"
     feedback: np.ndarray | None = None
     F: np.ndarray | None = None
+    L: Matrix | None = None
+    H: Matrix | None = None
     time: float | None = None
     network: Mapping[str, ca.Function] = field(default_factory=dict)
     variants: Mapping[str, Callable[[], Critic]] = field(default_factory=dict, repr=False)
@@ -196,7 +204,7 @@ class Critic(Reported):
 
 
 @checks_arguments
-def from_gain(game: Game, K: ArrayLike) -> Critic:
+def from_gain(game: Game | DiscreteGame, K: ArrayLike) -> Critic:
     """Return the critic with the policy u = -K z.
 
     game: the game whose solution the critic approximates
@@ -209,13 +217,15 @@ def from_gain(game: Game, K: ArrayLike) -> Critic:
     >>> hfa.verify(game, hfa.from_gain(game, [[0.5]])).ok
     False
     """
-    need(game, Game, "from_gain: game", Game.how_to_make)
+    need(game, GAMES, "from_gain: game", Game.how_to_make)
     return Critic(game.checked_gain(K))
 
 
 @checks_arguments
-def from_value(game: Game, P: ArrayLike) -> Critic:
+def from_value(game: Game | DiscreteGame, P: ArrayLike) -> Critic:
     """Return the critic with the value V = z'Pz and the policy u = -R⁻¹(B'P + N') z.
+
+    In discrete time, the policy is optimal for one step, followed by the cost V.
 
     game: the game whose solution the critic approximates
     P: (n, n)
@@ -227,16 +237,17 @@ def from_value(game: Game, P: ArrayLike) -> Critic:
     >>> hfa.from_value(game, [[3.0]]).K.tolist()
     [[3.0]]
     """
-    need(game, Game, "from_value: game", Game.how_to_make)
+    need(game, GAMES, "from_value: game", Game.how_to_make)
     P = numbers_in("P", P)
     if P.shape != game.A.shape:
         n = len(game.A)
         raise BadInputError(f"P is {shape_text(P.shape)}; give {n} x {n}, states x states")
-    return Critic(game.gain(P), P, "P", feedback=game.R_inverse_B_transposed)
+    K = game.gain((P + P.T) / 2.0)  # z'Pz depends on this part
+    return Critic(K, P, "P", feedback=game.R_inverse_B_transposed)
 
 
 def from_parts(
-    game: Game,
+    game: Game | DiscreteGame,
     parts: Mapping[str, np.ndarray],
     basis: Basis | ca.Function | str = "quadratic",
 ) -> Critic:
@@ -290,7 +301,7 @@ def symbols_for(functions: Iterable[ca.Function], n: int) -> ca.SX:
 
 
 def from_functions(
-    game: Game,
+    game: Game | DiscreteGame,
     z: ca.SX,
     outputs: Mapping[str, ca.SX],
     origin: str,
@@ -352,7 +363,7 @@ _TOGETHER = 1e-6
 
 @checks_arguments
 def from_weights(
-    game: Game,
+    game: Game | DiscreteGame,
     weights: ArrayLike,
     basis: Basis | str | ca.Function = "quadratic",
     constant: float = 0.0,
@@ -364,7 +375,8 @@ def from_weights(
 
     game: the game whose solution the critic approximates
     weights: W, (M,)
-    basis: a basis, its name, or a CasADi Function z (n,) -> ψ(z) (M,)
+    basis: the name of a basis, a list of functions "x1**2, x1*x2", a basis, or a CasADi Function
+        z (n,) -> ψ(z) (M,)
     constant: constant term of V, which is V(0) if ψ(0) = 0
     precision: floating-point type of the numbers in the critic's file
 
@@ -377,23 +389,23 @@ def from_weights(
     >>> hfa.from_weights(game, [3.0]).K.tolist()
     [[3.0]]
     """
-    need(game, Game, "from_weights: game", Game.how_to_make)
+    need(game, GAMES, "from_weights: game", Game.how_to_make)
     weights = numbers_in("W", weights)
     n = len(game.A)
     if not is_finite(constant):
         raise BadInputError(f"constant is {shown(constant)}; give a finite number, V(0)")
-    if isinstance(basis, ca.Function):
-        count = basis.numel_out(0)
-        if basis.numel_in(0) != n or weights.shape != (count,):
+    psi = basis_of(basis, n, game.names.states)
+    if isinstance(psi, ca.Function):
+        count = psi.numel_out(0)
+        if psi.numel_in(0) != n or weights.shape != (count,):
             raise BadInputError(
                 f"W has {weights.size} weights and the plant has {n} states; give a basis of "
                 f"{weights.size} functions of {n} states"
             )
 
         z = ca.SX.sym("z", n)
-        V = ca.DM(weights).T @ ca.vec(basis(z)) + constant
+        V = ca.DM(weights).T @ ca.vec(psi(z)) + constant
         return from_functions(game, z, {"V": V}, "weights of a list of functions", precision)
-    psi = named_basis(basis, n) if isinstance(basis, str) else basis
     if weights.shape != (psi.size,):
         raise BadInputError(
             f"W has {weights.size} weights, but basis {psi.name!r} of {psi.states} states has "
@@ -410,6 +422,25 @@ def from_weights(
         precision=precision,
         feedback=game.R_inverse_B_transposed,
     )
+
+
+def from_q_function(
+    game: DiscreteGame, H: ArrayLike, parts: Mapping[str, np.ndarray] | None = None
+) -> Critic:
+    """Return the critic of a Q-function Q(x, u, w) = [x; u; w]'H [x; u; w] in discrete time.
+
+    P, K and L are those at the extremum of Q over u and w (`DiscreteGame.of_q_function`).
+
+    game: the game whose solution the critic approximates
+    H: symmetric matrix over (x, u, w) or (x, u)
+    parts: P, K or L that were stored with H, in place of those that H implies
+
+    Raises BadInputError if a matrix has a wrong shape, or H has no extremum.
+    """
+    H = numbers_in("H", H)
+    found = game.of_q_function(H) | dict(parts or {})
+    critic = from_parts(game, {name: found[name] for name in ("P", "K")})
+    return replace(critic, H=H, L=found.get("L"))
 
 
 def refuse_different_values(P: np.ndarray, P_of_weights: np.ndarray) -> None:

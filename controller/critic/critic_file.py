@@ -5,15 +5,18 @@ from __future__ import annotations
 import re
 import zipfile
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from controller.critic.critic import Critic, from_parts
+from controller.critic.critic import Critic, from_parts, from_q_function
+from controller.critic.features import is_list
 from controller.critic.reading import DIMENSIONS, CriticReader, Reading, in_plant_units
 from controller.game.basis import Basis
+from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.readers.matrices_file import file_scales, found_in
@@ -31,7 +34,9 @@ OWN_FILES = (*MATRIX_FILES, ".onnx", ".pkl", ".pt", ".pth", ".safetensors", ".zi
 _ALIASES = {"weights": "W", "gains": "K", "times": "time", "t": "time"}
 
 
-def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> tuple[Critic, ...]:
+def critics_in(
+    path: str | Path, game: Game | DiscreteGame, reading: Reading | None = None
+) -> tuple[Critic, ...]:
     """Return the critics in a file: one critic, or one for each time of a history.
 
     - A network file (`is_network`) contains one critic.
@@ -39,6 +44,8 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
     - A history also contains `time` (also `times`, `t`), and W (N, M), P (N, n, n) or K (N, m, n).
       A matrix may be stored as one row per time, (N, m n), or as in MATLAB, (m, n, N).
     - An array without a name is W, P or K according to its shape.
+    - In discrete time, H of a Q-function replaces W, and gives the P, K and L that are missing. L
+      is the gain of the worst disturbance.
 
     Arrays in other units than those of the plant are converted.
 
@@ -60,6 +67,11 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
             return (read(game, path, reading),)
     entries = entries_in(path)
     with prefix_errors(path):
+        more: dict[str, Any] = {}
+        if isinstance(game, DiscreteGame):
+            more = {name: entries[name] for name in ("P", "K", "L") if name in entries}
+            if "H" in entries:
+                return (from_q_function(game, entries["H"], more),)
         if UNKNOWN in entries:
             entries = {_part_by_shape(entries[UNKNOWN], game): entries[UNKNOWN]}
         # In addition to the rows over time, a file may contain the last row under its standard
@@ -75,17 +87,20 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
             rows = rows_over_time(over_time, game, reading)
             if rows:
                 return rows
-        functions = reading.functions(len(game.A), game.names.states)
-        parts = single_parts(entries, game.names, functions)
-        if reading.lists_functions and "W" not in parts:
+        psi = reading.psi(game)
+        parts = single_parts(entries, game.names, psi)
+        if is_list(reading.basis or "") and "W" not in parts:
             raise BadInputError(
                 "--basis lists functions, but the file contains no W; add W, or give --basis a name"
             )
-        return (from_parts(game, parts, functions),)
+        critic = from_parts(game, parts, psi)
+        return (replace(critic, L=numbers_in("L", more["L"])) if "L" in more else critic,)
 
 
 @checks_arguments
-def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> Critic:
+def critic_in(
+    path: str | Path, game: Game | DiscreteGame, reading: Reading | None = None
+) -> Critic:
     """Return the critic in a file, or the last critic of a history.
 
     path, game, reading: as for `critics_in`
@@ -98,7 +113,7 @@ def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> C
 @checks_arguments
 def read_critic(
     path: str | Path,
-    game: Game | None = None,
+    game: Game | DiscreteGame | None = None,
     *,
     basis: str | None = None,
     network: str = "",
@@ -181,7 +196,7 @@ def entries_in(path: str | Path) -> dict[str, Any]:
     return {own: stored[key] for key, own in _ALIASES.items() if key in stored} | stored
 
 
-def _part_by_shape(array: np.ndarray, game: Game) -> str:
+def _part_by_shape(array: np.ndarray, game: Game | DiscreteGame) -> str:
     """Return which of "W", "P" and "K" an unnamed array is, according to its shape.
 
     array: (n, n) for P, (m, n) for K, one row or column of any length for W
@@ -204,7 +219,7 @@ def _part_by_shape(array: np.ndarray, game: Game) -> str:
 
 
 def single_parts(
-    entries: Mapping[str, Any], plant: PlantNames, functions: Basis | ca.Function | None
+    entries: Mapping[str, Any], plant: PlantNames, basis: Basis | ca.Function | None
 ) -> dict[str, np.ndarray]:
     """Return the arrays W (M,), P (n, n) and K (m, n) of a critic file, in the units of the plant.
 
@@ -212,7 +227,7 @@ def single_parts(
 
     entries: entries of the file
     plant: names and units of the plant
-    functions: basis of W; None for a file without W
+    basis: ψ of W; None for a file without W
 
     Raises BadInputError
     - if the file has none of these entries,
@@ -235,4 +250,4 @@ def single_parts(
             )
         flat = values.reshape(-1) if name == "W" else values
         parts[name] = checked_matrix(name, flat, LARGEST_CRITIC_ENTRY, DIMENSIONS[name])
-    return in_plant_units(parts, file_scales(entries, plant), functions)
+    return in_plant_units(parts, file_scales(entries, plant), basis)

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from controller.critic.critic import Critic, from_parts
+from controller.critic.features import is_list
 from controller.critic.reading import DIMENSIONS, Reading, in_plant_units
 from controller.game.basis import Basis, basis as named_basis
+from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_aircraft.readers.matrices_file import file_scales, words
 from hfa_support.arguments import checks_arguments
@@ -21,7 +23,10 @@ from hfa_support.matrices import checked_matrix, shape_text
 
 @checks_arguments
 def critics_over_time(
-    game: Game, times: np.ndarray, basis: str = "quadratic", **parts: np.ndarray | None
+    game: Game | DiscreteGame,
+    times: np.ndarray,
+    basis: str = "quadratic",
+    **parts: np.ndarray | None,
 ) -> tuple[Critic, ...]:
     """Return the critic at each time of a learner's history.
 
@@ -93,7 +98,7 @@ def with_named_basis(reading: Reading, entries: Mapping[str, Any]) -> Reading:
 
 
 def rows_over_time(
-    entries: Mapping[str, Any], game: Game, reading: Reading
+    entries: Mapping[str, Any], game: Game | DiscreteGame, reading: Reading
 ) -> tuple[Critic, ...] | None:
     """Return the critics of a history, one for each time, or None if the file is not a history.
 
@@ -106,7 +111,7 @@ def rows_over_time(
     Raises BadInputError if the basis in `reading` is a list of functions, if an array has a wrong
     shape, or under the conditions of `critics_over_time` and `file_scales`.
     """
-    if reading.lists_functions:
+    if is_list(reading.basis or ""):
         raise BadInputError(
             "--basis lists functions, but W is a history over time; give the name of a basis"
         )

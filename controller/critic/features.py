@@ -1,14 +1,16 @@
-"""Conversion of formulas in text to CasADi expressions, without executing the text."""
+"""Basis functions of weights: by name, or listed as formulas, which are not executed as Python."""
 
 from __future__ import annotations
 
 import ast
 import operator
+import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import casadi as ca
 
+from controller.game.basis import Basis, basis as named_basis
 from hfa_support.errors import BadInputError, prefix_errors, shortened
 
 #: Functions that the text may contain, and its largest length.
@@ -24,7 +26,30 @@ _SIGNS: Mapping[type, Callable[[Any], Any]] = {ast.USub: operator.neg, ast.UAdd:
 _LONGEST = 20_000
 
 
-def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Function:
+def basis_of(
+    basis: Basis | ca.Function | str, states: int, names: tuple[str, ...]
+) -> Basis | ca.Function:
+    """Return the functions ψ of weights. A basis or a CasADi Function is returned unchanged.
+
+    basis: also the name of a basis, or a list of formulas (`listed_functions`)
+    states: n
+    names: names of the states, for a list of formulas
+
+    Raises BadInputError for an unknown name, and for a faulty list.
+    """
+    if not isinstance(basis, str):
+        return basis
+    if is_list(basis):
+        return listed_functions(basis, states, names)
+    return named_basis(basis, states)
+
+
+def is_list(basis: str) -> bool:
+    """Return whether a text is a list of formulas, and not the name of a basis."""
+    return re.search(r"[^a-z+]", basis) is not None
+
+
+def listed_functions(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Function:
     """Return the CasADi Function z (n,) -> values of the functions in a list of formulas.
 
     text: a list such as "x1**2, x1*x2, sin(alpha)". The expressions may contain numbers, x1 ... xn,
@@ -37,10 +62,10 @@ def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Funct
     z = ca.SX.sym("z", states)
     symbols = {f"x{index + 1}": z[index] for index in range(states)}
     symbols |= {name: z[index] for index, name in enumerate(names)}
-    with prefix_errors("features"):
+    with prefix_errors("basis"):
         try:
-            features = expressions(text, symbols, f"x1 to x{states}")
-            return ca.Function("features", [z], [ca.densify(ca.vertcat(*features))])
+            functions = expressions(text, symbols, f"x1 to x{states}")
+            return ca.Function("basis", [z], [ca.densify(ca.vertcat(*functions))])
         except BadInputError:
             raise
         except Exception as error:  # each raises other exceptions: parser, floats, CasADi

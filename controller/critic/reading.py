@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -11,7 +10,9 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.game.basis import Basis, basis
+from controller.critic.features import basis_of
+from controller.game.basis import Basis
+from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 
 #: Array of a critic -> number of its dimensions.
@@ -22,8 +23,8 @@ DIMENSIONS = {"W": 1, "P": 2, "K": 2}
 class Reading:
     """Options for reading a critic file.
 
-    basis: basis of the weights: a name, or a list of functions (`features_of`). None selects the
-        basis named in the file, else "quadratic".
+    basis: basis of the weights: a name, or a list of functions (`listed_functions`). None selects
+        the basis named in the file, else "quadratic".
     network: outputs of a network file, as for `from_network`
     activation: activation between the layers of a state dict; after a comma, the activation of the
         output. None if not given.
@@ -35,26 +36,9 @@ class Reading:
     activation: str | None = None
     scale: np.ndarray | None = None
 
-    @property
-    def lists_functions(self) -> bool:
-        """True if the basis is a list of functions and not a name."""
-        return self.basis is not None and re.search(r"[^a-z+]", self.basis) is not None
-
-    def functions(self, states: int, names: tuple[str, ...]) -> Basis | ca.Function:
-        """Return the basis ψ of the weights, according to the options.
-
-        The result is a CasADi Function z -> ψ(z) if the basis is a list of functions.
-
-        states: number of states
-        names: names of the states, for a list of functions
-
-        Raises BadInputError for an unknown name of a basis, and for a faulty list.
-        """
-        if self.basis is not None and self.lists_functions:
-            from controller.critic.features import features_of
-
-            return features_of(self.basis, states, names)
-        return basis(self.basis or "quadratic", states)
+    def psi(self, game: Game | DiscreteGame) -> Basis | ca.Function:
+        """Return the basis ψ of the weights for the states of a game (`basis_of`)."""
+        return basis_of(self.basis or "quadratic", len(game.A), game.names.states)
 
 
 class CriticReader(Protocol):
@@ -62,7 +46,7 @@ class CriticReader(Protocol):
     `hfa.critics`.
     """
 
-    def __call__(self, game: Game, path: str | Path, reading: Reading) -> Critic:
+    def __call__(self, game: Game | DiscreteGame, path: str | Path, reading: Reading) -> Critic:
         """Return the critic in a file, as a function of the game's states.
 
         Raises BadInputError if the file cannot be read as a critic of this game.
@@ -70,22 +54,22 @@ class CriticReader(Protocol):
 
 
 def in_plant_units(
-    parts: dict[str, np.ndarray], scales: np.ndarray, functions: Basis | ca.Function | None
+    parts: dict[str, np.ndarray], scales: np.ndarray, basis: Basis | ca.Function | None
 ) -> dict[str, np.ndarray]:
     """Return a critic's arrays, converted from the file's units to the units of the plant.
 
     x is a state in the units of the plant and diag(s) x this state in the units of the file.
-    P becomes diag(s) P diag(s), K becomes K diag(s), and W becomes `functions.scaling(s)` W.
+    P becomes diag(s) P diag(s), K becomes K diag(s), and W becomes `basis.scaling(s)` W.
     An array whose shape does not fit the plant is returned unchanged. W is also returned unchanged
-    if `functions` is not a `Basis`.
+    if `basis` is not a `Basis`.
 
     parts: W (..., M), P (..., n, n), K (..., m, n)
     scales: s, (n,)
-    functions: basis of W, or None without W
+    basis: ψ of W, or None without W
     """
     factors = {"K": scales, "P": np.outer(scales, scales)}
-    if isinstance(functions, Basis) and len(scales) == functions.states:
-        factors["W"] = functions.scaling(scales)
+    if isinstance(basis, Basis) and len(scales) == basis.states:
+        factors["W"] = basis.scaling(scales)
     converted = dict(parts)
     for name, factor in factors.items():
         if name in parts and parts[name].shape[-factor.ndim :] == factor.shape:

@@ -16,6 +16,7 @@ from hfa_support.reporting.text import RowsMade, Table, matrix_table
 
 if TYPE_CHECKING:
     from controller.critic.critic import Critic
+    from controller.game.discrete_game import DiscreteGame
     from controller.game.zero_sum import Game
 
 
@@ -101,7 +102,7 @@ class TrainingRun(Result, Reported):
     names: PlantNames = field(default=UNNAMED, metadata=UNSTORED)
     clock: str = "s"
 
-    def critic(self, game: Game) -> Critic:
+    def critic(self, game: Game | DiscreteGame) -> Critic:
         """Return the critic of the last weights for the given game."""
         from controller.critic.critic import from_weights
 

@@ -25,18 +25,16 @@ def discrete_critic(problem: DiscreteGame, critic: Critic) -> Critic:
     - If V is quadratic, or if the critic contains a number that is not finite, the policy is
       linear, u = -K x.
     - Otherwise V, ∂V/∂x and the nonlinear policy u are stored as CasADi functions in `network`.
+
+    The critic may have been made for the matrices of one step, as a game in continuous time.
     """
     if critic.P is None or critic.feedback is None:
         return critic
-    P = critic.P
-    if not critic.network:
-        P = (P + P.T) / 2.0
-    with np.errstate(all="ignore"):
-        K, L = problem.policies(P)
+    K, L = problem.policies((critic.P + critic.P.T) / 2.0)
     critic = replace(critic, K=K)
     network = dict(critic.network)
     if critic.is_quadratic or not critic.finite:
-        return replace(critic, feedback=None)
+        return critic
     if not network:
         assert critic.value is not None
         network["V"] = critic.value

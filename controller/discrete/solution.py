@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -88,11 +88,13 @@ class DiscreteSolution(Reported):
         return self.problem.q_function(self.P)
 
 
+@checks_arguments
 def sampled(game: Game, dt: float, discount: float = 1.0) -> DiscreteGame:
     """Return a sampled continuous-time game, with constant u and w in each step of dt seconds.
 
     The cost of a step is dt (x'Qx + 2x'Nu + u'Ru - δ² w'w) at the beginning of the step. Therefore
-    the weights of the step are Q dt, R dt and N dt, and the delta of the step is √dt δ.
+    the weights of the step are Q dt, R dt and N dt, and the delta of the step is √dt δ. The step
+    keeps the names and the box of states of the game.
 
     The matrix A of a step is stored with twice the digits, and A - I is computed without
     cancellation.
@@ -113,26 +115,20 @@ def sampled(game: Game, dt: float, discount: float = 1.0) -> DiscreteGame:
     over_a_step = expm(dt * np.vstack([rates, held]))[:n]
     _, change, B, E = np.split(over_a_step, [n, 2 * n, 2 * n + m], axis=1)
     A, A_low = add(exact(np.eye(n)), exact(change))
-    delta = game.delta * math.sqrt(dt)
-    step = Game(A=A, B=B, E=E, Q=game.Q * dt, R=game.R * dt, delta=delta, N=game.N * dt)
-    return DiscreteGame(step, discount, A_low=A_low)
+    step = replace(
+        game,
+        A=A,
+        B=B,
+        E=E,
+        Q=game.Q * dt,
+        R=game.R * dt,
+        delta=game.delta * math.sqrt(dt),
+        N=game.N * dt,
+    )
+    return DiscreteGame(step, discount, A_low, continuous=game, dt=dt)
 
 
 @checks_arguments
-def solve_discounted(game: Game, discount: float, dt: float | None = None) -> DiscreteSolution:
-    """Return the certified solution of a discounted game.
-
-    discount: discount of one step
-    dt: sample time of a continuous-time game, s, or None if `game` is in discrete time
-
-    Raises BadInputError if the discount or dt is out of range. Raises NoSolutionError if no
-    solution is certified (`solve_discrete`).
-    """
-    return solve_discrete(
-        DiscreteGame(game, discount) if dt is None else sampled(game, dt, discount)
-    )
-
-
 def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> DiscreteSolution:
     """Return the certified solution of a discrete-time game.
 

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from controller.game.zero_sum import Game
+from hfa_aircraft.names import PlantNames
+from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, is_finite
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 from hfa_support.reporting.report import Reported
@@ -24,6 +26,8 @@ class DiscreteGame(Reported):
     discount: α, 0 < α <= 1
     A_low: difference between A and its double-precision value, (n, n), or None for 0. The
         difference is used for short steps, for which A is nearly I.
+    continuous: game in continuous time of which this game is the sampled one (`sampled`), or None
+    dt: sample time, s, or None if the game is not sampled
 
     Raises BadInputError if the discount is out of range.
     """
@@ -31,6 +35,8 @@ class DiscreteGame(Reported):
     step: Game
     discount: float = 1.0
     A_low: Any = None
+    continuous: Game | None = None
+    dt: float | None = None
 
     def __post_init__(self) -> None:
         """Check the discount, and replace None by zeros in A_low.
@@ -46,6 +52,47 @@ class DiscreteGame(Reported):
         object.__setattr__(self, "A_low", A_low)
         object.__setattr__(self, "discount", float(self.discount))
 
+    @property
+    def A(self) -> np.ndarray:
+        """A of one step, (n, n)."""
+        return self.step.A
+
+    @property
+    def B(self) -> np.ndarray:
+        """B of one step, (n, m)."""
+        return self.step.B
+
+    @property
+    def N(self) -> np.ndarray:
+        """Cross weights of one step, (n, m)."""
+        return self.step.N
+
+    @property
+    def F(self) -> np.ndarray:
+        """R⁻¹ N' of one step, (m, n)."""
+        return self.step.F
+
+    @property
+    def R_inverse_B_transposed(self) -> np.ndarray:
+        """R⁻¹ B' of one step, (m, n)."""
+        return self.step.R_inverse_B_transposed
+
+    @property
+    def names(self) -> PlantNames:
+        """Names and units of the states and inputs."""
+        return self.step.names
+
+    def gain(self, P: np.ndarray) -> np.ndarray:
+        """Return K (m, n) of the policy u = -K x that the value x'P x implies (`policies`)."""
+        return self.policies(P)[0]
+
+    def checked_gain(self, K: ArrayLike) -> np.ndarray:
+        """Return K as an array of floats.
+
+        Raises BadInputError if K is not a real m x n matrix.
+        """
+        return self.step.checked_gain(K)
+
     def policies(self, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return K (m, n) and L (k, n) of the optimal policies u = -K x and w = L x of one step.
 
@@ -53,7 +100,7 @@ class DiscreteGame(Reported):
 
           [K; -L] = (W + α G'P G)⁻¹ (α G'P A + [N 0]'),  G = [B E],  W = blkdiag(R, -δ² I)
 
-        With δ = inf, L is 0.
+        With δ = inf, L is 0. Both are nan if no extremum exists.
 
         P: (n, n)
         """
@@ -64,7 +111,11 @@ class DiscreteGame(Reported):
         W[:m, :m] = step.R
         right = self.discount * G.T @ P @ step.A
         right[:m] += step.N.T
-        gains = np.linalg.solve(W + self.discount * G.T @ P @ G, right)
+        try:
+            with np.errstate(all="ignore"):
+                gains = np.linalg.solve(W + self.discount * G.T @ P @ G, right)
+        except np.linalg.LinAlgError:
+            gains = np.full_like(right, np.nan)
         return gains[:m], -gains[m:] / step.delta
 
     def q_function(self, P: np.ndarray) -> np.ndarray:

@@ -83,9 +83,7 @@ def cost_above_optimum(game: Game, exact: Solution, K: np.ndarray) -> tuple[floa
     The excesses are the eigenvalues of P*⁻¹ D on the states with a positive optimal cost. D is the
     `loss_matrix`.
 
-    - both inf if the cost has no bound
-    - both inf if D ≠ 0 but no state has a positive optimal cost
-    - both 0 if D = 0 and no state has a positive optimal cost
+    Both are inf if the cost has no bound.
 
     game: the game
     exact: solution of the game, with P*
@@ -94,9 +92,21 @@ def cost_above_optimum(game: Game, exact: Solution, K: np.ndarray) -> tuple[floa
     D = loss_matrix(game, exact, K)
     if D is None:
         return math.inf, math.inf
-    units = NormalForm.of(game).units
+    return excess_ratios(D, exact.P, NormalForm.of(game).units)
+
+
+def excess_ratios(D: np.ndarray, P: np.ndarray, units: np.ndarray) -> tuple[float, float]:
+    """Return the largest and the mean ratio z'D z / z'P z over the states with z'P z > 0.
+
+    - both inf if D ≠ 0 but no state has a positive optimal cost
+    - both 0 if D = 0 and no state has a positive optimal cost
+
+    D: excess of the cost, (n, n)
+    P: optimal cost, (n, n)
+    units: units of the states in which P is balanced, (n,)
+    """
     squared = np.outer(units, units)
-    values, vectors = np.linalg.eigh(exact.P * squared)
+    values, vectors = np.linalg.eigh(P * squared)
     paid = values > SIGNLESS * max(float(values[-1]), 0.0)
     if not paid.any():
         lost_anyway = math.inf if D.any() else 0.0

@@ -168,21 +168,18 @@ def learn(request: LearnRequest) -> int:
     if named.discrete is not None:
         return _learn_discrete(request, named, named.discrete)
     run = request.learning.learned(named.game)
-    critic = run.critic(named.game)
-    return _show_learned(request, named, run, verify(named.game, critic, run=run))
+    return _show_learned(request, named, run, verify(named.game, run))
 
 
 def _learn_discrete(request: LearnRequest, named: NamedGame, problem: DiscreteGame) -> int:
     """Learn the solution of a game in discrete time by Q-learning, and return the exit code."""
-    from controller.critic.critic import from_parts
+    from controller.critic.critic import from_q_function
     from controller.learning.q_learning import learn_steps
-    from verification.critic.discrete import check_discrete
+    from verification.critic.critic_check import verify
 
     request.learning.refuse(("law", "set"), CONTINUOUS)
     run, H = learn_steps(problem, request.learning.seed, progress=ProgressLine("learn"))
-    critic = from_parts(problem.step, {"P": run.P, "K": run.K})
-    verdict = check_discrete(problem, critic, more={"H": H})
-    return _show_learned(request, named, run, verdict, H)
+    return _show_learned(request, named, run, verify(problem, from_q_function(problem, H)), H)
 
 
 @dataclass(frozen=True, eq=False)

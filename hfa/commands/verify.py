@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
@@ -25,14 +25,13 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown
 from hfa_support.files import MATRIX_FILES, note_read
 from hfa_support.progress import with_progress
-from verification.critic import critic_check
-from verification.scope import LIMIT, SECONDS, Nearby, Scheduled, Scope
+from verification.critic.critic_check import verify as judge
+from verification.scope import FLIGHTS, LIMIT, SECONDS, Nearby, Scheduled, Scope
 from verification.verdict import NEAR, Verdict
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from controller.critic.critic import Critic
     from controller.game.discrete_game import DiscreteGame
 
 #: With more files than this, a critic that is not quadratic is simulated from only a few initial
@@ -144,20 +143,25 @@ def verify(request: VerifyRequest) -> int:
         )
     named = request.named_game() if paths else request.game.game(request.aircraft, request.trim)
     if named.discrete is not None:
-        return _verify_discrete(request, named, named.discrete, paths)
-    scope = _scope(request, named)
+        request.refuse(("discount", "dt", "region", "flights", "draws"), CONTINUOUS)
+    game = _judged_game(request, named)
+    scope = Scope(
+        nearby=None if request.trim.at is None else partial(_nearby, request, named.game),
+        flights=_FEW_FLIGHTS if len(paths) > _MANY else FLIGHTS,
+        seconds=SECONDS / max(len(paths), 1),
+        progress=ProgressLine("prove") if len(paths) <= 1 else None,
+    )
     verdicts = {}
     progress = ProgressLine("compare")
     if not paths:
         run = request.learning.learned(named.game)
-        verdicts[f"the law {run.law!r}, seed {run.seed},"] = critic_check.verify(
-            named.game, run.critic(named.game), run=run, limit=request.limit_error, scope=scope
-        )
+        source = f"the law {run.law!r}, seed {run.seed},"
+        verdicts[source] = judge(game, run, limit=request.limit_error, scope=scope)
     else:
         progress(0, len(paths))
     for path in with_progress(paths, progress):
         with named.asking_for_time():
-            verdicts[str(path)] = _check_file(path, request, named, scope, len(paths))
+            verdicts[str(path)] = _check_file(path, request, named, game, scope)
     cost = request.limit_cost
     judged = list(verdicts.values())
     origin = named.game.names.origin
@@ -184,35 +188,14 @@ def verify(request: VerifyRequest) -> int:
     return 0 if all(verdict.holds(cost) for verdict in judged) else 1
 
 
-def _verify_discrete(
-    request: VerifyRequest, named: NamedGame, problem: DiscreteGame, paths: Sequence[Path]
-) -> int:
-    """Check one critic of a game in discrete time and return the exit code.
+def _judged_game(request: VerifyRequest, named: NamedGame) -> Game | DiscreteGame:
+    """Return the game whose solution the critics approximate: with --discount, the sampled game."""
+    if request.discount is None:
+        return named.discrete or named.game
+    from controller.discrete.solution import sampled
 
-    paths: one path, of a file with W, P, K, L or H or of a network
-
-    Raises BadInputError unless exactly one path is given.
-    """
-    from controller.discrete.critic_file import critic_of_steps
-    from verification.critic.discrete import check_discrete
-
-    if len(paths) != 1:
-        raise BadInputError(
-            "a discrete-time plant requires exactly one critic; give --weights FILE once"
-        )
-    names = ("discount", "dt", "region", "flights", "draws", "output.picture")
-    request.refuse(names, CONTINUOUS)
-    (path,) = paths
-    critic, more = critic_of_steps(path, problem, request.reading.reading(request.learning.set))
-    scope = Scope(progress=ProgressLine("prove"))
-    with prefix_errors(path):
-        verdict = check_discrete(problem, critic, limit=request.limit_error, more=more, scope=scope)
-    cost = request.limit_cost
-    lines = _about(named, verdict, cost)
-    report = verdict.report(limit_cost=cost, about=lines, source=str(path))
-    report = report.with_data(**named.as_data(), **named.weights.as_data())
-    request.show(report, notes=named.warnings)
-    return 0 if verdict.holds(cost) else 1
+    assert request.dt is not None
+    return sampled(named.game, request.dt, request.discount)
 
 
 def _figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
@@ -242,14 +225,6 @@ def _about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list
     if limit_cost is None and verdict.grade == "near":
         lines.append(f"Near the optimum, exit code 1; --limit-cost {NEAR:g} accepts it")
     return lines
-
-
-def _scope(request: VerifyRequest, named: NamedGame) -> Scope:
-    """Return the scope of the checks. The critic is compared with other games only if a dihedral
-    angle is given.
-    """
-    nearby = None if request.trim.at is None else partial(_nearby, request, named.game)
-    return Scope(nearby=nearby)
 
 
 def _nearby(request: VerifyRequest, game: Game) -> Nearby:
@@ -294,18 +269,8 @@ def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
                 )
     if (request.discount is None) != (request.dt is None):
         raise BadInputError("--discount and --dt require each other; give both options")
-    if request.discount is not None:
-        request.refuse(
-            ("output.picture",), "cannot be combined with --discount; remove one of the two"
-        )
-        if len(paths) != 1:
-            raise BadInputError(
-                "--discount requires a single critic; give a single file with --weights"
-            )
-        if "predefined_time" in request.learning.set:
-            raise BadInputError(
-                "--set predefined_time cannot be combined with --discount; remove one of the two"
-            )
+    if request.discount is not None and not paths:
+        raise BadInputError("--discount requires a critic; give a file with --weights")
     if not paths:
         request.refuse(
             ("reading.basis",),
@@ -320,7 +285,11 @@ def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
 
 
 def _check_file(
-    path: Path, request: VerifyRequest, named: NamedGame, scope: Scope, files: int
+    path: Path,
+    request: VerifyRequest,
+    named: NamedGame,
+    game: Game | DiscreteGame,
+    scope: Scope,
 ) -> Verdict:
     """Return the verdict on the critic in a file.
 
@@ -328,73 +297,28 @@ def _check_file(
 
     path: the critic file
     request: the options of `hfa verify`
-    named: the game
-    scope: box of states and other games for comparison
-    files: number of files in the request, which share the time of the checks
+    named: the game of the request, with its plant
+    game: the game whose solution the critic approximates
+    scope: data for the checks, without the nonlinear plant
 
     Raises BadInputError if --set predefined_time is given for a critic without time.
     """
-    critics = critics_in(path, named.game, request.reading.reading(request.learning.set))
-    critic = critics[-1]
-    if request.discount is not None:
-        return _check_discounted(path, critic, request, named.game, scope)
-    if files > _MANY:
-        scope = replace(scope, flights=_FEW_FLIGHTS)
-    if not critic.is_quadratic:
-        progress = ProgressLine("prove") if files == 1 else None
-        scope = replace(scope, seconds=SECONDS / files, progress=progress)
-        if named.linear is not None:
-            from verification.scope import nonlinear_plant
-
-            scope = replace(scope, plant=nonlinear_plant(named.linear))
-    if critic.time is not None:
-        return _check_history(path, critics, request, named, scope)
-    if "predefined_time" in request.learning.set:
+    critics = critics_in(path, game, request.reading.reading(request.learning.set))
+    predefined_time = request.learning.set.get("predefined_time")
+    is_history = critics[-1].time is not None
+    if predefined_time is not None and not is_history:
         raise BadInputError(
             f"{path} is not a history, but --set predefined_time requires one; remove this setting"
         )
-    return critic_check.verify(named.game, critic, limit=request.limit_error, scope=scope)
+    if not critics[-1].is_quadratic and named.linear is not None:
+        from verification.scope import nonlinear_plant
 
-
-def _check_discounted(
-    path: Path, critic: Critic, request: VerifyRequest, game: Game, scope: Scope
-) -> Verdict:
-    """Return the verdict on a critic for a continuous-time game that is sampled and discounted.
-
-    Raises BadInputError if the file contains a history of critics.
-    """
-    from verification.critic.discrete import check_discounted
-
-    assert request.discount is not None
-    if critic.time is not None:
-        raise BadInputError(
-            f"{path}: the file contains a history, but --discount requires one critic; give a "
-            "file with a single critic"
-        )
-    scope = replace(scope, progress=ProgressLine("prove"))
-    return check_discounted(
-        game, critic, request.discount, request.dt, limit=request.limit_error, scope=scope
-    )
-
-
-def _check_history(
-    path: Path,
-    critics: Sequence[Critic],
-    request: VerifyRequest,
-    named: NamedGame,
-    scope: Scope,
-) -> Verdict:
-    """Return the verdict on a history of critics over time, including the checks of the last
-    critic.
-    """
-    from verification.critic.history import check_history
-
+        scope = replace(scope, plant=nonlinear_plant(named.linear))
     with prefix_errors(path):
-        return check_history(
-            named.game,
-            critics,
+        return judge(
+            game,
+            critics if is_history else critics[-1],
             limit=request.limit_error,
             scope=scope,
-            predefined_time=request.learning.set.get("predefined_time"),
-            progress=ProgressLine("compare"),
+            predefined_time=predefined_time,
         )

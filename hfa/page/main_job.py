@@ -31,8 +31,7 @@ from trim.point.linearize import linearize
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 from trim.sweeps.sweep import Sweep, sweep
-from verification.critic.critic_check import Scope, verify
-from verification.hfa_box import ordinary_box
+from verification.critic.critic_check import verify
 from verification.regeneration import Regeneration, regenerate_all
 from verification.verdict import Verdict
 
@@ -115,8 +114,7 @@ def with_game(angle: Angle) -> Angle:
     try:
         angle = replace(angle, solution=solve(game))
         run = learn(game)
-        scope = Scope(box=ordinary_box())
-        return replace(angle, check=verify(game, run.critic(game), run=run, scope=scope))
+        return replace(angle, check=verify(game, run))
     except NoSolutionError as error:
         return replace(angle, reason=str(error))
 

@@ -15,7 +15,7 @@ from controller import Stack, basis, random_pool
 from controller.critic.training_run import TrainingRun
 from controller.game.basis import Basis
 from controller.reference import feedforward as exact_feedforward, forcing
-from hfa import Game, Solution, from_weights, learn, solve, verify
+from hfa import Game, Solution, learn, solve, verify
 from hfa.paper import published_game
 from hfa_aircraft.waveform import Harmonic, zero
 from hfa_flight import Policy, Scenario, Waveform
@@ -476,8 +476,7 @@ def _train(setting: Setting, case: PaperCase, law: str, predefined_time: float) 
         chosen |= {"initial_weights": configuration.published_as_printed.initial_weight}
         learned = learn(case.game, law, critic.seed, pool=recorded_pool(setting, case), **chosen)
     gains, certified_from = certified_gains(case.game, learned, configuration.flight.tick)
-    last_critic = from_weights(target, learned.weights[-1], learned.basis)
-    verdict = verify(target, last_critic, run=learned)
+    verdict = verify(target, learned)
     return _Training(learned, gains, certified_from, verdict.ok)
 
 

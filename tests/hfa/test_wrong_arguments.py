@@ -33,7 +33,6 @@ def valid_calls() -> Calls:
     game = hfa.paper.published_game(linear)
     exact = hfa.solve(game)
     critic = hfa.from_gain(game, exact.K)
-    history = controller.critics_over_time(game, np.array([0.0, 1.0]), K=np.array([exact.K] * 2))
     functions: dict[Callable[..., Any], dict[str, Any]] = {
         hfa.aircraft: {"dynamics": "newton", "parameters": None},
         hfa.load_model: {"text": f"{ROOT / 'examples' / 'navion.py'}:NAVION"},
@@ -78,7 +77,6 @@ def valid_calls() -> Calls:
         controller.disk_margin: {"game": game, "K": exact.K},
         verification.relative_error: {"value": exact.K, "exact": exact.K},
         controller.solve_games: {"A": np.array([game.A]), "B": np.array([game.B]), "like": game},
-        verification.check_history: {"game": game, "critics": history},
         verification.Scope: {"flights": 10, "seconds": 0.0},
     }
     return {function.__name__: (function, right) for function, right in functions.items()}

@@ -56,7 +56,7 @@ BREACHES = {
         "verification/network/search.py": "verification.reasons.diagnosis",
     },
     "Enclosures are arithmetic": {"verification/enclosure/taylor.py": "hfa_aircraft.rigid.motion"},
-    "Enclosures serve": {"verification/hfa_box.py": "verification.enclosure.taylor"},
+    "Enclosures serve": {"verification/box.py": "verification.enclosure.taylor"},
     "Flights:": {
         f"{FLIGHT}/scenario.py": "hfa_flight.simulation",
         f"{FLIGHT}/flight.py": "hfa_flight.options",

@@ -9,13 +9,12 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic
 from controller.riccati.cost import SIGNLESS
 from hfa_support.reporting.checks import Check, at_most
-from verification.axis import _FEW_STEPS, InTime, Loop, TimeAxis, _FlowLoop
+from verification.axis import Loop, TimeAxis
 from verification.critic_errors import Exact
 
 if TYPE_CHECKING:
@@ -96,12 +95,9 @@ def fly(
     few = min(FEW, flights)
     loop = axis.loop(critic, b)
     reached = [_reach(loop, b, few)]
-    if plant is not None:
-        assert isinstance(axis, InTime)
-        z = critic.symbols
-        for policy in (critic.policy(z), -ca.DM(exact.K) @ z):
-            nonlinear = _FlowLoop(z, plant.closed(z, policy), exact, axis.duration(), b)
-            nonlinear.most_steps = _FEW_STEPS
+    for policy in (critic, None):
+        nonlinear = None if plant is None else axis.plant_loop(plant, policy, b)
+        if nonlinear is not None:
             reached.append(_reach(nonlinear, b, few))
     rest = loop.equilibrium
     equilibrium_cost = 0.0

@@ -156,18 +156,18 @@ def _floored(sizes: np.ndarray) -> np.ndarray:
 
 
 def findings_of(
-    axis: TimeAxis, critic: Critic, exact: Exact, b: np.ndarray, limit: float, scope: Scope
+    axis: TimeAxis, critic: Critic, b: np.ndarray, limit: float, scope: Scope
 ) -> Findings:
     """Return the errors of a critic over the box |z_i| <= b_i, and the results of its simulations.
 
     limit: largest relative error that passes
     """
-    about = Comparison(critic, exact, np.sqrt(np.diag(axis.price)), b)
+    about = Comparison(critic, axis.exact, np.sqrt(np.diag(axis.price)), b)
     origin, worst, proof = _searched_and_proved(about, limit, scope)
     # The errors of a polynomial are bounded, and its bounds are checked.
     errors = search_checks(critic, origin, worst, limit) if critic.network else []
     checks = list(errors)
-    flown = fly(axis, critic, exact, b, scope.flights, scope.plant)
+    flown = fly(axis, critic, axis.exact, b, scope.flights, scope.plant)
     if flown.flights:
         checks.append(equilibrium_check(flown.rest_point, b, limit))
     section = nonlinear_section(critic, b, worst, proof, flown, axis.period)
@@ -347,7 +347,7 @@ def nonlinear_section(
     output = " and ".join(outputs)
     value = np.array(functions[outputs[0]](b)).ravel()
     constant = f", V(0) = {critic.constant:.4g}" if "V" in outputs else ""
-    kind = f"Network of {output}" if critic.network else "Polynomial V"
+    kind = f"Network of {output}" if critic.weights is None else "Polynomial V"
     errors = "; ".join(
         f"{_NOUNS[item.name]} {item.error:.3g} at ({_row(item.at)})" for item in found
     )

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.critic.critic import from_parts
-from controller.game.discrete_game import DiscreteGame
+from controller.critic.critic import from_gain
 from controller.game.weights import weights_line
 from hfa_support.errors import prefix_errors
 from hfa_support.progress import Progress
@@ -19,7 +18,6 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import UNSTORED, Result, stored, stored_as, stored_parts
 from hfa_support.reporting.text import Table
 from verification.critic.critic_check import verify
-from verification.critic.discrete import check_discrete
 from verification.printed.classes import Classified, classify
 from verification.printed.comparison import Comparison
 from verification.printed.exact_answer import policies
@@ -146,10 +144,7 @@ def check_printed(path: Path, progress: Progress | None = None) -> PrintedVerdic
 def _cost_above_optimum(file: PrintedFile) -> float:
     """Return an upper bound on the cost above the optimum of the printed policy, percent."""
     game = file.plant.game()
-    K = _printed_gain(file)
-    if isinstance(game, DiscreteGame):
-        return check_discrete(game, from_parts(game.step, {"K": K})).cost_lost
-    return verify(game, from_parts(game, {"K": K})).cost_lost
+    return verify(game, from_gain(game, _printed_gain(file))).cost_lost
 
 
 def _printed_gain(file: PrintedFile) -> np.ndarray:

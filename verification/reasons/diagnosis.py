@@ -9,52 +9,42 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from controller.critic.critic import FUNCTIONS, Critic
-from controller.discrete.solution import quick_discrete
 from controller.game.basis import basis
-from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import spectrum
-from controller.riccati.gare import unconfirmed_solution
 from controller.riccati.normal_form import NormalForm
-from hfa_support.errors import BadInputError, NoSolutionError
-from verification.critic_errors import SMALL, Exact, matrix_errors, relative_error
+from hfa_support.errors import BadInputError
+from verification.axis import TimeAxis
+from verification.critic_errors import SMALL, Exact, matrix_errors
 from verification.reasons.hypotheses import (
+    EXACT,
+    OF_NETWORKS,
+    WITH_NOISE,
+    Demands,
     Hypothesis,
     View,
+    error_of,
     of_columns,
     of_matrix,
     of_rows,
     of_weights,
 )
-from verification.reasons.other_games import (
-    ROUNDING,
-    Answer,
-    Family,
-    Nearby,
-    answers,
-    families,
-    is_answer,
-    other_weights,
-)
+from verification.reasons.other_games import ROUNDING, Answer, OtherGames
 
 #: A P with a smaller residual is a root of the Riccati equation, although possibly the wrong one.
 _ROOT = 1e-9
-#: If a smaller fraction of the error remains, a critic is the LQR. Above it, a game that is almost
-#: the LQR would look alike.
-_SAME = 1e-6
-#: If K differs more from R⁻¹B'P, relatively, K and P do not belong together. A smaller difference
-#: may be rounding.
+#: If K differs more from the gain that P implies, relatively, K and P do not belong together. A
+#: smaller difference may be rounding.
 _APART = 0.05
 _NOT_TOGETHER = (
-    "K is not R⁻¹B'P: the stored K and P do not belong together, or not to this plant and R"
+    "K is not the gain that P implies: the stored K and P do not belong together, or not to this "
+    "plant and R"
 )
 #: Largest relative error of P with which a network counts as right, and least error of its policy
 #: with which the policy counts as wrong.
@@ -66,25 +56,6 @@ _SAMPLES = 2000
 _PER_DEGREE = 180.0 / math.pi
 
 
-class Demands(NamedTuple):
-    """Thresholds for naming a mistake.
-
-    left: permitted remaining part of the error for each kind of `Hypothesis.fitted`. The part is
-        smaller if numbers were fitted, because fitted numbers explain part of any error.
-    least: largest error of a critic for which the permitted part of `_EXACT` applies instead.
-    entry: largest permitted error of an entry under the hypothesis (`View.entry_errors`).
-    share: fraction of the informative entries that must satisfy `entry`.
-    """
-
-    left: Mapping[str, float]
-    least: float = 0.0
-    entry: float = 0.01
-    share: float = 1.0
-
-
-_EXACT = Demands({"": 1e-3, "factor": 1e-3, "scales": 1e-4})
-_WITH_NOISE = Demands({"": 0.15, "factor": 0.01, "scales": 1e-4}, 0.03, 0.5)
-_OF_NETWORKS = Demands({"": 0.15, "factor": 0.01, "scales": 0.03}, 0.03, 0.3, 0.6)
 #: An explanation is preferred to later ones whose remaining error is smaller by at most this
 #: factor.
 _AS_GOOD = 10.0
@@ -108,14 +79,6 @@ class Cause(NamedTuple):
 _NO_CAUSE = Cause(math.inf, math.inf, "")
 
 
-def error_of(view: View, matrix: np.ndarray) -> float:
-    """Return |matrix - exact| / |exact|, the relative error of a matrix in weighted norms.
-
-    view: the exact matrix and the weights of the Frobenius norms
-    """
-    return relative_error(matrix * view.weights, view.exact * view.weights)
-
-
 def named(view: View, hypotheses: Iterable[Hypothesis], demands: Demands) -> Cause:
     """Return the first hypothesis that explains nearly as much of the error as the best hypothesis.
 
@@ -130,7 +93,7 @@ def named(view: View, hypotheses: Iterable[Hypothesis], demands: Demands) -> Cau
         return _NO_CAUSE
     strictness = 1.0
     if before <= demands.least:
-        strictness = demands.left[""] / _EXACT.left[""]
+        strictness = demands.left[""] / EXACT.left[""]
     causes = []
     for hypothesis in hypotheses:
         if not is_confirmed(view, hypothesis, demands):
@@ -141,7 +104,7 @@ def named(view: View, hypotheses: Iterable[Hypothesis], demands: Demands) -> Cau
     errors = [cause.error for cause in causes if cause.share <= 1.0]
     if not errors:
         return _NO_CAUSE
-    good = min(_AS_GOOD * min(errors), before * _WITH_NOISE.left[""])
+    good = min(_AS_GOOD * min(errors), before * WITH_NOISE.left[""])
     return next(cause for cause in causes if cause.error <= max(good, ROUNDING))
 
 
@@ -159,131 +122,48 @@ def named_with_noise(view: View, hypotheses: Sequence[Hypothesis]) -> str:
     with the weights of the view.
     """
     for weighted in (view.relative(), view):
-        cause = named(weighted, hypotheses, _WITH_NOISE)
+        cause = named(weighted, hypotheses, WITH_NOISE)
         if cause.says:
             return f"{cause.says}; an error of {cause.error:.2g} is left"
     return ""
 
 
 def diagnose(
-    game: Game,
-    exact: Exact,
+    axis: TimeAxis,
     critic: Critic,
     limit: float,
-    nearby: Nearby | None = None,
-    box: np.ndarray | None = None,
+    box: np.ndarray,
+    others: OtherGames,
 ) -> str:
     """Return a sentence that names the mistake in a critic, or "" if no mistake is recognized.
 
-    game: the game to be solved
-    exact: exact solution of the game
+    axis: the game to be solved, and its exact solution
     critic: P and K, K alone, or a network
     limit: largest relative error of a correct P
-    nearby: other games that the critic may solve, or None
-    box: half-widths of the box of states, (n,). Required for a network, otherwise None.
+    box: half-widths of the box of states, (n,), used for a network
+    others: other games that the critic may solve (`other_games`)
     """
-    others = _Others(game, nearby or Nearby())
-    if critic.network and box is not None:
-        return _of_network(game, exact, critic, box, others.of_network)
+    game = axis.step
+    exact = axis.exact
+    if critic.network:
+        return _of_network(axis, critic, box, others.of_network)
     value, gain = _views(game, critic, exact.P, exact.K)
     if value is None or critic.P is None:
-        return _of_view(gain, _usual(game, gain, critic), others.of_polynomial(gain))
+        return _of_view(gain, _usual(game, gain, critic), others.of_matrix(gain))
     P_is_right = all(check.ok for check in matrix_errors(game, "P", critic.P, exact.P, limit))
     if P_is_right and critic.feedback is not None and critic.is_quadratic:
         return _rounded(gain)
     if P_is_right:
         mistake = _beyond_quadratic(critic) or _of_view(gain, _usual(game, gain, critic))
     else:
-        mistake = _of_view(value, _usual(game, value, critic), others.of_polynomial(value))
+        mistake = _of_view(value, _usual(game, value, critic), others.of_matrix(value))
     if mistake:
         return mistake
-    # |K - R⁻¹B'P| with the critic's P, relative to |K| of the exact solution.
-    difference = error_of(gain, gain.exact + gain.judged - game.gain(critic.P))
+    # |K - K_P| with the gain K_P that the critic's P implies, relative to |K| of the solution.
+    difference = error_of(gain, gain.exact + gain.judged - axis.gain(critic.P))
     if difference > _APART:
         return _NOT_TOGETHER
-    return "" if P_is_right else _another_root(game, critic.P)
-
-
-def diagnose_discrete(
-    game: Game,
-    exact: Exact,
-    critic: Critic,
-    continuous: str,
-    others: Mapping[str, DiscreteGame],
-    box: np.ndarray,
-) -> str:
-    """Return a sentence that names the mistake in a critic of a discrete-time problem, or "".
-
-    The mistake may be that the critic solves another problem.
-
-    game: the game in continuous time. For a plant that is declared discrete, the game with the same
-        matrices.
-    exact: exact solution of the problem in discrete time
-    critic: P and K, K alone, or a network
-    continuous: end of the sentence if the critic solves `game`
-    others: end of the sentence -> other problem in discrete time
-    box: half-widths of the box of states, (n,), used for a network
-    """
-
-    def problems(view: View) -> Iterator[Hypothesis]:
-        with contextlib.suppress(NoSolutionError):
-            solution = unconfirmed_solution(game)
-            answer = Answer(solution.P, solution.K)
-            yield is_answer(view, answer, f"this is the {view.noun} {continuous}")
-        for says, problem in others.items():
-            with contextlib.suppress(NoSolutionError):
-                answer = Answer(*quick_discrete(problem))
-                yield is_answer(view, answer, f"this is the {view.noun} {says}")
-
-    if critic.network:
-        return _of_network(game, exact, critic, box, problems)
-    value, gain = _views(game, critic, exact.P, exact.K)
-    view = value or gain
-    return _of_view(view, _usual(game, view, critic), problems(view))
-
-
-class _Others:
-    """Hypotheses that a critic solves another game.
-
-    game: the game to be solved
-    nearby: other games that the critic may solve
-    """
-
-    def __init__(self, game: Game, nearby: Nearby) -> None:
-        self.game = game
-        self._families = lru_cache(lambda: families(game, nearby))
-
-    def of_polynomial(self, view: View) -> Iterator[Hypothesis]:
-        """Yield hypotheses that a critic given by P or K solves another game.
-
-        The LQR is yielded if it leaves at most `_SAME` of the error. Otherwise another game is
-        yielded only if it explains the critic's difference from the LQR.
-        """
-        allowed = math.inf
-        lqr = [family for family in self._families() if family.is_lqr]
-        for hypothesis in answers(view, lqr, _EXACT.left[""]):
-            left = error_of(view, hypothesis.undo)
-            if left <= _SAME * error_of(view, view.judged):
-                yield hypothesis
-            else:
-                allowed = left * _EXACT.left[""]
-        for hypothesis in self._without_lqr(view):
-            if error_of(view, hypothesis.undo) <= allowed:
-                yield hypothesis
-
-    def _without_lqr(self, view: View) -> Iterator[Hypothesis]:
-        games: list[Family] = [family for family in self._families() if not family.is_lqr]
-        yield from answers(view, games, _EXACT.left[""])
-        if view.kind == "P":
-            for says, answer in other_weights(self.game, view.judged):
-                yield is_answer(view, answer, says)
-
-    def of_network(self, view: View) -> Iterator[Hypothesis]:
-        """Yield hypotheses that a network solves another game.
-
-        view: the matrix that represents the network
-        """
-        yield from answers(view, self._families(), _OF_NETWORKS.left[""])
+    return "" if P_is_right else _another_root(axis, critic.P)
 
 
 def _of_view(
@@ -297,9 +177,9 @@ def _of_view(
     usual: common mistakes
     other_games: hypotheses that the critic solves another game
     """
-    cause = named(view, usual, _EXACT)
+    cause = named(view, usual, EXACT)
     if not cause.says:
-        cause = named(view, other_games, _EXACT)
+        cause = named(view, other_games, EXACT)
     return cause.says or named_with_noise(view, usual)
 
 
@@ -345,12 +225,12 @@ def alike(P: np.ndarray, units: np.ndarray) -> np.ndarray:
 
 
 def _rounded(gain: View) -> str:
-    """Return the sentence for a critic whose P is within the limit, but whose gain R⁻¹B'P is not.
+    """Return the sentence for a critic whose P is within the limit, but not the gain of this P.
 
     gain: the critic's and the exact gain
     """
     return (
-        f"P is right within the limit; the K that follows from it, R⁻¹B'P, is off by "
+        "P is right within the limit; the K that follows from it is off by "
         f"{error_of(gain, gain.judged):.2g}: it needs more digits of P"
     )
 
@@ -372,19 +252,19 @@ def _beyond_quadratic(critic: Critic) -> str:
     )
 
 
-def _another_root(game: Game, P: np.ndarray) -> str:
+def _another_root(axis: TimeAxis, P: np.ndarray) -> str:
     """Return a sentence that P is another root of the Riccati equation, or "" if P is not.
 
-    The result is "" if the relative residual exceeds `_ROOT`, or if A - S P is Hurwitz.
+    The result is "" if the relative residual exceeds `_ROOT`, or if the loop with both policies of
+    P is stable.
     """
-    form = NormalForm.of(game)
-    abscissa = spectrum(game.worst_case_loop(P)).abscissa
-    residual = float(form.relative_residual(form.of_value(P)))
-    if residual > _ROOT or abscissa < 0.0:
+    residual = float(axis.residuals(P[None])[0])
+    loop = axis.game_loop(P)
+    if residual > _ROOT or loop.ok:
         return ""
     return (
         f"this is another root of the Riccati equation: its residual is {residual:.2g}, but "
-        f"A - S P is not Hurwitz (abscissa {abscissa:+.3g} 1/s)"
+        f"{loop.reason}"
     )
 
 
@@ -392,8 +272,7 @@ def _another_root(game: Game, P: np.ndarray) -> str:
 
 
 def _of_network(
-    game: Game,
-    exact: Exact,
+    axis: TimeAxis,
     critic: Critic,
     box: np.ndarray,
     others: Callable[[View], Iterator[Hypothesis]],
@@ -405,6 +284,8 @@ def _of_network(
     box: half-widths of the box of states, (n,)
     others: function from a view to hypotheses that the critic solves another game
     """
+    game = axis.step
+    exact = axis.exact
     own_policy = "policy" in critic.network and not critic.implies_policy
     at_origin = _network_views(exact, Answer(critic.P, critic.K), critic, box)
     over_box = _network_views(exact, nearest_linear(game, critic, box), critic, box)
@@ -425,12 +306,12 @@ def _of_network(
         if view.kind == "P" and "V" not in critic.network:
             hypotheses += of_rows(view, "slope", _PER_DEGREE)
             hypotheses += of_columns(view, "state", 1.0 / _PER_DEGREE)
-        causes.append(named(view, hypotheses, _OF_NETWORKS))
+        causes.append(named(view, hypotheses, OF_NETWORKS))
     if min(causes).share > _CLEAR:
         causes += _of_variants(game, exact, critic, box)
     if min(causes).share > _CLEAR:
         for view in over_box[judged]:
-            causes.append(named(view, others(view), _OF_NETWORKS))
+            causes.append(named(view, others(view), OF_NETWORKS))
     if not own_policy and box_errors[0] <= NEAR and box_errors[-1] > FAR:
         rule = "the step that it implies" if critic.implies_policy else "u = -½ R⁻¹B'∂V/∂z"
         says = (
@@ -459,7 +340,7 @@ def _of_variants(game: Game, exact: Exact, critic: Critic, box: np.ndarray) -> I
             for view, answer in zip(views, undone, strict=True):
                 matrix = answer.P if view.kind == "P" else answer.K
                 assert matrix is not None
-                yield named(view, [Hypothesis(says, matrix)], _OF_NETWORKS)
+                yield named(view, [Hypothesis(says, matrix)], OF_NETWORKS)
 
 
 def _network_views(exact: Exact, answer: Answer, critic: Critic, box: np.ndarray) -> list[View]:

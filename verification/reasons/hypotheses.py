@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
+from verification.critic_errors import relative_error
 
 #: Least number of values in addition to the fitted numbers. Fewer values would agree by chance.
 REDUNDANT = 2
@@ -117,6 +118,35 @@ class View(NamedTuple):
     def transposed(self) -> View:
         """Return the view with the matrices `judged`, `exact` and `weights` transposed."""
         return self._replace(judged=self.judged.T, exact=self.exact.T, weights=self.weights.T)
+
+
+class Demands(NamedTuple):
+    """Thresholds for naming a mistake.
+
+    left: permitted remaining part of the error for each kind of `Hypothesis.fitted`. The part is
+        smaller if numbers were fitted, because fitted numbers explain part of any error.
+    least: largest error of a critic for which the permitted part of `EXACT` applies instead.
+    entry: largest permitted error of an entry under the hypothesis (`View.entry_errors`).
+    share: fraction of the informative entries that must satisfy `entry`.
+    """
+
+    left: Mapping[str, float]
+    least: float = 0.0
+    entry: float = 0.01
+    share: float = 1.0
+
+
+EXACT = Demands({"": 1e-3, "factor": 1e-3, "scales": 1e-4})
+WITH_NOISE = Demands({"": 0.15, "factor": 0.01, "scales": 1e-4}, 0.03, 0.5)
+OF_NETWORKS = Demands({"": 0.15, "factor": 0.01, "scales": 0.03}, 0.03, 0.3, 0.6)
+
+
+def error_of(view: View, matrix: np.ndarray) -> float:
+    """Return |matrix - exact| / |exact|, the relative error of a matrix in weighted norms.
+
+    view: the exact matrix and the weights of the Frobenius norms
+    """
+    return relative_error(matrix * view.weights, view.exact * view.weights)
 
 
 def of_weights(weights: np.ndarray, exact: np.ndarray, psi: Basis) -> Iterator[Hypothesis]:

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import lru_cache, partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -20,10 +20,18 @@ from controller.discrete.solution import quick_discrete, sampled
 from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 from controller.riccati.careful_derivations import unrefined
+from controller.riccati.gare import unconfirmed_solution
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import minimum_delta
 from hfa_support.errors import BadInputError, NoSolutionError
-from verification.reasons.hypotheses import REDUNDANT, Hypothesis, View
+from verification.reasons.hypotheses import (
+    EXACT,
+    OF_NETWORKS,
+    REDUNDANT,
+    Hypothesis,
+    View,
+    error_of,
+)
 from verification.scope import Nearby
 
 #: Initial values of searches: factors on 1/delta², Q, R and discount, and time steps, s.
@@ -43,6 +51,9 @@ ROUNDING = 1e-9
 _FASTER = 10.0
 _SHORTEST_STEP = 1e-4
 _LONGEST_STEP = 10.0
+#: If a smaller fraction of the error remains, a critic is the LQR. Above it, a game that is almost
+#: the LQR would look alike.
+_SAME = 1e-6
 #: Entries of Q and R with a smaller relative difference are equal.
 _SAME_WEIGHT = 1e-3
 
@@ -81,6 +92,109 @@ class Family(NamedTuple):
         lowest = min(self.starts)
         highest = max(self.starts)
         return self.plausible or (2.0 * lowest - highest, 2.0 * highest - lowest)
+
+
+class OtherGames(Protocol):
+    """Hypotheses that a critic solves another game than the one to be solved."""
+
+    def of_matrix(self, view: View) -> Iterator[Hypothesis]:
+        """Yield hypotheses that a critic given by P or K solves another game."""
+
+    def of_network(self, view: View) -> Iterator[Hypothesis]:
+        """Yield hypotheses that a network, represented by a matrix, solves another game."""
+
+
+def other_games(game: Game | DiscreteGame, nearby: Nearby | None = None) -> OtherGames:
+    """Return the other games that a critic may solve by mistake.
+
+    nearby: other games in continuous time, or None
+    """
+    if isinstance(game, DiscreteGame):
+        return _OtherSteps(game)
+    return _OtherTimes(game, nearby or Nearby())
+
+
+class _OtherTimes:
+    """Hypotheses that a critic of a game in continuous time solves another game.
+
+    game: the game to be solved
+    nearby: other games that the critic may solve
+    """
+
+    def __init__(self, game: Game, nearby: Nearby) -> None:
+        self.game = game
+        self._families = lru_cache(lambda: families(game, nearby))
+
+    def of_matrix(self, view: View) -> Iterator[Hypothesis]:
+        """Yield hypotheses that a critic given by P or K solves another game.
+
+        The LQR is yielded if it leaves at most `_SAME` of the error. Otherwise another game is
+        yielded only if it explains the critic's difference from the LQR.
+        """
+        allowed = math.inf
+        lqr = [family for family in self._families() if family.is_lqr]
+        for hypothesis in answers(view, lqr, EXACT.left[""]):
+            left = error_of(view, hypothesis.undo)
+            if left <= _SAME * error_of(view, view.judged):
+                yield hypothesis
+            else:
+                allowed = left * EXACT.left[""]
+        for hypothesis in self._without_lqr(view):
+            if error_of(view, hypothesis.undo) <= allowed:
+                yield hypothesis
+
+    def _without_lqr(self, view: View) -> Iterator[Hypothesis]:
+        games: list[Family] = [family for family in self._families() if not family.is_lqr]
+        yield from answers(view, games, EXACT.left[""])
+        if view.kind == "P":
+            for says, answer in other_weights(self.game, view.judged):
+                yield is_answer(view, answer, says)
+
+    def of_network(self, view: View) -> Iterator[Hypothesis]:
+        """Yield hypotheses that a network solves another game.
+
+        view: the matrix that represents the network
+        """
+        yield from answers(view, self._families(), OF_NETWORKS.left[""])
+
+
+class _OtherSteps:
+    """Hypotheses that a critic of a game in discrete time solves another game.
+
+    problem: the game to be solved
+    """
+
+    def __init__(self, problem: DiscreteGame) -> None:
+        self.problem = problem
+
+    def of_matrix(self, view: View) -> Iterator[Hypothesis]:
+        """Yield hypotheses that a critic solves the game in continuous time, or the game without
+        disturbance, discount or cross weights.
+        """
+        problem = self.problem
+        step = problem.step
+        if problem.continuous is not None:
+            says = "in continuous time, without discount"
+            game = problem.continuous
+        else:
+            says = 'of x\' = A x + B u; did you mean time = "continuous"?'
+            game = step
+        with contextlib.suppress(NoSolutionError):
+            solution = unconfirmed_solution(game)
+            yield is_answer(view, Answer(solution.P, solution.K), f"this is the {view.noun} {says}")
+        others = {
+            "without disturbance (delta = inf)": replace(problem, step=step.with_delta(math.inf)),
+            "without discount": replace(problem, discount=1.0),
+            "without cross weights N": replace(problem, step=replace(step, N=0.0 * step.N)),
+        }
+        for says, other in others.items():
+            with contextlib.suppress(NoSolutionError):
+                answer = Answer(*quick_discrete(other))
+                yield is_answer(view, answer, f"this is the {view.noun} {says}")
+
+    def of_network(self, view: View) -> Iterator[Hypothesis]:
+        """Yield the hypotheses of `of_matrix`."""
+        return self.of_matrix(view)
 
 
 def families(game: Game, nearby: Nearby) -> list[Family]:

@@ -11,14 +11,16 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller.critic.critic import Critic, from_functions, from_weights, symbols_for
+from controller.critic.critic import GAMES, Critic, from_functions, from_weights, symbols_for
+from controller.critic.features import basis_of
 from controller.critic.network.activations import COMMON
 from controller.critic.network.network_file import NetworkFile, network_in
 from controller.critic.network.q_function import policy_of
 from controller.critic.network.state_dict import Squash
 from controller.critic.network.torch_module import module_network
 from controller.critic.reading import Reading
-from controller.game.basis import Basis, basis
+from controller.game.basis import Basis
+from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, prefix_errors, shortened, warn
@@ -29,13 +31,13 @@ OUTPUTS = ("V", "gradient", "policy", "V+policy")
 
 @checks_arguments
 def from_network(
-    game: Game,
+    game: Game | DiscreteGame,
     source: str | Path | ca.Function | Callable[..., Any],
     *,
     network: str = "",
     activation: str | None = None,
     scale: np.ndarray | None = None,
-    features: Basis | ca.Function | None = None,
+    basis: Basis | ca.Function | str = "quadratic",
 ) -> Critic:
     """Return the critic that a network defines.
 
@@ -49,8 +51,8 @@ def from_network(
         "V=value,policy=actor". Without a kind, the number of outputs decides
     activation: activation between the layers of a state dict
     scale: (n,), factors on the states at the inputs of the network, none of them 0
-    features: functions on which a single layer acts. The critic is then a polynomial. Default: the
-        quadratic basis
+    basis: functions on which a single layer acts, as for `from_weights`. The critic is then a
+        polynomial
 
     Raises a BadInputError of one line for a wrong argument or file.
 
@@ -62,14 +64,14 @@ def from_network(
     >>> hfa.from_network(game, V).P.diagonal().tolist()
     [3.0, 3.0, 3.0, 3.0, 3.0, 3.0]
     """
-    need(game, Game, "from_network: game", "a game: hfa.game(linear, Q, R, delta)")
+    need(game, GAMES, "from_network: game", Game.how_to_make)
     n, m = game.B.shape
     scales = np.ones(n) if scale is None else np.asarray(scale, dtype=float)
     if scales.shape != (n,) or not np.all(np.isfinite(scales) & (scales != 0.0)):
         raise BadInputError(
             f"scale does not consist of {n} finite numbers other than 0; give one for each state"
         )
-    functions = basis("quadratic", n) if features is None else features
+    psi = basis_of(basis, n, game.names.states)
     if isinstance(source, ca.Function):
         kind = network or (source.name() if source.name() in OUTPUTS else "")
         stored = NetworkFile({kind: source}, "a CasADi function", "float64")
@@ -77,13 +79,13 @@ def from_network(
     if not isinstance(source, (str, Path)):
         stored = module_network(source, network, n, m)
         return _of_states(game, stored, scales, f"network {stored.chain}", {})
-    count = functions.size if isinstance(functions, Basis) else functions.numel_out(0)
+    count = psi.size if isinstance(psi, Basis) else psi.numel_out(0)
     parts = _parts(network)
     stored = network_in(source, n, activation, parts, count, m)
     origin = f"network {Path(source).name}: {stored.chain}"
     with prefix_errors(source):
         if stored.on_basis is not None:
-            return _on_basis(game, stored, functions, scales, parts, origin)
+            return _on_basis(game, stored, psi, scales, parts, origin)
         variants: dict[str, Callable[[], Critic]] = {}
         if activation:
             read = partial(from_network, game, source, network=network, scale=scale)
@@ -101,7 +103,7 @@ def from_network(
         return _of_states(game, stored, scales, origin, variants, ",".join(parts.values()))
 
 
-def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
+def read_critic(game: Game | DiscreteGame, path: str | Path, reading: Reading) -> Critic:
     """Return the critic of the network in a file.
 
     Warns that a .zip file is read without its normalizer, clip and action map. Raises BadInputError
@@ -125,12 +127,12 @@ def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
         network=reading.network,
         activation=reading.activation,
         scale=reading.scale,
-        features=reading.functions(len(game.A), game.names.states),
+        basis=reading.psi(game),
     )
 
 
 def _of_states(
-    game: Game,
+    game: Game | DiscreteGame,
     stored: NetworkFile,
     scales: np.ndarray,
     origin: str,
@@ -181,9 +183,9 @@ def _squashed(function: ca.Function, squash: Squash) -> ca.Function:
 
 
 def _on_basis(
-    game: Game,
+    game: Game | DiscreteGame,
     stored: NetworkFile,
-    functions: Basis | ca.Function,
+    psi: Basis | ca.Function,
     scales: np.ndarray,
     parts: Mapping[str, str],
     origin: str,
@@ -192,7 +194,7 @@ def _on_basis(
 
     game: game of the critic
     stored: content of the file
-    functions: functions of the basis
+    psi: functions of the basis
     scales: (n,), factors on the states before the functions
     parts: kind of `OUTPUTS` -> requested part of the file
     origin: description of the critic
@@ -213,12 +215,12 @@ def _on_basis(
             "from --network"
         )
     weights = layer.weight[0]
-    if isinstance(functions, Basis):
-        weights = weights * functions.scaling(scales)
+    if isinstance(psi, Basis):
+        weights = weights * psi.scaling(scales)
     else:
-        z = symbols_for([functions], len(scales))
-        functions = ca.Function("features", [z], [functions(ca.DM(scales) * z)])
-    critic = from_weights(game, weights, functions, float(layer.bias[0]), stored.precision)
+        z = symbols_for([psi], len(scales))
+        psi = ca.Function("basis", [z], [psi(ca.DM(scales) * z)])
+    critic = from_weights(game, weights, psi, float(layer.bias[0]), stored.precision)
     return replace(critic, origin=origin, is_layer=True)
 
 

@@ -100,7 +100,7 @@ def network_in(
     states: int,
     activation: str | None = None,
     parts: Mapping[str, str] | None = None,
-    features: int = 0,
+    basis_size: int = 0,
     inputs: int = 0,
 ) -> NetworkFile:
     """Read the network in a file.
@@ -112,7 +112,7 @@ def network_in(
     parts: kind -> requested part of the file. For a state dict, a part is a list of words in the
         names of its tensors, joined by +. For an ONNX graph, a part is an output. "policy" with the
         part "" selects all tensors that do not belong to a critic.
-    features: size of the basis. A single layer with this number of inputs acts on the basis.
+    basis_size: size of the basis. A single layer with this number of inputs acts on the basis.
     inputs: number of inputs of the plant. They follow the states in a Q
 
     Raises a BadInputError of one line that names the file.
@@ -149,8 +149,8 @@ def network_in(
                 f"the file is damaged or is not a network ({reason}); save the network again"
             ) from error
         first = next(iter(networks.values()))
-        if len(first) == 1 and first[0].inputs == features:
-            return NetworkFile({}, f"{features} functions -> 1", precision, first[0])
+        if len(first) == 1 and first[0].inputs == basis_size:
+            return NetworkFile({}, f"{basis_size} functions -> 1", precision, first[0])
         functions = {}
         rows = {}
         chains = []

@@ -9,7 +9,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_flight.problem import FlightProblem
 from trim.point.operating_point import OperatingPoint
-from verification.hfa_box import ordinary_box
+from verification.box import ordinary_box
 
 if TYPE_CHECKING:
     pass

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from controller.critic.features import features_of
+from controller.critic.features import listed_functions
 from hfa import BadInputError
 
 
@@ -13,6 +13,6 @@ from hfa import BadInputError
 )
 def test_a_wrong_basis_is_refused_and_not_run(text: str) -> None:
     """An invalid list of functions is refused by one line, and its text is not executed."""
-    with pytest.raises(BadInputError, match="features") as caught:
-        features_of(text, 6)
+    with pytest.raises(BadInputError, match="basis") as caught:
+        listed_functions(text, 6)
     assert "\n" not in str(caught.value)

@@ -14,7 +14,7 @@ from reference_riccati import relative_error
 from reference_steps import reference_step_value
 from tolerances import FEW_ROUNDINGS, SAME_SOLUTION
 
-from controller import minimum_delta, solve_discounted
+from controller import minimum_delta
 from controller.discrete.report import analyse_discrete, discrete_report
 from controller.discrete.solution import (
     minimum_delta_discrete,
@@ -40,7 +40,7 @@ def _game(seed: int = 0, n: int = 4, delta: float = 20.0) -> Game:
 def test_p_equals_the_result_of_value_iteration(seed, discount, delta):
     """P equals the result of 3000 steps of value iteration within 1e-12 of the largest entry."""
     game = _game(seed, delta=delta)
-    solution = solve_discounted(game, discount)
+    solution = solve_discrete(DiscreteGame(game, discount))
     G = np.hstack([game.B, game.E / delta])
     W = np.diag([1.0, 3.0, -1.0, -1.0])
     P = np.zeros((4, 4))
@@ -66,7 +66,9 @@ def test_p_of_a_scalar_game_solves_a_quadratic():
     q = 2.0
     r = 0.5
     discount = 0.98
-    solution = solve_discounted(Game([[a]], [[b]], [[1.0]], [[q]], [[r]], np.inf), discount)
+    solution = solve_discrete(
+        DiscreteGame(Game([[a]], [[b]], [[1.0]], [[q]], [[r]], np.inf), discount)
+    )
     root = np.roots([discount * b * b, r - discount * (a * a * r + b * b * q), -q * r]).max()
     assert solution.P[0, 0] == pytest.approx(root, rel=1e-13)
     assert solution.K[0, 0] == pytest.approx(
@@ -81,7 +83,7 @@ def test_p_with_fast_sampling_approaches_continuous_time():
     """
     game = _game(3)
     exact = solve(game)
-    off = [np.abs(solve_discounted(game, 1.0, dt).P - exact.P).max() for dt in (2e-3, 1e-3)]
+    off = [np.abs(solve_discrete(sampled(game, dt)).P - exact.P).max() for dt in (2e-3, 1e-3)]
     assert off[1] < 0.01 * np.abs(exact.P).max()
     assert off[0] / off[1] == pytest.approx(2.0, rel=0.05)
 
@@ -108,20 +110,20 @@ def test_units_of_the_states_transform_p():
         game.E / units[:, None],
         *(np.diag(units**2), game.R, game.delta),
     )
-    P = solve_discounted(game, 0.95).P
-    turned = solve_discounted(other_game, 0.95).P / np.outer(units, units)
+    P = solve_discrete(DiscreteGame(game, 0.95)).P
+    turned = solve_discrete(DiscreteGame(other_game, 0.95)).P / np.outer(units, units)
     assert np.abs(P - turned).max() <= 1e-12 * np.abs(P).max()
 
 
 def test_wrong_values_of_p_fail():
     """Wrong values of P, also by 1e-9, fail the checks."""
     game = _game(5)
-    P = solve_discounted(game, 1.0).P
+    P = solve_discrete(DiscreteGame(game, 1.0)).P
     assert all(check.ok for check in value_checks(DiscreteGame(game), P))
     for wrong in (
         P * (1.0 + 1e-9),
         P + 1e-9 * np.eye(4),
-        solve_discounted(game, 0.999999999).P,
+        solve_discrete(DiscreteGame(game, 0.999999999)).P,
         -P,
     ):
         assert not all(check.ok for check in value_checks(DiscreteGame(game), wrong))
@@ -136,21 +138,21 @@ def test_games_without_a_solution_are_refused():
         NoSolutionError,
         match=r"no certified value of .*; delta = 0\.5 is below delta_min",
     ):
-        solve_discounted(_game(6, delta=0.5), 0.99)
+        solve_discrete(DiscreteGame(_game(6, delta=0.5), 0.99))
     unreached = Game([[1.2]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], np.inf)
-    assert solve_discounted(unreached, 0.6).P[0, 0] == pytest.approx(
+    assert solve_discrete(DiscreteGame(unreached, 0.6)).P[0, 0] == pytest.approx(
         1.0 / (1.0 - 0.6 * 1.44), rel=1e-13
     )
     with pytest.raises(NoSolutionError):
-        solve_discounted(unreached, 0.9)
+        solve_discrete(DiscreteGame(unreached, 0.9))
     for discount, dt, name in (
-        (0.0, None, "discount"),
-        (1.1, None, "discount"),
+        (0.0, 0.1, "discount"),
+        (1.1, 0.1, "discount"),
         (0.9, -1.0, "dt"),
         (0.9, "1", "dt"),
     ):
         with pytest.raises(BadInputError, match=name):
-            solve_discounted(unreached, discount, dt)
+            solve_discrete(sampled(unreached, dt, discount))
 
 
 @pytest.mark.parametrize("size", [1e-12, 1e8, 1e10])
@@ -158,19 +160,19 @@ def test_units_of_inputs_and_costs_keep_p(size):
     """A scalar game with B = size and R = size² has the same P as the game with B = R = 1."""
     plain = Game([[0.5]], [[1.0]], [[1.0]], [[1e-4]], [[1.0]], np.inf)
     scaled = Game([[0.5]], [[size]], [[1.0]], [[1e-4]], [[size**2]], np.inf)
-    exact = solve_discounted(plain, 1.0).P
-    assert pytest.approx(exact, rel=SAME_SOLUTION) == solve_discounted(scaled, 1.0).P
+    exact = solve_discrete(DiscreteGame(plain, 1.0)).P
+    assert pytest.approx(exact, rel=SAME_SOLUTION) == solve_discrete(DiscreteGame(scaled, 1.0)).P
 
 
 def test_refusals_of_lqr_problems_name_the_mode():
     """Without a disturbance, the refusal names the mode that prevents a solution, not delta."""
     unreached = Game([[1.2]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], np.inf)
     with pytest.raises(NoSolutionError, match=r"no input reaches the mode with eigenvalue 1\.2 of"):
-        solve_discounted(unreached, 1.0)
+        solve_discrete(DiscreteGame(unreached, 1.0))
     for pole in (1.0, -1.0):
         unpaid = Game([[pole]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], np.inf)
         with pytest.raises(NoSolutionError, match="neither decays nor grows and has no cost"):
-            solve_discounted(unpaid, 1.0)
+            solve_discrete(DiscreteGame(unpaid, 1.0))
 
 
 def test_smallest_delta_of_one_state_equals_closed_form():
@@ -181,16 +183,18 @@ def test_smallest_delta_of_one_state_equals_closed_form():
     game = Game([[0.5]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], 5.0)
     smallest = minimum_delta_discrete(DiscreteGame(game))
     assert smallest.value == pytest.approx(2.0, rel=1e-5)
-    assert solve_discounted(game.with_delta(2.01), 1.0).certificate.ok
+    assert solve_discrete(DiscreteGame(game.with_delta(2.01), 1.0)).certificate.ok
     with pytest.raises(NoSolutionError, match="choose a larger delta"):
-        solve_discounted(game.with_delta(1.9), 1.0)
+        solve_discrete(DiscreteGame(game.with_delta(1.9), 1.0))
 
 
 def test_a_discounted_solution_reports_its_stability():
     """For a discounted solution that does not stabilize, `radius` is above 1 and
     `discounted_radius` below 1.
     """
-    solution = solve_discounted(Game([[1.01]], [[1e-3]], [[0.0]], [[1.0]], [[1e3]], np.inf), 0.9)
+    solution = solve_discrete(
+        DiscreteGame(Game([[1.01]], [[1e-3]], [[0.0]], [[1.0]], [[1e3]], np.inf), 0.9)
+    )
     assert solution.certificate.ok
     assert solution.radius > 1.0 > solution.discounted_radius
     assert solution.discounted_radius == pytest.approx(np.sqrt(0.9) * solution.radius)
@@ -227,7 +231,7 @@ def test_cross_weights_satisfy_bellmans_equation(delta, discount):
 def test_a_game_without_cost_has_zero_value():
     """If Q = 0 and A is stable, P and the smallest delta are 0."""
     step = Game([[0.5, 1.0], [0.0, 0.9]], np.eye(2), np.eye(2), np.zeros((2, 2)), np.eye(2), 1.0)
-    solution = solve_discounted(step, 1.0)
+    solution = solve_discrete(DiscreteGame(step, 1.0))
     assert not solution.P.any()
     assert minimum_delta_discrete(DiscreteGame(step)).value == 0.0
 
@@ -380,7 +384,7 @@ def test_smallest_delta_with_fast_sampling_approaches_continuous_time():
 def test_p_of_a_costless_unstable_mode_stabilizes_it(pole):
     """For an unstable mode x⁺ = a x + u with Q = 0, P is a² - 1 and the spectral radius is 1/|a|."""
     game = Game([[pole]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], np.inf)
-    solution = solve_discounted(game, 1.0)
+    solution = solve_discrete(DiscreteGame(game, 1.0))
     assert solution.P[0, 0] == pytest.approx(pole**2 - 1.0, rel=FEW_ROUNDINGS)
     assert solution.radius == pytest.approx(1.0 / abs(pole), rel=FEW_ROUNDINGS)
 
@@ -425,7 +429,7 @@ def test_short_sample_times_keep_their_accuracy():
     """
     game = _game(3)
     exact = solve(game).P
-    away = [solve_discounted(game, 1.0, dt).P - exact for dt in (1e-7, 2e-7)]
+    away = [solve_discrete(sampled(game, dt)).P - exact for dt in (1e-7, 2e-7)]
     assert 2.0 * away[0] == pytest.approx(away[1], rel=1e-5, abs=1e-12)
     smallest = minimum_delta_discrete(sampled(game, 1e-6))
     assert not smallest.uncertain

@@ -30,7 +30,7 @@ from controller.game.basis import BASES
 from controller.learning import certified
 from controller.learning.bellman_equations import LQ, StackEquations, newton_step
 from controller.learning.certified import CertifiedSettings, Point, after, certified_law, decay_rate
-from hfa import BadInputError, Game, NoSolutionError, from_weights, learn, solve, verify
+from hfa import BadInputError, Game, NoSolutionError, learn, solve, verify
 from hfa_model import VARIANTS
 from studies.update_law.integral_rl import probing_flight
 
@@ -224,8 +224,7 @@ def test_learning_depends_on_the_recorded_data_only() -> None:
     assert right.settled
     assert wrong.settled
     for judged, learned in ((game, right), (moved_game, wrong)):
-        critic = from_weights(judged, learned.weights[-1])
-        assert verify(judged, critic, run=learned).ok is (judged is game)
+        assert verify(judged, learned).ok is (judged is game)
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
@@ -258,7 +257,7 @@ def test_a_gain_from_noisy_derivatives_is_refused(noise: float) -> None:
             axis=0
         )
         result = learn(game, tick=0.2, pool=Stack(pool.states, pool.drifts + noise * disturbed))
-        verdict = verify(game, from_weights(game, result.weights[-1]), run=result)
+        verdict = verify(game, result)
         assert "P_rel_error" in failed_names(verdict.checks)
         assert relative_error(result.P, exact.P) < 5.0 * noise
         assert abscissa(game.A - game.B @ result.K) < 0.0

@@ -17,7 +17,7 @@ from controller import minimum_delta
 from controller.critic.training_run import TrainingRun
 from controller.learning import ticks
 from controller.learning.bellman_equations import Riccati, control_root
-from hfa import BadInputError, Game, from_weights, learn, verify
+from hfa import BadInputError, Game, learn, verify
 
 
 def short_run(seed: int = 4, **more: Any) -> TrainingRun:
@@ -141,7 +141,7 @@ def test_singular_weights_are_learned_and_pass() -> None:
             A, rng.standard_normal((3, 1)), np.zeros((3, 1)), (Q + Q.T) / 2.0, [[1.0]], np.inf
         )
         run = learn(game, tick=0.1)
-        verdict = verify(game, from_weights(game, run.weights[-1]), run=run)
+        verdict = verify(game, run)
         assert verdict.ok, verdict.headline()
         signs.add(np.linalg.eigvalsh(run.P)[0] > 0.0)
     assert signs == {True, False}
@@ -154,7 +154,7 @@ def test_twelve_states_are_learned_without_a_disturbance() -> None:
     game = Game(A, rng.standard_normal((12, 3)), np.eye(12), np.eye(12), np.eye(3), np.inf)
     run = learn(game, tick=0.5)
     assert run.excitation.rank == run.excitation.size == 78
-    assert verify(game, from_weights(game, run.weights[-1]), run=run).ok
+    assert verify(game, run).ok
 
 
 @pytest.mark.parametrize(("Q", "R"), [(1e-8, 1.0), (1.0, 1e-6), (1e-6, 1e6), (1e8, 1e-8)])

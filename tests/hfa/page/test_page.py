@@ -151,8 +151,7 @@ def test_every_check_has_an_explanation(job: MainJob) -> None:
     """Each check on the page has an explanation."""
     game = hfa.paper.published_game(hfa.paper.level_model(hfa.aircraft(), np.radians(15.0)))
     run = hfa.learn(game)
-    critic = hfa.from_weights(game, run.weights[-1], run.basis)
-    reports = (job.regeneration, solve(game), verify(game, critic, run=run))
+    reports = (job.regeneration, solve(game), verify(game, run))
     names = {name for result in reports for name in checks_in(result.report().data)}
     assert len(names) > 20
     assert names - {name for name, _ in check_meanings().rows} == set()

@@ -13,10 +13,9 @@ from known_models import game_at
 from planted_critics import gain, value
 from tolerances import SAME_FORMULA
 
-from controller import solve_discounted
-from hfa import Game, from_gain, from_value
+from controller import DiscreteGame, sampled, solve_discrete
+from hfa import Game, from_gain, from_value, verify
 from hfa.main import BAD_INPUT, FAILED
-from verification.critic.discrete import check_discounted
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -26,20 +25,21 @@ DT = 0.01
 
 def test_exact_discounted_critic_passes_and_mistakes_are_named(game: Game) -> None:
     """The exact P and K pass. Each wrong critic fails with a message that names the mistake."""
-    exact = solve_discounted(game, DISCOUNT, DT)
-    assert check_discounted(game, from_value(game, exact.P), DISCOUNT, DT).ok
-    assert check_discounted(game, from_gain(game, exact.K), DISCOUNT, DT).ok
+    problem = sampled(game, DT, DISCOUNT)
+    exact = solve_discrete(problem)
+    assert verify(problem, from_value(problem, exact.P)).ok
+    assert verify(problem, from_gain(problem, exact.K)).ok
     for wrong, message in (
-        (from_value(game, exact.P / DT), "every entry of P is 100 times the exact one"),
-        (from_value(game, -exact.P), "the value has the wrong sign"),
-        (from_gain(game, -exact.K), "the gain has the wrong sign"),
+        (from_value(problem, exact.P / DT), "every entry of P is 100 times the exact one"),
+        (from_value(problem, -exact.P), "the value has the wrong sign"),
+        (from_gain(problem, -exact.K), "the gain has the wrong sign"),
         (
-            from_value(game, value(game)),
+            from_value(problem, value(game)),
             "this is the solution in continuous time, without discount",
         ),
-        (from_gain(game, gain(game)), "this is the gain in continuous time, without discount"),
+        (from_gain(problem, gain(game)), "this is the gain in continuous time, without discount"),
     ):
-        check = check_discounted(game, wrong, DISCOUNT, DT)
+        check = verify(problem, wrong)
         assert not check.ok
         assert check.reason.startswith(message)
 
@@ -50,11 +50,12 @@ def test_reported_excess_cost_agrees_with_simulation(game: Game) -> None:
     The simulations begin at 1000 initial states. The cost under the worst disturbance w = L x
     is summed over 3000 steps.
     """
-    exact = solve_discounted(game, DISCOUNT, DT)
-    step = exact.game
+    problem = sampled(game, DT, DISCOUNT)
+    exact = solve_discrete(problem)
+    step = problem.step
     K = 1.1 * exact.K
     rng = np.random.default_rng(0)
-    check = check_discounted(game, from_gain(game, K), DISCOUNT, DT)
+    check = verify(problem, from_gain(problem, K))
     x = np.linalg.solve(np.linalg.cholesky(exact.P).T, rng.normal(size=(6, 1000)))
     V = np.sum(x * (exact.P @ x), axis=0)
     J = np.zeros(1000)
@@ -80,13 +81,13 @@ def test_verify_compares_with_the_specified_problem_only(game: Game) -> None:
         "verify",
         *AT_15,
         "--weights",
-        stored("P.npz", P=solve_discounted(game, DISCOUNT, DT).P),
+        stored("P.npz", P=solve_discrete(sampled(game, DT, DISCOUNT)).P),
     )
     problem = ("--discount", str(DISCOUNT), "--dt", str(DT))
     data = answer(*words, *problem)
-    assert (data["ok"], data["schema"], data["dt"]) == (True, "hfa.discounted-check/1", DT)
+    assert (data["ok"], data["schema"], data["dt"]) == (True, "hfa.critic-check/1", DT)
     assert hfa(*words, *problem).out.startswith(
-        "PASS on the linear game: optimal cost, exact within 1e-06"
+        "PASS on the sampled game, typical box: optimal cost"
     )
     assert answer(*words, code=FAILED)["ok"] is False
     result = hfa(*words, *problem[:2])
@@ -99,9 +100,9 @@ def test_an_exact_critic_that_does_not_stabilize_fails() -> None:
 
     With discount 0.95 and a step of 5 ms at 20 deg, the spectral radius of A - B K is 1.00003.
     """
-    game = game_at(20.0)
-    exact = solve_discounted(game, 0.95, 0.005)
-    verdict = check_discounted(game, from_value(game, exact.P), 0.95, 0.005)
+    problem = sampled(game_at(20.0), 0.005, 0.95)
+    exact = solve_discrete(problem)
+    verdict = verify(problem, from_value(problem, exact.P))
     assert "not stabilizing\nexact within 1e-06" in str(verdict)
     assert failed_names(verdict.checks) == {"control_loop_radius"}
     assert verdict.value_of("control_loop_radius") == pytest.approx(1.00003, abs=3e-6)
@@ -115,8 +116,9 @@ def test_an_exact_critic_that_does_not_stabilize_fails() -> None:
 def test_discounted_verdict_does_not_need_a_continuous_solution() -> None:
     """A wrong discounted critic fails, even if the continuous-time game has no solution."""
     game = game_at(15.0).with_delta(110.0)
-    exact = solve_discounted(game, 0.9, 0.01)
-    assert not check_discounted(game, from_value(game, 1.1 * exact.P), 0.9, 0.01).ok
+    problem = sampled(game, 0.01, 0.9)
+    exact = solve_discrete(problem)
+    assert not verify(problem, from_value(problem, 1.1 * exact.P)).ok
 
 
 def test_discrete_verdicts_are_printed() -> None:
@@ -125,7 +127,8 @@ def test_discrete_verdicts_are_printed() -> None:
     The verdict on an unstable gain names the matrix A - B K.
     """
     game = Game([[0.9]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], np.inf)
-    exact = solve_discounted(game, 0.9)
-    verdict = check_discounted(game, from_value(game, exact.P), 0.9)
-    assert str(verdict).startswith("PASS on the linear game: optimal cost, exact within 1e-06")
-    assert "A - B K" in str(check_discounted(game, from_gain(game, [[-1.0]]), 0.9))
+    problem = DiscreteGame(game, 0.9)
+    exact = solve_discrete(problem)
+    verdict = verify(problem, from_value(problem, exact.P))
+    assert str(verdict).startswith("PASS on the discrete game, balanced box: optimal cost")
+    assert "A - B K" in str(verify(problem, from_gain(problem, [[-1.0]])))

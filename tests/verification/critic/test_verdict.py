@@ -26,7 +26,7 @@ from hfa import (
 from hfa.paper import level_flight
 from hfa_model import choice
 from verification import Scope
-from verification.hfa_box import ordinary_box
+from verification.box import ordinary_box
 from verification.scope import nonlinear_plant
 
 network_files = Extension("network_files")
@@ -57,14 +57,14 @@ CRITICS: dict[str, Any] = {
 
 
 @pytest.mark.parametrize("name", CRITICS)
-def test_the_first_line_has_at_most_100_columns(game: Game, name: str) -> None:
-    """The first line states grade and stability of each planted critic in at most 100 columns."""
+def test_the_first_line_has_at_most_80_columns(game: Game, name: str) -> None:
+    """The first line states grade and stability of each planted critic in at most 80 columns."""
     scope = Scope(ordinary_box(), flights=3)
     verdict = verify(game, CRITICS[name](game), scope=scope)
     unstable = name in ("other root", "huge", "overflowing", "unstable")
     for limit_cost in (None, 1e-3):
         line, *further = verdict.report(limit_cost=limit_cost).title.splitlines()
-        assert len(line) <= 100
+        assert len(line) <= 80
         assert further
         grade = "PASS" if verdict.holds(limit_cost) else "FAIL"
         if limit_cost is None and name in ("near", "bent"):
@@ -139,8 +139,8 @@ def test_a_verdict_has_three_grades(game: Game) -> None:
         assert verdict.ok == (grade == "exact")
     near = verify(game, grades["near"])
     assert near.cost_lost < 1.0
-    assert near.headline().startswith("NEAR on the linear game: ")
-    assert near.report(limit_cost=1.0).title.startswith("PASS on the linear game by cost limit 1 %")
+    assert near.headline().startswith("NEAR on the linear game, typical box: ")
+    assert near.report(limit_cost=1.0).title.startswith("PASS on the linear game, typical box: ")
     far = verify(game, from_gain(game, 1.5 * gain(game)))
     assert (far.grade, far.stabilizing) == ("fail", True)
     assert far.cost_lost > 1.0

@@ -20,14 +20,11 @@ from network_files import onnx_file, safetensors_file, torch_file
 import hfa
 from controller import basis, critics_over_time
 from controller.critic.critic import Critic
-from controller.discrete.critic_file import critic_of_steps
 from controller.discrete.solution import sampled, solve_discrete
 from controller.game.discrete_game import DiscreteGame
 from hfa import from_weights, solve, verify
 from hfa.main import FAILED
-from verification.critic.discrete import check_discounted, check_discrete
-from verification.critic.history import check_history
-from verification.hfa_box import ordinary_box
+from verification.box import ordinary_box
 from verification.scope import Scope
 from verification.verdict import Verdict
 
@@ -202,19 +199,18 @@ def judged(critic: Any) -> Verdict:
 def over_time() -> Verdict:
     rows = np.array([0.5 * weights("paper"), weights("paper")])
     critics = critics_over_time(GAME, np.array([0.0, 1.0]), "paper", W=rows)
-    return check_history(GAME, critics, scope=FAST)
+    return verify(GAME, critics, scope=FAST)
 
 
 def in_steps() -> Verdict:
-    step = discounted().step
-    critic = from_weights(step, of_steps(), "paper")
-    return check_discrete(discounted(), critic, scope=replace(FAST, box=ordinary_box()))
+    problem = DiscreteGame(discounted().step, DISCOUNT)
+    critic = from_weights(problem, of_steps(), "paper")
+    return verify(problem, critic, scope=replace(FAST, box=ordinary_box()))
 
 
 def discounted_file() -> Verdict:
     path = stored("w.npz", W=of_steps(), basis="paper")
-    critic, _ = critic_of_steps(path, discounted())
-    return check_discounted(GAME, critic, DISCOUNT, DT, scope=FAST)
+    return verify(discounted(), hfa.read_critic(path, discounted()), scope=FAST)
 
 
 #: Way in -> verdict in Python.

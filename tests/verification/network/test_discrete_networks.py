@@ -15,14 +15,13 @@ from network_files import torch_file
 from controller import basis
 from controller.critic.critic import Critic, from_functions, from_parts
 from controller.discrete.implied_policy import discrete_critic, policy_of_next
-from controller.discrete.solution import DiscreteSolution, solve_discrete
+from controller.discrete.solution import DiscreteSolution, sampled, solve_discrete
 from controller.game.discrete_game import DiscreteGame
-from hfa import Game, from_gain, from_network, from_value, from_weights
+from hfa import Game, from_gain, from_network, from_value, from_weights, verify
 from hfa.main import DONE, FAILED
 from verification import Scope
-from verification.axis import InSteps
-from verification.critic.discrete import check_discounted, check_discrete
-from verification.critic_errors import Box
+from verification.box import Box
+from verification.critic.in_steps import InSteps
 from verification.network.flights import costs_above_optimum
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -78,7 +77,7 @@ def test_networks_of_exact_values_and_policies_pass(name: str) -> None:
         {"policy": exact_policy(problem)},
         {"V": V, "policy": exact_policy(problem)},
     ):
-        verdict = check_discrete(problem, critic_of(problem, **outputs), scope=SCOPE)
+        verdict = verify(problem, critic_of(problem, **outputs), scope=SCOPE)
         assert verdict.ok, failed_names(verdict.checks)
         assert verdict.proof is not None
         assert verdict.proof.fraction == 1.0
@@ -93,7 +92,7 @@ def test_a_policy_exact_only_at_the_origin_fails() -> None:
     """
     problem = problem_of()
     u = -1e-3 * ca.tanh(1e3 * ca.DM(exact_of(problem).K) @ Z)
-    verdict = check_discrete(problem, critic_of(problem, policy=u), scope=SCOPE)
+    verdict = verify(problem, critic_of(problem, policy=u), scope=SCOPE)
     assert verdict.K_rel_error < 1e-12
     assert failed_names(verdict.checks) == {"searched_policy_error"}
     assert verdict.to_dict()["network"]["reach"] == 0.0
@@ -111,9 +110,7 @@ def test_constant_in_u_moves_equilibrium_and_is_named() -> None:
     """
     problem = problem_of()
     exact = exact_of(problem)
-    verdict = check_discrete(
-        problem, critic_of(problem, policy=exact_policy(problem) + 0.2), scope=SCOPE
-    )
+    verdict = verify(problem, critic_of(problem, policy=exact_policy(problem) + 0.2), scope=SCOPE)
     assert failed_names(verdict.checks) == {"origin_error", "searched_policy_error", "rest_point"}
     rest = np.linalg.solve(np.eye(2) - A + B @ exact.K, 0.2 * B[:, 0])
     assert verdict.to_dict()["network"]["rest_point"] == pytest.approx(rest, rel=1e-9)
@@ -126,7 +123,7 @@ def test_a_value_wrong_away_from_the_origin_fails(name: str) -> None:
     problem = PROBLEMS[name]
     V = exact_value(problem)
     size = float(BOX @ np.abs(exact_of(problem).P) @ BOX)
-    verdict = check_discrete(
+    verdict = verify(
         problem, critic_of(problem, V=V + 0.5 * V**2 / size), scope=replace(SCOPE, flights=4)
     )
     assert verdict.P_rel_error < 1e-12
@@ -141,10 +138,10 @@ def test_a_wrong_quartic_weight_fails_in_discrete_time() -> None:
     functions = basis("quadratic+quartic", 2)
     weights = functions.weights(exact_of(problem).P)
     right = from_weights(problem.step, weights, functions)
-    assert check_discrete(problem, right).ok
+    assert verify(problem, right).ok
     weights[-1] = 50.0
     wrong = from_weights(problem.step, weights, functions)
-    verdict = check_discrete(problem, wrong, scope=SCOPE)
+    verdict = verify(problem, wrong, scope=SCOPE)
     assert "searched_value_error" in failed_names(verdict.checks)
 
 
@@ -195,7 +192,7 @@ def test_simulated_cost_of_linear_network_equals_linear_loop() -> None:
     exact = exact_of(problem)
     K = 1.2 * exact.K
     critic = critic_of(problem, policy=-ca.DM(K) @ Z)
-    axis = InSteps(exact)
+    axis = InSteps(problem)
     remaining = axis.excess(K)
     assert remaining is not None
     losses = costs_above_optimum(axis, critic, exact, BOX, 10)
@@ -204,7 +201,7 @@ def test_simulated_cost_of_linear_network_equals_linear_loop() -> None:
     for loss, start in zip(losses[1:], starts * BOX, strict=True):
         lost = 100.0 * float(start @ remaining @ start) / float(start @ exact.P @ start)
         assert loss == pytest.approx(lost, rel=1e-6)
-    linear = check_discrete(problem, from_gain(problem.step, K))
+    linear = verify(problem, from_gain(problem.step, K))
     assert losses.max() == pytest.approx(linear.cost_lost, rel=1e-6)
 
 
@@ -214,15 +211,14 @@ def test_the_exact_network_of_a_discounted_game_passes(game: Game) -> None:
 
     The exact gain followed by a saturating tanh fails away from the origin.
     """
-    from controller import solve_discounted
-
-    K = solve_discounted(game, 0.99, 0.01).K
+    problem = sampled(game, 0.01, 0.99)
+    K = solve_discrete(problem).K
     right = from_network(game, torch_file("right.pt", {"weight": -K}))
-    verdict = check_discounted(game, right, 0.99, 0.01)
+    verdict = verify(problem, right)
     assert verdict.ok, failed_names(verdict.checks)
     layers = {"0.weight": 1e3 * K, "2.weight": -1e-3 * np.eye(5)}
     bent = from_network(game, torch_file("bent.pt", layers), activation="tanh")
-    verdict = check_discounted(game, bent, 0.99, 0.01, scope=Scope(seconds=1.0, flights=2))
+    verdict = verify(problem, bent, scope=Scope(seconds=1.0, flights=2))
     assert verdict.K_rel_error < 1e-9
     assert "searched_policy_error" in failed_names(verdict.checks)
 
@@ -241,14 +237,14 @@ def test_verify_reports_how_networks_are_read() -> None:
     right = hfa(*words, torch_file("right.pt", {"weight": -exact.K}))
     assert right.code == DONE
     assert right.out.startswith(
-        "PASS on the linear game: optimal cost, no error above 1e-06 in the box, proved as "
-        "simplified"
+        "PASS on the discrete game, balanced box, 100 flights: optimal cost\n"
+        "no error above 1e-06 in the box, proved as simplified"
     )
     assert "Read: network right.pt: policy 2 -> 1" in right.out
     shifted = torch_file("shifted.pt", {"weight": -exact.K, "bias": np.array([0.2])})
     wrong = answer(*words, shifted, code=FAILED)
     assert wrong["network"]["rest_point"][0] > 0.01
-    assert wrong["schema"] == "hfa.discounted-check/1"
+    assert wrong["schema"] == "hfa.critic-check/1"
 
 
 def test_linear_critic_in_discrete_time_needs_no_search() -> None:
@@ -260,6 +256,6 @@ def test_linear_critic_in_discrete_time_needs_no_search() -> None:
         from_gain(problem.step, exact.K),
         from_parts(problem.step, {"P": exact.P, "K": exact.K}),
     ):
-        verdict = check_discrete(problem, critic)
+        verdict = verify(problem, critic)
         assert verdict.ok
         assert verdict.searched == 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -31,11 +31,13 @@ from controller.critic.critic import Critic
 from examples.train_a_network import fit
 from hfa import Game, from_gain, from_value, from_weights, verify
 from hfa.main import FAILED
+from verification.box import ordinary_box, usual_box
 from verification.critic.critic_check import LIMIT
+from verification.critic.in_time import InTime
 from verification.critic_errors import critic_errors
-from verification.hfa_box import ordinary_box
-from verification.reasons.diagnosis import diagnose, diagnose_discrete
-from verification.reasons.other_games import discounted
+from verification.reasons.diagnosis import diagnose
+from verification.reasons.hypotheses import Hypothesis, View
+from verification.reasons.other_games import discounted, other_games
 from verification.scope import Nearby, Scheduled, Scope
 
 network_files = Extension("network_files")
@@ -59,12 +61,15 @@ def named(
     if at is not None:
         starts = (1.0, 3.0, 5.0, 8.0, 12.0, 16.0, 20.0)
         scheduled = Scheduled(lambda x: f"at dihedral {x:.4f} deg", at, starts)
-    return diagnose(game, solved(game), candidate, LIMIT, Nearby(printed or {}, scheduled), box)
+    half_widths = np.ones(len(game.A)) if box is None else box
+    others = other_games(game, Nearby(printed or {}, scheduled))
+    return diagnose(InTime(game), candidate, LIMIT, half_widths, others)
 
 
 def wrong(game: Game, candidate: Critic) -> bool:
     """Return whether the errors of a critic exceed their limits."""
-    return not all(check.ok for check in critic_errors(game, candidate, solved(game), LIMIT))
+    errors = critic_errors(game, candidate, solved(game), LIMIT, usual_box(game).half_widths)
+    return not all(check.ok for check in errors)
 
 
 @pytest.mark.parametrize(
@@ -134,6 +139,16 @@ def test_random_errors_have_no_cause(game: Game, plant: str, kind: str, draws: i
 RIGHT = (("W", lambda game: weights_of(value(game)), ""), ("P", value, ""), ("K", gain, ""))
 
 
+class NoGames:
+    """No other games that a critic may solve."""
+
+    def of_matrix(self, view: View) -> Iterator[Hypothesis]:
+        yield from ()
+
+    def of_network(self, view: View) -> Iterator[Hypothesis]:
+        yield from ()
+
+
 def named_under_noise(mistake: str, size: float, games: int, seed: int) -> int:
     """Return the number of noisy critics of random games that are diagnosed correctly.
 
@@ -148,7 +163,7 @@ def named_under_noise(mistake: str, size: float, games: int, seed: int) -> int:
         kind, plant, words = OF_ANY_GAME.get(mistake, RIGHT[index % 3])
         table = noisy(kind, plant(game), size, rng)
         candidate = candidate_of(game, kind, lambda _, table=table: table)
-        reason = diagnose_discrete(game, solved(game), candidate, "", {}, np.ones(len(game.A)))
+        reason = diagnose(InTime(game), candidate, LIMIT, np.ones(len(game.A)), NoGames())
         if words:
             count += words in reason
         else:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from controller.discrete.critic_file import critic_of_steps
+from controller.critic.critic_file import critic_in
 from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import (
     input_file,
@@ -367,7 +367,7 @@ def _fly_steps(request: FlyRequest, path: Path) -> int:
         K = solve_discrete(problem).K
         policy = "the game's policy"
     else:
-        critic, _ = critic_of_steps(
+        critic = critic_in(
             weights, problem, request.policy.reading.reading(request.policy.learning.set)
         )
         K = discrete_critic(problem, critic).K

@@ -191,12 +191,12 @@ def _box(linear: LinearModel) -> np.ndarray | None:
 
     linear: linear model at the trim
     """
-    from verification.hfa_box import ordinary_box
-    from verification.scope import box_within_limits
+    from controller.game.linear_game import widths_within_limits
+    from verification.box import ordinary_box
 
     units = linear.point.model.units(linear.states)
-    box = ordinary_box(linear.states, linear.inputs, units) or box_within_limits(linear)
-    return None if box is None else box.half_widths
+    box = ordinary_box(linear.states, linear.inputs, units)
+    return widths_within_limits(linear) if box is None else box.half_widths
 
 
 def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | None:

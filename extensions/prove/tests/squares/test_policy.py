@@ -13,7 +13,6 @@ import pytest
 from pendulum_regions import PENDULUM, certified, passes, pendulum_loop, quickly_proved
 
 from controller.critic.critic import Critic, from_weights
-from controller.critic.features import features_of
 from controller.game.zero_sum import Game
 from hfa.main import main
 from hfa_aircraft.march.ending import Outcome
@@ -41,7 +40,7 @@ def critic_of(basis: str, weights: list[float]) -> Critic:
     """
     A = np.array([[0.0, 1.0], [19.62, -0.1 * BY_TORQUE]])
     game = Game(A, np.array([[0.0], [BY_TORQUE]]), np.eye(2), np.eye(2), np.eye(1), delta=np.inf)
-    functions = features_of(basis, 2) if "x" in basis else basis
+    functions = basis
     return from_weights(game, np.array(weights), functions)
 
 

@@ -26,7 +26,6 @@ from network_files import (
 from planted_critics import gain, value, weights_of
 
 from controller import critic_in, load_game
-from controller.critic.features import features_of
 from controller.hfa_game import ORDINARY_DEVIATIONS
 from hfa import (
     BadInputError,
@@ -38,7 +37,7 @@ from hfa import (
     verify,
 )
 from hfa.main import BAD_INPUT, DONE, FAILED
-from verification.hfa_box import ordinary_box
+from verification.box import ordinary_box
 from verification.scope import Scope
 
 GOPS = json.loads(Path(__file__).with_name("gops.json").read_text(encoding="utf-8"))
@@ -74,7 +73,8 @@ def test_a_network_that_equals_the_value_passes(game: Game) -> None:
     assert from_network(game, narrow).precision == "float32"
     said = hfa("verify", *AT_15, "--weights", narrow).out
     assert said.startswith(
-        "PASS on the linear game: optimal cost, no error above 1e-06 in the box, proved as simplified"
+        "PASS on the linear game, typical box, 100 flights: optimal cost\n"
+        "no error above 1e-06 in the box, proved as simplified"
     )
     assert "(searched, 1000 starts; not a bound)" in said
 
@@ -244,7 +244,7 @@ def test_a_basis_is_accepted_as_text_or_function(game: Game) -> None:
     )
     assert answer(*words, "speed**2, speed*x2, x2**2, sin(alpha)**4", code=FAILED)["ok"] is False
     weights = np.append(-3.0, weights_of(value(game)))
-    check = verify(game, from_weights(game, weights, features_of(FEATURES, 6)), scope=on_the_box(1))
+    check = verify(game, from_weights(game, weights, FEATURES), scope=on_the_box(1))
     assert check.ok
     assert check.to_dict()["network"]["value_at_origin"] == -3.0
     z = ca.SX.sym("z", 6)
@@ -256,17 +256,17 @@ def test_a_basis_is_accepted_as_text_or_function(game: Game) -> None:
         BadInputError,
         match="W has 6 weights and the plant has 6 states; give a basis of 6 functions",
     ):
-        from_weights(game, np.ones(6), features_of(FEATURES, 6))
+        from_weights(game, np.ones(6), FEATURES)
 
 
-@pytest.mark.parametrize("features", [None, features_of(FEATURES.removeprefix("1, "), 6)])
-def test_scale_applies_to_the_inputs_of_a_basis(game: Game, features: ca.Function | None) -> None:
+@pytest.mark.parametrize("basis", ["quadratic", FEATURES.removeprefix("1, ")])
+def test_scale_applies_to_the_inputs_of_a_basis(game: Game, basis: str) -> None:
     """A layer on a basis, named or of formulas, is evaluated at the scaled states."""
     weights = np.arange(1.0, 22.0)
     scale = np.array([0.5, 6.0, 1.0, 4.0, 3.0, 0.25])
     path = stored("layer.npz", weight=weights[None], bias=np.zeros(1))
-    own = from_network(game, path, features=features)
-    scaled = from_network(game, path, features=features, scale=scale)
+    own = from_network(game, path, basis=basis)
+    scaled = from_network(game, path, basis=basis, scale=scale)
     np.testing.assert_allclose(scaled.P, own.P * np.outer(scale, scale), rtol=1e-12)
     assert scaled.P[0, 1] != own.P[0, 1]
 

@@ -1,16 +1,32 @@
-"""Box of states in which critics of the paper's aircraft are compared."""
+"""Box of states in which critics are compared with the exact solution."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.hfa_game import ORDINARY_DEVIATIONS
+from controller.riccati.normal_form import NormalForm
 from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
+from hfa_support.reporting.results import Vector
 from hfa_support.units import si_factor, si_unit
-from verification.critic_errors import Box, balanced_box, limited_box
 
 _SI_UNITS = tuple(si_unit(unit) for unit in LINEAR_UNITS)
+
+
+class Box(NamedTuple):
+    """Box |z_i| <= half_widths[i] of states in which V, its gradient and the policies are compared.
+
+    half_widths: (n,), in the units of the states
+    about: source of the half-widths, as text
+    name: name of the box in the first line of a verdict, "box" after an adjective
+    """
+
+    half_widths: Vector
+    about: str
+    name: str = "given box"
 
 
 def ordinary_box(
@@ -32,7 +48,8 @@ def ordinary_box(
         speed = f"{widths[0]:.4g} m/s"
     elif any(state_units) and state_units != LINEAR_UNITS:
         return None
-    return Box(widths, f"typical deviations of the aircraft, {speed}, 0.1 rad, 0.1 rad/s")
+    about = f"typical deviations of the aircraft, {speed}, 0.1 rad, 0.1 rad/s"
+    return Box(widths, about, "typical box")
 
 
 def usual_box(game: Game) -> Box:
@@ -40,10 +57,16 @@ def usual_box(game: Game) -> Box:
 
     - the paper's aircraft: the box of typical deviations
     - a linear model whose states have limits: the largest box within them
-    - otherwise: `balanced_box`
+    - otherwise: the balanced units of the game
+
+    game: the game, or the game of one step in discrete time
     """
     names = game.names
     box = ordinary_box(names.states, names.inputs, names.state_units)
-    if box is None and game.half_widths is not None:
-        box = limited_box(game.half_widths)
-    return balanced_box(game) if box is None else box
+    if box is not None:
+        return box
+    if game.half_widths is not None:
+        about = "within the limits of the states that the model declares"
+        return Box(game.half_widths, about, "box of limits")
+    about = "balanced units of the game (a convention, because no typical deviations are given)"
+    return Box(NormalForm.of(game).units, about, "balanced box")
