@@ -70,7 +70,7 @@ def paper_game(
         E = E[:, [states.index(name) for name in LINEAR_STATES]]
         Q = E @ Q @ E.T
     R = np.diag(settings["R_diag"]).astype(float)
-    native = None if model is None else model.extras.native
+    native = None if model is None else model.source.native
     if native is not None:
         of_states = np.array([si_factor(native.unit(name)) for name in states])
         of_inputs = np.array([si_factor(native.unit(name)) for name in names.inputs])

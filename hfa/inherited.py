@@ -181,7 +181,7 @@ class HfaOptions(Request):
 
         condition: entry for the trim condition
         """
-        file, digest = self.model.extras.source
+        file, digest = self.model.source.text, self.model.source.digest
         origin: dict[str, Any] = {
             "model": f"{file} (SHA-256 {digest[:12]})",
             "condition": condition,
@@ -744,6 +744,6 @@ def trimmed(request: OneTrimRequest, aircraft: Model) -> OperatingPoint:
 def inherited_spread(request):
     from hfa_aircraft.uncertain import spread_of
 
-    file = request.parameters or request.model.extras.source[0]
+    file = request.parameters or request.model.source.text
     known = str(file) if request.own else request.parameter_set
     return spread_of(request.model, known, request.held_parameters())

@@ -222,11 +222,11 @@ def _loaded(model: Model, text: str, digest: str) -> Model:
     text: argument of --aircraft
     digest: hash of the source files
     """
-    extras = replace(model.extras, source=(text, digest), made_by=reloaded)
+    source = replace(model.source, text=text, digest=digest, reload=reloaded)
     known = _known_equations(text, digest)
     if not known:
         known.append(model.equations)
-    return replace(model, equations=known[0], extras=extras)
+    return replace(model, equations=known[0], source=source)
 
 
 @lru_cache(maxsize=16)
@@ -315,8 +315,8 @@ def _digest(model: Model, text: str) -> str:
 
     text: argument of --aircraft
     """
-    if model.extras.source[1]:
-        return model.extras.source[1]
+    if model.source.digest:
+        return model.source.digest
     path = Path(text.partition("?")[0])
     content = regular_file(str(path)).read_bytes() if path.exists() else text.encode()
     return fingerprint(model, hashlib.sha256(content).hexdigest())
@@ -387,15 +387,15 @@ def _no_model_message(module: types.ModuleType, name: str, value: Any) -> str:
     return f"{name} {what}; {advice}"
 
 
-def reloaded(source: tuple[str, str], parameters: dict[str, float]) -> Model:
+def reloaded(text: str, digest: str, parameters: dict[str, float]) -> Model:
     """Return a model that was loaded before, loaded again in another process.
 
-    source: `Extras.source` of the model, text and hash
+    text, digest: `Source.text` and `Source.digest` of the model
     parameters: parameter -> value, for all parameters
 
     Raises BadInputError if the file has changed or can no longer be loaded.
     """
-    model = load_model(source[0])
-    if model.extras.source != source:
-        raise BadInputError(f"{source[0]} has changed since the run began; start the run again")
+    model = load_model(text)
+    if (model.source.text, model.source.digest) != (text, digest):
+        raise BadInputError(f"{text} has changed since the run began; start the run again")
     return model.with_parameters(**parameters)

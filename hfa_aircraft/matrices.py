@@ -10,7 +10,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.signals import Signal
-from hfa_aircraft.source import Extras
+from hfa_aircraft.source import About
 
 #: Note on every model made from matrices.
 LINEAR = "linear plant without limits; its trim is the origin"
@@ -49,7 +49,7 @@ def plant_model(
         equations,
         outputs={output: Signal() for output in shown},
         trim=dict.fromkeys(inputs, 0.0),
-        extras=Extras(notes=(LINEAR,)),
+        about=About(notes=(LINEAR,)),
     )
 
 

@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.domain import Domain
 from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.signals import VECTORS, Signal, remember_record
-from hfa_aircraft.source import Extras
+from hfa_aircraft.source import About, Source
+from hfa_aircraft.trimming import Trimming
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.text import with_unit
@@ -86,7 +88,10 @@ class Model(Reported):
     modes: name of a mode -> states that dominate it, by default those of `usual_modes`
     replaced: state -> output that replaces it as a variable of a trim, such as pitch -> gamma. The
         output must be affine in the state.
-    extras: additional data, set by a reader of files or by the HFA
+    parts: suffix -> linear states. The measurable quantity OUTPUT_suffix is the part of an output
+        that these states, the inputs and the disturbances cause.
+    domain, trimming: where the equations are valid, and what the model knows about its trims
+    about, source: what reports call the model, and where it comes from
 
     Raises BadInputError if there are no states, if a name is unknown, declared twice or not an
     identifier, if a number is invalid, or if the equations fail.
@@ -115,12 +120,16 @@ class Model(Reported):
     schedule: str = ""
     modes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     replaced: Mapping[str, str] = field(default_factory=dict)
-    extras: Extras = field(default_factory=Extras)
+    parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    domain: Domain = field(default_factory=Domain)
+    trimming: Trimming = field(default_factory=Trimming)
+    about: About = field(default_factory=About)
+    source: Source = field(default_factory=Source)
 
     def __post_init__(self) -> None:
         """Check the declaration, and complete `steady`, `linear`, `modes` and `trim`.
 
-        The equations are checked only if `extras.made_by` is None.
+        The equations are checked only if `source.reload` is None.
 
         Raises BadInputError, as described for the class.
         """
@@ -140,7 +149,7 @@ class Model(Reported):
                     f"{self.name}: trim imposes {name} = {value}; give a finite number"
                 )
         vars(self)["trim"] = dict(self.trim)
-        if self.extras.made_by is None:
+        if self.source.reload is None:
             self.layout.refuse_broken()
 
     def _check_signals(self) -> None:
@@ -177,7 +186,7 @@ class Model(Reported):
         schedule = [self.schedule] if self.schedule else []
         schedulable = [*self.states, *self.inputs, *self.parameters]
         in_modes = self._names_of_groups("modes", self.modes)
-        in_parts = self._names_of_groups("parts", self.extras.parts)
+        in_parts = self._names_of_groups("parts", self.parts)
         for meaning, names, declared in (
             ("steady names the unknown state", self.steady, self.states),
             ("linear names the unknown state", self.linear, self.states),
@@ -213,21 +222,18 @@ class Model(Reported):
 
         kinds = ("states", "inputs", "outputs", "parameters", "disturbances")
         signals = {kind: getattr(self, kind) for kind in kinds}
-        return signals_report(self.title, signals, self.trim, self.extras.notes)
+        return signals_report(self.title, signals, self.trim, self.about.notes)
 
     def __reduce__(self) -> Any:
         """Return the data from which pickle restores the model.
 
-        The data are `extras.made_by` and its arguments if a function makes the model, and otherwise
+        The data are `source.reload` and its arguments if a function makes the model, and otherwise
         all fields.
         """
-        extras = self.extras
-        if extras.made_by is None:
+        if self.source.reload is None:
             return super().__reduce__()
-        if extras.native is not None:
-            return extras.made_by, (extras.native,)
         values = {name: signal.start for name, signal in self.parameters.items()}
-        return extras.made_by, (extras.source, values)
+        return self.source.reduced(values)
 
     # Names and units.
 
@@ -244,7 +250,7 @@ class Model(Reported):
     @property
     def title(self) -> str:
         """Name of the model in reports."""
-        return self.extras.called or self.name
+        return self.about.title or self.name
 
     @property
     def schedule_unit(self) -> str:
@@ -284,9 +290,9 @@ class Model(Reported):
         """Names of the quantities that a controller can measure: states, outputs and parts of
         outputs.
 
-        A part of an output has the name OUTPUT_suffix (`Extras.parts`).
+        A part of an output has the name OUTPUT_suffix (`Model.parts`).
         """
-        parts = [f"{output}_{ending}" for ending in self.extras.parts for output in self.outputs]
+        parts = [f"{output}_{ending}" for ending in self.parts for output in self.outputs]
         return (*self.states, *self.outputs, *parts)
 
     def part(self, name: str) -> tuple[str, tuple[str, ...]]:
@@ -298,7 +304,7 @@ class Model(Reported):
 
         name: a name in `measurable`
         """
-        for ending, states in self.extras.parts.items():
+        for ending, states in self.parts.items():
             whole = name.removesuffix(f"_{ending}")
             if whole != name and whole in self.outputs:
                 return whole, states
@@ -400,7 +406,7 @@ class Model(Reported):
         Raises BadInputError for an unknown parameter or a value beyond its limits.
         """
         changed = dict(self.parameters)
-        native = self.extras.native
+        native = self.source.native
         native_values = {}
         for name, value in values.items():
             refuse_unknown(f"{self.name} has no parameter", name, tuple(self.parameters))
@@ -416,7 +422,7 @@ class Model(Reported):
                 native_values[name] = float(value) / si_factor(native.unit(name))
         if native is not None:
             native = native.with_parameters(**native_values)
-        return replace(self, parameters=changed, extras=replace(self.extras, native=native))
+        return replace(self, parameters=changed, source=replace(self.source, native=native))
 
     @cached_property
     def p(self) -> np.ndarray:

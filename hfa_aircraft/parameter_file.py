@@ -76,12 +76,12 @@ class ParameterFile:
         Raises BadInputError if the file belongs to an aircraft with another hash, if the aircraft
         has no such parameter, or if a value is beyond the limits or its band.
         """
-        named, digest = model.extras.source
-        if self.sha256 and self.sha256 != digest:
+        source = model.source
+        if self.sha256 and self.sha256 != source.digest:
             raise BadInputError(
                 f"{self.path} belongs to an aircraft with SHA-256 {shown(self.sha256)}, and "
-                f"{named} has {shown(digest)}; give the unchanged aircraft, or remove the entry "
-                "sha256 if the change does not matter"
+                f"{source.text} has {shown(source.digest)}; give the unchanged aircraft, or remove "
+                "the entry sha256 if the change does not matter"
             )
         with prefix_errors(self.path):
             changed = model.with_parameters(**self.values)
@@ -96,9 +96,9 @@ class ParameterFile:
         Raises BadInputError as `applied_to` does.
         """
         changed = self.applied_to(base)
-        content = base.extras.source[1] + Path(self.path).read_text("utf-8")
-        source = (self.path, hashlib.sha256(content.encode()).hexdigest())
-        return replace(changed, extras=replace(changed.extras, source=source))
+        content = base.source.digest + Path(self.path).read_text("utf-8")
+        digest = hashlib.sha256(content.encode()).hexdigest()
+        return replace(changed, source=replace(changed.source, text=self.path, digest=digest))
 
     def _check_bands(self, model: Model) -> None:
         """Raise BadInputError unless each entry of [bands] is a pair [low, high] that contains the

@@ -83,7 +83,7 @@ def spread_of(model: Model, known: Any, held: Collection[str]) -> ParameterSprea
 
     Raises BadInputError if the covariance is unknown.
     """
-    native = model.extras.native or model
+    native = model.source.native or model
     if isinstance(known, str):
         spread = spread_of_file(known, native)
     else:
@@ -93,7 +93,7 @@ def spread_of(model: Model, known: Any, held: Collection[str]) -> ParameterSprea
                 "a [covariance]"
             )
         spread = spread_of_set(known)
-    if model.extras.native is not None:
+    if model.source.native is not None:
         spread = _in_si(spread, native)
     kept = [at for at, name in enumerate(spread.values) if name not in held]
     return replace(

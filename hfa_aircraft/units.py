@@ -8,20 +8,23 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from hfa_aircraft.domain import Domain
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import VECTORS, Signal, record
-from hfa_aircraft.source import Extras
+from hfa_aircraft.source import Source
+from hfa_aircraft.trimming import Trimming
 from hfa_support.units import si_factor, si_unit
 
 
 def in_si(model: Model) -> Model:
     """Return a model with all signals in SI units.
 
-    `extras.native` of the result is the original model. A model without English units is returned
+    `source.native` of the result is the original model. A model without English units is returned
     unchanged.
     """
     if all(si_unit(signal.unit) == signal.unit for signal in model.signals.values()):
@@ -36,25 +39,61 @@ def in_si(model: Model) -> Model:
         **scaled,
         equations=_Equations(conversion, model.equations),
         trim={name: value * si_factor(model.unit(name)) for name, value in model.trim.items()},
-        extras=_extras_in_si(model, conversion),
+        domain=_domain_in_si(model, conversion),
+        trimming=_trimming_in_si(model),
+        source=Source(model.source.text, model.source.digest, native=model, reload=in_si),
     )
 
 
-def _extras_in_si(model: Model, conversion: _Conversion) -> Extras:
-    extras = model.extras
-    return replace(
-        extras,
+def _domain_in_si(model: Model, conversion: _Conversion) -> Domain:
+    domain = model.domain
+    return Domain(
         range={
             name: (largest * si_factor(model.unit(name)), whose)
-            for name, (largest, whose) in extras.range.items()
+            for name, (largest, whose) in domain.range.items()
         },
-        envelope=extras.envelope and _Envelope(conversion, extras.envelope),
-        check=extras.check and _Check(conversion, extras.check),
-        explain=None,  # its text has values in the declared units
-        begin=extras.begin and _Begin(extras.begin, _factors(model.signals)),
-        native=model,
-        made_by=in_si,
+        envelope=domain.envelope and partial(_envelope_in_si, conversion, domain.envelope),
+        check=domain.check and partial(_check_in_si, conversion, domain.check),
     )
+
+
+def _envelope_in_si(
+    conversion: _Conversion,
+    envelope: Callable[[Any, Any], Mapping[str, tuple[float, float]]],
+    x: Any,
+    p: Any,
+) -> Mapping[str, tuple[float, float]]:
+    """Return state -> (lowest, highest) in flight, for the state and parameters of a trim."""
+    declared = envelope(conversion.native("x", x), conversion.native("p", p))
+    return conversion.states_in_si(declared)
+
+
+def _check_in_si(conversion: _Conversion, check: Callable[[Any], None], x: Any) -> None:
+    """Raise BadInputError, with values in the declared units, for a state outside the domain."""
+    check(conversion.native("x", x))
+
+
+def _trimming_in_si(model: Model) -> Trimming:
+    """Return the trimming without explanations, whose texts have values in declared units."""
+    begin = model.trimming.begin
+    factors = {name: si_factor(signal.unit) for name, signal in model.signals.items()}
+    return replace(
+        model.trimming, begin=begin and partial(_begin_in_si, begin, factors), explain=None
+    )
+
+
+def _begin_in_si(
+    begin: Callable[[Mapping[str, Any]], Mapping[str, Any]],
+    factors: Mapping[str, float],
+    imposed: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Return variable -> initial value of a trim search.
+
+    begin: function `Trimming.begin` in the declared units
+    factors: name -> factor from the declared unit to SI
+    """
+    native = {name: value / factors.get(name, 1.0) for name, value in imposed.items()}
+    return {name: value * factors.get(name, 1.0) for name, value in begin(native).items()}
 
 
 def _signal_in_si(signal: Signal) -> Signal:
@@ -133,70 +172,6 @@ class _Equations:
         return self.conversion.states_in_si(rates), seen
 
 
-@dataclass(frozen=True)
-class _Envelope:
-    """Limits of the states in flight in SI units: `Extras.envelope` of a converted model.
-
-    conversion: factors from the declared units to SI
-    envelope: function `Extras.envelope` of the original model
-    """
-
-    conversion: _Conversion
-    envelope: Callable[[Any, Any], Mapping[str, tuple[float, float]]]
-
-    def __call__(self, x: Any, p: Any) -> Mapping[str, tuple[float, float]]:
-        """Return state -> (lowest, highest) in flight, in SI.
-
-        x, p: state and parameters of the trim, in SI
-        """
-        state = self.conversion.native("x", x)
-        parameters = self.conversion.native("p", p)
-        return self.conversion.states_in_si(self.envelope(state, parameters))
-
-
-@dataclass(frozen=True)
-class _Check:
-    """Check of the domain of the equations in SI units: `Extras.check` of a converted model.
-
-    conversion: factors from the declared units to SI
-    check: function `Extras.check` of the original model
-    """
-
-    conversion: _Conversion
-    check: Callable[[Any], None]
-
-    def __call__(self, x: Any) -> None:
-        """Raise BadInputError if a state is outside the domain of the equations.
-
-        The message contains values in the declared units.
-
-        x: state, in SI
-        """
-        self.check(self.conversion.native("x", x))
-
-
-@dataclass(frozen=True)
-class _Begin:
-    """Initial values of a trim search in SI units: `Extras.begin` of a converted model.
-
-    begin: function `Extras.begin` of the original model, in the original units
-    factors: (name, factor to SI) of each signal
-    """
-
-    begin: Callable[[Mapping[str, Any]], Mapping[str, Any]]
-    factors: tuple[tuple[str, float], ...]
-
-    def __call__(self, imposed: Mapping[str, Any]) -> dict[str, Any]:
-        """Return variable -> initial value of a trim search, in SI.
-
-        imposed: variable -> imposed value, in SI
-        """
-        factors = dict(self.factors)
-        native = {name: value / factors.get(name, 1.0) for name, value in imposed.items()}
-        starts = self.begin(native)
-        return {name: value * factors.get(name, 1.0) for name, value in starts.items()}
-
-
 def _factors(signals: Mapping[str, Signal]) -> tuple[tuple[str, float], ...]:
     return tuple((name, si_factor(signal.unit)) for name, signal in signals.items())
 
@@ -206,7 +181,7 @@ def native_of(model: Model) -> Model:
 
     The result is the original of a model that `in_si` converted, and otherwise the model itself.
     """
-    return model if model.extras.native is None else model.extras.native
+    return model if model.source.native is None else model.source.native
 
 
 def native_values(model: Model, names: tuple[str, ...], values: Any) -> np.ndarray:
@@ -217,7 +192,7 @@ def native_values(model: Model, names: tuple[str, ...], values: Any) -> np.ndarr
     values: values in the units of `model`, (..., names)
     """
     array = np.asarray(values, dtype=float)
-    native = model.extras.native
+    native = model.source.native
     return array if native is None else array / [si_factor(native.unit(name)) for name in names]
 
 
@@ -227,7 +202,7 @@ def in_units_of(model: Model, value: Any, unit: str) -> Any:
     model: the model, possibly converted to SI
     value: value in the English unit `unit`
     """
-    return value if model.extras.native is None else value * si_factor(unit)
+    return value if model.source.native is None else value * si_factor(unit)
 
 
 def unit_of(model: Model, unit: str) -> str:
@@ -236,7 +211,7 @@ def unit_of(model: Model, unit: str) -> str:
     model: the model, possibly converted to SI
     unit: the English unit
     """
-    return unit if model.extras.native is None else si_unit(unit)
+    return unit if model.source.native is None else si_unit(unit)
 
 
 #: Ending of a name -> factor on the unit of the name without it.

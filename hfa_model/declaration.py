@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa_aircraft.domain import Domain
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
-from hfa_aircraft.source import Extras
+from hfa_aircraft.source import About
+from hfa_aircraft.trimming import Trimming
 from hfa_aircraft.units import native_of
 from hfa_model.atmosphere import refuse_beyond_the_atmosphere
 from hfa_model.kinematics import DISTURBANCES, winds_named
@@ -145,17 +147,15 @@ _DECLARED = Model(
         "altitude": ("altitude",),
     },
     replaced={"pitch": "gamma"},
-    extras=Extras(
-        called="published dynamics",
-        names_schedule=True,
-        # For the vertical acceleration, A_z in SimVFA.
-        parts={"short_period": ("alpha",)},
-        variants=tuple(VARIANTS),
+    # For the vertical acceleration, A_z in SimVFA.
+    parts={"short_period": ("alpha",)},
+    domain=Domain(
         # The paper calls its linear model applicable up to this dihedral angle (Section 5.1).
         range={"dihedral": (math.radians(15.0), "the paper's range")},
         envelope=flight_limits,
         check=check_in_range,
     ),
+    about=About("published dynamics", names_schedule=True, variants=tuple(VARIANTS)),
 )
 
 
@@ -169,7 +169,7 @@ def rigid_panels(
 
     The parameters are not checked.
 
-    describe_trim: as in `Extras`
+    describe_trim: as in `Trimming`
     """
     # The values are not checked: a fit of the printed matrices also tries impossible ones.
     values = {
@@ -181,9 +181,8 @@ def rigid_panels(
         name=variant.name,
         equations=Equations(variant),
         parameters=values,
-        extras=replace(
-            _DECLARED.extras, called=f"{variant.name} dynamics", describe_trim=describe_trim
-        ),
+        about=replace(_DECLARED.about, title=f"{variant.name} dynamics"),
+        trimming=Trimming(describe=describe_trim),
     )
 
 

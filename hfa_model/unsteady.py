@@ -581,11 +581,8 @@ UNSTEADY = replace(
     # them.
     linear=(*LINEAR_STATES, *_LAGS, "downwash"),
     modes={**_RIGID.modes, "lag": (*_LAGS, "downwash"), "gust": _GUSTS},
-    extras=replace(
-        _RIGID.extras,
-        called="unsteady dynamics",
-        parts={"short_period": ("alpha", *_LAGS, "downwash")},
-    ),
+    parts={"short_period": ("alpha", *_LAGS, "downwash")},
+    about=replace(_RIGID.about, title="unsteady dynamics"),
 )
 
 

@@ -287,7 +287,7 @@ class ScheduledController(ByValue, Reported):
         """
         if model.name != self.dynamics:
             choose = ""
-            if self.dynamics in model.extras.variants:
+            if self.dynamics in model.about.variants:
                 choose = f", or choose --dynamics {self.dynamics}"
             raise BadInputError(
                 f"controller {self.name} was designed for {self.called}, but the aircraft is"
@@ -319,7 +319,7 @@ class ScheduledController(ByValue, Reported):
     @property
     def called(self) -> str:
         """Name of the model for which the controller was made, for messages."""
-        if self.dynamics in self.model.extras.variants:
+        if self.dynamics in self.model.about.variants:
             return f"{self.dynamics} dynamics"
         return self.dynamics
 
@@ -405,7 +405,7 @@ def in_units_of(controller: ScheduledController, model: Model) -> ScheduledContr
     With the factors f_x on the states, f_y on measurements and commands, and f_u on the inputs:
     A' = f_x A / f_x, B' = f_x B / f_y, C' = f_u C / f_x, D' = f_u D / f_y, W' = f_x W / f_u.
     """
-    if (controller.model.extras.native is None) == (model.extras.native is None):
+    if (controller.model.source.native is None) == (model.source.native is None):
         return controller
     measured = (*controller.measurements, *controller.commands)
     y = _factors(controller.model, model, measured)
@@ -445,7 +445,7 @@ def _key(model: Model) -> str:
     """Return the key under which files and data store the scheduling values of a model's
     controller.
     """
-    return f"{model.schedule}s" if model.extras.names_schedule else "places"
+    return f"{model.schedule}s" if model.about.names_schedule else "places"
 
 
 def _stored(controller: ScheduledController) -> dict[str, Any]:
@@ -474,7 +474,7 @@ def save_controller(path: str | Path, controller: ScheduledController) -> None:
             f"{path}: the suffix {target.suffix!r} is unknown; use {' or '.join(SUFFIXES)}"
         )
     about = json.dumps(jsonable(controller.about))
-    units: Literal["si"] | None = None if controller.model.extras.native is None else "si"
+    units: Literal["si"] | None = None if controller.model.source.native is None else "si"
     content = ControllerFile(about=about, **_stored(controller), units=units)
     save_data(target, content.as_data(), Table((), ()))
 
@@ -537,7 +537,7 @@ def _controller_of(content: Mapping[str, Any], model: Model) -> ScheduledControl
     Raises BadInputError if the controller was made for another model.
     """
     texts: dict[str, Any] = {key: str(content[key]) for key in _TEXTS}
-    if texts["dynamics"] not in (model.name, *model.extras.variants):
+    if texts["dynamics"] not in (model.name, *model.about.variants):
         raise BadInputError(
             f"the controller was made for {texts['dynamics']}, not for {model.title}; design a"
             " controller for this aircraft"

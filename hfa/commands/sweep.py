@@ -112,7 +112,7 @@ class SweptTrim(Trim):
             arrays = {name: array_of(name, each, MOST_POINTS) for name, each in ranges.items()}
             axes = dict(sorted(arrays.items(), key=lambda axis: axis[1].size > 1))
         is_named = by in (*axes, *condition.free, *self.hold)
-        if listing is None and self.model.extras.names_schedule and not is_named:
+        if listing is None and self.model.about.names_schedule and not is_named:
             warn(f"no --{by} is given: every point is at 0 deg")
         return SweepPlan(axes, self.aircraft, condition, self.start_point, listing is not None)
 

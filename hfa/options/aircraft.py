@@ -26,7 +26,7 @@ def is_own(model: Model | None) -> bool:
 
     The result is False for the paper's flexible aircraft and for None.
     """
-    return model is not None and model.extras.source[0] != ""
+    return model is not None and model.source.text != ""
 
 
 def of_hfa(about: str, otherwise: str = "") -> Callable[[Model | None], str]:
@@ -138,7 +138,7 @@ class Aircraft(Part):
         held: parameter -> value, for the parameters that the options of a trim set
         """
         if self.own:
-            file, digest = self.model.extras.source
+            file, digest = self.model.source.text, self.model.source.digest
             origin = {"model": f"{file} (SHA-256 {digest[:12]})"}
             if isinstance(self.parameters, Path):
                 content = hashlib.sha256(self.parameters.read_bytes()).hexdigest()
@@ -167,5 +167,5 @@ class Aircraft(Part):
         """
         from hfa_aircraft.uncertain import spread_of
 
-        file = self.parameters or self.model.extras.source[0]
+        file = self.parameters or self.model.source.text
         return spread_of(self.model, str(file) if self.own else self.parameter_set, held)

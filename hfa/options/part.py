@@ -78,7 +78,7 @@ class Option:
             kind=kind,
             names=_resolved(self.names, model) or f"--{name}",
             required=_resolved(self.required, model),
-            aliases={} if model is None else model.extras.aliases,
+            aliases={} if model is None else model.about.aliases,
         )
 
     @property

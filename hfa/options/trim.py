@@ -26,7 +26,7 @@ def called_at(model: Model) -> str:
 
     The name is that of the variable if the model has `names_schedule`, otherwise "at".
     """
-    return model.schedule if model.extras.names_schedule else "at"
+    return model.schedule if model.about.names_schedule else "at"
 
 
 def scheduled(
@@ -67,8 +67,8 @@ def scheduled(
         words,
         lambda model: form or ("DEG" if unit(model) == "deg" else "VALUE"),
         OfModel(convert),
-        names=lambda model: f"--at --{model.schedule}" if model.extras.names_schedule else "--at",
-        required=lambda model: required and model.extras.names_schedule,
+        names=lambda model: f"--at --{model.schedule}" if model.about.names_schedule else "--at",
+        required=lambda model: required and model.about.names_schedule,
     )
 
 
@@ -102,7 +102,7 @@ def _name(model: Model, text: str) -> str:
 
     text: this name, or an alias of the variable
     """
-    return model.extras.aliases.get(text, text)
+    return model.about.aliases.get(text, text)
 
 
 def _start(model: Model, text: str) -> OperatingPoint | dict[str, float]:

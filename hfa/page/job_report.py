@@ -192,7 +192,7 @@ def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
     )
     report = with_bands(linear_model_report(model), model, bands)
     printed = printed_at(model.point)
-    if printed is None or model.point.model.extras.native is not None:  # printed values are in feet
+    if printed is None or model.point.model.source.native is not None:  # printed values are in feet
         return report
     beside: tuple[Part, ...] = printed_comparison_tables(model, printed)
     kept = report.parts[len(beside) :]

@@ -24,7 +24,7 @@ from hfa_aircraft.rigid.motion import (
     wind_axes,
 )
 from hfa_aircraft.signals import Signal
-from hfa_aircraft.source import Extras
+from hfa_aircraft.source import About, Source
 
 #: Standard gravity, and units of length and force, by system of units.
 GRAVITY = {"english": 9.80665 / FT_TO_M, "si": 9.80665}
@@ -105,7 +105,8 @@ def rigid_aircraft(
     parameters: Mapping[str, Signal],
     outputs: Mapping[str, Signal],
     holds_beta: bool,
-    extras: Extras,
+    source: Source,
+    about: About | None = None,
 ) -> Model:
     """Return the `Model` of a rigid aircraft, with a straight and level default trim.
 
@@ -119,7 +120,7 @@ def rigid_aircraft(
     parameters: name -> signal.
     outputs: name -> signal, for the outputs in addition to those of `Motion`.
     holds_beta: whether the default trim imposes the sideslip.
-    extras: fields of the model that only file readers set.
+    source, about: the file, and texts about it.
     """
     length = LENGTH[system]
     foot = 1.0 if system == "english" else FT_TO_M
@@ -165,5 +166,6 @@ def rigid_aircraft(
         steady=steady,
         linear=steady,
         schedule="speed",
-        extras=extras,
+        source=source,
+        about=about or About(),
     )

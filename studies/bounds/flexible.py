@@ -9,7 +9,7 @@ import math
 from typing import Any
 
 import hfa
-from hfa_aircraft.source import Extras
+from hfa_aircraft.domain import Domain
 
 _PAPER = hfa.aircraft("published")
 _AT_TRIM = {name: value for name, value in _PAPER.trim.items() if name != "altitude"}
@@ -38,9 +38,7 @@ def envelope(x: Any, p: Any) -> dict[str, tuple[float, float]]:
 
     The altitude is omitted.
     """
-    limits_about = _PAPER.extras.envelope
-    assert limits_about is not None
-    limits = limits_about(_AtAltitude(x), p)
+    limits = _PAPER.domain.limits_about(_AtAltitude(x), p)
     return {name: pair for name, pair in limits.items() if name != "altitude"}
 
 
@@ -54,5 +52,5 @@ FLEXIBLE = hfa.Model(
     trim=_AT_TRIM | {"dihedral": math.radians(10.0)},
     schedule="dihedral",
     replaced=_PAPER.replaced,
-    extras=Extras(envelope=envelope),
+    domain=Domain(envelope=envelope),
 )

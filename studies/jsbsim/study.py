@@ -40,7 +40,7 @@ def study(name: str) -> dict[str, Any]:
     own_trims = measured(name, [{"trim": values} for values in held[: len(SPEEDS)]], 120.0)
     for point, answer in zip(points, own_trims, strict=False):
         point["jsbsim"] = bool(answer and answer.get("trimmed"))
-    notes = [_short(note) for note in model.extras.notes]
+    notes = [_short(note) for note in model.about.notes]
     return {"aircraft": name, "notes": notes, "points": points}
 
 
@@ -108,7 +108,7 @@ def positions(model: Model, inputs: Mapping[str, float]) -> dict[str, float]:
             sides = {"left-": 1.0, "right-": -1.0} if name == "aileron" else {"": 1.0}
             for side, sign in sides.items():
                 held[f"fcs/{side}{name}-pos-rad"] = sign * inputs[name]
-    for note in model.extras.notes:
+    for note in model.about.notes:
         if not note.startswith("the input is the throttle position"):
             continue
         for number in re.findall(r"engine (\d+)", note):

@@ -37,7 +37,7 @@ def test_a_changed_neighboring_module_changes_the_hash(
     hashes = []
     for content in ("two = 2.0\n", "two = 2.0\n", "two = 3.0\n"):
         (tmp_path / "inner_of_plant.py").write_text(content)
-        hashes.append(load_model(f"{tmp_path}/plant.py:PLANT").extras.source[1])
+        hashes.append(load_model(f"{tmp_path}/plant.py:PLANT").source.digest)
     for name in ("helper_of_plant", "inner_of_plant"):
         sys.modules.pop(name)
     assert hashes[0] == hashes[1] != hashes[2]
@@ -87,7 +87,7 @@ def test_installed_modules_do_not_affect_the_hash(tmp_path: Path) -> None:
     alone.write_text(MODEL.format(helper="math").replace("import gain", "import pi as gain"))
     model = load_model(f"{alone}:PLANT")
     expected = hashlib.sha256(alone.read_bytes()).hexdigest()
-    assert model.extras.source[1] == fingerprint(model, expected)
+    assert model.source.digest == fingerprint(model, expected)
 
 
 def test_the_hash_covers_a_neighboring_table(tmp_path: Path) -> None:
@@ -105,7 +105,7 @@ def test_the_hash_covers_a_neighboring_table(tmp_path: Path) -> None:
     for table in ("1.0,2.0", "1.0,2.0", "1.5,2.0", "1.0,2.5"):
         (tmp_path / "a.csv").write_text(table)
         models.append(load_model(f"{tmp_path / 'plant.py'}:PLANT"))
-    hashes = [model.extras.source[1] for model in models]
+    hashes = [model.source.digest for model in models]
     assert hashes[0] == hashes[1]
     assert len({*hashes}) == 3
     assert models[0].equations is models[1].equations
@@ -129,7 +129,7 @@ def test_a_changed_outer_module_changes_the_hash(
     hashes = []
     for content in ("gain = 2.0\n", "gain = 2.0\n", "gain = 3.0\n"):
         common.write_text(content)
-        hashes.append(load_model("outer_of_plant.models.plant:PLANT").extras.source[1])
+        hashes.append(load_model("outer_of_plant.models.plant:PLANT").source.digest)
     for name in [name for name in sys.modules if name.startswith("outer_of_plant")]:
         sys.modules.pop(name)
     assert hashes[0] == hashes[1] != hashes[2]

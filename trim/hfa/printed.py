@@ -397,7 +397,7 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
     jacobian = entries_at(own.layout, *at, free, rows)[1][:, known]
     both = 2 * np.sqrt(np.einsum("ij,jk,ik->i", jacobian, parameters.covariance, jacobian))
     entries = both.reshape(len(LINEAR_STATES), -1, order="F")
-    if shown.extras.native is not None:
+    if shown.source.native is not None:
         rows_in_si = np.array([si_factor(own.unit(name)) for name in LINEAR_STATES])
         columns_in_si = np.array([si_factor(own.unit(name)) for name in (*LINEAR_STATES, *INPUTS)])
         entries = entries * rows_in_si[:, None] / columns_in_si

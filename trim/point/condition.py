@@ -139,7 +139,7 @@ class TrimCondition:
             held = {by: scheduled, **held}
         values, rates = _values_and_rates(self.model, held)
         imposed = {name: float(self.values_at(name, scheduled)) for name in self.imposed}
-        imposed = without_alternatives(self.model, imposed, values) | values
+        imposed = self.model.trimming.without_alternatives(imposed, values) | values
         begin = self.begin
         if by in self.model.variables and by not in imposed:
             begin = {**begin, by: scheduled}
@@ -154,9 +154,10 @@ class TrimCondition:
 
         names: names that will be imposed
         """
-        if not self.model.extras.alternatives:
+        trimming = self.model.trimming
+        if not trimming.alternatives:
             return self
-        return replace(self, imposed=without_alternatives(self.model, self.imposed, names))
+        return replace(self, imposed=trimming.without_alternatives(self.imposed, names))
 
     def resolved(self) -> TrimCondition:
         """Return the condition with imposed alternatives expressed by the first name of their
@@ -165,9 +166,10 @@ class TrimCondition:
         For example, the speed is imposed in place of kcas. A group is unchanged if the imposed
         values do not determine its first name.
         """
-        if not self.model.extras.alternatives:
+        trimming = self.model.trimming
+        if not trimming.alternatives:
             return self
-        return replace(self, imposed=with_first_alternatives(self.model, self.imposed))
+        return replace(self, imposed=trimming.with_first_alternatives(self.imposed))
 
     def values_at(self, name: str, scheduled: float | np.ndarray) -> np.ndarray:
         """Return the value that the condition imposes on a variable, at one or many scheduling
@@ -258,7 +260,7 @@ class TrimCondition:
 
 def refuse_unfit(condition: TrimCondition, model: Model) -> None:
     """Raise BadInputError if only one of a condition and a model is in SI units."""
-    if (condition.model.extras.native is None) != (model.extras.native is None):
+    if (condition.model.source.native is None) != (model.source.native is None):
         raise BadInputError(
             "the condition and the model have different units; create the condition with this model"
         )
@@ -300,7 +302,7 @@ def release(
             )
     values, held_rates = _values_and_rates(condition.model, hold)
     rates = {name: rate for name, rate in condition.rates.items() if f"{name}_dot" not in free}
-    imposed = without_alternatives(condition.model, condition.imposed, values) | values
+    imposed = condition.model.trimming.without_alternatives(condition.imposed, values) | values
     begin = dict(condition.begin)
     for name in free:
         if name in imposed:
@@ -313,45 +315,6 @@ def release(
         limits={**condition.limits, **(limits or {})},
         begin=begin,
     )
-
-
-def with_first_alternatives(model: Model, imposed: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the imposed values, with each group of alternatives expressed by its first name.
-
-    For example, the speed replaces kcas. A group is unchanged if the imposed values do not
-    determine its first name.
-
-    model: model with the groups of alternatives
-    imposed: name -> number or array
-    """
-    if model.extras.begin is None:
-        return dict(imposed)
-    begun = model.extras.begin(imposed)
-    values = dict(imposed)
-    for group in model.extras.alternatives:
-        others = set(group[1:]).intersection(imposed)
-        if len(others) == 1 and group[0] not in imposed and group[0] in begun:
-            values = {name: value for name, value in values.items() if name not in others}
-            values[group[0]] = begun[group[0]]
-    return values
-
-
-def without_alternatives(
-    model: Model, imposed: Mapping[str, Any], names: Iterable[str]
-) -> dict[str, Any]:
-    """Return the imposed values that can be imposed together with some other names.
-
-    Only one name of each group of alternatives, such as speed and mach, can be imposed.
-
-    model: model with the groups of alternatives
-    imposed: name -> value
-    names: names that will also be imposed
-    """
-    released: set[str] = set()
-    for group in model.extras.alternatives:
-        if not set(group).isdisjoint(names):
-            released |= set(group).difference(names)
-    return {name: value for name, value in imposed.items() if name not in released}
 
 
 def _values_and_rates(

@@ -159,7 +159,7 @@ def explanation(model: Model, condition: TrimCondition) -> str:
     The model's function `explain` may trim a changed condition, by Newton's method from the default
     initial point.
     """
-    if model.extras.explain is None:
+    if model.trimming.explain is None:
         return ""
 
     def solve(hold: Mapping[str, float], free: tuple[str, ...]) -> Mapping[str, float] | None:
@@ -182,4 +182,4 @@ def explanation(model: Model, condition: TrimCondition) -> str:
             **{f"{name}_dot": rate for name, rate in rates.items()},
         }
 
-    return model.extras.explain(condition.imposed, solve)
+    return model.trimming.explain(condition.imposed, solve)

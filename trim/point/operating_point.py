@@ -165,7 +165,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     def dihedral_deg(self) -> float | None:
         """Dihedral angle of the flexible aircraft, degrees, or None for other models."""
         model = self.model
-        return in_degrees(self.values[model.schedule]) if model.extras.names_schedule else None
+        return in_degrees(self.values[model.schedule]) if model.about.names_schedule else None
 
     @property
     def scheduled(self) -> dict[str, float] | None:
@@ -174,7 +174,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         The mapping is empty without a scheduling variable and for a parameter, and None for the
         flexible aircraft (`dihedral_deg`).
         """
-        if self.model.extras.names_schedule:
+        if self.model.about.names_schedule:
             return None
         name = self.model.schedule
         return {name: self.values[name]} if name in self.values else {}
@@ -196,8 +196,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         The notes are those of the model, those on angles in degrees, and those on states beyond the
         range of validity.
         """
-        notes = [*self.model.extras.notes]
-        declared = self.model.extras.native or self.model
+        notes = [*self.model.about.notes]
+        declared = self.model.source.native or self.model
         if any(signal.unit == "deg" for signal in declared.signals.values()):
             from hfa_aircraft.degrees import notes_on_degrees
 
@@ -226,7 +226,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     def refuse_other(self, model: Model) -> None:
         """Raise BadInputError if the point was not trimmed with this model's units and dynamics."""
-        if (self.model.extras.native is None) != (model.extras.native is None):
+        if (self.model.source.native is None) != (model.source.native is None):
             raise BadInputError(
                 "the operating point and the model have different units; trim this model"
             )
@@ -341,12 +341,12 @@ def origin(model: Model) -> OperatingPoint:
 
 def beyond_range(model: Model, values: Mapping[str, float]) -> list[str]:
     """Return a sentence for every state or input beyond the model's range of validity
-    (`Extras.range`).
+    (`Domain.range`).
 
     values: name -> value; a missing name counts as within the range
     """
     sentences = []
-    for name, (limit, range_name) in model.extras.range.items():
+    for name, (limit, range_name) in model.domain.range.items():
         if abs(values.get(name, 0.0)) > limit * (1 + 1e-12):
             value = model.describe(name, values[name])
             end = model.describe(name, limit)

@@ -83,8 +83,7 @@ class TrimProblem:
         if self._last is not None and self._last[0] == key:
             return self._last[1]
         evaluation = self.system.at(z, self.c)
-        if self.model.extras.check is not None:
-            self.model.extras.check(evaluation.x)
+        self.model.domain.refuse_outside(evaluation.x)
         if not evaluation.finite:
             self.model.at(evaluation.x, evaluation.u)  # raises an error that names the rate
             raise FloatingPointError(f"{self.model.name}: an output is not a finite number")

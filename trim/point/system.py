@@ -480,13 +480,11 @@ def declared_start(model: Model, imposed: Mapping[str, Any]) -> dict[str, float]
     """Return the initial values of a trim search, variable -> value.
 
     The initial value is the declared value, unless the model computes a value from the imposed
-    values (`Extras.begin`).
+    values (`Trimming.begin`).
 
     imposed: name -> imposed value
     """
     values = {name: model.signals[name].start for name in model.variables}
-    if model.extras.begin is not None:
-        held = {name: signal.start for name, signal in model.parameters.items()}
-        begun = model.extras.begin({**held, **imposed})
-        values |= {name: float(begun[name]) for name in begun if name in values}
-    return values
+    held = {name: signal.start for name, signal in model.parameters.items()}
+    begun = model.trimming.initial({**held, **imposed})
+    return values | {name: float(begun[name]) for name in begun if name in values}

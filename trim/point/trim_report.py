@@ -98,7 +98,7 @@ def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -
 
     The report contains every variable with its limits, the nearest limits, the verdict on each
     equation, other trims found, the rates that are not balanced, and the outputs or the model's own
-    description (`Extras.describe_trim`). Angles are in degrees in the text and in radians in the
+    description (`Trimming.describe`). Angles are in degrees in the text and in radians in the
     data.
 
     model: model of the aircraft
@@ -152,14 +152,14 @@ def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -
         status=str(point.status),
         warnings=point.warnings,
     ).as_data()
-    if model.extras.describe_trim is None:
+    if model.trimming.describe is None:
         outputs = model.outputs_at(point.states, point.inputs)
         units = {name: model.unit(name) for name in outputs}
         data |= Performance(outputs, units).as_data()
         if outputs:
             parts.append(_outputs_table(outputs, units))
     report = Report(point.title, parts, point.warnings, data, point_records(point))
-    described = model.extras.describe_trim
+    described = model.trimming.describe
     return report if described is None else described(point, report)
 
 

@@ -20,7 +20,6 @@ from trim.point.condition import (
     TrimCondition,
     refuse_unfit,
     usual_condition,
-    with_first_alternatives,
 )
 from trim.point.halving import newton, newton_step
 from trim.point.operating_point import OperatingPoint
@@ -136,16 +135,16 @@ def _resolved(
     """Return variables, values and condition with alternatives expressed by the first name of their
     group.
 
-    For example, the speed is imposed in place of kcas (`with_first_alternatives`).
+    For example, the speed is imposed in place of kcas (`Trimming`).
 
     variables, values: as for `trim_points`
     """
-    if not condition.model.extras.alternatives:
+    if not condition.model.trimming.alternatives:
         return variables, values, condition
     condition = condition.freed_for(variables)
     columns = dict(zip(variables, values.T, strict=True))
     before = {**condition.imposed, **columns}
-    after = with_first_alternatives(condition.model, before)
+    after = condition.model.trimming.with_first_alternatives(before)
     if set(after) == set(before):
         return variables, values, condition
     kept = {name: column for name, column in columns.items() if name in after}
@@ -331,10 +330,8 @@ def _begun(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -
     variables, values: as for `trim_points`
     """
     starts = np.tile(system.start, (len(values), 1))
-    if system.model.extras.begin is None:
-        return starts
     columns = dict(zip(variables, values.T, strict=True))
-    begun = system.model.extras.begin({**system.condition.imposed, **columns})
+    begun = system.model.trimming.initial({**system.condition.imposed, **columns})
     for column, name in enumerate(system.equations.unknowns):
         if name in begun:
             starts[:, column] = begun[name] / system.scales[column]

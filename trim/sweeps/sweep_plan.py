@@ -127,7 +127,7 @@ class SweepPlan:
             "units": {name: signal.unit for name, signal in self.model.signals.items()},
             "parameters": {name: signal.start for name, signal in parameters},
             "dynamics": self.model.name,
-            "source": list(self.model.extras.source),
+            "source": [self.model.source.text, self.model.source.digest],
             "listed": self.listed,
             "condition": self.condition.changes,
             "start": None if self.start is None else self.start.to_dict(),

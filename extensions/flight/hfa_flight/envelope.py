@@ -92,7 +92,7 @@ def flight_envelope(
     For each state, the first of these limits that exists is used:
 
     - the limits in `changes`,
-    - the limits that the model computes for a trim (`Extras.envelope`),
+    - the limits that the model computes for a trim (`Domain.envelope`),
     - `min` and `max` of the state.
 
     point: the trim
@@ -102,8 +102,8 @@ def flight_envelope(
     trim is outside the envelope.
     """
     pairs = {name: (signal.min, signal.max) for name, signal in model.states.items()}
-    if model.extras.envelope is not None:
-        pairs |= model.extras.envelope(point.states, model.layout.record("p", model.p.tolist()))
+    parameters = model.layout.record("p", model.p.tolist())
+    pairs |= model.domain.limits_about(point.states, parameters)
     for key, pair in (changes or {}).items():
         name = ALPHA if key == ANGLE_OF_ATTACK else key
         refuse_unknown("the envelope has no state", name, tuple(model.states))

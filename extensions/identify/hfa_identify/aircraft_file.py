@@ -26,23 +26,23 @@ def aircraft_text(found: Identified, folder: Path) -> str:
 
     Raises BadInputError if the model was not loaded from a file.
     """
-    source, digest = found.model.extras.source
-    if not source:
+    source = found.model.source
+    if not source.text:
         raise BadInputError(
             "-o FILE.toml requires an aircraft that was read from a file; add --aircraft FILE"
         )
     own = [name for name in found.parameters if name in found.model.parameters]
     errors = [name for name in found.parameters if name not in own]
     places = [list(found.parameters).index(name) for name in own]
-    usual = load_model(source).parameters
+    usual = load_model(source.text).parameters
     values = {
         name: signal.start
         for name, signal in found.model.parameters.items()
         if name in own or signal.start != usual[name].start
     }
     # JSON strings are valid TOML.
-    rows = [f"aircraft = {json.dumps(relative_to(source, folder), ensure_ascii=False)}"]
-    rows += [f'sha256 = "{digest}"', "", "[parameters]"]
+    rows = [f"aircraft = {json.dumps(relative_to(source.text, folder), ensure_ascii=False)}"]
+    rows += [f'sha256 = "{source.digest}"', "", "[parameters]"]
     rows += [f"{name} = {value!r}" for name, value in values.items()]
     rows += ["", "# Ends of the 95 % bands.", "[bands]"]
     rows += [f"{name} = [{each.low!r}, {each.high!r}]" for name, each in found.parameters.items()]

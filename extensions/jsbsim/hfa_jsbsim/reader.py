@@ -17,7 +17,8 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.atmosphere import SEA_LEVEL
 from hfa_aircraft.rigid.motion import STATES
 from hfa_aircraft.signals import Signal
-from hfa_aircraft.source import Extras
+from hfa_aircraft.source import About, Source
+from hfa_aircraft.trimming import Trimming
 from hfa_jsbsim.accounting import account, constant_commands
 from hfa_jsbsim.aircraft import GUSTS, WINDS, Equations
 from hfa_jsbsim.airframe import SLUG_TO_LB
@@ -102,7 +103,7 @@ def read_model(text: str, partial: bool = False) -> Model:
     equations = Equations(parts)
     declaration = _Declaration(parts, equations)
     notes = [*parts.notes, *equations.notes, *account(parts, equations)]
-    return declaration.model((text, folders.digest), notes)
+    return declaration.model(Source(text, folders.digest), notes)
 
 
 #: Options after the question mark: name -> (value, field of `Choices`).
@@ -232,7 +233,7 @@ class _Declaration:
                 f"property, or a component sets it{meant or '; remove it from ?inputs='}"
             )
 
-    def model(self, source: tuple[str, str], notes: list[Note]) -> Model:
+    def model(self, source: Source, notes: list[Note]) -> Model:
         """Return the model of the aircraft.
 
         source: name of the aircraft, and digest of its files
@@ -257,11 +258,13 @@ class _Declaration:
             linear=moving,
             schedule="speed",
             modes=_MODES | self._engine_modes(),
-            extras=Extras(
-                source=source,
+            source=source,
+            about=About(
                 notes=(*of_files(self.parts), *grouped(notes)),
-                alternatives=(("speed", "kcas", "mach"),),
                 aliases=_with_short_names(ALIASES | self._own_aliases()),
+            ),
+            trimming=Trimming(
+                alternatives=(("speed", "kcas", "mach"),),
                 begin=self._beginning(),
                 explain=partial(
                     explain, self.parts, bool(self.inputs), constant_commands(self.equations)

@@ -37,9 +37,9 @@ def test_provenance_changes_with_every_file(tmp_path):
     stick = tmp_path / "aircraft" / "glider" / "stick.xml"
     written(tmp_path, text)
     stick.write_text(CONTROL)
-    before = model_of(tmp_path, text).extras.source[1]
+    before = model_of(tmp_path, text).source.digest
     stick.write_text(CONTROL.replace("Elevator Gain", "Elevator gain"))
-    after = model_of(tmp_path, text).extras.source[1]
+    after = model_of(tmp_path, text).source.digest
     assert before != after
 
 
@@ -62,13 +62,13 @@ def test_declared_commands_become_inputs(tmp_path):
     path = written(tmp_path, DECLARED)
     alone = load_model(path)
     assert "elevon_cmd" not in alone.inputs
-    (note,) = [note for note in alone.extras.notes if "fcs/elevon-cmd" in note]
+    (note,) = [note for note in alone.about.notes if "fcs/elevon-cmd" in note]
     assert "?inputs=" in note
     assert "idle-cmd" not in note
     model = load_model(f"{path}?inputs=fcs/elevon-cmd")
-    assert not [note for note in model.extras.notes if "fcs/elevon-cmd" in note]
+    assert not [note for note in model.about.notes if "fcs/elevon-cmd" in note]
     assert model.inputs["elevon_cmd"].start == -0.1
-    assert model.extras.aliases["fcs/elevon-cmd"] == "elevon_cmd"
+    assert model.about.aliases["fcs/elevon-cmd"] == "elevon_cmd"
     point = trim(model, release(usual_condition(model), hold={"speed": 120.0}))
     usual = model_of(tmp_path, glider())
     other = trim(usual, release(usual_condition(usual), hold={"speed": 120.0}))
@@ -235,7 +235,7 @@ def test_xml_entities_are_replaced_by_text(tmp_path):
 def test_a_property_never_set_is_zero_and_listed(tmp_path):
     """A note lists a property that is read but never set, and states that it is 0."""
     model = model_of(tmp_path, glider(LIFT + REST + force("SIDE", slope(1.0, "sim/gust"))))
-    notes = [note for note in model.extras.notes if "sim/gust" in note]
+    notes = [note for note in model.about.notes if "sim/gust" in note]
     assert re.search(
         r"these properties are never set and are 0: .*glider.xml: \d+ sim/gust", notes[0]
     )
@@ -331,7 +331,7 @@ def test_an_actuator_is_read_without_its_hysteresis(tmp_path):
     u = [0.3 if name == "elevator" else 0.0 for name in model.inputs]
     outputs = model.outputs_at([120.0, 0.1, *[0.0] * 7, 1000.0], u)
     assert outputs["elevator_position"] == pytest.approx(0.3, abs=1e-14)
-    notes = [note for note in model.extras.notes if "hysteresis" in note]
+    notes = [note for note in model.about.notes if "hysteresis" in note]
     assert len(notes) == 1
     assert "these actuators may stop this far from" in notes[0]
     assert "by 0.025" in notes[0]
@@ -352,7 +352,7 @@ def test_a_surface_behind_an_integrator_is_an_input(tmp_path):
     model = model_of(tmp_path, glider(control=CONTROL[:start] + pid + CONTROL[end:]))
     elevator = model.inputs["elevator"]
     assert (elevator.unit, elevator.min, elevator.max) == ("rad", -0.2, 0.3)
-    assert any("the integrator has no steady-state value" in note for note in model.extras.notes)
+    assert any("the integrator has no steady-state value" in note for note in model.about.notes)
     point = trim(model, release(usual_condition(model), hold={"speed": 120.0}))
     assert point.inputs.elevator == pytest.approx(-point.states.alpha, rel=1e-10)
 

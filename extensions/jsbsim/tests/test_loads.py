@@ -175,7 +175,7 @@ def test_a_washout_becomes_a_state_with_filters_option(tmp_path):
     steady = load_model(path)
     assert any(
         "yaw damper: its output is 0, as for a constant input" in note
-        for note in steady.extras.notes
+        for note in steady.about.notes
     )
     model = load_model(f"{path}?filters=states")
     assert list(model.states)[-1] == "yaw_damper"

@@ -76,7 +76,7 @@ def ours_at(model, point, answer):
     for name, signal in model.inputs.items():
         if signal.unit == "rad":
             commands[name] = answer[name]
-    if any("the input is the throttle position" in note for note in model.extras.notes):
+    if any("the input is the throttle position" in note for note in model.about.notes):
         commands["throttle"] = answer["throttle"]
     x = [state[name] for name in model.states]
     u = [commands[name] for name in model.inputs]

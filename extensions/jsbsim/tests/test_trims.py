@@ -165,7 +165,7 @@ def test_an_empty_tank_is_noted():
     """An empty tank is noted, and the trim is a glide."""
     model = load_model("jsbsim:X15")
     assert any(
-        "tank of" in note and "is empty; the trim is a glide" in note for note in model.extras.notes
+        "tank of" in note and "is empty; the trim is a glide" in note for note in model.about.notes
     )
     assert "gamma" not in model.trim
 
@@ -191,4 +191,4 @@ def test_missing_jsbsim_aircraft_are_refused(monkeypatch, tmp_path):
     with pytest.raises(BadInputError, match="'Glyder'; did you mean glider"):
         load_model("jsbsim:Glyder")
     model = load_model("jsbsim:glider")
-    assert (model.name, model.extras.aliases["vc-kts"]) == ("glider", "kcas")
+    assert (model.name, model.about.aliases["vc-kts"]) == ("glider", "kcas")

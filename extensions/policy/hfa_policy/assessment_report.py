@@ -180,7 +180,7 @@ class Assessment(Result, Reported):
         The second finding is included if the line then has at most 100 columns. If the second
         finding does not fit, its part before a bracket is added if this part fits.
         """
-        is_linear = LINEAR in self.deployed.model.extras.notes
+        is_linear = LINEAR in self.deployed.model.about.notes
         subject = " on the linear plant" if is_linear else ""
         line = f"{verdict_text(self.ok)}{subject}: {self.headlines[0]}"
         for headline in self.headlines[1:2]:

@@ -218,7 +218,7 @@ def drawn_policy(
     assessed: results on the original aircraft, at each trim
     request: arguments of `hfa assess`
     """
-    file = request.parameters or request.model.extras.source[0]
+    file = request.parameters or request.model.source.text
     known = str(file) if request.own else request.parameter_set
     spread = spread_of(request.model, known, request.held_parameters())
     models = spread.aircraft(request.flown_aircraft(), request.draws, SEED)

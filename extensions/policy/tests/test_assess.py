@@ -366,8 +366,8 @@ def kinked_model():
         rates, outputs = gtm.equations(x, u, p, w)
         return {**rates, "speed": rates["speed"] - 5.0 * ca.fabs(x.pitch_rate)}, outputs
 
-    extras = replace(gtm.extras, native=None, made_by=None)
-    return replace(gtm, name="kinked", equations=equations, extras=extras)
+    source = replace(gtm.source, native=None, reload=None)
+    return replace(gtm, name="kinked", equations=equations, source=source)
 
 
 def test_slopes_at_a_kink_equal_those_of_linearize():

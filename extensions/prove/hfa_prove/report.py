@@ -324,7 +324,7 @@ def _flight_text_and_data(flight: Flight) -> tuple[str, Content]:
         lines.append(_values_text(model, flight.spread))
     data: Content = {
         "dynamics": model.name,
-        "source": model.extras.source[1],
+        "source": model.source.digest,
         **breakpoint_data(model, [flight.low, flight.high]),
         "limits": {name: list(ends) for name, ends in flight.limits.items()},
         "spread": dict(flight.spread),
@@ -338,7 +338,7 @@ def _flight_text_and_data(flight: Flight) -> tuple[str, Content]:
 
 def _identity(flight: Flight) -> tuple[str, str] | None:
     """Return the name and the hash of the parameters, or None for a user's aircraft."""
-    return None if flight.model.extras.source[1] else identity_of(flight.parameters)
+    return None if flight.model.source.digest else identity_of(flight.parameters)
 
 
 def _aircraft_text(flight: Flight) -> str:
@@ -347,7 +347,7 @@ def _aircraft_text(flight: Flight) -> str:
     if identity is not None:
         name, digest = identity
         return f"{model.name} dynamics, parameters {name} ({digest})"
-    source = f", files of SHA-256 {model.extras.source[1][:16]}" if model.extras.source[1] else ""
+    source = f", files of SHA-256 {model.source.digest[:16]}" if model.source.digest else ""
     numbers = "".join(f", {name} {value:.10g}" for name, value in flight.parameters.items())
     return f"{model.title}{source}{numbers}"
 

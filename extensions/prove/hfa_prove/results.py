@@ -557,7 +557,7 @@ def breakpoint_data(model: Model, breakpoints: Any) -> Content:
     For the flexible aircraft, the entry is `dihedral_deg`. For another aircraft, the entry is
     `scheduled` and contains the name of the scheduling variable.
     """
-    if model.extras.names_schedule:
+    if model.about.names_schedule:
         return {model.schedule_key: breakpoints}
     return {"scheduled": {model.schedule: breakpoints}}
 
@@ -603,7 +603,7 @@ def schedule_data(statement: ScheduleStatement, moving: bool) -> Content:
         names = ("bandwidth", "effectiveness", "delay")
         data["actuators"] = {name: getattr(statement.actuators, name) for name in names}
     if moving:
-        key = f"{model.schedule}_rate_deg_s" if model.extras.names_schedule else "scheduled_rate"
+        key = f"{model.schedule}_rate_deg_s" if model.about.names_schedule else "scheduled_rate"
         data[key] = statement.scheduled_rate or 0.0
     return data
 

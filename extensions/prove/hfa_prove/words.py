@@ -123,7 +123,7 @@ def outputs_in_words(subject: Subject) -> tuple[str, ...]:
 def parameters_in_words(model: Model, parameters: Mapping[str, float]) -> str:
     """Return a line with the model's name, the hash of its file and all parameter values."""
     named = ", ".join(f"{name} {model.describe(name, value)}" for name, value in parameters.items())
-    file = model.extras.source[1]
+    file = model.source.digest
     source = f" (SHA-256 of the file: {file[:16]})" if file else ""
     return f"Model: {model.name}{source}. Parameters: {named or 'none'}."
 

@@ -35,7 +35,7 @@ from hfa_aircraft.rigid.atmosphere import SEA_LEVEL
 from hfa_aircraft.rigid.motion import STATES, inertia_matrix, wind_axes
 from hfa_aircraft.rigid.tables import Interpolator
 from hfa_aircraft.signals import Signal
-from hfa_aircraft.source import Extras
+from hfa_aircraft.source import About, Source
 from hfa_support.errors import BadInputError, shortened
 
 _GRAVITY = GRAVITY["english"]
@@ -69,7 +69,7 @@ def read_model(text: str) -> Model:
             f"{error.filename} cannot be read ({error.strerror}); give readable files joined by +"
         ) from error
     digest = hashlib.sha256(b"".join(contents)).hexdigest()
-    return _Files(documents).model((text, digest))
+    return _Files(documents).model(Source(text, digest))
 
 
 class _Files:
@@ -125,10 +125,10 @@ class _Files:
                 "defines these outputs"
             )
 
-    def model(self, source: tuple[str, str]) -> Model:
+    def model(self, source: Source) -> Model:
         """Return the aircraft as a `Model`.
 
-        source: (paths joined by +, hash of the contents of the files)
+        source: paths joined by +, and hash of the contents of the files
 
         Raises BadInputError if a unit is wrong, if a mass, moment of inertia or reference length is
         not positive, or if the aerodynamic force at alpha = 5 deg is not upward.
@@ -153,9 +153,8 @@ class _Files:
             parameters={name: self._signal(*each) for name, each in self.parameters.items()},
             outputs={},
             holds_beta=True,
-            extras=Extras(
-                source=source, notes=("read from DAVE-ML over a flat Earth in standard air",)
-            ),
+            source=source,
+            about=About(notes=("read from DAVE-ML over a flat Earth in standard air",)),
         )
 
     def _refuse_not_positive(self, constants: Callable[[str], Any]) -> None:

@@ -29,7 +29,6 @@ from hfa_aircraft.rigid.aircraft import FORCE, GRAVITY, LENGTH, Motion, rigid_ai
 from hfa_aircraft.rigid.atmosphere import air_at
 from hfa_aircraft.rigid.motion import inertia_matrix, wind_axes
 from hfa_aircraft.signals import Signal
-from hfa_aircraft.source import Extras
 from hfa_support.errors import BadInputError
 
 #: Largest deviation of alpha from the reference condition, and of beta from 0, rad.
@@ -94,7 +93,7 @@ def _model(table: Table) -> Model:
         parameters=_parameters(table),
         outputs={"lift_coefficient": Signal(), "drag_coefficient": Signal()},
         holds_beta=_turns_both_ways(table),
-        extras=Extras(source=table.source),
+        source=table.source,
     )
 
 

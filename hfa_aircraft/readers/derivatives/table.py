@@ -23,6 +23,7 @@ from hfa_aircraft.readers.derivatives.names import (
     derivative_of,
 )
 from hfa_aircraft.rigid.atmosphere import ALTITUDES, FT_TO_M
+from hfa_aircraft.source import Source
 from hfa_support.errors import BadInputError, advice, file_faults, shortened, shown
 from hfa_support.files import read_toml, regular_file
 from hfa_support.units import SYSTEMS, conversion, si_unit
@@ -60,7 +61,7 @@ class Table:
 
     name: name of the aircraft.
     system: system of units, "english" or "si".
-    source: path and hash of the file, both "" for a dictionary.
+    source: path and hash of the file.
     values: geometry, mass or weight, reference condition and thrust line, name -> value.
     derivatives: name -> value, per rad for an angle.
     meanings: name of a derivative -> coefficient and argument.
@@ -71,7 +72,7 @@ class Table:
 
     name: str
     system: str
-    source: tuple[str, str]
+    source: Source
     values: Mapping[str, float]
     derivatives: Mapping[str, float]
     meanings: Mapping[str, Derivative]
@@ -92,7 +93,7 @@ def read_table(path: str) -> Table:
     with file_faults(path):
         content = regular_file(path).read_bytes()
         entries = _rows(path, content) if path.endswith(".csv") else _of_toml(path)
-    return _checked(entries, (path, hashlib.sha256(content).hexdigest()), Path(path).stem)
+    return _checked(entries, Source(path, hashlib.sha256(content).hexdigest()), Path(path).stem)
 
 
 def table_of(values: Mapping[str, Any]) -> Table:
@@ -100,7 +101,7 @@ def table_of(values: Mapping[str, Any]) -> Table:
 
     Raises BadInputError if an entry is missing, unknown or invalid.
     """
-    return _checked(dict(_flat(values, "the table")), ("", ""), "aircraft")
+    return _checked(dict(_flat(values, "the table")), Source(), "aircraft")
 
 
 def _of_toml(path: str) -> dict[str, Entry]:
@@ -154,7 +155,7 @@ def _rows(path: str, content: bytes) -> dict[str, Entry]:
     return entries
 
 
-def _checked(entries: dict[str, Entry], source: tuple[str, str], stem: str) -> Table:
+def _checked(entries: dict[str, Entry], source: Source, stem: str) -> Table:
     """Return the table of the entries after checks of names, units, limits and required entries.
 
     source: path and hash of the file
@@ -184,7 +185,7 @@ def _checked(entries: dict[str, Entry], source: tuple[str, str], stem: str) -> T
             meanings[name] = meaning
         else:
             raise _unknown(name, entry, limits)
-    _refuse_missing(values, derivatives, source[0] or "the table")
+    _refuse_missing(values, derivatives, source.text or "the table")
     _refuse_sizes(values, entries)
     _refuse_altitude(values.get("altitude", 0.0), entries, system)
     name = texts["name"] or stem

@@ -133,7 +133,7 @@ def _comparison(name: str, model: Model | str, pairs: list[tuple[Any, Any]]) -> 
         return Judgement(name, "silent", f"no number: {error}")
     if miss < (_BURNING if pairs[0][0]["burn"] else TOLERANCE):
         return Judgement(name, "agrees", f"{miss:.0e}")
-    notes = [note for note in model.extras.notes if not note.startswith("omitted")]
+    notes = [note for note in model.about.notes if not note.startswith("omitted")]
     if notes:
         return Judgement(name, "noted", f"{miss:.0e} {'; '.join(notes)}")
     return Judgement(name, "silent", f"{miss:.0e}")

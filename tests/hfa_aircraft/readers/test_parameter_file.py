@@ -58,7 +58,7 @@ def test_the_other_aircraft_is_found_beside_the_file(folders: Path) -> None:
 
 def test_a_changed_aircraft_is_refused(folders: Path) -> None:
     """The SHA-256 of the aircraft is compared; the aircraft that belongs to it is accepted."""
-    digest = tool.load_model(str(folders / "uav.toml")).extras.source[1]
+    digest = tool.load_model(str(folders / "uav.toml")).source.digest
     text = f'aircraft = "uav.toml"\nsha256 = "{digest}"\n[parameters]\nCL_alpha = 4.0\n'
     (folders / "found.toml").write_text(text)
     Path("found.toml").write_text(text)

@@ -8,8 +8,7 @@ import pytest
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
-from hfa_aircraft.source import Extras
-from trim.point.condition import with_first_alternatives, without_alternatives
+from hfa_aircraft.trimming import Trimming
 
 
 def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -22,7 +21,7 @@ MODEL = Model(
     {"thrust": Signal()},
     equations,
     outputs={"knots": Signal(), "mach": Signal()},
-    extras=Extras(
+    trimming=Trimming(
         alternatives=(("speed", "knots", "mach"),),
         begin=lambda imposed: {
             "speed": imposed.get("knots", 0.0) / 2.0 + imposed.get("mach", 0.0) * 100.0
@@ -48,11 +47,11 @@ def test_an_alternative_replaces_another_of_its_group(
     """An imposed alternative variable, knots or mach, is replaced by the first of its group,
     speed.
     """
-    assert with_first_alternatives(MODEL, imposed) == in_terms_of_speed
+    assert MODEL.trimming.with_first_alternatives(imposed) == in_terms_of_speed
 
 
 def test_imposing_an_alternative_frees_the_others() -> None:
     """If mach is to be imposed, speed is removed from the imposed variables."""
     imposed = {"speed": 7.0, "thrust": 1.0}
-    assert without_alternatives(MODEL, imposed, ["mach"]) == {"thrust": 1.0}
-    assert without_alternatives(MODEL, imposed, ["thrust"]) == imposed
+    assert MODEL.trimming.without_alternatives(imposed, ["mach"]) == {"thrust": 1.0}
+    assert MODEL.trimming.without_alternatives(imposed, ["thrust"]) == imposed

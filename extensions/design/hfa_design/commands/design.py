@@ -52,7 +52,7 @@ class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
     at: Range | None = scheduled(
         scheduled_range,
         "RANGE",
-        lambda model: f"default {_RANGE}" if model.extras.names_schedule else "",
+        lambda model: f"default {_RANGE}" if model.about.names_schedule else "",
     )
     bandwidth: tuple[float, ...] | None = option(
         "actuator bandwidths for which margins are computed, rad/s; default 2:10, two values",
@@ -84,7 +84,7 @@ class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
             return native_values(self.model, (by,), typed[:, None])[:, 0]
         if design.shaping is not None:
             return np.array(design.shaping.breakpoints)
-        if not self.model.extras.names_schedule:
+        if not self.model.about.names_schedule:
             raise BadInputError(
                 f"values of {by or 'the scheduling variable'} are missing; give --at RANGE"
             )

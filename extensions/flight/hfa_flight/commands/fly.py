@@ -297,7 +297,7 @@ def fly(request: FlyRequest) -> int:
     planned = request.flight()
     if "scenario.duration" not in request.typed:
         planned = planned.lengthened()
-    if request.trim.at is None and request.model.extras.names_schedule:
+    if request.trim.at is None and request.model.about.names_schedule:
         warn(f"no --{request.model.schedule} is given: the flight is {planned.point.at_scheduled}")
     # With scheduled gains, the linear model at the first trim does not apply to other trims.
     predict = not isinstance(planned.policy, ScheduledGainPolicy)

@@ -193,8 +193,8 @@ class MonteCarlo(StatesAndInputs, Reported):
 
 def _equations_identity(model: Model) -> tuple[str, ...]:
     """Return path and hash of a model's file, or without a file a hash of its expressions."""
-    if model.extras.source[0]:
-        return model.extras.source
+    if model.source.text:
+        return model.source.text, model.source.digest
     vectors = model.layout.symbols(*VECTORS)
     *given, w = map(components, vectors)
     rates = model.layout.expressions(given, (), w)[0]

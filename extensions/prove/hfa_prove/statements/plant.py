@@ -32,7 +32,7 @@ def model_of(name: Any, source: Any, own: Model | None) -> Model:
     """
     require(isinstance(name, str) and isinstance(source, str), "dynamics", name)
     if own is not None:
-        if (own.name, own.extras.source[1]) != (name, source):
+        if (own.name, own.source.digest) != (name, source):
             raise BadInputError(
                 f"the certificate is about {shown(name)} from another file than the given file "
                 f"of {own.name}; give the aircraft file used to prove the certificate"
@@ -253,10 +253,9 @@ def model_limits(
     for name in (*model.states, *model.inputs, *model.outputs):
         signal = model.signals[name]
         limits[name] = (signal.min, signal.max)
-    if model.extras.envelope is not None:
-        x = model.layout.record("x", [states[name] for name in model.states])
-        p = model.layout.record("p", [parameters[name] for name in model.parameters])
-        limits |= model.extras.envelope(x, p)
+    x = model.layout.record("x", [states[name] for name in model.states])
+    p = model.layout.record("p", [parameters[name] for name in model.parameters])
+    limits |= model.domain.limits_about(x, p)
     return {name: pair for name, pair in limits.items() if np.isfinite(pair).any()}
 
 
@@ -264,7 +263,7 @@ def facts(model: Model) -> dict[str, Any]:
     """Return entries that identify a model: name, source, moving states and units."""
     return {
         "dynamics": model.name,
-        "source": model.extras.source[1],
+        "source": model.source.digest,
         "states": list(model.linear),
         "state_units": list(model.units(model.linear)),
         "input_units": list(model.units(tuple(model.inputs))),

@@ -543,7 +543,7 @@ def facts_of(model: Model) -> dict[str, Any]:
     """
     return {
         "dynamics": model.name,
-        "source": model.extras.source[1],
+        "source": model.source.digest,
         "over": model.schedule,
         "unit": model.schedule_unit,
         "state_units": list(model.units(model.linear)),

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from hfa_aircraft.model import Model, Signal
-from hfa_aircraft.source import Extras
+from hfa_aircraft.source import Source
 from hfa_prove.certificate import SCHEMA
 from hfa_prove.check.cover import Boxes
 from hfa_prove.check.equilibrium import Equilibrium
@@ -49,7 +49,7 @@ TANK = Model(
     parameters={"inflow": Signal("1/s", start=0.5)},
     linear=("level", "heat"),
     trim={"level": 0.0, "heat": 0.0, "slope": 0.25},
-    extras=Extras(source=("tank.py:TANK", "3" * 64)),
+    source=Source("tank.py:TANK", "3" * 64),
 )
 
 

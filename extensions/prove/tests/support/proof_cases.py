@@ -22,7 +22,7 @@ from hfa import Game, prove_critic, prove_solution, solve
 from hfa.paper import default_parameters, published_game
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model, Signal
-from hfa_aircraft.source import Extras
+from hfa_aircraft.source import Source
 from hfa_model import INPUTS, LINEAR_STATES
 from hfa_prove import Family, prove_schedule
 from hfa_prove.certificate import sealed
@@ -239,7 +239,7 @@ def two_trims(start: float = 1.0) -> Model:
         equations=lambda x, u, p, w: ({"x": 1.0 + p.p - x.x * x.x + u.u}, {}),
         trim={"u": 0.0},
         schedule="p",
-        extras=Extras(source=("two_trims.py:TWO", "2" * 64)),
+        source=Source("two_trims.py:TWO", "2" * 64),
     )
 
 

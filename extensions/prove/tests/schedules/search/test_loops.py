@@ -237,8 +237,8 @@ def test_gains_of_the_navion_are_proved(tmp_path: Any) -> None:
     assert (data["scheduled"], data["scheduled_rate"] > 0.0) == ({"speed": [160.0, 168.0]}, True)
     with pytest.raises(BadInputError, match="give the aircraft file with --aircraft"):
         check_certificate(path)
-    extras = replace(flights.model.extras, source=("other.py:NAVION", "0" * 64))
-    other = replace(flights.model, extras=extras)
+    source = replace(flights.model.source, text="other.py:NAVION", digest="0" * 64)
+    other = replace(flights.model, source=source)
     with pytest.raises(BadInputError, match="from another file than"):
         check_certificate(path, model=other)
     negated = loop_of_gains(flights.model, [160.0, 176.0], -K)
