@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 
 from hfa_flight.problem import FlightProblem
-from hfa_prove.check.cost import check_cost_certificate
+from hfa_prove.certificate import read_certificate
+from hfa_prove.check import check
 from hfa_prove.fields_boxes import COST_FIELDS
 from hfa_prove.problem import given_of
 from hfa_prove.statements.cost import CostStatement
+from hfa_prove.statements.plant import Subject
 from hfa_prove.subject import Given, compare
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
@@ -38,8 +39,10 @@ def lower_bound(
     given = given_of(problem, "this command", {})
     for name in ("Q", "R"):
         given[name] = Given(getattr(problem, name), weights_from or f"--{name}")
-    agrees = partial(refuse_other, path, given)
-    return check_cost_certificate(path, progress, problem.model, agrees).statement
+    certificate = read_certificate(path, Subject(problem.model))
+    refuse_other(path, given, certificate.statement)
+    check(certificate, progress)
+    return certificate.statement
 
 
 def refuse_other(

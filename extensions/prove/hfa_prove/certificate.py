@@ -1,13 +1,27 @@
-"""File format of a certificate, with a digest and a checksum that detect any edit."""
+"""A certificate: a statement with data for its proof, in a file that detects any edit."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hfa_prove.fields import Fields
+from flint import ctx
+
+from hfa_prove.fields import Fields, naming, require
+from hfa_prove.statements.cost import CostStatement, CostWitness
+from hfa_prove.statements.plant import Subject
+from hfa_prove.statements.region_boxes import BoxStatement, BoxWitness
+from hfa_prove.statements.region_squares import RegionStatement, RegionWitness
+from hfa_prove.statements.schedule import (
+    GameStatement,
+    GameWitness,
+    ScheduleStatement,
+    ScheduleWitness,
+)
 from hfa_support.errors import BadInputError, file_faults, on_one_line
 from hfa_support.files import regular_file, write_text
 from hfa_support.reporting.data_files import jsonable
@@ -16,6 +30,114 @@ from hfa_support.version import VERSION
 SCHEMA = "hfa.certificate/9"
 #: Entries of a file besides the statement and the witness. They are not part of the claim.
 _CLOSING = ("digest", "provenance", "checksum")
+#: Bits of the balls that enclose decimal numbers of a file.
+_PRECISION = 256
+#: Kind of a certificate -> its statement and its witness.
+KINDS: Mapping[str, tuple[Any, Any]] = {
+    "schedule": (ScheduleStatement, ScheduleWitness),
+    "game": (GameStatement, GameWitness),
+    "region": (RegionStatement, RegionWitness),
+    "region-boxes": (BoxStatement, BoxWitness),
+    "cost-boxes": (CostStatement, CostWitness),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """A statement with data for its proof, not yet checked.
+
+    path: file of the certificate
+    statement: the claim
+    witness: data for the proof
+    written: version, command and date stored in the file, not verified
+    """
+
+    path: Path
+    statement: Any
+    witness: Any
+    written: Mapping[str, str]
+
+
+def read_certificate(path: Path, subject: Subject | None = None) -> Certificate:
+    """Return the certificate in a file.
+
+    subject: the user's aircraft and policy
+
+    Raises BadInputError if the file is not a certificate, was edited, has another schema, or
+    concerns another aircraft or policy. Raises Rejected if an entry is not understood.
+    """
+    content, written = read_sealed(path)
+    with naming(path):
+        statement, witness = read_content(content, subject)
+    return Certificate(path, statement, witness, written)
+
+
+@ctx.workprec(_PRECISION)
+def read_content(content: dict[str, Any], subject: Subject | None = None) -> tuple[Any, Any]:
+    """Return the statement and the witness of a certificate.
+
+    content: the entries of the file
+    subject: the user's aircraft and policy
+
+    Raises Malformed for the first wrong entry. Raises BadInputError if the certificate concerns
+    another aircraft or policy.
+    """
+    entries = Fields("", content)
+    for name in ("schema", "toolchain", *_CLOSING):
+        entries.value(name, lambda value: True)
+    kind = entries.value("kind", lambda value: isinstance(value, str) and value in KINDS)
+    statement = read_statement(kind, entries.value("statement", lambda value: True), subject)
+    witness = KINDS[kind][1].read(entries.fields("witness"), statement)
+    entries.close()
+    return statement, witness
+
+
+def read_statement(kind: str, content: Any, subject: Subject | None = None) -> Any:
+    """Return the statement of a certificate.
+
+    kind: the certificate's entry `kind`
+    content: the certificate's entry `statement`
+    subject: the user's aircraft and policy
+
+    Raises Malformed for the first wrong entry. Raises BadInputError if the statement concerns
+    another aircraft or policy.
+    """
+    require(isinstance(content, dict), "statement", content)
+    return KINDS[kind][0].read(content, subject or Subject())
+
+
+def kind_in(path: Path) -> str:
+    """Return the kind of the certificate in a file, such as "schedule".
+
+    Raises BadInputError if the file is not a certificate, was edited, or has another schema.
+    """
+    content, _ = read_sealed(path)
+    return str(content.get("kind"))
+
+
+def kind_of(statement: Any) -> str:
+    """Return the certificate's entry `kind` for a statement."""
+    return next(name for name, (claim, _) in KINDS.items() if isinstance(statement, claim))
+
+
+def write_certificate(
+    path: Path, statement: Any, witness: Mapping[str, Any], origin: Mapping[str, Any]
+) -> None:
+    """Write a certificate with all digits of every number.
+
+    path: file of the certificate
+    statement: the claim
+    witness: data for the proof as stored in the file
+    origin: version, command and date of the run, which the digest does not cover
+    """
+    content = {
+        "schema": SCHEMA,
+        "kind": kind_of(statement),
+        "toolchain": VERSION,
+        "statement": statement.content(),
+        "witness": witness,
+    }
+    write_text(path, sealed(json.dumps(jsonable(content))[:-1], json.dumps(jsonable(origin))))
 
 
 def sealed(head: str, origin: str) -> str:
@@ -31,23 +153,6 @@ def sealed(head: str, origin: str) -> str:
     whole = f'{head}, "digest": "{digest}", "provenance": {origin}'
     checksum = hashlib.sha256(whole.encode()).hexdigest()
     return f'{whole}, "checksum": "{checksum}"}}\n'
-
-
-def claims_of(content: dict[str, Any]) -> Fields:
-    """Return a reader of the entries kind, statement and witness of a certificate."""
-    entries = Fields("", content)
-    for name in ("schema", "toolchain", *_CLOSING):
-        entries.value(name, lambda value: True)
-    return entries
-
-
-def kind_of(path: Path) -> str:
-    """Return the kind of the certificate in a file, such as "schedule".
-
-    Raises BadInputError if the file is not a certificate or was edited.
-    """
-    content, _ = read_sealed(path)
-    return str(content.get("kind"))
 
 
 def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
@@ -79,28 +184,3 @@ def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
             "statement again"
         )
     return content, written
-
-
-def write_sealed(
-    path: Path,
-    kind: str,
-    statement: dict[str, Any],
-    witness: dict[str, Any],
-    origin: dict[str, Any],
-) -> None:
-    """Write a certificate with all digits of every number.
-
-    path: file of the certificate
-    kind: kind of the certificate
-    statement: the claim as stored in the file
-    witness: data for the proof as stored in the file
-    origin: provenance of the run, which the digest does not cover
-    """
-    content = {
-        "schema": SCHEMA,
-        "kind": kind,
-        "toolchain": VERSION,
-        "statement": statement,
-        "witness": witness,
-    }
-    write_text(path, sealed(json.dumps(jsonable(content))[:-1], json.dumps(jsonable(origin))))

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_prove.certificate import kind_of
+from hfa_prove.check import Proved
 from hfa_prove.check.game import SAME_GAIN
-from hfa_prove.check.schedule import Verified
 from hfa_prove.hfa import identity_of
 from hfa_prove.results import SCHEMA, Content, _not_covered, breakpoint_data, schedule_data
 from hfa_prove.statements.schedule import (
@@ -24,8 +25,6 @@ from hfa_prove.statements.schedule import (
     Statement,
     UncertainActuators,
     Weights,
-    content_of,
-    kind_of_statement,
 )
 from hfa_prove.subject import qualified
 from hfa_prove.words import at_least, at_most
@@ -240,18 +239,18 @@ def interval_text(flight: Flight) -> str:
     return f"{flight.model.schedule} from {flight.low:g} to {flight.high:g} {unit}"
 
 
-def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
+def checked_report(verified: Proved, not_given: Sequence[str] = ()) -> Report:
     """Return the report of a statement that the checker has proved.
 
     not_given: parts of the statement that were not compared, because the user did not give them
     """
     statement = verified.statement
-    content = content_of(statement)
+    content = statement.content()
     data: Content = {
         "schema": SCHEMA,
         "statement": "check",
-        "kind": kind_of_statement(statement),
-        "boxes": verified.boxes,
+        "kind": kind_of(statement),
+        "boxes": verified.size,
         "written": verified.written,
         "statement_sha256": _digest(content),
         "claim": content,
@@ -281,7 +280,7 @@ def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
             unit = statement.plant.model.schedule_unit
             what = f"exact game, {statement.plant.model.schedule} {statement.plant.low:g} {unit}"
     origin = "written by hfa {version} on {date}: {command}".format(**verified.written)
-    parts += ["\n".join([*lines, f"boxes: {verified.boxes}"]), origin]
+    parts += ["\n".join([*lines, f"boxes: {verified.size}"]), origin]
     title = qualified(f"{_checked_verdict(statement, data)}: {what}", not_given)
     return Report(title, parts, data=data)
 
@@ -361,7 +360,7 @@ def _controller_lines(statement: ScheduleStatement) -> list[str]:
     controller: Controller = statement.controller
     lines = [
         f"controller: {len(controller.breakpoints)} breakpoints, {controller.A.shape[1]} states, "
-        f"SHA-256 {_digest(content_of(statement)['controller'])[:16]}",
+        f"SHA-256 {_digest(statement.content()['controller'])[:16]}",
         f"measurements: {', '.join(controller.measurements)}",
         f"inputs: {', '.join(controller.inputs)}",
     ]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hfa_prove.check.region_boxes import VerifiedBoxes
+from hfa_prove.check import Proved
 from hfa_prove.results import CheckedBoxes, FoundBoxes, quadratic_form
 from hfa_prove.search.region_boxes import BoxRegion
 from hfa_prove.statements.region_boxes import BoxStatement, Gain
@@ -76,7 +76,7 @@ def found_report(
 
 
 def checked_report(
-    verified: VerifiedBoxes,
+    verified: Proved,
     policy: str,
     not_covered: str = NOT_COVERED,
     not_given: Sequence[str] = (),
@@ -89,7 +89,7 @@ def checked_report(
     """
     statement = verified.statement
     loop = statement.loop
-    checked = CheckedBoxes(statement, verified.boxes, verified.written, list(not_given))
+    checked = CheckedBoxes(statement, verified.size, verified.written, list(not_given))
     inputs = Table(
         ("input", "trim", "lowest", "highest"),
         [
@@ -105,7 +105,7 @@ def checked_report(
         *outputs_in_words(loop),
         parameters_in_words(loop.model, loop.parameters),
         *_V(statement),
-        f"The proof of V' < 0 evaluates {verified.boxes} boxes.",
+        f"The proof of V' < 0 evaluates {verified.size} boxes.",
     )
     title = _title(statement, "Verified, proved", not_covered, not_given)
     return Report(title, parts, data=checked.as_data())

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hfa_prove.check.cost import VerifiedCost
+from hfa_prove.check import Proved
 from hfa_prove.results import CheckedLowerBound, FoundLowerBound
 from hfa_prove.search.cost import CostBound
 from hfa_prove.statements.cost import CostStatement
@@ -43,15 +43,15 @@ def found_bound_report(found: CostBound, starts: np.ndarray) -> Report:
     return Report(_title(statement, "Proved"), parts, data=data)
 
 
-def checked_bound_report(verified: VerifiedCost, not_given: Sequence[str]) -> Report:
+def checked_bound_report(verified: Proved, not_given: Sequence[str]) -> Report:
     """Return the report of a checked certificate of a lower bound of the cost.
 
     not_given: parts of the statement that were not compared, because the user did not give them
     """
     statement = verified.statement
-    pairs = zip(statement.pieces, verified.boxes, strict=True)
+    pairs = zip(statement.pieces, verified.sizes, strict=True)
     rows = [(at_least(piece.c, 6), str(boxes)) for piece, boxes in pairs]
-    checked = CheckedLowerBound(statement, verified.boxes, verified.written, list(not_given))
+    checked = CheckedLowerBound(statement, verified.sizes, verified.written, list(not_given))
     title = _title(statement, "Verified, proved", not_given)
     plant = statement.plant
     parts: tuple[str | Table, ...] = (

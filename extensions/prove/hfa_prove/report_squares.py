@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_aircraft.march.ending import Outcome
+from hfa_prove.check import Proved
 from hfa_prove.check.game import SAME_GAIN
-from hfa_prove.check.region_squares import VerifiedRegion, extents_of
+from hfa_prove.check.region_squares import extents_of
 from hfa_prove.results import CheckedSet, FoundSet, Place
 from hfa_prove.search.plant import NOT_RETURNED
 from hfa_prove.statements.region_squares import RegionStatement
@@ -77,15 +78,14 @@ def region_report(region: Region) -> Report:
     return Report(_title(statement, "Proved"), parts, data=found.as_data())
 
 
-def checked_report(verified: VerifiedRegion, not_given: Sequence[str] = ()) -> Report:
+def checked_report(verified: Proved, not_given: Sequence[str] = ()) -> Report:
     """Return the report of a checked certificate of a region.
 
     not_given: parts of the statement that were not compared, because the user did not give them
     """
     statement = verified.statement
-    checked = CheckedSet(
-        statement, verified.parts, verified.extents, verified.written, list(not_given)
-    )
+    reaches = extents_of(statement, verified.witness.T)
+    checked = CheckedSet(statement, verified.size, reaches, verified.written, list(not_given))
     loop = statement.loop
     gains = Table(
         ("K", *loop.states),
@@ -104,13 +104,13 @@ def checked_report(verified: VerifiedRegion, not_given: Sequence[str] = ()) -> R
     parts: tuple[str | Table, ...] = (
         _sentence(statement),
         *curved_policies_in_words(statement.loop.policy, statement.loop.states),
-        *_extents(statement, verified.extents),
+        *_extents(statement, reaches),
         trim,
         gains,
         *_of_this_gain(statement, not_given),
         *outputs_in_words(loop),
         parameters_in_words(loop.model, loop.parameters),
-        f"{_where_proved(statement, verified.parts)} V is of degree {checked.degree}.",
+        f"{_where_proved(statement, verified.size)} V is of degree {checked.degree}.",
         _V(statement),
         _not_covered(statement),
     )

@@ -18,11 +18,11 @@ from hfa.main import main
 from hfa_flight.problem import flight_problem
 from hfa_optimal.best_flight import bracket_of
 from hfa_optimal.bracket import bracket_sentence
-from hfa_prove.certificate import read_sealed
-from hfa_prove.check.cost import read_cost
+from hfa_prove.certificate import read_content, read_sealed
 from hfa_prove.fields_boxes import COST_FIELDS
 from hfa_prove.problem import given_of
 from hfa_prove.statements.cost import CostStatement
+from hfa_prove.statements.plant import Subject
 from hfa_prove.subject import compare, entries_of
 from hfa_support.errors import NoSolutionError
 
@@ -41,7 +41,7 @@ def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def statement(certificate: Path) -> CostStatement:
     """Return the statement in the certificate, without its proof."""
-    return read_cost(read_sealed(certificate)[0], hfa.load_model(PENDULUM))[0]
+    return read_content(read_sealed(certificate)[0], Subject(hfa.load_model(PENDULUM)))[0]
 
 
 def test_a_bound_is_proved_and_checked(

@@ -1,7 +1,120 @@
-"""Checkers of certificates.
+"""The checker of certificates.
 
-The checkers repeat the proof and trust no result of the search.
+It proves the statement of a certificate from its witness. It imports nothing of the search and
+trusts nothing that the search has found.
 """
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
 
 # Refuses a missing python-flint before any module imports it, and sets the precision of balls.
 import verification.enclosure.precision  # noqa: F401
+from hfa_aircraft.model import Model
+from hfa_prove.certificate import Certificate, read_certificate
+from hfa_prove.fields import naming
+from hfa_prove.statements.cost import CostWitness
+from hfa_prove.statements.plant import Subject
+from hfa_prove.statements.region_boxes import BoxWitness
+from hfa_prove.statements.region_squares import RegionWitness
+from hfa_prove.statements.schedule import GameWitness, ScheduleWitness
+from hfa_support.arguments import checks_arguments
+from hfa_support.progress import Progress
+
+
+@dataclass(frozen=True, eq=False)
+class Proved:
+    """A statement that the checker has proved.
+
+    certificate: the certificate that proves it
+    sizes: number of boxes of the proof, for each piece of a bound of the cost, or number of parts
+        of a set proved by sums of squares
+    """
+
+    certificate: Certificate
+    sizes: tuple[int, ...]
+
+    @property
+    def statement(self) -> Any:
+        """The proved statement."""
+        return self.certificate.statement
+
+    @property
+    def witness(self) -> Any:
+        """Data for the proof."""
+        return self.certificate.witness
+
+    @property
+    def written(self) -> Mapping[str, str]:
+        """Version, command and date stored in the certificate, not verified."""
+        return self.certificate.written
+
+    @property
+    def size(self) -> int:
+        """Number of boxes or parts of the whole proof."""
+        return sum(self.sizes)
+
+
+def check(certificate: Certificate, progress: Progress | None = None) -> Proved:
+    """Prove the statement of a certificate.
+
+    progress: called with the number of checked boxes or parts, or None
+
+    Raises Rejected if the statement is not proved. Raises BadInputError if the equations contain an
+    operation that is not supported.
+    """
+    with naming(certificate.path):
+        return Proved(certificate, _sizes(certificate.statement, certificate.witness, progress))
+
+
+def _sizes(statement: Any, witness: Any, progress: Progress | None) -> tuple[int, ...]:
+    """Prove a statement, and return the numbers of boxes or parts of the proof.
+
+    Only the modules of this kind of proof are loaded.
+    """
+    if isinstance(witness, ScheduleWitness):
+        from hfa_prove.check.schedule import check_schedule
+
+        return (check_schedule(statement, witness, progress),)
+    if isinstance(witness, GameWitness):
+        from hfa_prove.check.schedule import check_game
+
+        return (check_game(statement, witness),)
+    if isinstance(witness, RegionWitness):
+        from hfa_prove.check.region_squares import check_region
+
+        return (check_region(statement, witness, progress),)
+    if isinstance(witness, BoxWitness):
+        from hfa_prove.check.region_boxes import check_region as check_on_boxes
+
+        return (check_on_boxes(statement, witness, progress),)
+    assert isinstance(witness, CostWitness)
+    from hfa_prove.check.cost import check_cost
+
+    return check_cost(statement, witness, progress)
+
+
+@checks_arguments
+def check_certificate(
+    path: Path,
+    progress: Progress | None = None,
+    model: Model | None = None,
+    policy: ca.Function | None = None,
+) -> Proved:
+    """Return the statement that a certificate proves.
+
+    path: file of the certificate
+    progress: called with the number of checked boxes or parts, or None
+    model: the user's aircraft, or None if the certificate concerns a built-in model
+    policy: the user's policy, state deviations -> input deviations, or None if the certificate
+        contains the coefficients of the policy
+
+    Raises BadInputError if the file is not a certificate, was edited, or concerns another aircraft
+    or policy. Raises Rejected if an entry is not understood or the statement is not proved.
+    """
+    return check(read_certificate(path, Subject(model, policy)), progress)

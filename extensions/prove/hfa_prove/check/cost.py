@@ -13,22 +13,18 @@ for the last time.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.model import Model
-from hfa_prove.certificate import claims_of, read_sealed, write_sealed
 from hfa_prove.check.cover import Boxes, RefutedError, refute
 from hfa_prove.check.equilibrium import Equilibrium, check_near, open_rates, zero_near
 from hfa_prove.check.piece import ROUNDING, OnPiece
-from hfa_prove.fields import Rejected, naming, require
-from hfa_prove.statements.cost import CostStatement
+from hfa_prove.fields import Rejected
+from hfa_prove.statements.cost import CostStatement, CostWitness
 from hfa_prove.statements.plant import Plant
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import RowFunction
@@ -455,40 +451,6 @@ def solved_for(H: np.ndarray, right: np.ndarray, free: np.ndarray) -> np.ndarray
     return np.asarray(np.linalg.solve(kept, right))
 
 
-#: Kind of the certificate.
-KIND = "cost-boxes"
-#: Largest number of boxes that a certificate may state.
-_MOST_BOXES = 1_000_000_000
-
-
-@dataclass(frozen=True, eq=False)
-class CostWitness:
-    """Data for the proof of a lower bound of the cost, not part of the claim.
-
-    solved: names of the states and inputs that are the unknowns of the equilibrium
-    boxes: number of boxes for each piece after which the checker stops
-    """
-
-    solved: tuple[str, ...]
-    boxes: tuple[int, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class VerifiedCost:
-    """A lower bound of the cost that the checker has proved.
-
-    statement: the proved statement
-    witness: data for the proof, stored in the certificate
-    boxes: number of boxes that the proof of each piece evaluated
-    written: version, command and date stored in the certificate, not verified
-    """
-
-    statement: CostStatement
-    witness: CostWitness
-    boxes: tuple[int, ...]
-    written: dict[str, str]
-
-
 def equilibrium_of(plant: Plant, x: np.ndarray, solved: tuple[int, ...]) -> Equilibrium:
     """Return an enclosure of the equilibrium states and inputs near x (n + m,).
 
@@ -527,73 +489,3 @@ def check_cost(
         inequality = CostInequality(plant, equilibrium, piece, statement.Q, statement.R)
         counts.append(inequality.proved(most, progress))
     return tuple(counts)
-
-
-def check_cost_certificate(
-    path: Path,
-    progress: Progress | None = None,
-    model: Model | None = None,
-    agrees: Callable[[CostStatement], object] | None = None,
-) -> VerifiedCost:
-    """Return the lower bound of the cost that a certificate proves.
-
-    path: file of the certificate
-    progress: callback for the progress of the proof, or None
-    model: the user's aircraft, or None if the certificate concerns a built-in model
-    agrees: function of the statement, called before the proof, that raises an error if the user's
-        data differ from the statement, or None
-
-    Raises BadInputError if the file is not a certificate, was edited, or concerns another model.
-    Raises Rejected if an entry is not understood or the statement is not proved.
-    """
-    content, written = read_sealed(path)
-    with naming(path):
-        statement, witness = read_cost(content, model)
-    if agrees is not None:
-        agrees(statement)
-    with naming(path):
-        boxes = check_cost(statement, witness, progress)
-    return VerifiedCost(statement, witness, boxes, written)
-
-
-def read_cost(content: dict[str, Any], model: Model | None) -> tuple[CostStatement, CostWitness]:
-    """Return the statement and the witness of a certificate about a lower bound of the cost.
-
-    content: the entries of the file
-    model: the user's aircraft, or None if the certificate concerns a built-in model
-
-    Raises Malformed for the first invalid entry.
-    Raises BadInputError if the certificate concerns another model.
-    """
-    entries = claims_of(content)
-    entries.same("kind", KIND)
-    statement = CostStatement.read(entries.value("statement", lambda value: True), model)
-    found = entries.fields("witness")
-    names = (*statement.plant.states, *statement.plant.inputs)
-    solved = found.texts("solved", names)
-    require(len(set(solved)) == len(solved), "witness: solved", list(solved))
-    counts = found.array("boxes", len(statement.pieces))
-    require(bool(np.all(counts <= _MOST_BOXES)), "witness: boxes", counts.tolist())
-    if found.has("longer"):  # entry of earlier versions, not used
-        found.array("longer", len(statement.pieces), len(statement.plant.states))
-    witness = CostWitness(solved, tuple(int(count) for count in counts))
-    found.close()
-    entries.close()
-    return statement, witness
-
-
-def write_cost_certificate(
-    path: Path, statement: CostStatement, witness: CostWitness, origin: dict[str, Any]
-) -> None:
-    """Write a certificate of a lower bound of the cost.
-
-    path: file of the certificate
-    statement: the claim
-    witness: data for the proof
-    origin: version, command and date, which the digest of the file does not cover
-    """
-    evidence = {
-        "solved": list(witness.solved),
-        "boxes": list(witness.boxes),
-    }
-    write_sealed(path, KIND, statement.content(), evidence, origin)

@@ -22,19 +22,14 @@ The checker imports nothing from the search.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from flint import arb, ctx
 
-from hfa_aircraft.model import Model
-from hfa_prove.certificate import claims_of, read_sealed, write_sealed
 from hfa_prove.check.cover import covering
 from hfa_prove.check.loop_squares import RegionLoop
 from hfa_prove.check.positivity import check_positive
-from hfa_prove.fields import Rejected, naming
+from hfa_prove.fields import Rejected
 from hfa_prove.statements.evidence import Evidence
 from hfa_prove.statements.loop import FREE, HIGHEST, LOWEST
 from hfa_prove.statements.region_squares import (
@@ -226,74 +221,3 @@ def extents_of(statement: RegionStatement, T: np.ndarray) -> dict[str, tuple[flo
 def _above(ball: arb) -> float:
     """Return a double above every number of the ball."""
     return float(np.nextafter(float(ball.upper()), np.inf))
-
-
-#: Kind of the certificate.
-KIND = "region"
-
-
-@dataclass(frozen=True, eq=False)
-class VerifiedRegion:
-    """A region of attraction that the checker has proved.
-
-    statement: the proved statement
-    parts: number of parts of the set on which V' < 0 is proved
-    extents: state -> lowest and highest deviation in the set, computed by the checker
-    written: version, command and date stored in the certificate, not verified
-    """
-
-    statement: RegionStatement
-    parts: int
-    extents: Mapping[str, tuple[float, float]]
-    written: dict[str, str]
-
-
-def check_certificate(
-    path: Path, progress: Progress | None = None, model: Model | None = None
-) -> VerifiedRegion:
-    """Return the region of attraction that a certificate proves.
-
-    path: file of the certificate
-    progress: called with the progress of the proof, or None
-    model: the user's aircraft, or None if the certificate concerns a built-in model
-
-    Raises BadInputError if the file is not a certificate, was edited, or concerns another model.
-    Raises Rejected if an entry is not understood or the statement is not proved.
-    """
-    content, written = read_sealed(path)
-    with naming(path):
-        statement, witness = read_content(content, model)
-        parts = check_region(statement, witness, progress)
-    return VerifiedRegion(statement, parts, extents_of(statement, witness.T), written)
-
-
-def read_content(
-    content: dict[str, Any], model: Model | None
-) -> tuple[RegionStatement, RegionWitness]:
-    """Return the statement and the witness of a certificate.
-
-    content: the entries of the file
-    model: the user's aircraft, or None if the certificate concerns a built-in model
-
-    Raises Malformed for the first invalid entry.
-    Raises BadInputError if the certificate concerns another model.
-    """
-    entries = claims_of(content)
-    entries.same("kind", KIND)
-    statement = RegionStatement.read(entries.value("statement", lambda value: True), model)
-    witness = RegionWitness.read(entries.fields("witness"), statement)
-    entries.close()
-    return statement, witness
-
-
-def write_certificate(
-    path: Path, statement: RegionStatement, witness: dict[str, Any], origin: dict[str, Any]
-) -> None:
-    """Write a certificate of a region of attraction.
-
-    path: file of the certificate
-    statement: the claim
-    witness: data for the proof, in the form that `RegionWitness.read` accepts
-    origin: version, command and date, which the digest of the file does not cover
-    """
-    write_sealed(path, KIND, statement.content(), witness, origin)

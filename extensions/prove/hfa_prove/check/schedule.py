@@ -12,14 +12,11 @@ within a box and in the errors t of the parameters.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 from flint import arb, ctx
 
-from hfa_aircraft.model import Model
-from hfa_prove.certificate import claims_of, read_sealed
 from hfa_prove.check.cover import covering
 from hfa_prove.check.game import (
     check_axis,
@@ -30,7 +27,7 @@ from hfa_prove.check.game import (
 from hfa_prove.check.loop import actuated_loop, between, closed_loop
 from hfa_prove.check.modes import check_motion, check_pieces, least_and_most
 from hfa_prove.check.trims import LinearModelBox, check_branches, linear_model_on
-from hfa_prove.fields import Fields, Rejected, naming
+from hfa_prove.fields import Rejected
 from hfa_prove.statements.schedule import (
     GameStatement,
     GameWitness,
@@ -42,13 +39,10 @@ from hfa_prove.statements.schedule import (
     ScheduleStatement,
     ScheduleWitness,
     SolutionBox,
-    Statement,
     TrimBox,
     UncertainActuators,
     loop_size,
-    read_statement,
 )
-from hfa_support.arguments import checks_arguments
 from hfa_support.progress import Progress, with_progress
 from verification.enclosure.balls import matrix
 from verification.enclosure.series import TaylorModel
@@ -57,56 +51,7 @@ from verification.enclosure.series import TaylorModel
 _PRECISION = 256
 
 
-@dataclass(frozen=True, eq=False)
-class Verified:
-    """A statement that the checker has proved.
-
-    statement: the proved statement
-    boxes: number of boxes in the proof
-    written: version, command and date stored in the certificate, not verified
-    """
-
-    statement: Statement
-    boxes: int
-    written: dict[str, str]
-
-
-@checks_arguments
 @ctx.workprec(_PRECISION)
-def check_certificate(
-    path: Path, progress: Progress | None = None, model: Model | None = None
-) -> Verified:
-    """Return the statement that a certificate proves.
-
-    path: file of the certificate
-    progress: called with the number of checked boxes, or None
-    model: the user's aircraft, or None if the certificate concerns a built-in model
-
-    Raises BadInputError if the file is not a certificate, was edited, or concerns another model.
-    Raises Rejected if an entry is not understood or the statement is not proved.
-    """
-    content, written = read_sealed(path)
-    with naming(path):
-        entries = claims_of(content)
-        kind = entries.value("kind", lambda value: True)
-        statement = read_statement(kind, entries.value("statement", lambda value: True), model)
-        boxes = _check(statement, entries.fields("witness"), progress)
-        entries.close()
-    return Verified(statement, boxes, written)
-
-
-def _check(statement: Statement, entries: Fields, progress: Progress | None) -> int:
-    """Prove a statement and return the number of boxes in the proof.
-
-    entries: reader of the certificate's entry `witness`
-
-    Raises Rejected if the statement is not proved.
-    """
-    if isinstance(statement, ScheduleStatement):
-        return check_schedule(statement, ScheduleWitness.read(entries, statement), progress)
-    return check_game(statement, GameWitness.read(entries, statement))
-
-
 def check_schedule(
     statement: ScheduleStatement, witness: ScheduleWitness, progress: Progress | None = None
 ) -> int:
@@ -225,6 +170,7 @@ def _check_scheduled_rate(
     return linear_models
 
 
+@ctx.workprec(_PRECISION)
 def check_game(statement: GameStatement, witness: GameWitness) -> int:
     """Prove the claims about a game and return the number of boxes in the proof, 1.
 

@@ -31,7 +31,7 @@ def prove(request: CheckRequest) -> int:
     weights, gains or critic. The first line of the report names the parts that were not given.
     Exit code 0: the statement is proved. Exit code 1: the statement is not proved, or differs from
     an option. The command requires the package python-flint."""
-    from hfa_prove.certificate import kind_of
+    from hfa_prove.certificate import kind_in
     from verification.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
@@ -40,7 +40,7 @@ def prove(request: CheckRequest) -> int:
         raise BadInputError(
             f"no statement to prove is given; choose from {known}, or add --check FILE"
         )
-    check = _CHECKS.get(kind_of(request.check), _check)
+    check = _CHECKS.get(kind_in(request.check), _check)
     return check(request, request.check)
 
 
@@ -53,11 +53,11 @@ def _check(request: CheckRequest, certificate: Path) -> int:
     Raises BadInputError if an option does not apply. Raises NoSolutionError if the statement is not
     proved or differs from the user's data.
     """
-    from hfa_prove.check.schedule import check_certificate
+    from hfa_prove.certificate import kind_of
+    from hfa_prove.check import check_certificate
     from hfa_prove.commands.given import given_for
     from hfa_prove.fields import FIELDS
     from hfa_prove.report import checked_report
-    from hfa_prove.statements.schedule import content_of, kind_of_statement
     from hfa_prove.subject import compare
 
     request.refuse(
@@ -67,8 +67,8 @@ def _check(request: CheckRequest, certificate: Path) -> int:
     )
     own = request.model if request.own else None
     verified = check_certificate(certificate, ProgressLine("check"), own)
-    content = content_of(verified.statement)
-    table = FIELDS[kind_of_statement(verified.statement)]
+    content = verified.statement.content()
+    table = FIELDS[kind_of(verified.statement)]
     report = checked_report(
         verified, compare(content, table, given_for(verified.statement, request))
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -27,10 +26,9 @@ from trim.point.linearize import linearize
 if TYPE_CHECKING:
     from hfa.inherited import PlantOptions
     from hfa_flight.problem import FlightProblem
-    from hfa_prove.check.cost import VerifiedCost
+    from hfa_prove.check import Proved
     from hfa_prove.commands.request import CheckRequest
     from hfa_prove.search.cost import CostBound
-    from hfa_prove.statements.cost import CostStatement
 
 _OF_THE_SEARCH = ("degree", "margin", "seconds", "resume")
 _DEGREES = ("2", "4", "6", "8", "10", "12")
@@ -131,11 +129,13 @@ def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
     if the certificate contradicts the user's values or does not prove its statement.
     """
     from hfa_flight.problem import flight_problem
-    from hfa_prove.check.cost import check_cost_certificate
+    from hfa_prove.certificate import read_certificate
+    from hfa_prove.check import check as proved_by
     from hfa_prove.commands.given import aircraft_option, names_aircraft
     from hfa_prove.fields_boxes import COST_FIELDS
     from hfa_prove.problem import given_of
     from hfa_prove.report_cost import checked_bound_report
+    from hfa_prove.statements.plant import Subject
     from hfa_prove.subject import Given, compare
 
     request.refuse(_OF_THE_SEARCH, "has no effect with --check; remove this option")
@@ -158,18 +158,14 @@ def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
         limits = getattr(request, "limits", None)
         problem = flight_problem(aircraft, point, limits=limits)
         given |= given_of(problem, option_named, {})
-    not_given: list[str] = []
-
-    def agrees(statement: CostStatement) -> None:
-        not_given.extend(compare(statement.content(), COST_FIELDS, given))
-
-    verified = check_cost_certificate(certificate, ProgressLine("check"), own, agrees)
-    show(checked_bound_report(verified, not_given), request)
+    read = read_certificate(certificate, Subject(own))
+    not_given = compare(read.statement.content(), COST_FIELDS, given)
+    show(checked_bound_report(proved_by(read, ProgressLine("check")), not_given), request)
     return 0
 
 
 def _prove(request: CostRequest) -> int:
-    from hfa_prove.check.cost import write_cost_certificate
+    from hfa_prove.certificate import write_certificate
     from hfa_prove.report_cost import found_bound_report
     from hfa_prove.search.cost import bound_search
     from hfa_prove.search.interruption import interruptible
@@ -179,7 +175,7 @@ def _prove(request: CostRequest) -> int:
 
     def save(found: CostBound) -> None:
         if request.output is not None:
-            write_cost_certificate(request.output, found.statement, found.witness, origin)
+            write_certificate(request.output, found.statement, found.witness.content(), origin)
 
     earlier = _earlier(request, problem)
     with interruptible(ProgressLine("cost")) as progress:
@@ -196,22 +192,25 @@ def _prove(request: CostRequest) -> int:
     return 0
 
 
-def _earlier(request: CostRequest, problem: FlightProblem) -> VerifiedCost | None:
+def _earlier(request: CostRequest, problem: FlightProblem) -> Proved | None:
     """Return the verified bound in the output file of an earlier run, or None without --resume.
 
     Raises BadInputError if the earlier certificate is about other flights. Raises BadInputError or
     NoSolutionError if the certificate does not prove its statement.
     """
     from hfa_prove.bound import refuse_other
-    from hfa_prove.check.cost import check_cost_certificate
+    from hfa_prove.certificate import read_certificate
+    from hfa_prove.check import check as proved_by
     from hfa_prove.problem import given_of
+    from hfa_prove.statements.plant import Subject
 
     if not request.resume:
         return None
     assert request.output is not None
     path = request.output
     given = given_of(problem, "this command", {"Q": problem.Q, "R": problem.R})
-    agrees = partial(refuse_other, path, given, advice="; write to another file")
-    verified = check_cost_certificate(path, ProgressLine("check"), problem.model, agrees)
+    certificate = read_certificate(path, Subject(problem.model))
+    refuse_other(path, given, certificate.statement, "; write to another file")
+    proved = proved_by(certificate, ProgressLine("check"))
     forget_read(path)
-    return verified
+    return proved

@@ -24,7 +24,6 @@ from hfa_prove.statements.schedule import (
     ScheduleStatement,
     Statement,
     UncertainActuators,
-    content_of,
     flight_content,
 )
 from hfa_prove.subject import Given
@@ -226,7 +225,7 @@ def _given_controller(statement: ScheduleStatement, request: CheckRequest) -> di
             "--design gives actuators, but the certificate has no actuators; remove --design"
         )
     stated = replace(statement, controller=loop.controller, actuators=loop.actuators)
-    content: Mapping[str, Any] = content_of(stated)
+    content: Mapping[str, Any] = stated.content()
     return {
         f"{part}.{name}": Given(value, option)
         for part in ("controller", "fixed_actuators", "uncertain_actuators")

@@ -73,7 +73,7 @@ def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
     Raises BadInputError if an option does not apply to the check. Raises NoSolutionError if the
     statement is not proved or differs from the user's data.
     """
-    from hfa_prove.check.region_squares import check_certificate
+    from hfa_prove.check import check_certificate
     from hfa_prove.commands.given_region import given_for
     from hfa_prove.fields_squares import FIELDS
     from hfa_prove.report_squares import checked_report
@@ -98,10 +98,9 @@ def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
 
 
 def _checked(request: RegionRequest, certificate: Path) -> int:
-    from hfa_prove.certificate import kind_of
-    from hfa_prove.check.region_boxes import KIND
+    from hfa_prove.certificate import kind_in
 
-    if kind_of(certificate) == KIND:
+    if kind_in(certificate) == "region-boxes":
         return check_on_boxes(request, certificate)
     return check(request, certificate)
 
@@ -135,8 +134,8 @@ def _is_network(request: CheckRequest | RegionRequest) -> bool:
 
 
 def _prove(request: RegionRequest) -> int:
+    from hfa_prove.certificate import write_certificate
     from hfa_prove.check.loop_squares import refuse_curved
-    from hfa_prove.check.region_squares import write_certificate
     from hfa_prove.commands.given_region import loop_of
     from hfa_prove.commands.region_boxes import better_on_boxes, prove_gain_on_boxes
     from hfa_prove.report_squares import region_report
@@ -208,7 +207,7 @@ def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | 
     """
     if not request.resume:
         return None
-    from hfa_prove.check.region_squares import check_certificate
+    from hfa_prove.check import check_certificate
     from hfa_prove.search.monomials import PolynomialFunction
 
     path = request.output

@@ -15,7 +15,8 @@ from hfa.inherited import OutputOptions, print_report, show
 from hfa.options.output import ProgressLine
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
-from hfa_prove.check.region_boxes import check_certificate, write_certificate
+from hfa_prove.certificate import write_certificate
+from hfa_prove.check import check_certificate
 from hfa_prove.commands.given import at_one_value
 from hfa_prove.fields_boxes import FIELDS
 from hfa_prove.report_boxes import NOT_COVERED, checked_report, found_report
@@ -137,7 +138,7 @@ def prove(
     def save(region: BoxRegion) -> None:
         if request.output is not None:
             origin = request.provenance.to_dict()
-            write_certificate(request.output, region.statement, region.witness, origin)
+            write_certificate(request.output, region.statement, region.witness.content(), origin)
 
     earlier = None
     if settings.resume:
@@ -171,7 +172,7 @@ def _earlier(path: Path, loop: Loop, policy: str | Gain) -> BoxStatement:
 
     Raises BadInputError if the statement concerns another loop or policy.
     """
-    statement = check_certificate(path, loop.policy, ProgressLine("check"), loop.model).statement
+    statement = check_certificate(path, ProgressLine("check"), loop.model, loop.policy).statement
     forget_read(path)
     if _subject(statement.loop, statement.policy) != _subject(loop, policy):
         raise BadInputError(f"{path} is the certificate of another loop; give another path with -o")
@@ -201,7 +202,7 @@ def check(
     Raises BadInputError if the certificate concerns another model or policy. Raises NoSolutionError
     if the statement is not proved or differs from the user's data.
     """
-    verified = check_certificate(path, scalars(policy.function), ProgressLine("check"), own)
+    verified = check_certificate(path, ProgressLine("check"), own, scalars(policy.function))
     content = verified.statement.content()
     compare(content, FIELDS, _given(loop_of(linear, policy), "the user"))
     show(checked_report(verified, policy.words, policy.not_covered), request)
@@ -316,14 +317,14 @@ def checked_gain_on_boxes(request: CheckRequest | RegionRequest, certificate: Pa
     """
     from hfa.inherited import show
     from hfa.options.output import ProgressLine
-    from hfa_prove.check.region_boxes import check_certificate
+    from hfa_prove.check import check_certificate
     from hfa_prove.commands.given_region import given_on_boxes
     from hfa_prove.fields_boxes import FIELDS
     from hfa_prove.report_boxes import checked_report
     from hfa_prove.subject import compare
 
     own = request.model if request.own else None
-    verified = check_certificate(certificate, None, ProgressLine("check"), own)
+    verified = check_certificate(certificate, ProgressLine("check"), own)
     given = given_on_boxes(verified.statement, request)
     not_given = compare(verified.statement.content(), FIELDS, given)
     show(checked_report(verified, "the gain K", not_given=not_given), request)

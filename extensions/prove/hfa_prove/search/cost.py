@@ -17,7 +17,8 @@ import numpy as np
 
 from hfa_flight.initial_box import usual_box
 from hfa_flight.problem import FlightProblem
-from hfa_prove.check.cost import CostInequality, CostWitness, VerifiedCost, equilibrium_of
+from hfa_prove.check import Proved
+from hfa_prove.check.cost import CostInequality, equilibrium_of
 from hfa_prove.check.cover import OpenBoxError, RefutedError, SmallestBoxError
 from hfa_prove.check.equilibrium import Equilibrium, open_rates
 from hfa_prove.fields import Rejected
@@ -25,7 +26,7 @@ from hfa_prove.problem import plant_of, unknowns_of
 from hfa_prove.search.cost_fit import CostProblem, Fit, TargetFlights
 from hfa_prove.search.interruption import OutOfTimeError
 from hfa_prove.search.kinks import kink_at
-from hfa_prove.statements.cost import CostStatement
+from hfa_prove.statements.cost import CostStatement, CostWitness
 from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.plant import Plant
 from hfa_support.errors import NoSolutionError
@@ -150,7 +151,7 @@ class CostSearch:
         self._progress = progress
         self._save = save
 
-    def found(self, earlier: VerifiedCost | None = None) -> CostBound:
+    def found(self, earlier: Proved | None = None) -> CostBound:
         """Return the proved lower bound.
 
         After an interruption or at the time limit, the bound consists of the pieces proved so far.
@@ -161,7 +162,7 @@ class CostSearch:
         """
         proved: list[_Proved] = []
         if earlier is not None:
-            for known in zip(earlier.statement.pieces, earlier.boxes, strict=True):
+            for known in zip(earlier.statement.pieces, earlier.sizes, strict=True):
                 proved.append(_Proved(*known, (0.0, 0.0)))
         stopped = ""
         try:

@@ -13,15 +13,13 @@ import numpy as np
 from flint import arb
 
 from hfa_aircraft.model import Model
-from hfa_prove.certificate import write_sealed
-from hfa_prove.check.schedule import check_certificate
+from hfa_prove.certificate import kind_of, write_certificate
+from hfa_prove.check import check_certificate
 from hfa_prove.fields import Rejected
 from hfa_prove.report import proof_report
 from hfa_prove.statements.schedule import (
-    KINDS,
     ScheduleStatement,
     Statement,
-    content_of,
 )
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.files import forget_read
@@ -54,7 +52,7 @@ class Proof(Reported):
     @property
     def kind(self) -> str:
         """Kind of the certificate: schedule or game."""
-        return next(name for name, kind in KINDS.items() if isinstance(self.statement, kind))
+        return kind_of(self.statement)
 
     @property
     def proved(self) -> bool:
@@ -76,7 +74,7 @@ class Proof(Reported):
         if not self.witness:
             raise NoSolutionError("no part of the claim is proved, so no certificate is written")
         witness = witness_content(self.witness)
-        write_sealed(path, self.kind, content_of(self.statement), witness, origin.to_dict())
+        write_certificate(path, self.statement, witness, origin.to_dict())
 
 
 def witness_content(value: Any) -> Any:
@@ -137,7 +135,7 @@ class CertificateFile:
             raise BadInputError(f"{error}; remove the file and start again") from error
         forget_read(self.path)
         content: Content = json.loads(self.path.read_text(encoding="utf-8"))
-        subjects = [_subject(content_of(claim)) for claim in (verified, statement)]
+        subjects = [_subject(claim.content()) for claim in (verified, statement)]
         if subjects[0] != subjects[1] or content["toolchain"] != VERSION:
             raise BadInputError(
                 f"{self.path} is the certificate of another statement or version; give another "

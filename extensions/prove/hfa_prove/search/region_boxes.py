@@ -16,14 +16,13 @@ from scipy.integrate import solve_ivp
 
 from hfa_prove.check.cover import OpenBoxError, RefutedError, SmallestBoxError
 from hfa_prove.check.loop_boxes import Decrease, equilibrium_near
-from hfa_prove.check.region_boxes import BoxWitness
 from hfa_prove.fields import Rejected
 from hfa_prove.search.interruption import OutOfTimeError
 from hfa_prove.search.kinks import kink_at
 from hfa_prove.search.plant import refuse_unstable
 from hfa_prove.search.shape_boxes import Bound, Growth, Samples, Shape
 from hfa_prove.statements.loop import Loop
-from hfa_prove.statements.region_boxes import BoxStatement, Gain
+from hfa_prove.statements.region_boxes import BoxStatement, BoxWitness, Gain
 from hfa_prove.words import place_in_words
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress

@@ -11,11 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from hfa_aircraft.model import Model
 from hfa_prove.fields import Fields, require
 from hfa_prove.statements.piece import Piece
-from hfa_prove.statements.plant import Plant, read_plant
+from hfa_prove.statements.plant import Plant, Subject, read_plant
 from verification.enclosure.balls import lowest_sign
+
+#: Largest number of boxes that a certificate may state.
+_MOST_BOXES = 1_000_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,17 +42,17 @@ class CostStatement:
     pieces: tuple[Piece, ...]
 
     @classmethod
-    def read(cls, content: Any, own: Model | None) -> CostStatement:
+    def read(cls, content: Any, subject: Subject) -> CostStatement:
         """Return the statement of a certificate.
 
         content: the certificate's entry `statement`
-        own: the user's model, if the statement concerns one
+        subject: the user's aircraft
 
         Raises Malformed for the first wrong entry, and BadInputError if the statement concerns
         another model.
         """
         entries = Fields("statement", content)
-        plant = read_plant(entries, content, own)
+        plant = read_plant(entries, content, subject)
         _check_limits(plant)
         n, m = len(plant.states), len(plant.inputs)
         equilibrium = entries.all_numbers("equilibrium", (*plant.states, *plant.inputs))
@@ -86,6 +88,36 @@ class CostStatement:
         plant = self.plant
         offset = np.array([self.equilibrium[name] - plant.trim[name] for name in plant.states])
         return np.asarray(np.max([piece.bound(z - offset) for piece in self.pieces], axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class CostWitness:
+    """Data for the proof of a lower bound of the cost, not part of the claim.
+
+    solved: names of the states and inputs that are the unknowns of the equilibrium
+    boxes: number of boxes for each piece after which the checker stops
+    """
+
+    solved: tuple[str, ...]
+    boxes: tuple[int, ...]
+
+    @classmethod
+    def read(cls, entries: Fields, statement: CostStatement) -> CostWitness:
+        """Return the witness of a certificate.
+
+        Raises Malformed for the first wrong entry.
+        """
+        plant = statement.plant
+        solved = entries.texts("solved", (*plant.states, *plant.inputs))
+        require(len(set(solved)) == len(solved), "witness: solved", list(solved))
+        counts = entries.array("boxes", len(statement.pieces))
+        require(bool(np.all(counts <= _MOST_BOXES)), "witness: boxes", counts.tolist())
+        entries.close()
+        return cls(solved, tuple(int(count) for count in counts))
+
+    def content(self) -> dict[str, Any]:
+        """Return the certificate's entry `witness`, in the form that `read` accepts."""
+        return {"solved": list(self.solved), "boxes": list(self.boxes)}
 
 
 def _check_limits(plant: Plant) -> None:

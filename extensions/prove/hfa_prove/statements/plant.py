@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -16,6 +16,18 @@ from hfa_support.errors import BadInputError, shown
 
 #: Largest difference of a trim from the stated one, in nominal values of its unknowns.
 SAME_TRIM = 1e-6
+
+
+class Subject(NamedTuple):
+    """The user's object of a statement.
+
+    model: the user's aircraft, or None for a built-in one
+    policy: the user's policy, state deviations -> input deviations, or None if the statement
+        contains the coefficients of its policy
+    """
+
+    model: Model | None = None
+    policy: ca.Function | None = None
 
 
 def model_of(name: Any, source: Any, own: Model | None) -> Model:
@@ -136,17 +148,17 @@ class Plant:
         return ca.densify(f[rows]), ca.densify(y) if self.limited_outputs else ca.SX(0, 1)
 
 
-def read_plant(entries: Fields, content: Any, own: Model | None) -> Plant:
+def read_plant(entries: Fields, content: Any, subject: Subject) -> Plant:
     """Return the plant stored in a certificate.
 
     entries: reader of the certificate's entry `statement`
     content: the same entry as data
-    own: the user's model, if the statement concerns one
+    subject: the user's aircraft
 
     Raises Malformed for the first wrong entry, and BadInputError if the statement concerns another
     model.
     """
-    model = model_of(content.get("dynamics"), content.get("source"), own)
+    model = model_of(content.get("dynamics"), content.get("source"), subject.model)
     for name, fact in facts(model).items():
         entries.same(name, fact)
     states = tuple(model.linear)

@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.model import Model
-from hfa_prove.fields import Fields, Terms, rows_of
+from hfa_prove.fields import Fields, Terms, require, rows_of
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.piece import Piece
 from hfa_prove.statements.plant import (
     Plant,
+    Subject,
     check_limits_of_model,
     read_extents,
     read_plant,
@@ -29,6 +29,8 @@ from hfa_prove.statements.plant import (
 from hfa_support.errors import BadInputError
 from verification.enclosure.program import LARGEST
 
+#: Largest number of boxes that a certificate may state.
+_MOST_BOXES = 100_000_000
 #: Highest degree of a polynomial policy.
 HIGHEST_POLICY = 12
 
@@ -110,20 +112,20 @@ class BoxStatement:
         return max(sum(powers) for _, powers in self.piece.W.terms)
 
     @classmethod
-    def read(cls, content: Any, own: Model | None, policy: ca.Function | None) -> BoxStatement:
+    def read(cls, content: Any, subject: Subject) -> BoxStatement:
         """Return the statement of a certificate.
 
         content: the certificate's entry `statement`
-        own: the user's model, if the statement concerns one
-        policy: the user's policy, state deviations -> input deviations, or None
+        subject: the user's aircraft and policy
 
         Raises Malformed for the first wrong entry. Raises BadInputError in these cases:
         - The statement concerns another model.
-        - The statement concerns a policy in a file, and `policy` is None or another policy.
+        - The statement concerns a policy in a file, and the user gave none or another policy.
         """
         entries = Fields("statement", content)
-        plant = read_plant(entries, content, own)
+        plant = read_plant(entries, content, subject)
         states = plant.states
+        policy = subject.policy
         stated = entries.value("policy", lambda value: isinstance(value, (str, dict)))
         if isinstance(stated, dict):
             stated = Gain.read(Fields("policy", stated), plant)
@@ -156,6 +158,36 @@ class BoxStatement:
             "piece": self.piece.content(),
             "extents": {name: list(pair) for name, pair in self.extents.items()},
         }
+
+
+@dataclass(frozen=True, eq=False)
+class BoxWitness:
+    """Data for the proof of a region on boxes, not part of the claim.
+
+    The bounds of the deviations z are proved with multiples of rho - V.
+
+    multipliers: (n, 2), nonnegative factors of rho - V for the lower and upper bound of each z_i
+    boxes: number of boxes after which the checker stops
+    """
+
+    multipliers: np.ndarray
+    boxes: int
+
+    @classmethod
+    def read(cls, entries: Fields, statement: BoxStatement) -> BoxWitness:
+        """Return the witness of a certificate.
+
+        Raises Malformed for the first wrong entry.
+        """
+        multipliers = entries.array("multipliers", len(statement.loop.states), 2)
+        require(bool(np.all(multipliers >= 0.0)), "witness: multipliers")
+        boxes = entries.count("boxes", _MOST_BOXES)
+        entries.close()
+        return cls(multipliers, boxes)
+
+    def content(self) -> dict[str, Any]:
+        """Return the certificate's entry `witness`, in the form that `read` accepts."""
+        return {"multipliers": self.multipliers.tolist(), "boxes": self.boxes}
 
 
 def digest_of(policy: ca.Function) -> str:

@@ -14,6 +14,7 @@ from hfa_prove.fields import Fields, Terms, require, rows_of
 from hfa_prove.statements.evidence import Evidence
 from hfa_prove.statements.loop import FREE, HIGHEST, LOWEST, SaturatedLoop
 from hfa_prove.statements.plant import (
+    Subject,
     check_limits_of_model,
     facts,
     read_extents,
@@ -48,17 +49,17 @@ class RegionStatement:
     extents: Mapping[str, tuple[float, float]]
 
     @classmethod
-    def read(cls, content: Any, own: Model | None) -> RegionStatement:
+    def read(cls, content: Any, subject: Subject) -> RegionStatement:
         """Return the statement of a certificate.
 
         content: the certificate's entry `statement`
-        own: the user's model, if the statement concerns one
+        subject: the user's aircraft
 
         Raises Malformed for the first wrong entry, and BadInputError if the statement concerns
         another model.
         """
         entries = Fields("statement", content)
-        plant = read_plant(entries, content, own)
+        plant = read_plant(entries, content, subject)
         entries.same("disturbance_units", _disturbance_units(plant.model))
         loop = SaturatedLoop(
             **vars(plant),

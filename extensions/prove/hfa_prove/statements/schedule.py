@@ -19,7 +19,7 @@ from flint import arb, arb_mat
 
 from hfa_aircraft.model import Model
 from hfa_prove.fields import Fields, require
-from hfa_prove.statements.plant import model_of
+from hfa_prove.statements.plant import Subject, model_of
 from verification.enclosure.balls import lowest_sign
 from verification.enclosure.series import TaylorModel
 
@@ -347,11 +347,17 @@ class ScheduleStatement:
     scheduled_rate: float | None = None
 
     @classmethod
-    def read(cls, entries: Fields, model: Model) -> ScheduleStatement:
-        """Return the statement about a schedule stored in a certificate.
+    def read(cls, content: Any, subject: Subject) -> ScheduleStatement:
+        """Return the statement of a certificate.
 
-        Raises Malformed for the first wrong entry.
+        content: the certificate's entry `statement`
+        subject: the user's aircraft
+
+        Raises Malformed for the first wrong entry, and BadInputError if the statement concerns
+        another model.
         """
+        entries = Fields("statement", content)
+        model = _model_of(content, subject)
         flight = Flight.read(entries.fields("flight"), model, point=False)
         controller = Controller.read(entries.fields("controller"), model)
         actuators: Actuators | None = None
@@ -376,6 +382,10 @@ class ScheduleStatement:
             require(scheduled_rate is None and decay_rate == 0.0, "decay_rate", decay_rate)
         entries.close()
         return cls(flight, controller, actuators, loop, modes, decay_rate, scheduled_rate)
+
+    def content(self) -> dict[str, Any]:
+        """Return the certificate's entry `statement`, in the form that `read` accepts."""
+        return {name: _content(value) for name, value in _named_parts(self).items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -415,14 +425,17 @@ class GameStatement:
         return False if least > 0 else None
 
     @classmethod
-    def read(cls, entries: Fields, model: Model | None) -> GameStatement:
-        """Return the statement about a game stored in a certificate.
+    def read(cls, content: Any, subject: Subject) -> GameStatement:
+        """Return the statement of a certificate.
 
-        entries: reader of the entry `statement`
-        model: the aircraft, or None if the plant is given by matrices
+        content: the certificate's entry `statement`
+        subject: the user's aircraft
 
-        Raises Malformed for the first wrong entry.
+        Raises Malformed for the first wrong entry, and BadInputError if the statement concerns
+        another model.
         """
+        entries = Fields("statement", content)
+        model = None if entries.has("plant") else _model_of(content, subject)
         plant: Flight | Plant
         if model is None:
             plant = Plant.read(entries.fields("plant"))
@@ -452,43 +465,19 @@ class GameStatement:
             plant, weights, decimals, critic, gain_of_value, distances, loop, delta_min, modes
         )
 
+    def content(self) -> dict[str, Any]:
+        """Return the certificate's entry `statement`, in the form that `read` accepts."""
+        return {name: _content(value) for name, value in _named_parts(self).items()}
+
 
 Statement = ScheduleStatement | GameStatement
-KINDS: dict[str, Any] = {
-    "schedule": ScheduleStatement,
-    "game": GameStatement,
-}
 
 
-def read_statement(kind: Any, content: Any, own: Model | None) -> Statement:
-    """Return the statement stored in a certificate.
-
-    kind: the certificate's entry `kind`
-    content: the certificate's entry `statement`
-    own: the user's model, or None
-
-    Raises Malformed for the first wrong entry. Raises BadInputError if the statement concerns
-    another model.
-    """
-    require(isinstance(kind, str) and kind in KINDS, "kind", kind)
-    entries = Fields("statement", content)
-    model = None
-    if not (kind == "game" and entries.has("plant")):
-        require(isinstance(content.get("flight"), dict), "flight", content.get("flight"))
-        flight = content["flight"]
-        model = model_of(flight.get("dynamics"), flight.get("source"), own)
-    statement: Statement = KINDS[kind].read(entries, model)
-    return statement
-
-
-def content_of(statement: Statement) -> dict[str, Any]:
-    """Return the certificate's entry `statement`, in the form that `read_statement` accepts."""
-    return {name: _content(value) for name, value in _named_parts(statement).items()}
-
-
-def kind_of_statement(statement: Statement) -> str:
-    """Return the certificate's entry `kind` for a statement."""
-    return next(name for name, kind in KINDS.items() if isinstance(statement, kind))
+def _model_of(content: Any, subject: Subject) -> Model:
+    """Return the aircraft of the entry `flight` of a statement, as `model_of` does."""
+    require(isinstance(content.get("flight"), dict), "flight", content.get("flight"))
+    flight = content["flight"]
+    return model_of(flight.get("dynamics"), flight.get("source"), subject.model)
 
 
 def flight_content(flight: Flight) -> dict[str, Any]:

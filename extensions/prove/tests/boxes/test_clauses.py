@@ -17,14 +17,15 @@ import pytest
 
 from hfa_aircraft.model import Model, Signal
 from hfa_aircraft.source import Source
-from hfa_prove.certificate import SCHEMA
+from hfa_prove.certificate import SCHEMA, read_content
 from hfa_prove.check.cover import Boxes
 from hfa_prove.check.equilibrium import Equilibrium
 from hfa_prove.check.loop_boxes import Decrease, equilibrium_near
-from hfa_prove.check.region_boxes import BoxWitness, check_region, read_content
+from hfa_prove.check.region_boxes import check_region
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.piece import Piece, Polynomial
-from hfa_prove.statements.region_boxes import BoxStatement, Gain, digest_of
+from hfa_prove.statements.plant import Subject
+from hfa_prove.statements.region_boxes import BoxStatement, BoxWitness, Gain, digest_of
 from hfa_support.errors import BadInputError, NoSolutionError
 
 Content = dict[str, Any]
@@ -83,7 +84,7 @@ def tank() -> Content:
 
 
 def checked(content: Content) -> int:
-    return check_region(*read_content(content, TANK, None))
+    return check_region(*read_content(content, Subject(TANK)))
 
 
 def _decrease(
@@ -114,7 +115,7 @@ def test_the_hole_has_the_expected_half_width() -> None:
     """
     content = tank()
     content["statement"]["policy"]["terms"] = {"valve": [[146.0, [6, 0]]]}
-    statement, witness = read_content(content, TANK, None)
+    statement, witness = read_content(content, Subject(TANK))
     equilibrium = equilibrium_near(statement.loop, np.zeros(2))
     found = _decrease(statement, witness, equilibrium)
     assert found.hole == 2
@@ -128,7 +129,7 @@ def test_rotated_coordinates_do_not_shrink_the_hole() -> None:
 
     The valve saturates at a level of 0.5. The corners of the next larger hole exceed this level.
     """
-    statement, witness = read_content(tank(), TANK, None)
+    statement, witness = read_content(tank(), Subject(TANK))
     side = 0.5**0.5
     turned = statement.piece._replace(M=np.array([[side, side], [-side, side]]))
     equilibrium = equilibrium_near(statement.loop, np.zeros(2))
@@ -138,7 +139,7 @@ def test_rotated_coordinates_do_not_shrink_the_hole() -> None:
 
 def test_deviations_contain_those_of_the_exact_inverse() -> None:
     """The models of z contain M⁻¹ y for M = diag(3, 7), whose inverse is not exact."""
-    statement, witness = read_content(tank(), TANK, None)
+    statement, witness = read_content(tank(), Subject(TANK))
     stretched = statement.piece._replace(M=np.diag([3.0, 7.0]))
     equilibrium = equilibrium_near(statement.loop, np.zeros(2))
     found = _decrease(statement, witness, equilibrium, stretched)
@@ -155,7 +156,7 @@ def test_the_error_of_the_equilibrium_is_included(radius: float) -> None:
 
     For an equilibrium known within 0.3, the decrease is not proved.
     """
-    statement, witness = read_content(tank(), TANK, None)
+    statement, witness = read_content(tank(), Subject(TANK))
     equilibrium = Equilibrium(np.zeros(2), np.array([radius, 0.0]))
     found = _decrease(statement, witness, equilibrium)
     box = Boxes(np.array([[0.375, 0.0]]), np.array([[3, 3]]))
@@ -171,7 +172,7 @@ def test_the_equilibrium_is_compared_in_nominal_values() -> None:
     content = tank()
     content["statement"]["equilibrium"]["level"] = 2e-7
     with pytest.raises(NoSolutionError, match="differs from the stated"):
-        check_region(*read_content(content, replace(TANK, states=states), None))
+        check_region(*read_content(content, Subject(replace(TANK, states=states))))
 
 
 @pytest.mark.parametrize("ends", [(-0.9105, 9.0), (-9.0, 0.9105)])
@@ -182,7 +183,7 @@ def test_limits_are_proved_about_all_enclosed_equilibria(ends: tuple[float, floa
     """
     content = tank()
     content["statement"]["limits"]["level"] = list(ends)
-    statement, witness = read_content(content, TANK, None)
+    statement, witness = read_content(content, Subject(TANK))
     _decrease(statement, witness, Equilibrium(np.zeros(2), np.zeros(2))).check_limits()
     about = Equilibrium(np.zeros(2), np.array([0.001, 0.0]))
     with pytest.raises(NoSolutionError, match="level is not proved to stay"):

@@ -12,21 +12,19 @@ import numpy as np
 import pytest
 
 from hfa_aircraft.model import Model, Signal
-from hfa_prove.certificate import SCHEMA
+from hfa_prove.certificate import SCHEMA, read_content
 from hfa_prove.check.cost import (
     CostInequality,
-    CostWitness,
     Guess,
     check_cost,
     equilibrium_of,
-    read_cost,
 )
 from hfa_prove.check.cover import Boxes
 from hfa_prove.check.equilibrium import Equilibrium
 from hfa_prove.search.cost import CostBound, CostSearch
-from hfa_prove.statements.cost import CostStatement
+from hfa_prove.statements.cost import CostStatement, CostWitness
 from hfa_prove.statements.piece import Piece, Polynomial
-from hfa_prove.statements.plant import Plant
+from hfa_prove.statements.plant import Plant, Subject
 from hfa_support.errors import BadInputError, NoSolutionError
 
 ONE = np.eye(1)
@@ -199,10 +197,10 @@ def test_a_forged_bound_is_refused(name: str, proved: CostBound) -> None:
     content = content_of(proved)
     for each in (content["statement"]["pieces"], content["witness"]["boxes"]):
         del each[1:-1]  # the proofs of the others are similar
-    read_cost(copy.deepcopy(content), PENDULUM)
+    read_content(copy.deepcopy(content), Subject(PENDULUM))
     FORGED[name](content["statement"], content["witness"])
     with pytest.raises((NoSolutionError, BadInputError)):
-        check_cost(*read_cost(content, PENDULUM))
+        check_cost(*read_content(content, Subject(PENDULUM)))
 
 
 @pytest.mark.parametrize(("name", "weights"), [("Q", [[1.0, 1.5], [1.5, 1.0]]), ("R", [[-1.0]])])
@@ -214,7 +212,7 @@ def test_indefinite_weights_are_refused(name: str, weights: Any, proved: CostBou
     content = content_of(proved)
     content["statement"][name] = weights
     with pytest.raises(NoSolutionError, match=f"{name}: not positive semidefinite"):
-        read_cost(content, PENDULUM)
+        read_content(content, Subject(PENDULUM))
 
 
 def test_a_limit_of_an_output_is_refused() -> None:
@@ -226,15 +224,15 @@ def test_a_limit_of_an_output_is_refused() -> None:
 
     model = replace(CART, equations=loaded, outputs=outputs)
     content = cart_bound(0.5).content()
-    CostStatement.read(copy.deepcopy(content), model)
+    CostStatement.read(copy.deepcopy(content), Subject(model))
     with pytest.raises(NoSolutionError, match="load is an output"):
-        CostStatement.read(content | {"limits": {"load": [-1.0, 1.0]}}, model)
+        CostStatement.read(content | {"limits": {"load": [-1.0, 1.0]}}, Subject(model))
 
 
 def test_unknown_entries_of_certificates_are_refused(proved: CostBound) -> None:
     """A certificate with an unknown entry is refused."""
     with pytest.raises(NoSolutionError, match="unknown entry"):
-        read_cost(content_of(proved) | {"note": "x"}, PENDULUM)
+        read_content(content_of(proved) | {"note": "x"}, Subject(PENDULUM))
 
 
 def wagon(x: Any, u: Any, p: Any, w: Any) -> Any:
@@ -367,10 +365,10 @@ def test_the_inequality_is_checked_on_both_sides() -> None:
 def test_a_bound_with_gradient_at_trim_is_refused() -> None:
     """A bound W with a nonzero gradient at the trim is refused."""
     content = cart_bound(0.5).content()
-    CostStatement.read(copy.deepcopy(content), CART)
+    CostStatement.read(copy.deepcopy(content), Subject(CART))
     content["pieces"][0]["W"].append([0.01, [1]])
     with pytest.raises(NoSolutionError, match="W 1"):
-        CostStatement.read(content, CART)
+        CostStatement.read(content, Subject(CART))
 
 
 def test_the_loss_covers_varying_guesses() -> None:
@@ -605,12 +603,3 @@ def _still(inequality: CostInequality, boxes: Boxes) -> Any:
     """
     v, slopes = inequality.best_inputs(boxes.centres)
     return inequality._inputs(boxes, Guess(v, slopes * boxes.half_widths[:, None, :]))
-
-
-def test_certificates_of_an_earlier_version_are_read(proved: CostBound) -> None:
-    """Certificates in the format of an earlier version are read."""
-    content = content_of(proved)
-    content["witness"]["longer"] = [[0, 2]] * len(proved.boxes)
-    statement, witness = read_cost(content, PENDULUM)
-    assert statement.content() == proved.statement.content()
-    assert (witness.solved, witness.boxes) == (("angle", "rate"), proved.witness.boxes)

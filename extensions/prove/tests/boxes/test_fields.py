@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from as_proved import as_proved
 
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
 from hfa_flight.problem import flight_problem
-from hfa_prove.check.cost import CostWitness, VerifiedCost
-from hfa_prove.check.region_boxes import VerifiedBoxes
 from hfa_prove.commands.given_region import _same_coefficients, given_on_boxes
 from hfa_prove.commands.region_boxes import ProvedPolicy, _given, loop_of
 from hfa_prove.commands.request import CheckRequest
@@ -23,14 +22,13 @@ from hfa_prove.report_boxes import checked_report
 from hfa_prove.report_cost import checked_bound_report
 from hfa_prove.statements.cost import CostStatement
 from hfa_prove.statements.piece import Piece, Polynomial
-from hfa_prove.statements.plant import Plant
+from hfa_prove.statements.plant import Plant, Subject
 from hfa_prove.statements.region_boxes import BoxStatement, Gain, digest_of
 from hfa_prove.subject import Given, compare, entries_of
 from hfa_support.errors import BadInputError, NoSolutionError
 from trim.point.linearize import linearize
 from trim.point.solve import trim
 
-WRITTEN = {"version": "1", "date": "2026-01-01", "command": "a test"}
 Change = Callable[[Any], Any]
 #: A cart with a parameter, a state that is held, and an output with limits.
 CART = """
@@ -180,8 +178,8 @@ def test_region_fields_are_compared_or_printed(degree: int, aircraft: str, cart:
     """Each field of a region is compared with the user's input or printed."""
 
     def text_of(content: dict[str, Any]) -> str:
-        statement = BoxStatement.read(content, cart, None)
-        return checked_report(VerifiedBoxes(statement, 1, WRITTEN), "the gain K").text()
+        statement = BoxStatement.read(content, Subject(cart))
+        return checked_report(as_proved(statement), "the gain K").text()
 
     request = CheckRequest(model=cart, aircraft=aircraft, typed=frozenset({"aircraft"}))
     statement = region(cart, degree)
@@ -212,19 +210,18 @@ def test_the_digest_of_a_network_is_compared(cart: Model) -> None:
     with pytest.raises(NoSolutionError, match="policy in the certificate differs"):
         compare(content, FIELDS, _given(loops[1], "the user"))
     with pytest.raises(BadInputError, match="another policy"):
-        BoxStatement.read(content, cart, loops[1].policy)
+        BoxStatement.read(content, Subject(cart, loops[1].policy))
     with pytest.raises(BadInputError, match="is about a policy in a file"):
-        BoxStatement.read(content, cart, None)
+        BoxStatement.read(content, Subject(cart))
 
 
 def test_fields_of_bounds_are_compared_or_printed(cart: Model) -> None:
     """Each field of a cost bound is compared with the user's input or printed."""
 
     def text_of(content: dict[str, Any]) -> str:
-        statement = CostStatement.read(content, cart)
+        statement = CostStatement.read(content, Subject(cart))
         count = len(statement.pieces)
-        witness = CostWitness(("speed",), (1,) * count)
-        verified = VerifiedCost(statement, witness, witness.boxes, WRITTEN)
+        verified = as_proved(statement, sizes=(1,) * count)
         return checked_bound_report(verified, []).text()
 
     problem = flight_problem(cart, trim(cart))

@@ -11,10 +11,12 @@ import pytest
 
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
-from hfa_prove.check.region_boxes import check_region, read_content
+from hfa_prove.certificate import read_content
+from hfa_prove.check.region_boxes import check_region
 from hfa_prove.search.shape_boxes import Shape
+from hfa_prove.statements.plant import Subject
 
-CERTIFICATES = Path(__file__).parent / "certificates"
+CERTIFICATES = Path(__file__).parents[1] / "certificates"
 
 
 def gtm_without_limits() -> Model:
@@ -29,7 +31,7 @@ def size_of(degree: int) -> float:
     model = gtm_without_limits()
     content = json.loads((CERTIFICATES / f"gtm_degree_{degree}.json").read_text())
     content["statement"].update(dynamics=model.name, source=model.source.digest)
-    statement, witness = read_content(content, model, None)
+    statement, witness = read_content(content, Subject(model))
     assert statement.degree == degree
     assert not any(name in statement.loop.limits for name in statement.loop.states)
     check_region(statement, witness)

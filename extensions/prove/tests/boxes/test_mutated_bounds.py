@@ -10,11 +10,11 @@ import pytest
 from mutations import mutate
 
 from hfa_aircraft.model import Model, Signal
-from hfa_prove.certificate import SCHEMA
-from hfa_prove.check.cost import check_cost, read_cost
+from hfa_prove.certificate import SCHEMA, read_content
+from hfa_prove.check.cost import check_cost
 from hfa_prove.statements.cost import CostStatement
 from hfa_prove.statements.piece import Piece, Polynomial
-from hfa_prove.statements.plant import Plant
+from hfa_prove.statements.plant import Plant, Subject
 from hfa_support.errors import BadInputError, NoSolutionError
 
 COUNT = 1000
@@ -67,13 +67,13 @@ def test_no_false_bound_of_1000_is_accepted() -> None:
     """
     rng = np.random.default_rng(0)
     original = content()
-    check_cost(*read_cost(copy.deepcopy(original), CART))
+    check_cost(*read_content(copy.deepcopy(original), Subject(CART)))
     accepted = 0
     for _ in range(COUNT):
         certificate = copy.deepcopy(original)
         mutate(certificate, rng)
         try:
-            statement, witness = read_cost(certificate, CART)
+            statement, witness = read_content(certificate, Subject(CART))
             check_cost(statement, witness)
         except (BadInputError, NoSolutionError):
             continue

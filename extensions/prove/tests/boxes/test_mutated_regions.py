@@ -12,10 +12,11 @@ import pytest
 from mutations import mutate
 from tank import LIMITS, TANK
 
-from hfa_prove.certificate import SCHEMA
-from hfa_prove.check.region_boxes import check_region, read_content
+from hfa_prove.certificate import SCHEMA, read_content
+from hfa_prove.check.region_boxes import check_region
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.piece import Piece, Polynomial
+from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.region_boxes import BoxStatement, Gain, digest_of
 from hfa_support.errors import BadInputError, NoSolutionError
 
@@ -123,7 +124,7 @@ def test_no_false_region_is_accepted(kind: str, count: int) -> None:
     rng = np.random.default_rng(0)
     original = content(kind)
     policy = policy_of(kind)
-    statement, witness = read_content(copy.deepcopy(original), TANK, policy)
+    statement, witness = read_content(copy.deepcopy(original), Subject(TANK, policy))
     assert check_region(statement, witness) > 0
     assert is_true(statement, kind)
     accepted = 0
@@ -131,7 +132,7 @@ def test_no_false_region_is_accepted(kind: str, count: int) -> None:
         certificate = copy.deepcopy(original)
         mutate(certificate, rng)
         try:
-            statement, witness = read_content(certificate, TANK, policy)
+            statement, witness = read_content(certificate, Subject(TANK, policy))
             check_region(statement, witness)
         except (BadInputError, NoSolutionError):
             continue

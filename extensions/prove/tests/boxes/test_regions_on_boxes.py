@@ -20,6 +20,7 @@ from small_networks import imitation
 from hfa.main import main
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model, Signal
+from hfa_prove.certificate import read_content
 from hfa_prove.check.cover import (
     Boxes,
     OpenBoxError,
@@ -31,14 +32,15 @@ from hfa_prove.check.cover import (
 )
 from hfa_prove.check.equilibrium import Equilibrium, zero_near
 from hfa_prove.check.loop_boxes import Decrease
-from hfa_prove.check.region_boxes import BoxWitness, check_region, read_content
+from hfa_prove.check.region_boxes import check_region
 from hfa_prove.commands.region_boxes import scalars
 from hfa_prove.search.interruption import interruptible
 from hfa_prove.search.region_boxes import RegionSearch
 from hfa_prove.search.shape_boxes import Growth, Shape
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.piece import Piece, Polynomial
-from hfa_prove.statements.region_boxes import BoxStatement, Gain
+from hfa_prove.statements.plant import Subject
+from hfa_prove.statements.region_boxes import BoxStatement, BoxWitness, Gain
 from hfa_support.errors import BadInputError, NoSolutionError
 from verification.enclosure.program import Program
 from verification.enclosure.taylor import TaylorProgram, lowest
@@ -226,10 +228,13 @@ def test_another_digest_of_the_policy_is_refused(proved: Any) -> None:
     """A certificate with the digest of another policy is refused."""
     content = copy.deepcopy(proved[0])
     model = load_model(PENDULUM)
-    assert check_region(*read_content(copy.deepcopy(content), model, _same_policy(proved))) > 0
+    assert (
+        check_region(*read_content(copy.deepcopy(content), Subject(model, _same_policy(proved))))
+        > 0
+    )
     content["statement"]["policy"] = "0" * 64
     with pytest.raises(BadInputError, match="is about another policy"):
-        read_content(content, model, _same_policy(proved))
+        read_content(content, Subject(model, _same_policy(proved)))
 
 
 def _same_policy(proved: Any) -> ca.Function:

@@ -9,20 +9,21 @@ from typing import Any
 
 import numpy as np
 import pytest
+from as_proved import as_proved
 from proof_cases import PLANT, certificate, forge, model_of
 
 import hfa
 from hfa import BadInputError
-from hfa_prove.check.schedule import Verified, check_certificate
+from hfa_prove.certificate import read_statement
+from hfa_prove.check import check_certificate
 from hfa_prove.commands.given import given_for
 from hfa_prove.commands.request import CheckRequest
 from hfa_prove.fields import FIELDS, Field, Malformed
 from hfa_prove.report import checked_report
-from hfa_prove.statements.schedule import read_statement
+from hfa_prove.statements.plant import Subject
 from hfa_prove.subject import Given, compare, entries_of, within
 from hfa_support.errors import NoSolutionError
 
-WRITTEN = {"version": "1", "date": "2026-01-01", "command": "a test"}
 #: A certificate of each form that a statement may have.
 CASES = ("rate", "second order", "actuators", "critic", "plant")
 
@@ -77,8 +78,8 @@ def request_for(kind: str, folder: Path) -> CheckRequest:
 
 def text_of(kind: str, content: Any) -> str:
     """Return the text of the report on a statement, without the line of its digest."""
-    statement = read_statement(certificate(kind)["kind"], content, model_of(kind))
-    lines = checked_report(Verified(statement, 1, WRITTEN)).text().splitlines()
+    statement = read_statement(certificate(kind)["kind"], content, Subject(model_of(kind)))
+    lines = checked_report(as_proved(statement)).text().splitlines()
     return "\n".join(line for line in lines if not line.startswith("statement: SHA-256"))
 
 
@@ -88,7 +89,7 @@ def test_each_field_is_compared_or_printed(kind: str, tmp_path: Path) -> None:
     made = certificate(kind)
     content = made["statement"]
     table = FIELDS[made["kind"]]
-    statement = read_statement(made["kind"], content, model_of(kind))
+    statement = read_statement(made["kind"], content, Subject(model_of(kind)))
     given = given_for(statement, request_for(kind, tmp_path))
     compare(content, table, given)
     original = text_of(kind, content)
@@ -167,7 +168,7 @@ def test_options_of_another_kind_are_refused(tmp_path: Path) -> None:
     ):
         request = CheckRequest(model=model, typed=frozenset(options), **options)
         made = certificate(kind)
-        statement = read_statement(made["kind"], made["statement"], None)
+        statement = read_statement(made["kind"], made["statement"])
         with pytest.raises(BadInputError):
             given_for(statement, request)
 
@@ -178,7 +179,7 @@ def test_a_value_of_another_gain_is_refused(tmp_path: Path) -> None:
     A certificate that claims that K is the gain of W is refused too.
     """
     made = certificate("plant")
-    statement = read_statement(made["kind"], made["statement"], None)
+    statement = read_statement(made["kind"], made["statement"])
     assert not statement.gain_of_value
     weights = tmp_path / "weights.npz"
     np.savez(weights, W=np.array(made["statement"]["critic"]["W"])[:, 0])

@@ -25,7 +25,7 @@ from hfa_prove.check.region_squares import _check_extents, check_covered, extent
 from hfa_prove.fields import Fields, Malformed, Rejected
 from hfa_prove.statements.evidence import Evidence, Square
 from hfa_prove.statements.loop import HIGHEST, LOWEST, SaturatedLoop
-from hfa_prove.statements.plant import limits_hold
+from hfa_prove.statements.plant import Subject, limits_hold
 from hfa_prove.statements.region_squares import RegionStatement, _read_parts
 from hfa_support.errors import BadInputError
 from verification.enclosure.polynomial import Polynomial, key_of
@@ -419,9 +419,9 @@ def test_a_disturbance_without_positive_size_is_refused(size: float) -> None:
     extents = {"x": (-1.0, 1.0)}
     statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, extents)
     stated = statement.content()
-    assert RegionStatement.read(stated, DRIVEN).loop.disturbances == {"w": 1.0}
+    assert RegionStatement.read(stated, Subject(DRIVEN)).loop.disturbances == {"w": 1.0}
     with pytest.raises(Malformed, match="disturbances: w"):
-        RegionStatement.read(stated | {"disturbances": {"w": size}}, DRIVEN)
+        RegionStatement.read(stated | {"disturbances": {"w": size}}, Subject(DRIVEN))
 
 
 def test_disturbances_inside_their_range_are_refused() -> None:
@@ -486,7 +486,7 @@ def test_quartic_extents_are_at_most_the_balls() -> None:
 
     The ball has radius 2.
     """
-    loop = RegionStatement.read(sink()["statement"], SINK).loop
+    loop = RegionStatement.read(sink()["statement"], Subject(SINK)).loop
     terms = ((1.0, (4, 0)), (1.0, (0, 2)))
     statement = RegionStatement(loop, terms, 3.0, {"x": (-1.5, 9.0), "y": (-9.0, 1.5)})
     found = extents_of(statement, 2.0 * np.eye(2))
@@ -495,7 +495,7 @@ def test_quartic_extents_are_at_most_the_balls() -> None:
 
 def test_extents_of_an_ellipsoid_are_rounded_outward() -> None:
     """Extents of an ellipsoid are rounded outward: the extent sqrt(3) is not rounded down."""
-    statement = RegionStatement.read(sink()["statement"], SINK)
+    statement = RegionStatement.read(sink()["statement"], Subject(SINK))
     low, high = extents_of(statement, np.eye(2))["x"]
     assert Fraction(high) ** 2 > 3
     assert Fraction(low) ** 2 > 3

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from as_proved import as_proved
 from pendulum_regions import PENDULUM, certified, pendulum_loop
 
 import hfa
@@ -17,7 +18,8 @@ from hfa.main import main
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.march.ending import Outcome
 from hfa_aircraft.model import Model, Signal
-from hfa_prove.check.region_squares import VerifiedRegion, check_certificate
+from hfa_prove.check import check_certificate
+from hfa_prove.check.region_squares import extents_of
 from hfa_prove.commands.given_region import given_for
 from hfa_prove.commands.request import CheckRequest
 from hfa_prove.fields import NOT_PROVED
@@ -25,12 +27,12 @@ from hfa_prove.fields_squares import FIELDS
 from hfa_prove.report_squares import checked_report
 from hfa_prove.search.plant import Plant, outcomes, saturated_loop
 from hfa_prove.statements.loop import SaturatedLoop
+from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.region_squares import RegionStatement
 from hfa_prove.subject import compare, entries_of
 from hfa_support.errors import BadInputError, NoSolutionError
 
 Content = dict[str, Any]
-WRITTEN = {"version": "1", "date": "2026-01-01", "command": "a test"}
 
 
 @pytest.fixture(scope="module")
@@ -99,10 +101,10 @@ def test_each_field_is_compared_or_printed(path: Path, model: Model) -> None:
         if name == "extents":  # the report shows the extents that the checker computes
             continue
         try:
-            statement = RegionStatement.read(other, model)
+            statement = RegionStatement.read(other, Subject(model))
         except NOT_PROVED:
             continue  # refused for all options
-        reported = checked_report(VerifiedRegion(statement, 3, verified.extents, WRITTEN)).text()
+        reported = checked_report(as_proved(statement, verified.witness, (3,))).text()
         assert reported.splitlines() != original.splitlines(), name
         assert name in given or FIELDS[name].shown, name
 
@@ -171,9 +173,9 @@ def test_other_input_limits_are_refused(path: Path, model: Model) -> None:
     content = json.loads(path.read_text())["statement"]
     for limits in ([-0.5, 0.5], [-0.7, 0.6], [None, 0.7], [-0.8, 0.8]):
         with pytest.raises(NOT_PROVED, match="limits: torque"):
-            RegionStatement.read(content | {"limits": {"torque": limits}}, model)
+            RegionStatement.read(content | {"limits": {"torque": limits}}, Subject(model))
     narrower = {"torque": [-0.7, 0.7], "angle": [-1.0, 1.0]}
-    RegionStatement.read(content | {"limits": narrower}, model)
+    RegionStatement.read(content | {"limits": narrower}, Subject(model))
 
 
 def test_printed_extents_are_those_of_the_ellipse(path: Path, model: Model) -> None:
@@ -181,7 +183,8 @@ def test_printed_extents_are_those_of_the_ellipse(path: Path, model: Model) -> N
     verified = check_certificate(path, model=model)
     P = np.array(checked_report(verified).data["P"])
     ends = np.sqrt(verified.statement.rho * np.diag(np.linalg.inv(P)))
-    for (low, high), end in zip(verified.extents.values(), ends, strict=True):
+    extents = extents_of(verified.statement, verified.witness.T)
+    for (low, high), end in zip(extents.values(), ends, strict=True):
         assert high == -low == pytest.approx(end, rel=1e-12)
         assert high >= end
 

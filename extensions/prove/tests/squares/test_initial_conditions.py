@@ -12,7 +12,7 @@ from pendulum_regions import PENDULUM, VAN_DER_POL, certified, pendulum_loop, pr
 from simulated_initial_conditions import count_departures, random_points
 
 from hfa_aircraft.loading import load_model
-from hfa_prove.check.region_squares import check_certificate
+from hfa_prove.check import check_certificate
 from hfa_prove.search.monomials import PolynomialFunction
 from hfa_prove.statements.region_squares import RegionStatement
 

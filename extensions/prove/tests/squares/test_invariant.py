@@ -25,8 +25,10 @@ from scipy.linalg import solve_continuous_lyapunov
 from hfa.main import main
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
+from hfa_prove.certificate import read_content
+from hfa_prove.check import check_certificate
 from hfa_prove.check.loop_squares import RegionLoop
-from hfa_prove.check.region_squares import check_certificate, check_region, read_content
+from hfa_prove.check.region_squares import check_region
 from hfa_prove.fields import Rejected
 from hfa_prove.report_squares import region_report
 from hfa_prove.search.invariant import DisturbedPlant, invariant_region
@@ -35,6 +37,7 @@ from hfa_prove.search.monomials import PolynomialFunction, edge_points
 from hfa_prove.search.plant import Plant, saturated_loop
 from hfa_prove.search.region_squares import Bounds, Region
 from hfa_prove.statements.loop import HIGHEST, LOWEST
+from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.region_squares import RegionStatement
 from hfa_support.errors import NoSolutionError
 from trim.point.linearize import linearize
@@ -122,7 +125,7 @@ def test_the_checker_reports_the_verified_claim(
     """
     verified = check_certificate(certificate, model=model)
     # The torque free, at its lowest and at its highest value, the push at each of its ends.
-    assert verified.parts == 6
+    assert verified.size == 6
     written = tmp_path / "check.json"
     checked = hfa(*OF_CHECK, str(certificate), "-o", str(written))
     assert checked.code == 0
@@ -198,7 +201,7 @@ def test_boundary_evidence_without_disturbances_is_refused(certificate: Path, mo
     for part in content["witness"]["parts"]:
         del part["inputs"][-1]
     with pytest.raises((Rejected, NoSolutionError), match="edge"):
-        check_region(*read_content(content, model))
+        check_region(*read_content(content, Subject(model)))
 
 
 _MODELS = """
@@ -274,7 +277,7 @@ def test_steps_between_ends_of_disturbances_are_detected(tmp_path: Path) -> None
 def test_rates_at_ends_of_disturbance_are_exact(certificate: Path, model: Model) -> None:
     """Rates at the two ends of the disturbance differ by its analytical effect."""
     content = json.loads(certificate.read_text())
-    statement, witness = read_content(content, model)
+    statement, witness = read_content(content, Subject(model))
     loop = RegionLoop(statement, witness.T, witness.order)
     low = loop.rates({"torque": "free", "push": LOWEST})[1]
     high = loop.rates({"torque": "free", "push": HIGHEST})[1]

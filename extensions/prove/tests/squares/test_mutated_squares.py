@@ -10,11 +10,13 @@ import pytest
 from mutations import mutate
 from tank import LIMITS, TANK
 
-from hfa_prove.check.region_squares import check_region, read_content
+from hfa_prove.certificate import read_content
+from hfa_prove.check.region_squares import check_region
 from hfa_prove.fields import NOT_PROVED
 from hfa_prove.search.level import LevelSearch, Setting, accepted, holding_ball
 from hfa_prove.search.monomials import PolynomialFunction
 from hfa_prove.statements.loop import SaturatedLoop
+from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.region_squares import RegionStatement
 
 #: Quadratic and quartic V with the level that is proved.
@@ -93,7 +95,7 @@ def test_no_false_region_of_squares_is_accepted(kind: str, count: int) -> None:
     """
     rng = np.random.default_rng(0)
     original = content(kind)
-    statement, witness = read_content(copy.deepcopy(original), TANK)
+    statement, witness = read_content(copy.deepcopy(original), Subject(TANK))
     assert check_region(statement, witness) > 0
     assert is_true(statement)
     accepted_claims = 0
@@ -101,7 +103,7 @@ def test_no_false_region_of_squares_is_accepted(kind: str, count: int) -> None:
         certificate = copy.deepcopy(original)
         mutate(certificate, rng)
         try:
-            statement, witness = read_content(certificate, TANK)
+            statement, witness = read_content(certificate, Subject(TANK))
             check_region(statement, witness)
         except NOT_PROVED:
             continue
@@ -115,6 +117,6 @@ def test_false_claims_about_the_tank_are_rejected() -> None:
 
     Levels of V above 1.2 exceed the limits.
     """
-    statement, _ = read_content(content("quadratic"), TANK)
+    statement, _ = read_content(content("quadratic"), Subject(TANK))
     for changes in ({"rho": 1.5}, {"extents": {"level": (-0.8, 0.91)}}, {"terms": ((-1.0, (2,)),)}):
         assert not is_true(RegionStatement(**{**vars(statement), **changes}))

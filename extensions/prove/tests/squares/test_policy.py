@@ -17,12 +17,15 @@ from controller.game.zero_sum import Game
 from hfa.main import main
 from hfa_aircraft.march.ending import Outcome
 from hfa_aircraft.model import Model
+from hfa_prove.certificate import read_content
+from hfa_prove.check import check_certificate
 from hfa_prove.check.loop_squares import RegionLoop
-from hfa_prove.check.region_squares import check_certificate, check_region, read_content
+from hfa_prove.check.region_squares import check_region
 from hfa_prove.commands.given_region import policy_terms
 from hfa_prove.fields import Rejected
 from hfa_prove.search.monomials import PolynomialFunction, edge_points
 from hfa_prove.search.plant import Plant, outcomes
+from hfa_prove.statements.plant import Subject
 from hfa_support.errors import BadInputError
 from verification.enclosure.polynomial import exponents_of
 
@@ -94,7 +97,7 @@ def test_the_checker_evaluates_the_stated_policy(
     certificate: Path, model: Model, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The statement contains the terms of the policy, and the checker evaluates the same policy."""
-    statement, witness = read_content(json.loads(certificate.read_text()), model)
+    statement, witness = read_content(json.loads(certificate.read_text()), Subject(model))
     assert {powers for _, powers in statement.loop.policy["torque"]} == {(3, 0), (0, 3)}
     ball = RegionLoop(statement, witness.T, witness.order)
     policy = critic_of(BASIS, WEIGHTS).policy
@@ -137,7 +140,7 @@ def test_a_destabilizing_policy_is_refused(certificate: Path, model: Model) -> N
     content = json.loads(certificate.read_text())
     content["statement"]["policy"] = {"torque": [[40.0, [3, 0]]]}
     with pytest.raises(Rejected):
-        check_region(*read_content(content, model))
+        check_region(*read_content(content, Subject(model)))
 
 
 def test_flights_from_the_edge_converge(certificate: Path, model: Model) -> None:

@@ -28,7 +28,9 @@ from pendulum_regions import (
 from hfa.main import main
 from hfa_aircraft.march.ending import Outcome
 from hfa_aircraft.model import Model, Signal
-from hfa_prove.check.region_squares import check_certificate, check_region, read_content
+from hfa_prove.certificate import read_content
+from hfa_prove.check import check_certificate
+from hfa_prove.check.region_squares import check_region
 from hfa_prove.fields import Rejected
 from hfa_prove.report_squares import region_report
 from hfa_prove.search.interruption import interruptible
@@ -37,6 +39,7 @@ from hfa_prove.search.monomials import PolynomialFunction
 from hfa_prove.search.plant import Plant, outcomes
 from hfa_prove.search.region_squares import RegionSearch, starts_by_outcome
 from hfa_prove.statements.loop import SaturatedLoop
+from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.region_squares import RegionStatement
 from verification.enclosure.ball_function import BallFunction, Undecided
 from verification.enclosure.polynomial import Polynomial, exponents_of
@@ -160,7 +163,7 @@ def test_a_certificate_is_checked_and_reported(
 ) -> None:
     """A certificate is verified with three parts, and the report shows the input limit."""
     verified = check_certificate(certificate, model=model)
-    assert verified.parts == 3
+    assert verified.size == 3
     assert main(["prove", "--aircraft", PENDULUM, "--check", str(certificate)]) == 0
     shown = capsys.readouterr().out
     assert "Verified, proved" in shown
@@ -223,7 +226,7 @@ def test_a_set_beyond_limits_of_state_is_refused(certificate: Path, model: Model
     content = json.loads(certificate.read_text())
     content["statement"]["limits"]["angle"] = [-0.1, 0.1]
     with pytest.raises(Rejected, match="angle is not proved to stay within its limits"):
-        check_region(*read_content(content, model))
+        check_region(*read_content(content, Subject(model)))
 
 
 @pytest.mark.slow

@@ -18,13 +18,15 @@ import hfa
 from hfa.main import main
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
-from hfa_prove.check.region_squares import check_region, read_content, write_certificate
+from hfa_prove.certificate import read_content, write_certificate
+from hfa_prove.check.region_squares import check_region
 from hfa_prove.fields import NOT_PROVED
 from hfa_prove.search.invariant import EdgeSearch
 from hfa_prove.search.level import LevelSearch, Setting, accepted, holding_ball
 from hfa_prove.search.monomials import PolynomialFunction
 from hfa_prove.search.plant import saturated_loop
 from hfa_prove.statements.loop import SaturatedLoop
+from hfa_prove.statements.plant import Subject
 
 EXAMPLES = Path(__file__).parents[4] / "examples"
 PENDULUM = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
@@ -80,7 +82,7 @@ def read_and_check(content: dict[str, Any], model: Model) -> int:
     The digest is not tested. Raises one of `NOT_PROVED` if the checker refuses the content.
     """
     closing = dict.fromkeys(("schema", "toolchain", "digest", "provenance", "checksum"))
-    statement, witness = read_content(closing | content, model)
+    statement, witness = read_content(closing | content, Subject(model))
     return check_region(statement, witness)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hfa_prove.check.region_squares import check_certificate
+from hfa_prove.check import check_certificate
 from hfa_prove.search.invariant import DisturbedPlant
 from hfa_prove.search.monomials import PolynomialFunction
 from hfa_prove.search.plant import Plant

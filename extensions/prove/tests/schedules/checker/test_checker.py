@@ -15,10 +15,12 @@ import hfa
 from hfa import BadInputError
 from hfa_model import INPUTS, STATES
 from hfa_prove import Family, check_certificate, prove_schedule
+from hfa_prove.certificate import read_statement
 from hfa_prove.check import trims
 from hfa_prove.fields import Fields, Rejected
 from hfa_prove.report import checked_report
-from hfa_prove.statements.schedule import TrimBox, content_of, read_statement
+from hfa_prove.statements.plant import Subject
+from hfa_prove.statements.schedule import TrimBox
 from trim import release
 from trim.hfa.level_flight import LEVEL_FLIGHT
 
@@ -32,7 +34,7 @@ def test_a_certificate_is_verified_and_reported(kind: str, tmp_path: Path) -> No
     """
     path = forge(tmp_path / "own.json", certificate(kind))
     verified = check_certificate(path, model=model_of(kind))
-    assert content_of(verified.statement) == certificate(kind)["statement"]
+    assert verified.statement.content() == certificate(kind)["statement"]
     report = checked_report(verified)
     assert report.title.startswith("Verified, proved")
     assert report.data["claim"] == certificate(kind)["statement"]
@@ -43,8 +45,10 @@ def test_a_written_statement_is_read_unchanged() -> None:
     """A statement that is written and read again equals the original."""
     for kind in PROOFS:
         own = certificate(kind)
-        statement = read_statement(own["kind"], copy.deepcopy(own["statement"]), model_of(kind))
-        assert content_of(statement) == own["statement"]
+        statement = read_statement(
+            own["kind"], copy.deepcopy(own["statement"]), Subject(model_of(kind))
+        )
+        assert statement.content() == own["statement"]
 
 
 @pytest.mark.parametrize("name", ["loop", "modes", "motion"])

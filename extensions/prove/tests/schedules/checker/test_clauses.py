@@ -18,12 +18,13 @@ import hfa
 from hfa import Game, prove_solution
 from hfa_aircraft.model import Model, Signal
 from hfa_prove import Family
+from hfa_prove.certificate import read_statement
+from hfa_prove.check import check_certificate
 from hfa_prove.check.equilibrium import root_offsets
 from hfa_prove.check.game import check_axis, check_gain, distance_bounds, solution_on
 from hfa_prove.check.loop import LoopBox, closed_loop
 from hfa_prove.check.modes import check_motion, check_pieces, least_and_most
 from hfa_prove.check.schedule import (
-    check_certificate,
     check_game,
 )
 from hfa_prove.check.trims import (
@@ -34,6 +35,7 @@ from hfa_prove.check.trims import (
     linear_model_on,
 )
 from hfa_prove.fields import Fields, Malformed, Rejected
+from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.schedule import (
     Controller,
     FixedActuators,
@@ -46,7 +48,6 @@ from hfa_prove.statements.schedule import (
     Weights,
     _read_limits,
     in_model_unit,
-    read_statement,
 )
 from verification.enclosure.balls import doubles
 from verification.enclosure.series import TaylorModel
@@ -422,7 +423,9 @@ def test_a_root_must_be_within_its_radius() -> None:
 def test_boxes_of_another_branch_are_refused() -> None:
     """Boxes of the trims -sqrt(1 + p) are refused for a branch stated at +sqrt(2)."""
     made = certificate("two trims")
-    flight = read_statement("schedule", copy.deepcopy(made["statement"]), two_trims()).flight  # type: ignore[union-attr]
+    flight = read_statement(
+        "schedule", copy.deepcopy(made["statement"]), Subject(two_trims())
+    ).flight  # type: ignore[union-attr]
     models = []
     for box in of_the_other_trim("two trims")["witness"]["modes"]:
         entries = Fields("box", {"range": box["range"], "trim": box["trim"]})
@@ -485,7 +488,7 @@ def test_the_game_of_the_other_trim_is_refused() -> None:
     made = copy.deepcopy(of_the_other_trim("one of two"))
     flight = certificate("one of two")["statement"]["flight"]
     made["statement"]["flight"]["trims"] = flight["trims"]
-    statement = read_statement("game", made["statement"], two_trims())
+    statement = read_statement("game", made["statement"], Subject(two_trims()))
     witness = GameWitness.read(Fields("witness", made["witness"]), statement)
     with pytest.raises(Rejected, match="branch"):
         check_game(statement, witness)
@@ -519,7 +522,7 @@ def test_loops_stable_for_doubles_only_are_refused() -> None:
 
     def check(*, decimals: bool) -> int:
         claim["decimals"] = decimals
-        statement = read_statement("game", copy.deepcopy(claim), model)
+        statement = read_statement("game", copy.deepcopy(claim), Subject(model))
         entries = Fields("witness", copy.deepcopy({**kept, "loop": [line]}))
         return check_game(statement, GameWitness.read(entries, statement))
 
