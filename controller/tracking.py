@@ -20,6 +20,8 @@ from hfa_support.reporting.text import Table, shown_unit, shown_value
 from trim.linear.linear_model import LinearModel
 from trim.point.commanded import CommandedTrim, commanded_trim
 
+#: Usual time over which means are computed, s.
+DURATION = 20.0
 #: Times at which means over the duration are computed.
 _TIMES = 2001
 
@@ -163,25 +165,31 @@ class Tracking(Result, Reported):
             f" {describe(name, found.beyond[name])}{more}"
         )
 
-    def _trim_parts(self) -> tuple[Table, ...]:
+    def _trim_parts(self) -> tuple[Table | str, ...]:
         """Return a table of the trims at the commands, () without an aircraft."""
         if not self.trims:
             return ()
+        model = self.trims[0].model
+        commanded = {name for found in self.trims for name in found.command}
+        columns = []
+        for found in self.trims:
+            is_whole = len(found.command) > 1 and set(found.command) == commanded
+            columns.append("all" if is_whole else " ".join(found.command))
         free = tuple(dict.fromkeys(name for found in self.trims for name in found.needed))
         rows = []
-        for found in self.trims:
+        for name in free:
+            unit = model.unit(name)
             values = []
-            for name in free:
-                if name not in found.needed:
-                    values.append("")
-                    continue
+            for found in self.trims:
+                value = found.needed.get(name)
                 mark = "!" if name in found.beyond else ""
-                values.append(shown_value(found.needed[name], found.model.unit(name), ".4g") + mark)
-            verdict = "yes" if found.is_reachable else "no"
-            rows.append((" ".join(found.command), *values, verdict))
-        model = self.trims[0].model
-        units = ["", *(shown_unit(model.unit(name)) for name in free), ""]
-        return (Table(("trim at command", *free, "reachable"), [tuple(units), *rows]),)
+                values.append("" if value is None else shown_value(value, unit, ".4g") + mark)
+            rows.append((name, shown_unit(unit), *values))
+        verdicts = ("yes" if found.is_reachable else "no" for found in self.trims)
+        table = Table(("trim at", "unit", *columns), [*rows, ("reachable", "", *verdicts)])
+        if any(found.beyond for found in self.trims):
+            return table, "! beyond its limit"
+        return (table,)
 
 
 def track(
@@ -190,7 +198,7 @@ def track(
     reference: Mapping[str, float | str] | Waveform,
     *,
     K: np.ndarray | None = None,
-    duration: float = 20.0,
+    duration: float = DURATION,
 ) -> Tracking:
     """Return the exact feedforward for a reference of the states, with what it costs and needs.
 
@@ -221,12 +229,12 @@ def track(
             refuse_unknown("unknown state", name, linear.states)
             channels[name] = channel(value if isinstance(value, str) else f"{value:.17g}")
         reference = stacked(channels, linear.states)
-    exact = feedforward(solution.game, solution.P, reference)
     gain = solution.K if K is None else solution.game.checked_gain(K)
-    return Tracking(exact, gain, duration, _trims(linear, reference))
+    exact = feedforward(solution.game, solution.P, reference)
+    return Tracking(exact, gain, duration, commanded_trims(linear, reference))
 
 
-def _trims(linear: LinearModel, reference: Waveform) -> tuple[CommandedTrim, ...]:
+def commanded_trims(linear: LinearModel, reference: Waveform) -> tuple[CommandedTrim, ...]:
     """Return the trims at each command, at the constant commands together, and at all together."""
     point = linear.point
     if point is None or point.problem is None:

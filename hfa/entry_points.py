@@ -116,7 +116,7 @@ COMMANDS = {
         example="hfa solve --dihedral 15 --delta 300",
         results=(
             "controller.riccati.gare:Solution hfa.options.game:NamedGame"
-            " controller.expansion.expansion:Expansion?",
+            " controller.expansion.expansion:Expansion? hfa.options.reference:Tracked?",
             "controller.discrete.report:AnalysedDiscreteGame hfa.options.game:NamedGame",
         ),
     ),
@@ -137,7 +137,7 @@ COMMANDS = {
         example="hfa verify --dihedral 15 --weights learned.npz",
         results=(
             "verification.verdict:Verdict verification.verdict:Details"
-            " hfa.options.game:Weights hfa.options.game:NamedGame",
+            " hfa.options.game:Weights hfa.options.game:NamedGame hfa.options.reference:Tracked?",
             "verification.verdict:Verdicts hfa.options.game:Weights hfa.options.game:NamedGame",
         ),
     ),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +13,10 @@ from hfa.options.draws import draws_option, with_draws
 from hfa.options.game import CONTINUOUS, GameGiven, NamedGame
 from hfa.options.output import ProgressLine
 from hfa.options.part import OfModel, option, part
+from hfa.options.reference import reference_option, with_tracking
 from hfa.options.request import Request, command
 from hfa.options.trim import Trim
+from hfa_aircraft.waveform import Waveform
 from hfa_support.reporting.checks import Check
 from hfa_support.reporting.results import Matrix, Result, stored_as
 
@@ -83,6 +85,7 @@ class SolveRequest(GameRequest):
         "D",
         whole(2, 5),
     )
+    reference: Mapping[str, Waveform] = reference_option()
     draws: int | None = draws_option()
 
 
@@ -94,15 +97,17 @@ def solve(request: SolveRequest) -> int:
     A file of --model with B1, B2, C1, D12 and optionally C2, D21, D11, D22 is a generalized plant,
     as for `hinfsyn`. The H-infinity norm of the closed loop is then below delta, by default 1.01
     delta_min. With --order D, the value and the policy of the nonlinear aircraft are also computed,
-    as polynomials, with the set in which they agree with simulated flights. The exit code is 1 if
-    there is no certified solution."""
+    as polynomials, with the set in which they agree with simulated flights. With --reference, the
+    exact feedforward for a command is reported, with the cost of tracking, and whether the command
+    is a trim. The exit code is 1 if there is no certified solution."""
     from controller.expansion.expansion import expand
     from controller.riccati import gare
 
     plant = request.game.plant
     if plant is not None or request.game.design is not None:
         request.refuse(
-            ("order",), "requires the equations of an aircraft; remove --model and --design"
+            ("order", "reference"),
+            "requires the equations of an aircraft; remove --model and --design",
         )
     arrays = None
     if plant is not None:
@@ -132,6 +137,7 @@ def solve(request: SolveRequest) -> int:
         expanded = expand(named.linear, solution, request.order).report()
         parts = (*solved.parts, expanded.title, *expanded.parts)
         solved = replace(solved, parts=parts).with_data(**expanded.data)
+    solved = with_tracking(solved, request.reference, named, solution.P, solution.K)
     subject = (named, solution.K)
     report = with_draws(solved, request.draws, request.aircraft, request.trim, subject)
     request.show(report.with_data(**named.as_data()), notes=named.warnings)

@@ -20,8 +20,10 @@ from hfa.options.draws import draws_option, with_draws
 from hfa.options.game import CONTINUOUS, NamedGame
 from hfa.options.output import Output, ProgressLine, picture_option
 from hfa.options.part import option, part
+from hfa.options.reference import reference_option, with_tracking
 from hfa.options.request import command
 from hfa_aircraft.model import Model
+from hfa_aircraft.waveform import Waveform
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown
 from hfa_support.files import MATRIX_FILES, note_read
 from hfa_support.progress import with_progress
@@ -114,6 +116,7 @@ class VerifyRequest(GameRequest):
     limit_cost: float | None = option(
         "largest excess of the cost above the optimum for exit code 0, percent", "PERCENT", positive
     )
+    reference: Mapping[str, Waveform] = reference_option()
     region: float | None = option(
         "add the region of attraction of the saturated loop, searched for S seconds",
         "S",
@@ -137,13 +140,14 @@ def verify(request: VerifyRequest) -> int:
     every check passes or the cost is within --limit-cost, and 1 otherwise."""
     paths = [path for files in request.weights for path in files]
     _refuse_unused(request, paths)
-    if request.draws is not None and len(paths) > 1:
-        raise BadInputError(
-            "--draws requires a single critic; remove --draws, or give a single file with --weights"
+    if len(paths) > 1:
+        request.refuse(
+            ("draws", "reference"),
+            "requires a single critic; remove it, or give a single file with --weights",
         )
     named = request.named_game() if paths else request.game.game(request.aircraft, request.trim)
     if named.discrete is not None:
-        request.refuse(("discount", "dt", "region", "flights", "draws"), CONTINUOUS)
+        request.refuse(("discount", "dt", "region", "flights", "draws", "reference"), CONTINUOUS)
     game = _judged_game(request, named)
     scope = Scope(
         nearby=None if request.trim.at is None else partial(_nearby, request, named.game),
@@ -182,7 +186,9 @@ def verify(request: VerifyRequest) -> int:
         from hfa_optimal.commands.section import with_flights
 
         report = with_flights(report, judged, named, request.flights)
-    subject = (named, judged[-1].critic.K)
+    last = judged[-1]
+    report = with_tracking(report, request.reference, named, last.exact.P, last.critic.K)
+    subject = (named, last.critic.K)
     report = with_draws(report, request.draws, request.aircraft, request.trim, subject)
     request.show(report, figure=partial(_figure, verdicts, origin), notes=named.warnings)
     return 0 if all(verdict.holds(cost) for verdict in judged) else 1
@@ -271,6 +277,8 @@ def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
         raise BadInputError("--discount and --dt require each other; give both options")
     if request.discount is not None and not paths:
         raise BadInputError("--discount requires a critic; give a file with --weights")
+    if request.discount is not None:
+        request.refuse(("reference",), CONTINUOUS)
     if not paths:
         request.refuse(
             ("reading.basis",),

@@ -1,0 +1,77 @@
+"""Section on the tracking of a reference, which `--reference` adds to reports."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from controller.reference import feedforward
+from controller.tracking import DURATION, Tracking, commanded_trims
+from hfa.options.argument_types import quantity
+from hfa.options.part import OfModel, option
+from hfa_aircraft.model import Model
+from hfa_aircraft.waveform import Waveform, channel, stacked
+from hfa_support.errors import BadInputError, choice_of
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.results import Result
+
+if TYPE_CHECKING:
+    from hfa.options.game import NamedGame
+
+
+def _commanded(model: Model, name: str, text: str) -> Waveform:
+    """Return the command of a state, (1,), in the units of the model; angles are typed in degrees.
+
+    Raises BadInputError for an unknown state, or a text that is no signal.
+    """
+    if name not in model.linear:
+        raise BadInputError(f"is unknown; {choice_of(name, model.linear)}")
+    one = quantity(model, name, "1")
+    return channel(text).through(np.array([[one]]))
+
+
+def reference_option() -> Any:
+    """Return the field `reference` of a request, with the option --reference."""
+    return option(
+        "track a reference: deviation of a state from the trim, a sum of terms such as 7, 0.01t, "
+        "2sin(0.5t) with t in s, degrees for angles; repeatable",
+        "NAME=SIGNAL",
+        OfModel(_commanded),
+        named=True,
+        rare=True,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Tracked(Result):
+    """Entry that --reference adds to a result.
+
+    tracking: the tracking of the reference
+    """
+
+    tracking: Tracking
+
+
+def with_tracking(
+    report: Report, reference: Mapping[str, Waveform], named: NamedGame, P: Any, K: Any
+) -> Report:
+    """Return a report with a section on tracking if --reference is given.
+
+    P: (n, n), of the exact value z'P z
+    K: gain of the feedback, (m, n)
+
+    Raises BadInputError without an aircraft.
+    """
+    if not reference:
+        return report
+    if named.linear is None:
+        raise BadInputError("--reference requires an aircraft; remove --model and --design")
+    commands = stacked(reference, named.linear.states)
+    exact = feedforward(named.game, P, commands)
+    tracking = Tracking(exact, K, DURATION, commanded_trims(named.linear, commands))
+    section = tracking.report()
+    parts = (*report.parts, section.title, *section.parts)
+    return replace(report, parts=parts).with_data(**Tracked(tracking).as_data())
