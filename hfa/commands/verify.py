@@ -278,7 +278,7 @@ def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
     if request.discount is not None and not paths:
         raise BadInputError("--discount requires a critic; give a file with --weights")
     if request.discount is not None:
-        request.refuse(("reference",), CONTINUOUS)
+        request.refuse(("reference",), "applies only to continuous time; remove it or --discount")
     if not paths:
         request.refuse(
             ("reading.basis",),
