@@ -9,6 +9,7 @@ import numpy as np
 from controller.discrete.solution import DiscreteSolution, minimum_delta_discrete, solve_discrete
 from controller.game.discrete_game import DiscreteGame
 from controller.riccati.smallest_delta import DeltaMin
+from controller.riccati.solution_report import sensitivity_warning
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import checks_block
 from hfa_support.reporting.report import Report, Reported
@@ -90,6 +91,7 @@ def discrete_report(analysed: AnalysedDiscreteGame) -> Report:
             *controller_tables({"K": (inputs, states, solution.K)}, solution.has_finite_cost),
             f"u = -K x {stabilizes}: A - B K has the spectral radius {solution.radius:.7g},"
             f" sqrt(discount) (A - B K) {solution.discounted_radius:.7g}",
+            *sensitivity_warning(solution.certificate),
             checks_block(solution.certificate.checks),
         ),
         data=analysed.as_data(),

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from controller.discrete.sensitivity import gain_change_in_steps
 from controller.discrete.step_form import NoValueError, StepForm
 from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
@@ -16,8 +17,10 @@ from controller.riccati.careful_derivations import by_refined_doubling, by_schur
 from controller.riccati.certificate import (
     INDEFINITENESS,
     RESIDUAL,
+    TEST_OF_SENSITIVITY,
     Certificate,
     agreement_checks,
+    checks_of,
     refuse_failures,
 )
 from controller.riccati.delta_search import Answer, smallest_delta
@@ -158,12 +161,18 @@ def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> D
         smallest = _smallest_delta(form, progress)  # raises if no delta suffices
         advice = smallest.advice(form.delta)
         raise NoSolutionError(f"{prefix}: {failure}; {advice}") from failure
+    moved = form.A
+    if problem.continuous is not None:  # A - I is that of the entries, times the sample time
+        moved = form.A - math.sqrt(problem.discount) * np.eye(len(form.A))
+    change = gain_change_in_steps(accurate, X, form, moved)
+    sensitivity = checks_of(TEST_OF_SENSITIVITY, {"gain_change": change})
+    refuse_failures(sensitivity)
     return DiscreteSolution(
         P=accurate.value(X),
         K=K,
         disturbance_gain=accurate.disturbance_gain(X),
         problem=problem,
-        certificate=Certificate((*certificate.checks, handed_out)),
+        certificate=Certificate((*certificate.checks, *sensitivity, handed_out)),
         radius=radius,
         discounted_radius=math.sqrt(problem.discount) * radius,
     )

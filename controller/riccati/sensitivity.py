@@ -12,7 +12,8 @@ Equations, 2003, Chapter 5.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -73,13 +74,35 @@ def gain_change_bounds(
     return LAST_PLACE * (integral + norms(_direct_change(form, X, K))) / _size(form, unit_gain)
 
 
+class Columns(NamedTuple):
+    """Pairs of columns p, e for which the changes p'D e of a gain are computed.
+
+    pairs: the pairs (n,), (n,): one for each entry of K, or random sums of entries.
+    are_drawn: whether the pairs are random sums.
+    """
+
+    pairs: list[tuple[np.ndarray, np.ndarray]]
+    are_drawn: bool
+
+    @classmethod
+    def of(cls, rows: np.ndarray, columns: np.ndarray) -> Columns:
+        """Return the pairs for the entries of a gain, or for `DRAWS` sums of many entries.
+
+        rows: (n, m), p of each row of K
+        columns: (n, n), e of each column of K
+        """
+        m, n = rows.shape[1], columns.shape[1]
+        if m * n <= MOST_ENTRIES:
+            return cls([(p, e) for p in rows.T for e in columns.T], False)
+        signs = np.random.default_rng(0).choice([-1.0, 1.0], (DRAWS, m + n))
+        return cls([(rows @ each[:m], columns @ each[m:]) for each in signs], True)
+
+
 def gain_change(form: NormalForm, X: np.ndarray, given: NormalForm) -> float:
     """Return the relative change of K for one unit in the last place of the entries of one game.
 
     Each entry of K is a linear function of a, b, e, q and r. The magnitudes of its coefficients
-    are added, for the least favorable signs. If K has more than `MOST_ENTRIES` entries, `DRAWS`
-    sums of its entries with random signs represent them. Twice the mean of their changes is an
-    estimate from above of the sum of the norms of the changes of K by each entry (Khintchine).
+    are added, for the least favorable signs.
 
     form: normal form of the game, in the coordinates in which X is accurate
     X: (n, n), solution
@@ -95,13 +118,9 @@ def gain_change(form: NormalForm, X: np.ndarray, given: NormalForm) -> float:
     L = form.E.T @ X / form.delta
     rows = back.T @ X
     direct = _direct_change(given, rows @ back, K @ back)
-    columns = [(b, e) for b in form.B.T for e in back.T]
-    is_drawn = K.size > MOST_ENTRIES
-    if is_drawn:
-        signs = np.random.default_rng(0).choice([-1.0, 1.0], (DRAWS, sum(K.shape)))
-        columns = [(form.B @ each[: len(K)], back @ each[len(K) :]) for each in signs]
+    columns = Columns.of(form.B, back)
     changes = []
-    for Z in _weighted(form.A - form.S @ X, columns):
+    for Z in weighted(form.A - form.S @ X, columns):
         change = (A * np.abs(rows @ Z @ into.T)).sum() + (B * np.abs(rows @ Z @ K.T)).sum()
         change += (E * np.abs(rows @ Z @ L.T)).sum()
         if np.isfinite(form.delta):
@@ -109,24 +128,45 @@ def gain_change(form: NormalForm, X: np.ndarray, given: NormalForm) -> float:
         change += 0.5 * (Q * np.abs(into @ Z @ into.T)).sum()
         change += 0.5 * (R * np.abs(K @ Z @ K.T)).sum()
         changes.append(2.0 * change)
-    if is_drawn:
+    return relative_change(given, unit_gain @ back, direct, columns, changes)
+
+
+def relative_change(
+    given: NormalForm,
+    unit_gain: np.ndarray,
+    direct: np.ndarray,
+    columns: Columns,
+    changes: Sequence[float],
+) -> float:
+    """Return the relative change of a gain for one unit in the last place of the entries.
+
+    For random sums of entries, twice the mean of their changes is an estimate from above of the sum
+    of the norms of the changes of K by each entry of the game (Khintchine).
+
+    given: the game in the coordinates of its entries
+    unit_gain: K with R = I in these coordinates, (m, n)
+    direct: bound of the change of K that is not due to the change of X, (m, n)
+    columns: pairs of columns of the changes
+    changes: change of K for each pair, due to the change of X
+    """
+    if columns.are_drawn:
         total = 2.0 * np.mean(changes) + np.linalg.norm(direct)
     else:
-        total = np.linalg.norm(np.reshape(changes, K.shape) + direct)
-    return float(LAST_PLACE * total / _size(given, unit_gain @ back))
+        total = np.linalg.norm(np.reshape(changes, unit_gain.shape) + direct)
+    return float(LAST_PLACE * total / _size(given, unit_gain))
 
 
-def _weighted(F: np.ndarray, columns: list[tuple[np.ndarray, np.ndarray]]) -> Iterator[np.ndarray]:
-    """Yield for each pair of columns b, e the Z with F Z + Z F' + (b e' + e b')/2 = 0.
+def weighted(F: np.ndarray, columns: Columns) -> Iterator[np.ndarray]:
+    """Yield for each pair of columns p, e the Z with F Z + Z F' + (p e' + e p')/2 = 0.
 
-    For every G and the D with F'D + D F + G = 0, the product b'D e is the trace of G Z.
+    For every G and the D with F'D + D F + G = 0, the product p'D e is the trace of G Z.
     """
     from scipy.linalg import schur
     from scipy.linalg.lapack import dtrsyl
 
     T, U = schur(F)
-    for b, e in columns:
-        turned = np.outer(U.T @ b, U.T @ e)
+    for p, e in columns.pairs:
+        turned = np.outer(U.T @ p, U.T @ e)
         Z, scale, _ = dtrsyl(T, T, (turned + turned.T) / -2.0, tranb="T")
         yield U @ (Z / scale) @ U.T
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from controller.game.weights import matrix_text
 from controller.riccati.balancing import is_hurwitz
-from controller.riccati.certificate import NOTICEABLE, TEST_OF_SENSITIVITY
+from controller.riccati.certificate import NOTICEABLE, TEST_OF_SENSITIVITY, Certificate
 from hfa_support.reporting.checks import checks_block
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import (
@@ -47,7 +47,7 @@ def solution_report(solution: Solution) -> Report:
                 {"K": (inputs, states, solution.K)},
                 lambda printed: is_hurwitz(game.A - game.B @ printed["K"]),
             ),
-            *_sensitivity(solution),
+            *sensitivity_warning(solution.certificate),
             f"closed loop A - B K, 1/s: {', '.join(map(eigenvalue_text, poles))}",
             checks_block(solution.certificate.checks),
             *confirmed,
@@ -63,9 +63,9 @@ def solution_report(solution: Solution) -> Report:
     )
 
 
-def _sensitivity(solution: Solution) -> Iterator[str]:
+def sensitivity_warning(certificate: Certificate) -> Iterator[str]:
     """Yield a warning if the last digits of the entries of the game change K noticeably."""
-    for check in solution.certificate.checks:
+    for check in certificate.checks:
         if check.name in TEST_OF_SENSITIVITY and check.value > NOTICEABLE:
             yield (
                 f"WARNING: one unit in the last place of the entries of the game changes K by\n"

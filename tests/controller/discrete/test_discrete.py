@@ -4,6 +4,7 @@ They are compared with value iteration, closed forms and continuous time. Bad in
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +18,9 @@ from tolerances import FEW_ROUNDINGS, SAME_SOLUTION
 from controller import minimum_delta
 from controller.discrete.report import analyse_discrete, discrete_report
 from controller.discrete.solution import (
+    DiscreteSolution,
     minimum_delta_discrete,
+    quick_discrete,
     sampled,
     solve_discrete,
     value_checks,
@@ -387,6 +390,63 @@ def test_p_of_a_costless_unstable_mode_stabilizes_it(pole):
     solution = solve_discrete(DiscreteGame(game, 1.0))
     assert solution.P[0, 0] == pytest.approx(pole**2 - 1.0, rel=FEW_ROUNDINGS)
     assert solution.radius == pytest.approx(1.0 / abs(pole), rel=FEW_ROUNDINGS)
+
+
+def _nearly_repeated(weight: float) -> DiscreteGame:
+    """Return a game whose A has two eigenvalues 1 up to rounding: its last digits move them."""
+    A = np.eye(2) + 0.125 * np.array([[1.0, 1.0], [-1.0, -1.0]])
+    return DiscreteGame(Game(A, [[1e-8], [0.0]], np.zeros((2, 1)), weight * np.eye(2), np.eye(1)))
+
+
+def test_a_gain_in_discrete_time_without_reliable_digits_is_refused() -> None:
+    """The last digit of one entry changes K noticeably, and with less weight by more than 1 %."""
+    with pytest.raises(NoSolutionError, match="last place"):
+        solve_discrete(_nearly_repeated(1e-16))
+    problem = _nearly_repeated(1e-10)
+    solution = solve_discrete(problem)
+    A = problem.A.copy()
+    A[0, 0] = np.nextafter(A[0, 0], 2.0)
+    moved = solve_discrete(replace(problem, step=replace(problem.step, A=A)))
+    change = relative_error(moved.K, solution.K)
+    assert change < _gain_change(solution) < 10.0 * change
+    assert "WARNING" in str(discrete_report(analyse_discrete(problem)))
+    usual = DiscreteGame(_game())
+    assert "WARNING" not in str(discrete_report(analyse_discrete(usual)))
+
+
+def _gain_change(solution: DiscreteSolution) -> float:
+    (check,) = [each for each in solution.certificate.checks if each.name == "gain_change"]
+    return check.value
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_bound_of_the_change_of_a_gain_in_discrete_time_is_true_and_tight(seed: int) -> None:
+    """Changes of each entry alone add up to less than the bound, and to 20 % of it or more."""
+    rng = np.random.default_rng(seed)
+    weights = np.diag(rng.uniform(0.1, 2.0, 4)), np.diag(rng.uniform(0.5, 2.0, 2))
+    step = replace(_game(seed, delta=np.inf if seed % 2 else 20.0), Q=weights[0])
+    problem = DiscreteGame(step, 0.95)
+    solution = solve_discrete(problem)
+    form = StepForm.of_problem(problem)
+    size = 1e-6
+    total = np.zeros_like(solution.K)
+
+    def add(**changed: Any) -> None:
+        moved = quick_discrete(replace(problem, step=replace(step, **changed)))[1]
+        total[:] += np.abs(form.root.T @ (moved - solution.K) / np.diag(form.T)) / size
+
+    for name in ("A", "B", "E", "Q", "R"):
+        entries = getattr(step, name)
+        for place in np.ndindex(entries.shape):
+            if name in ("A", "B", "E") or place[0] == place[1]:
+                changed = entries.copy()
+                changed[place] *= 1.0 + size
+                add(**{name: changed})
+    add(delta=step.delta * (1.0 + size))
+    unit_gain = form.root.T @ solution.K / np.diag(form.T)
+    largest = np.linalg.norm(total) / np.linalg.norm(unit_gain)
+    bound = _gain_change(solution) / np.finfo(float).eps
+    assert largest <= bound <= 5.0 * largest
 
 
 def _hard_step(kind: str, seed: int) -> DiscreteGame:
