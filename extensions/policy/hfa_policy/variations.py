@@ -11,7 +11,7 @@ import numpy as np
 
 from hfa.options.draws import SEED
 from hfa_aircraft.model import Model
-from hfa_aircraft.uncertain import spread_of
+from hfa_aircraft.uncertain import ParameterSpread
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_policy.assessment import AssessedPoint, Assessor
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
@@ -208,20 +208,20 @@ def variation_table(found: Sequence[Variation], trims: Sequence[str]) -> Table:
 def drawn_policy(
     assessor: Assessor,
     assessed: Sequence[AssessedPoint],
-    request: Any,
+    aircraft: Model,
+    spread: ParameterSpread,
+    count: int,
 ) -> Draws:
-    """Return stability and linear cost of the sampled loop on `request.draws` random aircraft.
+    """Return stability and linear cost of the sampled loop on `count` random aircraft.
 
     An aircraft counts as trimmed if the policy has an equilibrium at every trim. An aircraft counts
     as stable if the sampled loop is also stable at every trim.
 
     assessed: results on the original aircraft, at each trim
-    request: arguments of `hfa assess`
+    aircraft: the original aircraft
+    spread: its uncertain parameters
     """
-    file = request.parameters or request.model.source.text
-    known = str(file) if request.own else request.parameter_set
-    spread = spread_of(request.model, known, request.held_parameters())
-    models = spread.aircraft(request.flown_aircraft(), request.draws, SEED)
+    models = spread.aircraft(aircraft, count, SEED)
     rests = np.ones(len(models), dtype=bool)
     stable = np.ones(len(models), dtype=bool)
     bands = {}

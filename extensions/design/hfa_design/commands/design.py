@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,12 @@ from controller.schedule.scheduled_controller import (
     load_controller,
     save_controller,
 )
-from hfa.inherited import AircraftOptions, OutputOptions, UnitsOption, print_report
+from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import input_file, output_file, positive
-from hfa.options.output import ProgressLine
-from hfa.options.part import option
+from hfa.options.output import Output, ProgressLine
+from hfa.options.part import option, part
 from hfa.options.ranges import Range, array_of, scheduled_range, value_range
-from hfa.options.request import command
+from hfa.options.request import Request, command
 from hfa.options.trim import called_at, scheduled
 from hfa_aircraft.units import native_of, native_values
 from hfa_design.design import load_design
@@ -34,13 +35,23 @@ _BANDWIDTHS = (2.0, 10.0)
 
 
 def _bandwidths(text: str) -> tuple[float, ...]:
-    return tuple(positive(part) for part in text.split(":"))
+    return tuple(positive(word) for word in text.split(":"))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
+class DesignRequest(Request):
     """Options of `hfa design`."""
 
+    aircraft: Aircraft = part(Aircraft)
+    output: Output = part(
+        Output,
+        file=option(
+            f"write the controller ({', '.join(SUFFIXES)})",
+            "FILE",
+            output_file(*SUFFIXES),
+            names="-o --output",
+        ),
+    )
     file: Path | None = option(
         "design to compute (.toml), or controller to print (.npz)",
         "FILE",
@@ -58,12 +69,6 @@ class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
         "actuator bandwidths for which margins are computed, rad/s; default 2:10, two values",
         "A[:B...]",
         _bandwidths,
-    )
-    output: Path | None = option(
-        f"write the controller ({', '.join(SUFFIXES)})",
-        "FILE",
-        output_file(*SUFFIXES),
-        names="-o --output",
     )
 
     def breakpoints(self, design: Any) -> np.ndarray:
@@ -116,7 +121,8 @@ def design(request: DesignRequest) -> int:
     if design is None:
         assert stored is not None
         request.refuse(
-            ("at", "output"), "applies only to a design; remove this option for a controller file"
+            ("at", "output.file"),
+            "applies only to a design; remove this option for a controller file",
         )
         controller = load_controller(stored, model)
     else:
@@ -142,7 +148,5 @@ def design(request: DesignRequest) -> int:
     report = replace(report, parts=(*report.parts, margins.report())).with_data(
         margins=margins.as_data()
     )
-    if request.output is not None:
-        save_controller(request.output, controller)
-    print_report(report, request)
+    request.show(report, write=partial(save_controller, controller=controller))
     return 0 if margins.ok else 1

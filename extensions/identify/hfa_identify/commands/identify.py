@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
-from hfa.inherited import AircraftOptions, OutputOptions, show
+from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import input_file, one_of, quantity
-from hfa.options.output import ProgressLine, output_option, picture_option
-from hfa.options.part import OfModel, option
-from hfa.options.request import command
+from hfa.options.output import Output, ProgressLine, output_option, picture_option
+from hfa.options.part import OfModel, option, part
+from hfa.options.request import Request, command
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError, printable, refuse_unknown
-from hfa_support.progress import print_to_stderr
+from hfa_support.errors import BadInputError, refuse_unknown
 
 #: Suffix of the file of an identified aircraft.
 AIRCRAFT = ".toml"
@@ -54,9 +54,15 @@ def _given(model: Model, name: str, text: str) -> float:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class IdentifyRequest(AircraftOptions, OutputOptions):
+class IdentifyRequest(Request):
     """Arguments of `hfa identify`: flight records and the parameters to be identified."""
 
+    aircraft: Aircraft = part(Aircraft, without=("units",))
+    output: Output = part(
+        Output,
+        file=output_option(AIRCRAFT, purpose=" (the identified aircraft)"),
+        picture=picture_option("measured and fitted quantities, and residuals"),
+    )
     records: tuple[Path, ...] = option(
         "flight records with columns for time, inputs, measured states and outputs",
         "RECORD.csv",
@@ -105,8 +111,6 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
         "relative to the air"
     )
     plan: bool = option("rank candidate maneuvers by the widest confidence band after the maneuver")
-    output: Path | None = output_option(AIRCRAFT, purpose=" (the identified aircraft)")
-    picture: Path | None = picture_option("measured and fitted quantities, and residuals")
 
 
 @command(IdentifyRequest)
@@ -138,9 +142,9 @@ def identify(request: IdentifyRequest) -> int:
         plan=request.plan,
         progress=progress,
     )
-    if request.output is not None and request.output.suffix == AIRCRAFT:
-        write_text(request.output, aircraft_text(found, request.output.parent))
-        print_to_stderr(f"wrote {printable(request.output)}")
-        request = replace(request, output=None)
-    show(found.report(), request, figure=found.figure)
+    file = request.output.file
+    write = None
+    if file is not None and file.suffix == AIRCRAFT:
+        write = partial(write_text, text=aircraft_text(found, file.parent))
+    request.show(found.report(), figure=found.figure, write=write)
     return 0 if found.ok else 1

@@ -3,32 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa.inherited import (
-    AircraftOptions,
-    OutputOptions,
-    SeedOption,
-    TrimOptions,
-    WeightOptions,
-    show,
-)
+from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import input_file, one_of, positive, quantity, span, whole
 from hfa.options.critics import critic_path
-from hfa.options.output import ProgressLine, picture_option
-from hfa.options.part import OfModel, option
-from hfa.options.request import command
+from hfa.options.game import GameWeights
+from hfa.options.output import Output, ProgressLine, picture_option
+from hfa.options.part import OfModel, option, part
+from hfa.options.request import Request, command
+from hfa.options.trim import Trim
 from hfa_flight.options import linear_state
 from hfa_support.errors import BadInputError, prefix_errors
 from trim.point.linearize import linearize
 
 if TYPE_CHECKING:
     from controller.game.zero_sum import Game
-    from hfa_flight.problem import FlightProblem
     from hfa_optimal.pilots import Pilot
     from hfa_optimal.search import BestFlights
     from hfa_prove.statements.cost import CostStatement
@@ -40,11 +34,16 @@ _OF_COST = ("starts", "weights", "policy", "seconds", "bound")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
+class OptimizeRequest(Request):
     """Arguments of `hfa optimize`."""
 
-    start: None = None
-    limit: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    aircraft: Aircraft = part(Aircraft, without=("units",))
+    trim: Trim = part(Trim, without=("limit", "start"))
+    cost: GameWeights = part(GameWeights, without=("N",))
+    output: Output = part(
+        Output, picture=picture_option("the best flight found, and the flights of the policies")
+    )
+    seed: int = option("seed of all random numbers; default 0", "N", whole(0), default=0, rare=True)
     deviations: Mapping[str, float] = option(
         "initial deviations of states from the trim, degrees for angles",
         "NAME=VALUE,...",
@@ -94,7 +93,6 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         "FILE",
         input_file(".json"),
     )
-    picture: Path | None = picture_option("the best flight found, and the flights of the policies")
 
     def search(self) -> tuple[BestFlights, Game]:
         """Return the search for best flights to the trim, and the game of the linear model at
@@ -103,15 +101,15 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         from hfa_flight.problem import flight_problem
         from hfa_optimal.search import BestFlights
 
-        aircraft = self.flown_aircraft()
-        point = self.end().operating_point(aircraft)
-        game = self.game_on(linearize(aircraft, point))
+        aircraft = self.trim.aircraft
+        point = self.end().point()
+        game = self.cost.game(linearize(aircraft, point))
         problem = flight_problem(aircraft, point, game.Q, game.R, limits=self.limits)
         count = 1 if self.starts is None else self.starts
         return BestFlights(problem, count), game
 
-    def end(self) -> OptimizeRequest:
-        """Return the request for the trim at which flights end: the given trim, changed by --to.
+    def end(self) -> Trim:
+        """Return the trim at which flights end: the given trim, changed by --to.
 
         Raises BadInputError if --to contains a parameter.
         """
@@ -121,17 +119,17 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
                 raise BadInputError(
                     f"--to {name}: {name} is a parameter, which is constant in flight; give a state"
                 )
-        at = held.pop(self.model.schedule, self.at)
-        return replace(self, at=at, hold={**self.hold, **held})
+        at = held.pop(self.model.schedule, self.trim.at)
+        return replace(self.trim, at=at, hold={**self.trim.hold, **held})
 
-    def begin(self, problem: FlightProblem) -> Mapping[str, float] | OperatingPoint:
+    def begin(self) -> Mapping[str, float] | OperatingPoint:
         """Return the initial condition of a flight.
 
         With --to, the initial condition is the trim that the other options describe. Otherwise it
         is state -> deviation from the trim.
         """
         if self.to:
-            return self.operating_point(problem.model)
+            return self.trim.point()
         return self.deviations
 
     def pilots(self, search: BestFlights, game: Game) -> list[Pilot]:
@@ -187,7 +185,7 @@ def optimize(request: OptimizeRequest) -> int:
         return _quickest(request)
     if request.starts is not None:
         request.refuse(
-            ("picture", "seconds"),
+            ("output.picture", "seconds"),
             "applies only to a single flight; remove this option or --starts",
         )
     search, game = request.search()
@@ -203,9 +201,9 @@ def _quickest(request: OptimizeRequest) -> int:
     from hfa_optimal.quickest import quickest_to
 
     search, _ = request.search()
-    best = quickest_to(search.problem, request.begin(search.problem))
+    best = quickest_to(search.problem, request.begin())
     history: dict[str, Any] = {"time": best.time, "X": best.states, "U": best.inputs}
-    show(best.report(), request, figure=best.figure, only_in_files={"flight": history})
+    request.show(best.report(), figure=best.figure, only_in_files={"flight": history})
     return 0
 
 
@@ -235,7 +233,7 @@ def _one(
     from hfa_optimal.best_flight import BestFlight, bracket_of
     from hfa_optimal.search import AFTER
 
-    start = search.problem.deviations(request.begin(search.problem))
+    start = search.problem.deviations(request.begin())
     best = BestFlight(search.problem, search.found(start, request.seconds))
     seconds = (1.0 + AFTER) * best.seconds
     others = tuple(pilot.fly(search.flights, start, seconds) for pilot in pilots)
@@ -243,7 +241,7 @@ def _one(
     if bound is not None:
         best = replace(best, bracket=bracket_of(bound, start, best.start, best.cost))
     history: dict[str, Any] = {"time": best.time, "X": best.states, "U": best.inputs}
-    show(best.report(), request, figure=best.figure, only_in_files={"flight": history})
+    request.show(best.report(), figure=best.figure, only_in_files={"flight": history})
     return 0
 
 
@@ -263,5 +261,5 @@ def _table(
     assert request.starts is not None
     starts = drawn_starts(search.problem, request.starts, request.seed)
     table = starts_table(search, starts, pilots, ProgressLine("optimize"), bound)
-    show(table.report(), request)
+    request.show(table.report())
     return 0 if table.found else 1

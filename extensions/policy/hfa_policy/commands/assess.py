@@ -9,15 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from controller.critic.critic_file import critic_suffixes
-from hfa.inherited import AircraftOptions, OutputOptions, TrimOptions, show
-from hfa.options.aircraft import aircraft_help
+from hfa.options.aircraft import Aircraft, aircraft_help
 from hfa.options.argument_types import input_file, number, span, whole
 from hfa.options.draws import draws_option
-from hfa.options.output import ProgressLine, picture_option
-from hfa.options.part import OfModel, option
-from hfa.options.ranges import Range, array_of, scheduled_range
-from hfa.options.request import command
-from hfa.options.trim import called_at, scheduled
+from hfa.options.output import Output, ProgressLine, picture_option
+from hfa.options.part import OfModel, option, part
+from hfa.options.ranges import array_of, scheduled_range
+from hfa.options.request import Request, command
+from hfa.options.trim import Trim, called_at, scheduled
 from hfa_aircraft.model import Model
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.options import (
@@ -100,9 +99,22 @@ def _deployment_path(text: str) -> Path:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
+class AssessRequest(Request):
     """Arguments of `hfa assess`."""
 
+    aircraft: Aircraft = part(
+        Aircraft,
+        without=("units",),
+        source=option(aircraft_help, "FILE.py:NAME", names="--aircraft --model"),
+    )
+    trim: Trim = part(
+        Trim,
+        at=scheduled(scheduled_range, "RANGE", "a number, a list a,b,c or a range start:stop:step"),
+    )
+    output: Output = part(
+        Output,
+        picture=picture_option("spectral radius versus delay, and outcomes of the flights"),
+    )
     files: tuple[Path, ...] = option(
         "deployment file (observations, actions and timing of a policy), or, with "
         "--sample-time, file with a gain K; several files are compared",
@@ -111,19 +123,11 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         names="files",
         count="+",
     )
-    aircraft: str | None = option(
-        aircraft_help,
-        "FILE.py:NAME",
-        names="--aircraft --model",
-    )
     sample_time: float | None = option(
         "sample time, s, of a gain K that replaces the deployment file (u = -K x, with all "
         "linear states and all inputs)",
         "S",
         number,
-    )
-    at: Range | None = scheduled(
-        scheduled_range, "RANGE", "a number, a list a,b,c or a range start:stop:step"
     )
     samples: int = option(
         "number of initial conditions at each trim, each flown with and without the disturbance "
@@ -179,25 +183,22 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         "FILE",
         input_file(".json"),
     )
-    picture: Path | None = picture_option(
-        "spectral radius versus delay, and outcomes of the flights"
-    )
 
     def points(self) -> list[OperatingPoint]:
         """Return the trims to assess."""
-        aircraft = self.flown_aircraft()
-        if self.at is None:
-            return [self.operating_point(aircraft)]
+        aircraft = self.trim.aircraft
+        if self.trim.at is None:
+            return [self.trim.point()]
         schedule = self.model.schedule
         points: list[OperatingPoint] = []
-        for value in array_of("--at", self.at, _MOST_POINTS).tolist():
+        for value in array_of("--at", self.trim.at, _MOST_POINTS).tolist():
             if schedule in aircraft.parameters:
                 flown = aircraft.with_parameters(**{schedule: value})
-                condition = self.common_condition.at(None)
+                condition = self.trim.common_condition.at(None)
             else:
                 flown = aircraft
-                condition = self.common_condition.at(value)
-            points.append(trim(flown, condition, self.start_point))
+                condition = self.trim.common_condition.at(value)
+            points.append(trim(flown, condition, self.trim.start_point))
         return points
 
     def deployments(self, model: Model) -> list[Deployment]:
@@ -249,7 +250,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         """
         from hfa_policy.rough_flights import rough_scenario
 
-        turbulence = at_held_altitude(self.turbulence, self.hold)
+        turbulence = at_held_altitude(self.turbulence, self.trim.hold)
         uncertainty = Uncertainty(noise=self.noise, turbulence=turbulence)
         scenario = Scenario(uncertainty=uncertainty)
         gust = gust_at(self.gust, point, scenario.duration)
@@ -274,7 +275,9 @@ def _best_flights(
 
 def _assumed_trim(request: AssessRequest, points: tuple[OperatingPoint, ...]) -> str:
     """Return a note on the default trim, or "" if an option names the trim."""
-    if not request.model.schedule or {"at", "hold", "condition", "start"} & request.typed:
+    if not request.model.schedule or {"trim.at", "trim.hold", "trim.given", "trim.start"} & (
+        request.typed.keys()
+    ):
         return ""
     option_name = f"--{called_at(request.model)}"
     return f"no {option_name} is given: the default trim {points[0].at_scheduled} is assessed"
@@ -298,11 +301,12 @@ def assess(request: AssessRequest) -> int:
     from hfa_policy.comparison import Comparison
     from hfa_policy.variations import changes_of, drawn_policy
 
-    model = request.flown_aircraft()
+    model = request.trim.aircraft
     deployed = [Deployed(deployment, model) for deployment in request.deployments(model)]
-    for name in ("draws", "picture"):
-        if len(deployed) > 1 and getattr(request, name) is not None:
-            raise BadInputError(f"--{name} requires a single deployment file; give only one file")
+    if len(deployed) > 1:
+        request.refuse(
+            ("draws", "output.picture"), "requires a single deployment file; give only one file"
+        )
     for each in deployed:
         if each.deployment.actor and "cost" in request.need and each.deployment.cost is None:
             origin = each.deployment.origin
@@ -341,13 +345,14 @@ def assess(request: AssessRequest) -> int:
     if len(results) == 1:
         report = results[0].report()
         if request.draws is not None:
-            draws = drawn_policy(assessor, results[0].points, request)
+            spread = request.aircraft.spread(request.trim.held_parameters)
+            draws = drawn_policy(assessor, results[0].points, model, spread, request.draws)
             report = reported(report, draws)
-        show(report, request, figure=results[0].figure, notes=results[0].warnings)
+        request.show(report, figure=results[0].figure, notes=results[0].warnings)
         return 0 if results[0].ok else 1
     notes = [
         f"{one.deployed.deployment.origin}: {note}" for one in results for note in one.warnings
     ]
     comparison = Comparison(tuple(results))
-    show(comparison.report(), request, notes=notes)
+    request.show(comparison.report(), notes=notes)
     return 0 if comparison.ok else 1
