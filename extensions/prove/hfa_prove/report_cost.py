@@ -18,27 +18,26 @@ from hfa_support.reporting.text import Table
 _NOT_COVERED = "disturbances"
 
 
-def found_bound_report(found: CostBound, starts: np.ndarray) -> Report:
+def found_bound_report(found: CostBound) -> Report:
     """Return the report of a proved lower bound of the cost.
 
-    For each piece, the report lists the share of the initial conditions at which the piece's bound
-    is below its level c.
-
-    starts: (N, n), default initial conditions, as deviations from the trim
+    For each piece, the report lists the share of the default initial conditions at which W is below
+    its level, and the median of W relative to the linear quadratic cost there.
     """
     statement = found.statement
     rows = []
-    for piece, boxes, (fit, proof) in zip(
-        statement.pieces, found.boxes, found.seconds, strict=True
-    ):
-        below = np.mean(piece.bound(starts) < piece.c)
+    for i, piece in enumerate(statement.pieces):
+        fit, proof = found.seconds[i]
+        ratio = f"{found.over_linear[i]:.2f}" if found.covered[i] else "-"
         times = (f"{fit:.1f} s", f"{proof:.1f} s")
-        rows.append((at_least(piece.c, 6), f"{below:.0%}", str(boxes), *times))
-    header = ("level", "default initial conditions below it", "evaluated boxes", "fit", "proof")
+        level = at_least(piece.c, 6)
+        rows.append((level, f"{found.covered[i]:.1%}", ratio, str(found.boxes[i]), *times))
+    header = ("level", "share of the box", "W / linear cost", "boxes", "fit", "proof")
     lines = [_sentence(statement)]
+    lines.append("Share of the box: default initial conditions at which W is below the level.")
     if found.stopped:
         lines.append(f"Further pieces: {found.stopped}.")
-    data = FoundLowerBound(statement, found.boxes, found.stopped).as_data()
+    data = FoundLowerBound(statement, found.boxes, found.covered, found.stopped).as_data()
     parts: tuple[str | Table, ...] = (*lines, Table(header, rows), limits_of(statement))
     return Report(_title(statement, "Proved"), parts, data=data)
 

@@ -492,12 +492,14 @@ class LowerBound(ProvedResult):
 class FoundLowerBound(LowerBound):
     """Lower bound that a search has found and proved.
 
+    covered: share of the default initial conditions at which W of each piece is below its level.
     stopped: reason why no larger level is proved, or "" if every level that was tried is proved.
     """
 
     schema = "hfa.lower-bound/1"
     made_by = "hfa prove cost"
 
+    covered: Sequence[float]
     stopped: str
 
 

@@ -110,7 +110,7 @@ def test_every_field_is_listed(certificate: Path) -> None:
 def test_a_margin_outside_its_range_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     """A margin outside its range is refused with this range."""
     assert main(["prove", "cost", *AIRCRAFT, "--margin", "2"]) == 2
-    assert "; give a number from 0.0001 to 0.5" in capsys.readouterr().err
+    assert "; give a number from 0.0001 to 0.99" in capsys.readouterr().err
 
 
 def test_command_and_function_report_equal_bounds(

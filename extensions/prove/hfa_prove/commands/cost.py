@@ -86,11 +86,11 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
 def _part(text: str) -> float:
     """Return the fraction in the text of an option.
 
-    Raises BadInputError unless the text is a number from 0.0001 to 0.5.
+    Raises BadInputError unless the text is a number from 0.0001 to 0.99.
     """
     part = number(text)
-    if not 1e-4 <= part <= 0.5:
-        raise BadInputError(f"is {text}; give a number from 0.0001 to 0.5")
+    if not 1e-4 <= part <= 0.99:
+        raise BadInputError(f"is {text}; give a number from 0.0001 to 0.99")
     return part
 
 
@@ -188,7 +188,7 @@ def _prove(request: CostRequest) -> int:
             save=save,
         )
         found = search.found(earlier)
-    print_report(found_bound_report(found, search.starts), request)
+    print_report(found_bound_report(found), request)
     return 0
 
 

@@ -19,11 +19,16 @@ from scipy.optimize import linprog
 from hfa_aircraft.march.cost import Cost
 from hfa_prove.check.cover import OpenBoxError
 from hfa_prove.check.equilibrium import Equilibrium
+from hfa_prove.search.clock import Clock
 from hfa_prove.search.flights import Inputs, flight_costs
 from hfa_prove.search.monomials import Monomials
-from hfa_prove.statements.piece import Polynomial
+from hfa_prove.search.obstacles import first_obstacle
+from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.plant import Plant
 
+#: Half-width of the cube of a quadratic W relative to its set. Above 2, the boxes at the faces
+#: after one halving are outside the set.
+_ROOM = 2.05
 #: Share of the margin that the rows of the linear programs keep.
 _KEPT = 0.6
 #: Number of samples in a turn.
@@ -87,10 +92,68 @@ class CostProblem:
         x = z + self.equilibrium.x[: z.shape[1]]
         return np.asarray(np.all((low <= x) & (x <= high), axis=1))
 
-    def saturated_lqr_costs(self, z: np.ndarray) -> np.ndarray:
+    def permitted_level(self, share: float, largest: float) -> float:
+        """Return the lowest level of W = share z'P z at which samples violate the inequality.
+
+        The samples are within the envelope, with z'P z up to `largest`. The result is inf if no
+        sample violates the inequality.
+        """
+
+        def violated(z: np.ndarray) -> np.ndarray:
+            gradient = 2.0 * share * z @ self.P
+            v = self.inputs.best(z, gradient)
+            rise = np.sum(gradient * self.inputs.rates(z, v), axis=1)
+            return np.asarray(
+                self.in_envelope(z) & ~(rise + Cost(self.Q, self.R).rate(z, v) >= 0.0)
+            )
+
+        T = np.sqrt(largest) * np.linalg.inv(np.linalg.cholesky(self.P)).T
+        with np.errstate(all="ignore"):
+            return share * first_obstacle(violated, self.linear_cost, T, quick=True)[0]
+
+    def coordinates(self, share: float, z: np.ndarray) -> np.ndarray:
+        """Return M (n, n) of coordinates y = M z in which z'P z and the least of g are diagonal.
+
+        The least of g over the inputs is that of W = share z'P z, to second order. The largest
+        |y_i| of the state deviations z (N, n), and of the ends of the axes of the smallest ball
+        of z'P z that contains them, is 1.
+        """
+        n = len(self.P)
+        L = np.linalg.cholesky(self.P)
+        G = self.P @ self.inputs.linear()[:, n:]
+        price = self.Q + share * G @ np.linalg.pinv(self.R) @ G.T
+        inner = np.linalg.solve(L, np.linalg.solve(L, price).T)
+        turn = np.linalg.eigh(0.5 * (inner + inner.T))[1]
+        # ends of the axes of the ball, in z, which random samples do not reach in many dimensions
+        axes = np.sqrt(np.max(self.linear_cost(z))) * np.linalg.solve(L.T, turn).T
+        samples = np.concatenate([z, axes[self.in_envelope(axes)]])
+        return np.asarray((L @ turn / np.abs(samples @ L @ turn).max(axis=0)).T)
+
+    def ball(self, count: int, largest: float, random: np.random.Generator) -> np.ndarray:
+        """Return random state deviations z (count, n) with z'P z <= largest within the envelope.
+
+        The samples are denser near 0 than uniform samples. Fewer samples are returned if the
+        envelope contains only a small part of the ellipsoid.
+        """
+        n = len(self.P)
+        L = np.linalg.cholesky(self.P)
+        found = np.zeros((0, n))
+        for _ in range(200):
+            rays = random.normal(size=(4 * count, n))
+            rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+            radii = random.uniform(size=(len(rays), 1)) ** (1.5 / n)
+            z = np.sqrt(largest) * np.linalg.solve(L.T, (radii * rays).T).T
+            found = np.concatenate([found, z[self.in_envelope(z)]])
+            if len(found) >= count:
+                break
+        return found[:count]
+
+    def saturated_lqr_costs(self, z: np.ndarray, clock: Clock) -> np.ndarray:
         """Return the costs (N,) of flights from state deviations z (N, n) with the saturated LQR.
 
         The cost is inf for a flight that leaves the envelope or does not converge.
+
+        Raises OutOfTimeError at the time limit.
         """
         return flight_costs(
             self.inputs,
@@ -98,7 +161,20 @@ class CostProblem:
             lambda z: np.asarray(2.0 * z @ self.P),
             self.in_envelope,
             z,
+            clock,
         )
+
+
+def quadratic_piece(problem: CostProblem, share: float, c: float) -> Piece:
+    """Return the piece W = share z'P z of level c.
+
+    The boxes at the faces of its cube are outside the set after one halving.
+    """
+    z = problem.ball(_SAMPLES, c / share, np.random.default_rng(1))
+    M = problem.coordinates(share, z) / _ROOM
+    N = np.linalg.inv(M)
+    basis = Monomials(len(M), 2)
+    return Piece(M, basis.polynomial(basis.quadratic(share * N.T @ problem.P @ N)), c)
 
 
 class TargetFlights(NamedTuple):
@@ -141,7 +217,7 @@ class Fit:
         self._report = report
         self._random = np.random.default_rng(1)
         n = len(problem.P)
-        self.M = self._coordinates()
+        self.M = problem.coordinates(1.0 - problem.margin, self._ball(4000)) / 1.02
         self.N = np.linalg.inv(self.M)
         self._basis = Monomials(n, problem.degree)
         square = (1.0 - problem.margin) * self.N.T @ problem.P @ self.N
@@ -203,40 +279,9 @@ class Fit:
         z = np.concatenate([y[None], near]) @ self.N.T
         self._add(z, self._best_inputs(z))
 
-    def _coordinates(self) -> np.ndarray:
-        problem = self._problem
-        n = len(problem.P)
-        L = np.linalg.cholesky(problem.P)
-        # the least of g to second order, in ball coordinates
-        G = problem.P @ problem.inputs.linear()[:, n:]
-        price = problem.Q + (1.0 - problem.margin) * G @ np.linalg.pinv(problem.R) @ G.T
-        inner = np.linalg.solve(L, np.linalg.solve(L, price).T)
-        turn = np.linalg.eigh(0.5 * (inner + inner.T))[1]
-        # ends of the axes of the ball, in z, which random samples do not reach in many dimensions
-        axes = np.sqrt(self._beyond * self.c) * np.linalg.solve(L.T, turn).T
-        samples = np.concatenate([self._ball(4000), axes[problem.in_envelope(axes)]])
-        reach = np.abs(samples @ L @ turn).max(axis=0) * 1.02
-        return np.asarray((L @ turn / reach).T)
-
     def _ball(self, count: int) -> np.ndarray:
-        """Return random state deviations z (count, n) with z'P z <= beyond c within the envelope.
-
-        The samples are denser near 0 than uniform samples. Fewer samples are returned if the
-        envelope contains only a small part of the ellipsoid.
-        """
-        P = self._problem.P
-        n = len(P)
-        L = np.linalg.cholesky(P)
-        found = np.zeros((0, n))
-        for _ in range(200):
-            rays = self._random.normal(size=(4 * count, n))
-            rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-            radii = self._random.uniform(size=(len(rays), 1)) ** (1.5 / n)
-            z = np.sqrt(self._beyond * self.c) * np.linalg.solve(L.T, (radii * rays).T).T
-            found = np.concatenate([found, z[self._problem.in_envelope(z)]])
-            if len(found) >= count:
-                break
-        return found[:count]
+        """Return random z (count, n) with z'P z <= beyond c within the envelope."""
+        return self._problem.ball(count, self._beyond * self.c, self._random)
 
     def _combinations(self) -> np.ndarray:
         """Return combinations (K, k) of the monomials of degree 3 and more, as columns.

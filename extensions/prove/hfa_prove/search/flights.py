@@ -15,6 +15,7 @@ from hfa_aircraft.march.ending import EndRule
 from hfa_aircraft.march.march import Rows, march
 from hfa_prove.check.cost import solved_for
 from hfa_prove.check.equilibrium import Equilibrium
+from hfa_prove.search.clock import Clock
 from hfa_prove.statements.plant import Plant
 from hfa_support.native.bound import RowFunction
 
@@ -102,6 +103,7 @@ def flight_costs(
     gradient: Callable[[np.ndarray], np.ndarray],
     in_envelope: Callable[[np.ndarray], np.ndarray],
     z: np.ndarray,
+    clock: Clock,
 ) -> np.ndarray:
     """Return the costs (N,) of flights from state deviations z (N, n).
 
@@ -113,6 +115,8 @@ def flight_costs(
     weights: weights Q and R, and the matrix P of the optimal linear quadratic cost
     gradient: z (N, n) -> gradients (N, n) of the cost that the inputs minimize
     in_envelope: z (N, n) -> mask (N,) of the points within the state limits
+
+    Raises OutOfTimeError at the time limit of the clock.
     """
     Q, R, P = weights
     running = Cost(Q, R)
@@ -125,6 +129,7 @@ def flight_costs(
     v = inputs.best(z, gradient(z))
 
     def policy(y: np.ndarray, flying: np.ndarray) -> np.ndarray:
+        clock(0.0, 1.0, "flights of the saturated LQR")
         z = y[:, :n]
         v[flying] = inputs.best(z, gradient(z), v[flying], _NEWTON_IN_FLIGHT)
         return v[flying]

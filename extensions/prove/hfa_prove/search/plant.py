@@ -17,6 +17,7 @@ import numpy as np
 from hfa_aircraft.march.ending import FAR, EndRule, Outcome
 from hfa_aircraft.march.march import Rows, march, saturated
 from hfa_prove.fields import Terms
+from hfa_prove.search.obstacles import ValueOf
 from hfa_prove.statements.loop import SaturatedLoop
 from hfa_prove.statements.plant import model_limits
 from hfa_support.errors import NoSolutionError
@@ -30,8 +31,6 @@ _FAR_OF_STARTS = 1e2
 #: A trajectory is at an equilibrium if it would move by fewer nominal values in the same time
 #: again.
 _RESTS = 1e-2
-#: Function of deviations (N, n): V (N,), or its slope (N, n).
-ValueOf = Callable[[np.ndarray], np.ndarray]
 
 
 def saturated_loop(
@@ -188,87 +187,24 @@ class Plant:
         """Return z' (N, n) at state deviations z (N, n)."""
         return self._rates(z)[0]
 
+    def rises(self, slope: ValueOf) -> ValueOf:
+        """Return the function z (N, n) -> mask (N,) of the points with V' >= 0 or undefined V'.
+
+        slope: z (N, n) -> gradients (N, n) of V
+        """
+
+        def rising(z: np.ndarray) -> np.ndarray:
+            with np.errstate(all="ignore"):
+                falls = np.sum(slope(z) * self.rates(z), axis=1) < 0.0
+            return np.asarray(~falls)
+
+        return rising
+
     @cached_property
     def closed_matrix(self) -> np.ndarray:
         """Matrix A - B K (n, n) of the linear loop at the trim."""
         _, A, B = self._function(np.zeros(len(self.loop.states)))
         return np.array(A) - np.array(B) @ self.loop.K
-
-
-def first_rise(
-    plant: Plant, V: ValueOf, slope: ValueOf, T: np.ndarray, *, quick: bool = False
-) -> tuple[float, np.ndarray | None]:
-    """Return the lowest V found with V' >= 0, and the state deviation z (n,) there, or (inf, None).
-
-    V, slope: V and its gradient as functions of state deviations (N, n)
-    T: matrix of the coordinates z = T y, (n, n), with samples in the unit ball of y
-    quick: whether to use fewer samples
-    """
-    n = len(T)
-    samples = 300 if quick else 2000
-    turns = 6 if quick else 14
-    radii = np.linspace(0.05, 1.0, 20 if quick else 40)
-    generator = np.random.default_rng(0)
-    directions = _unit(generator.normal(size=(samples, n)))
-    best = np.inf
-    place = None
-    spread = 0.5
-    for _ in range(turns):
-        found = _along(plant, slope, directions @ T.T, radii)
-        values = np.where(np.isfinite(found), found, 1.0)
-        points = (directions * values[:, None]) @ T.T
-        levels = np.where(np.isfinite(found), V(points), np.inf)
-        order = np.argsort(levels)[:12]
-        if levels[order[0]] < best:
-            best = float(levels[order[0]])
-            place = points[order[0]]
-        if not np.isfinite(best):
-            directions = _unit(generator.normal(size=(samples, n)))
-            continue
-        near = directions[order[np.isfinite(levels[order])]]
-        tried = np.repeat(near, 30, axis=0)
-        directions = _unit(tried + spread * generator.normal(size=tried.shape) / np.sqrt(n))
-        directions = np.concatenate([near, directions])
-        spread *= 0.7
-    return best, place
-
-
-def _along(plant: Plant, slope: ValueOf, rays: np.ndarray, radii: np.ndarray) -> np.ndarray:
-    """Return for each ray z (N, n) the lowest factor at which V' >= 0 is found, or inf, (N,).
-
-    slope: z (N, n) -> gradients (N, n) of V
-    radii: increasing factors that are tried before the bisection
-    """
-    count, n = rays.shape
-    points = (radii[:, None, None] * rays).reshape(-1, n)
-    rising = _rises(plant, slope, points).reshape(len(radii), count)
-    first = np.where(rising.any(axis=0), rising.argmax(axis=0), -1)
-    found = np.full(count, np.inf)
-    hit = first >= 0
-    high = radii[first[hit]]
-    low = np.where(first[hit] > 0, radii[first[hit] - 1], 0.0)
-    for _ in range(12):
-        middle = (low + high) / 2
-        up = _rises(plant, slope, middle[:, None] * rays[hit])
-        high = np.where(up, middle, high)
-        low = np.where(up, low, middle)
-    found[hit] = high
-    return found
-
-
-def _rises(plant: Plant, slope: ValueOf, points: np.ndarray) -> np.ndarray:
-    """Return the mask (N,) of the points z (N, n) at which V' >= 0 or V' is not a number.
-
-    slope: z (N, n) -> gradients (N, n) of V
-    """
-    with np.errstate(all="ignore"):
-        falls = np.sum(slope(points) * plant.rates(points), axis=1) < 0.0
-    return ~falls
-
-
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.asarray(vectors / lengths)
 
 
 #: Descriptions of flights that do not enter the proved set.

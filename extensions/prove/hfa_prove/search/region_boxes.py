@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 from hfa_prove.check.cover import OpenBoxError, RefutedError, SmallestBoxError
 from hfa_prove.check.loop_boxes import Decrease, equilibrium_near
 from hfa_prove.fields import Rejected
-from hfa_prove.search.interruption import OutOfTimeError
+from hfa_prove.search.clock import OutOfTimeError
 from hfa_prove.search.kinks import kink_at
 from hfa_prove.search.plant import refuse_unstable
 from hfa_prove.search.shape_boxes import Bound, Growth, Samples, Shape
@@ -304,7 +304,7 @@ class RegionSearch:
 
     def _count(self, done: float, whole: float, text: str = "") -> None:
         if time.process_time() > self._deadline:
-            raise OutOfTimeError("the time limit was reached", text, done)
+            raise OutOfTimeError(text, done)
         if self._progress is not None:
             self._progress(done, whole, text)
 

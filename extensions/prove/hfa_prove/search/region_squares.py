@@ -21,7 +21,8 @@ from hfa_prove.search.level import (
     proved_level,
 )
 from hfa_prove.search.monomials import PolynomialFunction, edge_points
-from hfa_prove.search.plant import Plant, first_rise, outcomes, refuse_unstable
+from hfa_prove.search.obstacles import first_obstacle
+from hfa_prove.search.plant import Plant, outcomes, refuse_unstable
 from hfa_prove.search.shape_squares import better
 from hfa_prove.statements.loop import SaturatedLoop
 from hfa_support.errors import NoSolutionError
@@ -220,7 +221,7 @@ class RegionSearch:
         for origin, P in self._candidates():
             level, T = self._limit_of(P)
             V = PolynomialFunction.quadratic(P)
-            rises, _ = first_rise(self.plant, V, V.slope, T, quick=True)
+            rises, _ = first_obstacle(self.plant.rises(V.slope), V, T, quick=True)
             level = min(level, rises)
             size = level ** (self._n / 2) / np.sqrt(np.linalg.det(P))
             found.append((float(size), V.scaled(1.0 / level), origin))
@@ -330,7 +331,7 @@ class RegionSearch:
         An obstacle is a state with V' >= 0, or a boundary point beyond a limit.
         """
         T = V.coordinates()
-        rises, _ = first_rise(self.plant, V, V.slope, T, quick=True)
+        rises, _ = first_obstacle(self.plant.rises(V.slope), V, T, quick=True)
         highest = 1.0
         for level in np.geomspace(1.01, _GROWTH, 12):
             points = edge_points(V, T, level) @ T.T
@@ -347,7 +348,7 @@ class RegionSearch:
         V = PolynomialFunction.of_terms(statement.terms)
         T = np.array(proved.witness["T"])
         self._report("what bounds it")
-        rises = first_rise(self.plant, V, V.slope, 2.0 * T)
+        rises = first_obstacle(self.plant.rises(V.slope), V, 2.0 * T)
         return Region(
             proved,
             V,

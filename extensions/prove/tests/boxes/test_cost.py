@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+import scipy.linalg
 
 from hfa_aircraft.model import Model, Signal
 from hfa_prove.certificate import SCHEMA, read_content
@@ -21,6 +22,7 @@ from hfa_prove.check.cost import (
 )
 from hfa_prove.check.cover import Boxes
 from hfa_prove.check.equilibrium import Equilibrium
+from hfa_prove.search.clock import Clock
 from hfa_prove.search.cost import CostBound, CostSearch
 from hfa_prove.statements.cost import CostStatement, CostWitness
 from hfa_prove.statements.piece import Piece, Polynomial
@@ -73,17 +75,72 @@ def proved() -> CostBound:
     """Return the proved bound of a pendulum whose torque acts through a cubic polynomial."""
     limits = {"torque": (-0.7, 0.7), "rate": (-2.0, 2.0)}
     plant = Plant(PENDULUM, {}, {"angle": 0.0, "rate": 0.0}, {"torque": 0.0}, {}, limits)
-    equilibrium = equilibrium_of(plant, np.zeros(3), (0, 1))
     A = np.array([[0.0, 1.0], [10.0, 0.0]])
     B = np.array([[0.0], [20.0]])
-    from scipy.linalg import solve_continuous_are
+    P = scipy.linalg.solve_continuous_are(A, B, np.eye(2), ONE)
+    return search_of(plant, P, np.array([0.4, 0.8]), 4, 30.0).found()
 
-    weights = (np.eye(2), ONE, solve_continuous_are(A, B, np.eye(2), ONE))
-    half = np.array([0.4, 0.8])
-    search = CostSearch(
-        plant, equilibrium, (0, 1), weights, half, degree=4, margin=0.05, seconds=30.0
+
+def search_of(
+    plant: Plant, P: np.ndarray, half: np.ndarray, degree: int, seconds: float
+) -> CostSearch:
+    """Return a search with unit weights and a margin of 0.05.
+
+    P: matrix of the linear quadratic cost
+    half: half-widths of the box of initial conditions
+    degree: degree of W
+    """
+    n = len(P)
+    equilibrium = equilibrium_of(plant, np.zeros(n + 1), tuple(range(n)))
+    weights = (np.eye(n), ONE, P)
+    return CostSearch(
+        plant,
+        equilibrium,
+        tuple(range(n)),
+        weights,
+        half,
+        degree=degree,
+        margin=0.05,
+        clock=Clock(seconds),
     )
-    return search.found()
+
+
+def damped(x: Any, u: Any, p: Any, w: Any) -> Any:
+    return {"x": x.x - 30.0 * x.x**3 + u.push}, {}
+
+
+def damped_search(seconds: float) -> CostSearch:
+    """Return a search of degree 2 for x' = x - 30 x³ + u, with P = 1 + √2.
+
+    The least of g over u is (1 + 2 a P - a² P² - 60 a P x²) x² for W = a P x².
+    """
+    push = {"push": Signal("1", 1.0, -10.0, 10.0)}
+    model = Model("damped", {"x": Signal()}, push, damped, trim={})
+    plant = Plant(model, {}, {"x": 0.0}, {"push": 0.0}, {}, {"push": (-10.0, 10.0)})
+    return search_of(plant, np.array([[1.0 + np.sqrt(2.0)]]), np.array([0.5]), 2, seconds)
+
+
+def test_smaller_shares_are_proved_up_to_higher_levels() -> None:
+    """Shares a of the linear cost are proved up to the level (1 + 2 a P - a² P²) / 60.
+
+    The highest level is that of a P near 1, five times that of a = 0.95.
+    """
+    found = damped_search(30.0).found()
+    assert check_cost(found.statement, found.witness) == found.boxes
+    P = 1.0 + np.sqrt(2.0)
+    for piece in found.statement.pieces:
+        aP = piece.W.at(1e-3 * piece.M.T)[0] / 1e-6
+        permitted = (1.0 + 2.0 * aP - aP**2) / 60.0
+        assert 0.9 * permitted < piece.c < permitted or piece is found.statement.pieces[0]
+    first = (1.0 + 1.9 * P - (0.95 * P) ** 2) / 60.0
+    assert found.statement.level > 5.0 * first
+    assert max(found.covered) > 0.2
+
+
+def test_a_search_without_time_ends_with_the_limit() -> None:
+    """A search whose time is over proves nothing and names the time limit."""
+    with pytest.raises(NoSolutionError, match="no lower bound was proved: the time limit"):
+        damped_search(0.0).found()
 
 
 def test_the_checker_repeats_the_proof(proved: CostBound) -> None:

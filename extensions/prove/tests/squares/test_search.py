@@ -12,7 +12,8 @@ import hfa
 from hfa_aircraft.loading import load_model
 from hfa_prove.search.level import Setting, ball_of, proved_level
 from hfa_prove.search.monomials import PolynomialFunction
-from hfa_prove.search.plant import Plant, first_rise, saturated_loop
+from hfa_prove.search.obstacles import first_obstacle
+from hfa_prove.search.plant import Plant, saturated_loop
 from hfa_prove.statements.loop import SaturatedLoop
 
 F16 = f"{Path(__file__).parents[4] / 'examples' / 'f16_constant.py'}:F16"
@@ -82,5 +83,5 @@ def test_an_increasing_function_is_not_proved(loop: SaturatedLoop) -> None:
     plant = Plant(loop)
     length = PolynomialFunction.quadratic(np.diag(plant.nominal**-2.0))
     T = ball_of(length.matrix(), 1e-3)
-    assert first_rise(plant, length, length.slope, T, quick=True)[0] < 1e-5
+    assert first_obstacle(plant.rises(length.slope), length, T, quick=True)[0] < 1e-5
     assert proved_level(loop, length, 1e-3, SETTING, T) is None
