@@ -146,7 +146,7 @@ COMMANDS = {
         "assess a policy as deployed: sampled, normalized, delayed",
         "hfa_policy.commands.assess:assess",
         example="hfa assess examples/gtm_policy/late.toml --aircraft examples/gtm.py:GTM",
-        results=("hfa_policy.assessment_report:Assessment", "hfa_policy.comparison:Comparison"),
+        results=("hfa_policy.assessment:Assessment", "hfa_policy.comparison:Comparison"),
     ),
     "daveml": CommandEntry(
         "model",

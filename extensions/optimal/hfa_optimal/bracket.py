@@ -1,23 +1,13 @@
-"""Costs of a policy's flights relative to the best flights found, for `hfa assess --best`."""
+"""Lower bounds and known costs of flights."""
 
 from __future__ import annotations
 
-import statistics
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from hfa_aircraft.model import Model
-from hfa_support.reporting.results import Result, stored_as
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
-
-
-class Ratios(NamedTuple):
-    """Least, median and largest cost, relative to the best flights found."""
-
-    least: float
-    median: float
-    worst: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,59 +27,6 @@ class Bracket(Result):
     best: float | None
     policy: float | None
     beyond: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class BestCosts(Result):
-    """Flights of a policy at one trim, compared with the best flights found.
-
-    starts: number of initial conditions.
-    found: number of initial conditions with a best flight.
-    refused: number of initial conditions for which no flight was found, or for which the simulation
-        did not confirm the flight.
-    lost: number of the policy's flights that leave the envelope or do not end at the trim, from the
-        initial conditions with a best flight.
-    policy_over_best: cost of the policy's flights that end at the trim, relative to the best, or
-        None if no flight ends at the trim.
-    lqr_over_best: cost of the flights with the saturated linear optimum, relative to the best, or
-        None if no flight ends at the trim.
-    offset_rate: cost per second of the steady-state error, or None without an equilibrium.
-    brackets: bounds on the cost from each initial condition with a lower bound, or empty without a
-        certificate.
-    """
-
-    starts: int = field(metadata=stored_as("initial_conditions"))
-    found: int
-    refused: int
-    lost: int = field(metadata=stored_as("not_converged"))
-    policy_over_best: Ratios | None
-    lqr_over_best: Ratios | None
-    offset_rate: float | None
-    brackets: Sequence[Bracket] = ()
-
-    def sentence(self) -> str:
-        """Return a phrase on the costs relative to the best flights.
-
-        The costs are those of the policy and of the linear optimum.
-        """
-        if self.policy_over_best is None:
-            return f"none of the {self.found} flights with a best flight ends at the trim"
-        least, median, worst = self.policy_over_best
-        text = f"flights cost {least:.3g} to {worst:.3g} x the best found (median {median:.3g})"
-        if self.lqr_over_best is not None:
-            text += f", LQR {self.lqr_over_best.worst:.3g}"
-        if self.lost:
-            text += f", {self.lost} of {self.found} do not converge"
-        return text
-
-    def bound_sentence(self) -> str:
-        """Return a phrase on the policy's costs relative to the lower bounds.
-
-        The phrase is "" without lower bounds.
-        """
-        if not self.brackets:
-            return ""
-        return bracket_sentence((each, each.policy) for each in self.brackets)
 
 
 def bracket_sentence(costs: Iterable[tuple[Bracket, float | None]]) -> str:
@@ -144,10 +81,3 @@ def deviations_in_words(model: Model, start: Mapping[str, float]) -> str:
 def _off(model: Model, name: str, value: float) -> str:
     text = model.describe(name, value)
     return f"{name} {text}" if text.startswith("-") else f"{name} +{text}"
-
-
-def ratios(values: Sequence[float]) -> Ratios | None:
-    """Return the least, the median and the largest value, or None if `values` is empty."""
-    if not values:
-        return None
-    return Ratios(min(values), statistics.median(values), max(values))

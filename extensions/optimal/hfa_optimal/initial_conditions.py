@@ -226,6 +226,8 @@ def starts_table(
     pilots: Sequence[Pilot] = (),
     progress: Progress | None = None,
     bound: CostStatement | None = None,
+    *,
+    searched: bool = True,
 ) -> StartsTable:
     """Return the best flight and the flights of policies from each initial condition.
 
@@ -234,11 +236,12 @@ def starts_table(
     starts: initial deviations, (N, k)
     pilots: policies that are compared with the saturated linear optimum and the best flight
     bound: lower bound of the cost, or None
+    searched: False to simulate only the policies, without a search for best flights
     """
     done: list[StartFlights] = []
     with interruption() as asked:
         for start in starts:
-            flights = flights_from(search, start, pilots)
+            flights = flights_from(search, start, pilots, searched)
             if bound is not None:
                 bracket = bracket_of(bound, start, flights.start, flights.cost)
                 flights = replace(flights, bracket=bracket)
@@ -250,28 +253,33 @@ def starts_table(
     return StartsTable(search.problem, tuple(done), len(starts))
 
 
-def flights_from(search: BestFlights, start: np.ndarray, pilots: Sequence[Pilot]) -> StartFlights:
+def flights_from(
+    search: BestFlights, start: np.ndarray, pilots: Sequence[Pilot], searched: bool
+) -> StartFlights:
     """Return the best flight and the flights of the policies from an initial condition.
 
     The policies are simulated even if no best flight is found.
 
     start: initial deviations z, (k,)
     pilots: policies, simulated after the saturated linear optimum
+    searched: whether a best flight is searched
     """
     problem = search.problem
     by_name = dict(zip(problem.states, start.tolist(), strict=True))
     linear_cost = float(start @ problem.P @ start)
-    cost = reason = spread = None
+    cost = reason = spread = linear = None
     seconds = (1.0 + AFTER) * search.horizon(start)
-    try:
-        found = search.found(start)
-        cost = found.flown.cost
-        reason = found.reason or None
-        spread = None if found.proposal is None else found.spread
-        seconds = (1.0 + AFTER) * found.seconds
-        linear = found.linear
-    except NoSolutionError as error:
-        reason = str(error).removeprefix("no flight found: ")
+    if searched:
+        try:
+            found = search.found(start)
+            cost = found.flown.cost
+            reason = found.reason or None
+            spread = None if found.proposal is None else found.spread
+            seconds = (1.0 + AFTER) * found.seconds
+            linear = found.linear
+        except NoSolutionError as error:
+            reason = str(error).removeprefix("no flight found: ")
+    if linear is None:
         linear = search.flights.linear(start, seconds)
     flown = [linear, *(pilot.fly(search.flights, start, seconds) for pilot in pilots)]
     policies = [PolicyFlight.of(each, cost) for each in flown]

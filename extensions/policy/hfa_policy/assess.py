@@ -11,15 +11,24 @@ from hfa_aircraft.model import Model
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.scenario import Scenario
-from hfa_optimal.bracket import BestCosts
-from hfa_policy.assessment import SAMPLES, AssessedPoint, Assessor
-from hfa_policy.assessment_report import Assessment
+from hfa_policy.assessed_point import AssessedPoint
+from hfa_policy.assessment import Assessment
+from hfa_policy.assessor import SAMPLES, Assessor
+from hfa_policy.flight_costs import flight_costs
 from hfa_policy.rough_flights import rough_flights, rough_scenario
 from hfa_policy.trims import trims_of
 from hfa_policy.variations import changes_of, variations
 from hfa_support.arguments import checks_arguments, need
-from hfa_support.errors import refuse_unknown, refuse_unless_positive, refuse_unless_whole
+from hfa_support.errors import (
+    NoSolutionError,
+    refuse_unknown,
+    refuse_unless_positive,
+    refuse_unless_whole,
+)
 from hfa_support.progress import Progress
+
+#: Default number of flights at each trim whose costs are compared.
+COMPARED = 5
 
 
 @checks_arguments
@@ -35,6 +44,7 @@ def assess(
     *,
     box: Mapping[str, float] | None = None,
     needs: Mapping[str, float] | None = None,
+    best: int | None = None,
 ) -> Assessment:
     """Assess a policy as it is deployed.
 
@@ -53,6 +63,9 @@ def assess(
     box: linear state -> half-width of the initial-condition box in the unit of the model, in place
         of the usual half-width
     needs: requirement of `hfa assess --need`, such as "delay" (s) or "cost" (%) -> required value
+    best: number of flights at each trim whose costs are compared with the best flights found and
+        with the exact gain's. 0 compares five with the exact gain's alone. Default: 5 if the
+        deployment has a cost, else 0; no flight is compared if `samples` is 0
 
     Raises BadInputError for a wrong argument or a deployment that does not fit the aircraft, and
     TrimError if there is no trim.
@@ -72,6 +85,8 @@ def assess(
     need(model, Model, "assess: model", Model.how_to_make)
     refuse_unless_whole("samples", samples, 0)
     refuse_unless_whole("seed", seed, 0)
+    if best is not None:
+        refuse_unless_whole("best", best, 0)
     deployed = Deployed(Deployment.of(deployment), model)
     changes = changes_of(deployed, vary or {})
     if scenario is not None:
@@ -85,6 +100,7 @@ def assess(
         needs=needs or {},
         changes=changes,
         scenarios=[] if scenario is None else [scenario] * len(assessor.points),
+        best=best,
         progress_of=lambda _: progress,
     )
 
@@ -95,21 +111,22 @@ def assessment_of(
     needs: Mapping[str, float],
     changes: Sequence[tuple[str, float]],
     scenarios: Sequence[Scenario],
+    best: int | None,
     progress_of: Callable[[str], Progress | None],
-    best: Callable[[AssessedPoint], BestCosts] | None = None,
+    bound: Path | None = None,
 ) -> Assessment:
     """Return the assessment of a policy at the trims of an assessor, with all requested parts.
 
     needs: requirement -> required value
     changes: (parameter or input, value) of each changed aircraft
     scenarios: noise, gust and turbulence at each trim, or empty for no such flights
+    best: number of flights that are compared with the best flights, as in `assess`
     progress_of: function from the name of a step to the callback for its progress, or None
-    best: function from the result at a trim to the comparison with the best flights, or None for no
-        comparison
+    bound: certificate with a lower bound of the cost, or None
     """
-    assessed = assessor.assessed(progress_of("fly"))
-    if best is not None:
-        assessed = [replace(at, best=best(at)) for at in assessed]
+    points = assessor.assessed(progress_of("fly"))
+    progress = progress_of("optimize")
+    points = [_with_costs(assessor, point, best, bound, progress) for point in points]
     changed = variations(assessor, changes, progress_of("fly changed aircraft"))
     if scenarios:
         rough = rough_flights(
@@ -120,5 +137,35 @@ def assessment_of(
             assessor.seed,
             progress_of("fly in noise and moving air"),
         )
-        assessed = [replace(at, rough=flown) for at, flown in zip(assessed, rough, strict=True)]
-    return Assessment(assessor.deployed, tuple(assessed), needs, tuple(changed))
+        points = [replace(at, rough=flown) for at, flown in zip(points, rough, strict=True)]
+    return Assessment(assessor.deployed, tuple(points), needs, tuple(changed))
+
+
+def _with_costs(
+    assessor: Assessor,
+    assessed: AssessedPoint,
+    best: int | None,
+    bound: Path | None,
+    progress: Progress | None,
+) -> AssessedPoint:
+    """Return the result at a trim with the costs of some flights, or with a remark if none exist.
+
+    best, bound, progress: as in `assessment_of`
+    """
+    deployed = assessor.deployed
+    count = min(COMPARED, assessor.samples)
+    searched = deployed.deployment.cost is not None and count > 0
+    if best is not None:
+        count, searched = best or count, best > 0
+    if count == 0:
+        return assessed
+    place, seed = assessed.place, assessor.seed
+    try:
+        costs = flight_costs(
+            deployed, place, count, seed, progress, searched=searched, certificate=bound
+        )
+    except NoSolutionError as error:
+        if bound is not None:
+            raise
+        return replace(assessed, remarks=(*assessed.remarks, f"no costs are compared: {error}"))
+    return replace(assessed, best=costs)

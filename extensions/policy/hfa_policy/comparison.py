@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
 
-from hfa_policy.assessment import AssessedPoint
-from hfa_policy.assessment_report import Assessment
+from hfa_policy.assessed_point import AssessedPoint
+from hfa_policy.assessment import Assessment
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result, stored
@@ -45,7 +45,7 @@ class Comparison(Result, Reported):
         """Return a report with the table of the deployments, and their first lines."""
         rows = [_row(assessment) for assessment in self.assessments]
         origins = [assessment.deployed.deployment.origin for assessment in self.assessments]
-        columns = zip(_SHOWN, *rows, strict=True)
+        columns = zip(_COLUMNS, *rows, strict=True)
         width = sum(2 + max(map(len, column)) for column in columns)
         names = _short_names(origins, _WIDTH - width)
         lines = [
@@ -54,31 +54,26 @@ class Comparison(Result, Reported):
         ]
         return Report(
             self.first_line,
-            (_table(_SHOWN, names, rows), *lines),
+            (_table(names, rows), *lines),
             data=self.as_data(),
-            records=_table(_HEADER, origins, rows),
+            records=_table(origins, rows),
         )
 
 
-#: Columns of the file, after the name of the deployment.
-_HEADER = (
-    *("verdict", "trims held", "radius", "unstable at ms", "disk margin"),
-    *("linear cost %", "converge", "leave", "disturbed"),
-)
-#: The same columns as printed.
-_SHOWN = (
-    *("verdict", "trims", "radius", "unstable ms", "margin"),
-    *("cost %", "converge", "leave", "disturbed"),
+#: Columns after the name of the deployment. The delay is the first unstable one.
+_COLUMNS = (
+    *("verdict", "trims", "delay ms", "margin"),
+    *("over LQR", "converge", "leave"),
 )
 #: Largest number of columns of the printed table, and of a name if the other columns are wide.
-_WIDTH = 100
+_WIDTH = 80
 _NAME = 12
 
 
-def _table(header: tuple[str, ...], names: Sequence[str], rows: Sequence[tuple[str, ...]]) -> Table:
+def _table(names: Sequence[str], rows: Sequence[tuple[str, ...]]) -> Table:
     """Return a table of the rows, each after the name of its deployment."""
     named = [(name, *row) for name, row in zip(names, rows, strict=True)]
-    return Table(("deployment", *header), named)
+    return Table(("deployment", *_COLUMNS), named)
 
 
 def _short_names(origins: Sequence[str], longest: int) -> list[str]:
@@ -109,14 +104,14 @@ def _row(assessment: Assessment) -> tuple[str, ...]:
     limits = [point.delays.limit for point in points if point.delays is not None]
     delays = [1e3 * limit for limit in limits if limit is not None]
     disks = [point.margins.disk.disk for point in points if point.margins is not None]
-    costs = [point.cost.largest for point in points if point.cost is not None]
+    flown = [point.best.policy_over_lqr for point in points if point.best is not None]
+    ratios = [math.inf if each is None else each.median for each in flown]
     return (
         verdict_text(assessment.ok),
         f"{held} of {len(points)}",
-        _worst(max, [point.radius for point in points], ".5f"),
         _worst(min, delays, ".4g"),
         _worst(min, disks if len(disks) == len(points) else [], ".3f"),
-        _worst(max, costs, ".4g"),
+        _worst(max, ratios, ".4g"),
         *_flight_counts(points),
     )
 
@@ -133,18 +128,14 @@ def _worst(of: Callable[..., float], values: Sequence[float], form: str) -> str:
     return format(of(finite), form)
 
 
-def _flight_counts(points: Sequence[AssessedPoint]) -> tuple[str, str, str]:
-    """Return the numbers of flights that converge, leave the envelope, and converge after a pulse.
+def _flight_counts(points: Sequence[AssessedPoint]) -> tuple[str, str]:
+    """Return the numbers of flights that converge and that leave the envelope, over all trims.
 
-    Each is a sum over the trims as text, or "-" without flights.
+    Each is a text, or "-" without flights.
     """
-    plain = [point.flights for point in points if point.flights is not None]
-    disturbed = [point.disturbed for point in points if point.disturbed is not None]
-    if not plain:
-        return "-", "-", "-"
-    starts = sum(flights.starts for flights in plain)
-    return (
-        f"{sum(flights.returned for flights in plain)} of {starts}",
-        str(sum(flights.lost for flights in plain)),
-        f"{sum(flights.returned for flights in disturbed)} of {starts}",
-    )
+    flown = [point.flights for point in points if point.flights is not None]
+    if not flown:
+        return "-", "-"
+    starts = sum(flights.starts for flights in flown)
+    converging = sum(flights.returned for flights in flown)
+    return f"{converging} of {starts}", f"{sum(flights.lost for flights in flown)}"

@@ -13,7 +13,8 @@ from hfa.options.draws import SEED
 from hfa_aircraft.model import Model
 from hfa_aircraft.uncertain import ParameterSpread
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_policy.assessment import AssessedPoint, Assessor
+from hfa_policy.assessed_point import AssessedPoint
+from hfa_policy.assessor import Assessor
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result, stored_parts
@@ -45,7 +46,6 @@ class Variation(Result):
             equilibrium="equilibrium_states",
             flights="flights",
             disturbed="disturbed",
-            findings="findings",
         )
     )
 
@@ -196,10 +196,7 @@ def variation_table(found: Sequence[Variation], trims: Sequence[str]) -> Table:
         point = variation.assessed
         cells = [trims[number // per_trim], variation.text, "yes" if point.holds else "no"]
         cells.append("-" if np.isnan(point.radius) else f"{point.radius:.5f}")
-        for flown in (point.flights, point.disturbed):
-            cells.append("-" if flown is None else f"{flown.returned} of {flown.starts}")
-            if flown is point.flights:
-                cells.append("-" if flown is None else f"{flown.lost}")
+        cells += point.counts
         rows.append(tuple(cells))
     header = ("trim", "changed aircraft", "holds", "radius", "converge", "leave", "disturbed")
     return Table(header, rows)

@@ -8,7 +8,7 @@ from hfa_flight.held_step import parts_of_a_sample
 from hfa_flight.initial_box import start_box
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.sampled_loop import chain_of, delays
-from hfa_policy.assessment import Assessor
+from hfa_policy.assessor import Assessor
 from hfa_policy.flights import SampledFlight
 
 CASES = [(name, number) for name, (_, values) in AIRCRAFT.items() for number in range(len(values))]

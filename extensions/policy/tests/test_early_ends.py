@@ -15,7 +15,7 @@ from hfa_flight.envelope import flight_envelope
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.equilibrium import EquilibriumSearch
-from hfa_policy.assessment import Assessor
+from hfa_policy.assessor import Assessor
 from hfa_policy.flights import SampledRows
 from hfa_policy.outcomes import (
     HORIZON,

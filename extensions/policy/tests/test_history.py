@@ -15,7 +15,7 @@ from hfa_flight.export.deployment_c import exported_texts
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.policy import flown_deployment
 from hfa_policy.assess import assess
-from hfa_policy.assessment import Assessor
+from hfa_policy.assessor import Assessor
 from hfa_support.errors import BadInputError
 from hfa_support.native.machine_code import c_compiler
 

@@ -22,7 +22,7 @@ from hfa_flight.policies.deployment.sampled_loop import (
     margins,
     slowest_swing,
 )
-from hfa_policy.assessment import Assessor
+from hfa_policy.assessor import Assessor
 from hfa_policy.cost_above_optimum import _sampled_costs, cost_above_optimum, lqr_at
 from hfa_policy.reach import _own_modes
 from hfa_policy.trims import trims_of

@@ -10,7 +10,7 @@ from tolerances import SAME_FORMULA
 
 from controller.critic.network.tensors import tensors_in
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_policy.assessment import Assessor
+from hfa_policy.assessor import Assessor
 
 SLOPES = json.loads((FOLDER / "slopes.json").read_text())
 

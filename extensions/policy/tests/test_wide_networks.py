@@ -14,7 +14,7 @@ from controller.critic.network.row_network import ROW_ACTIVATIONS
 from hfa_aircraft.march.ending import PATIENCE
 from hfa_aircraft.march.march import march
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_policy.assessment import Assessor
+from hfa_policy.assessor import Assessor
 from hfa_policy.flights import SampledRows
 from hfa_policy.outcomes import PlacedFlights, seeded_starts
 from hfa_policy.trims import trims_of

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import nan
 from pathlib import Path
@@ -35,13 +35,11 @@ from trim.point.solve import trim
 if TYPE_CHECKING:
     from hfa_flight.policies.deployment.deployed import Deployed
     from hfa_flight.policies.deployment.deployment import Deployment
-    from hfa_optimal.bracket import BestCosts
-    from hfa_policy.assessment import AssessedPoint
+    from hfa_policy.assessment import Assessment
+    from hfa_policy.assessor import Assessor
 
 _MOST_POINTS = 1000
 _MOST_SAMPLES = 100_000
-#: Default number of flights at each trim that are compared with the best flights.
-_COMPARED = 5
 
 
 def _need(name: str, text: str) -> float:
@@ -52,7 +50,7 @@ def _need(name: str, text: str) -> float:
 
     Raises BadInputError for a name that is not in `NEEDS`, and for a negative value.
     """
-    from hfa_policy.assessment_report import NEEDS
+    from hfa_policy.assessment import NEEDS
 
     if name not in NEEDS:
         raise BadInputError(f"is unknown; {choice_of(name, NEEDS)}")
@@ -171,8 +169,8 @@ class AssessRequest(Request):
     turbulence: Turbulence | None = turbulence_option()
     gust: tuple[float, ...] | None = gust_option()
     best: int | None = option(
-        "number of flights at each trim to compare with the best flights found; 0 for none; "
-        "default 5 if the deployment file contains [cost]",
+        "number of flights at each trim to compare with the best flights found; 0: only with the "
+        "exact gain; default 5 if the deployment file contains [cost], else 0",
         "K",
         whole(0, _MOST_SAMPLES),
     )
@@ -227,18 +225,6 @@ class AssessRequest(Request):
                 found.append(Deployment.load(file))
         return found
 
-    def compared(self, deployment: Deployment) -> int:
-        """Return the number of flights at each trim to be compared with the best flights.
-
-        The default is `_COMPARED` or the number of initial conditions, whichever is smaller, and 0
-        if the deployment has no cost.
-        """
-        if self.best is not None:
-            return self.best
-        if deployment.cost is None:
-            return 0
-        return min(_COMPARED, self.samples)
-
     def is_rough(self) -> bool:
         """Return whether flights with noise, a gust or turbulence are requested."""
         return bool(self.noise) or self.turbulence is not None or self.gust is not None
@@ -255,22 +241,6 @@ class AssessRequest(Request):
         scenario = Scenario(uncertainty=uncertainty)
         gust = gust_at(self.gust, point, scenario.duration)
         return rough_scenario(replace(scenario, gust=gust), point.model, self.samples)
-
-
-def _best_flights(
-    request: AssessRequest, deployed: Deployed
-) -> Callable[[AssessedPoint], BestCosts] | None:
-    """Return the function that compares the policy's flights at a trim with the best flights.
-
-    Its argument is the result at the trim. None is returned if no flights are to be compared.
-    """
-    count = request.compared(deployed.deployment)
-    if count == 0:
-        return None
-    from hfa_policy.best import best_costs
-
-    progress = ProgressLine("optimize")
-    return lambda at: best_costs(deployed, at, count, request.seed, progress, request.bound)
 
 
 def _assumed_trim(request: AssessRequest, points: tuple[OperatingPoint, ...]) -> str:
@@ -290,66 +260,95 @@ def assess(request: AssessRequest) -> int:
     For each trim, the report contains the equilibrium, the spectral radius of the sampled loop with
     0, 1, 2 ... samples of delay, margins at the plant's input, and the linear cost compared with
     the optimum for Q and R. Flights from a box of initial conditions are simulated with and without
-    a disturbance pulse.
+    a disturbance pulse. The first line compares the costs of some flights with the best flights
+    found, or with the exact gain's.
 
     Exit code 0: the policy holds at every trim and satisfies every --need. Exit code 1: otherwise.
     """
-    from hfa.options.draws import reported
     from hfa_flight.policies.deployment.deployed import Deployed
-    from hfa_policy.assess import assessment_of
-    from hfa_policy.assessment import Assessor
-    from hfa_policy.comparison import Comparison
-    from hfa_policy.variations import changes_of, drawn_policy
 
     model = request.trim.aircraft
     deployed = [Deployed(deployment, model) for deployment in request.deployments(model)]
+    _refuse_contradictions(request, deployed)
+    assessors, results = _assessments(request, deployed)
+    if len(results) == 1:
+        return _show_one(request, assessors[0], results[0])
+    return _show_comparison(request, results)
+
+
+def _refuse_contradictions(request: AssessRequest, deployed: list[Deployed]) -> None:
+    """Raise BadInputError for options that contradict each other or the deployments."""
     if len(deployed) > 1:
         request.refuse(
             ("draws", "output.picture"), "requires a single deployment file; give only one file"
         )
     for each in deployed:
-        if each.deployment.actor and "cost" in request.need and each.deployment.cost is None:
-            origin = each.deployment.origin
-            raise BadInputError(
-                f"--need cost: {origin} has no table [cost]; give a deployment file with Q and R "
-                "in [cost]"
-            )
-        if request.best and each.deployment.cost is None:
-            origin = each.deployment.origin
-            raise BadInputError(
-                f"--best: {origin} has no table [cost]; give a deployment file with Q and R in "
-                "[cost]"
-            )
+        if each.deployment.cost is not None:
+            continue
+        origin = each.deployment.origin
+        remedy = "give a deployment file with Q and R in [cost]"
+        if each.deployment.actor and "cost" in request.need:
+            raise BadInputError(f"--need cost: {origin} has no table [cost]; {remedy}")
+        if request.best:
+            raise BadInputError(f"--best: {origin} has no table [cost]; {remedy}")
     if request.bound is not None and not request.best:
         raise BadInputError("--bound requires a comparison with the best flights; add --best K")
+
+
+def _assessments(
+    request: AssessRequest, deployed: list[Deployed]
+) -> tuple[list[Assessor], list[Assessment]]:
+    """Return the assessor and the assessment of each deployment, at equal trims."""
+    from hfa_policy.assess import assessment_of
+    from hfa_policy.assessor import Assessor
+    from hfa_policy.variations import changes_of
+
     changes = [changes_of(each, request.vary) for each in deployed]
     points = tuple(request.points())
     if request.bound is not None and len(points) > 1:
         raise BadInputError(
             f"--bound requires a single trim, but {len(points)} are given; give "
-            f"one value of --{called_at(model)}"
+            f"one value of --{called_at(request.model)}"
         )
     scenarios = [request.scenario_at(point) for point in points] if request.is_rough() else []
-    results = []
-    for each, changes_of_each in zip(deployed, changes, strict=True):
-        assessor = Assessor(each, points, request.samples, request.seed, request.box)
-        found = assessment_of(
+    assessors = [
+        Assessor(each, points, request.samples, request.seed, request.box) for each in deployed
+    ]
+    results = [
+        assessment_of(
             assessor,
             needs=request.need,
             changes=changes_of_each,
             scenarios=scenarios,
+            best=request.best,
             progress_of=ProgressLine,
-            best=_best_flights(request, each),
+            bound=request.bound,
         )
-        results.append(replace(found, assumed=_assumed_trim(request, points)))
-    if len(results) == 1:
-        report = results[0].report()
-        if request.draws is not None:
-            spread = request.aircraft.spread(request.trim.held_parameters)
-            draws = drawn_policy(assessor, results[0].points, model, spread, request.draws)
-            report = reported(report, draws)
-        request.show(report, figure=results[0].figure, notes=results[0].warnings)
-        return 0 if results[0].ok else 1
+        for assessor, changes_of_each in zip(assessors, changes, strict=True)
+    ]
+    assumed = _assumed_trim(request, points)
+    return assessors, [replace(result, assumed=assumed) for result in results]
+
+
+def _show_one(request: AssessRequest, assessor: Assessor, result: Assessment) -> int:
+    """Print the report of one assessment, with --draws, and return the exit code."""
+    from hfa.options.draws import reported
+    from hfa_policy.variations import drawn_policy
+
+    report = result.report()
+    if request.draws is not None:
+        spread = request.aircraft.spread(request.trim.held_parameters)
+        model = request.trim.aircraft
+        draws = drawn_policy(assessor, result.points, model, spread, request.draws)
+        report = reported(report, draws)
+    request.show(report, figure=result.figure, notes=result.warnings)
+    return 0 if result.ok else 1
+
+
+def _show_comparison(request: AssessRequest, results: list[Assessment]) -> int:
+    """Print the table of several deployments and return the exit code."""
+    from hfa_policy.comparison import Comparison
+
     notes = [
         f"{one.deployed.deployment.origin}: {note}" for one in results for note in one.warnings
     ]

@@ -1,0 +1,200 @@
+"""Result of an assessment at one trim."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.equilibrium import Equilibrium
+from hfa_flight.policies.deployment.sampled_loop import Delays, Margins
+from hfa_policy.cost_above_optimum import CostAboveOptimum
+from hfa_policy.evidence import ActionEffect, ObservationRange
+from hfa_policy.flight_costs import FlightCosts
+from hfa_policy.nonlinearity import Nonlinearity
+from hfa_policy.outcomes import Outcomes, Place
+from hfa_policy.reach import OwnMode, left_alone
+from hfa_policy.rough_flights import RoughFlights
+from hfa_support.reporting.results import UNSTORED, Result, stored, stored_as, stored_parts
+from trim.point.operating_point import OperatingPoint
+
+#: Fraction of the flights that must converge for a policy to hold.
+MOST_OF_THEM = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class AssessedPoint(Result):
+    """Assessment of a policy at one trim.
+
+    deployed: the policy on its aircraft.
+    point: the trim.
+    place: initial-condition box and equilibrium.
+    slowest: eigenvalue of the sampled loop with the largest absolute value, or nan without an
+        equilibrium.
+    delays: spectral radii with other delays, or None without an equilibrium.
+    margins: margins of the loop, or None without an equilibrium, if the loop is unstable, or if the
+        computation fails.
+    cost: cost above the optimum, or None without an equilibrium, weights or an optimum.
+    nonlinearity: largest deviation of the command from its linearization over the initial-condition
+        box, or None without an equilibrium.
+    flights: outcomes from seeded initial conditions, or None without flights.
+    disturbed: outcomes from the same initial conditions with a disturbance pulse, or None without
+        flights.
+    actions: effect of each action beside the exact gain's, or () if there is no exact gain.
+    observations: range of each observation in flight beside the training's, or () without flights.
+    best: costs of flights beside those of the exact gain and of the best flights, or None if no
+        costs were compared.
+    rough: flights with sensor noise or in moving air, or None if they were not requested.
+    remarks: reasons why parts of the assessment are missing, one sentence each.
+    """
+
+    deployed: Deployed = field(metadata=UNSTORED)
+    point: OperatingPoint = field(metadata=UNSTORED)
+    place: Place = field(metadata=stored_parts(K="equilibrium.K"))
+    slowest: complex = field(metadata=UNSTORED)
+    delays: Delays | None = field(
+        metadata=stored_parts(
+            delay_limit="limit", delay_limit_fine="fine", delay_searched="searched"
+        )
+    )
+    margins: Margins | None = field(metadata=stored_parts(disk_margin="disk.disk"))
+    cost: CostAboveOptimum | None = field(metadata=stored_as("cost_lost"))
+    nonlinearity: Nonlinearity | None
+    flights: Outcomes | None
+    disturbed: Outcomes | None
+    actions: tuple[ActionEffect, ...] = ()
+    observations: tuple[ObservationRange, ...] = ()
+    best: FlightCosts | None = None
+    rough: RoughFlights | None = None
+    remarks: tuple[str, ...] = ()
+
+    @property
+    @stored("spectral_radius")
+    def radius(self) -> float:
+        """Spectral radius of the sampled loop with the deployed delay, or nan."""
+        return abs(self.slowest)
+
+    @property
+    def own_mode(self) -> OwnMode | None:
+        """Slow mode of the aircraft that the policy does not control, or None.
+
+        - The policy cannot move or observe some slow modes: the fastest-growing of these modes.
+        - Otherwise, if the policy fails without saturation: the slowest mode of the loop if the
+          policy hardly changes it.
+        - Otherwise, or without an equilibrium: None.
+
+        The policy fails if it does not hold, or if a flight does not converge.
+        """
+        reach = self.place.reach
+        if reach is None:
+            return None
+        if reach.own:
+            return max(reach.own, key=lambda mode: mode.growth)
+        converges = self.flights is None or self.flights.returned == self.flights.starts
+        is_saturated = bool(reach.loop.clips)
+        if is_saturated or (self.holds and converges):
+            return None
+        return left_alone(self.deployed, reach.loop, self.slowest, self.deployed.deployment.dt)
+
+    @property
+    def equilibrium(self) -> Equilibrium | None:
+        """Equilibrium of the sampled loop, or None if it does not exist."""
+        return self.place.equilibrium
+
+    @property
+    @stored()
+    def holds(self) -> bool:
+        """True if the policy stabilizes the aircraft.
+
+        The sampled loop must be stable at its equilibrium, with no action or input saturated there.
+        If flights were simulated, at least half must converge.
+        """
+        if self.equilibrium is None or self.equilibrium.clips or not self.radius < 1.0:
+            return False
+        if self.flights is None:
+            return True
+        return self.flights.returned >= MOST_OF_THEM * self.flights.starts
+
+    @property
+    def offset(self) -> np.ndarray:
+        """Equilibrium minus trim in the linear states, (k,), defined only with an equilibrium."""
+        assert self.equilibrium is not None
+        model = self.point.model
+        rows = [list(model.states).index(name) for name in model.linear]
+        return (self.equilibrium.states - np.array(self.point.states))[rows]
+
+    @property
+    @stored()
+    def radii(self) -> tuple[float, ...]:
+        """Spectral radii of the sampled loop with delays of 0, 1, 2, ... samples.
+
+        The result is () without an equilibrium.
+        """
+        return () if self.delays is None else self.delays.radii
+
+    @property
+    @stored("equilibrium")
+    def equilibrium_states(self) -> dict[str, float] | None:
+        """State -> value at the equilibrium, or None without an equilibrium."""
+        if self.equilibrium is None:
+            return None
+        return dict(zip(self.point.model.states, self.equilibrium.states.tolist(), strict=True))
+
+    @property
+    @stored()
+    def equilibrium_inputs(self) -> dict[str, float] | None:
+        """Input -> value at the equilibrium, or None without an equilibrium."""
+        if self.equilibrium is None:
+            return None
+        return dict(zip(self.point.model.inputs, self.equilibrium.inputs.tolist(), strict=True))
+
+    @property
+    def counts(self) -> tuple[str, str, str]:
+        """Numbers of flights that converge, leave the envelope, and converge after a pulse."""
+        if self.flights is None or self.disturbed is None:
+            return "-", "-", "-"
+        converging, after_pulse = (
+            f"{outcome.returned} of {outcome.starts}" for outcome in (self.flights, self.disturbed)
+        )
+        return converging, f"{self.flights.lost}", after_pulse
+
+    def as_data(self) -> dict[str, Any]:
+        """Return the entries of the JSON output, including the value of the scheduling variable."""
+        return scheduled_value(self.point) | super().as_data()
+
+    @property
+    @stored()
+    def input_margins(self) -> list[dict[str, float]]:
+        """Return gain_low, gain_high, phase_deg and disk of each commanded input.
+
+        The result is [] without margins.
+        """
+        if self.margins is None:
+            return []
+        return [
+            {
+                "gain_low": loop.gain_low,
+                "gain_high": loop.gain_high,
+                "phase_deg": loop.phase,
+                "disk": loop.disk,
+            }
+            for loop in self.margins.inputs
+        ]
+
+
+def scheduled_value(point: OperatingPoint) -> dict[str, float]:
+    """Return {key: value} of the scheduling variable at a trim, or {} if the model has none.
+
+    Angles are in degrees.
+    """
+    model = point.model
+    if not model.schedule:
+        return {}
+    if model.schedule in model.parameters:
+        value = model.parameters[model.schedule].start
+    else:
+        value = float(point.values[model.schedule])
+    return {model.schedule_key: math.degrees(value) if model.schedule_unit == "deg" else value}

@@ -1,0 +1,230 @@
+"""Costs of a policy's flights, beside those of the exact gain and of the best flights found."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from hfa_flight.initial_box import drawn_starts
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.policy import policy_about, sampled_scenario
+from hfa_flight.problem import flight_problem
+from hfa_flight.scenario import Scenario
+from hfa_optimal.bracket import Bracket, bracket_sentence
+from hfa_optimal.initial_conditions import starts_table
+from hfa_optimal.pilots import Pilot
+from hfa_optimal.search import BestFlights
+from hfa_policy.cost_above_optimum import weights_at
+from hfa_policy.outcomes import Place
+from hfa_support.progress import Progress
+from hfa_support.reporting.results import Result, stored_as
+
+
+class Ratios(NamedTuple):
+    """Least, median and largest ratio of two costs."""
+
+    least: float
+    median: float
+    worst: float
+
+    @staticmethod
+    def of(values: Sequence[float]) -> Ratios | None:
+        """Return the ratios of some flights, or None without flights."""
+        if not values:
+            return None
+        return Ratios(min(values), statistics.median(values), max(values))
+
+
+class Returns(NamedTuple):
+    """Undiscounted returns of the flights that end at the trim, each minus the flight's cost.
+
+    mean: mean of the returns.
+    deviation: standard deviation of the returns.
+    flights: number of these flights.
+    """
+
+    mean: float
+    deviation: float
+    flights: int
+
+    @staticmethod
+    def of(costs: Sequence[float]) -> Returns | None:
+        """Return the returns of flights with these costs, or None without flights."""
+        if not costs:
+            return None
+        return Returns(-float(np.mean(costs)), float(np.std(costs)), len(costs))
+
+
+@dataclass(frozen=True, eq=False)
+class FlightCosts(Result):
+    """Costs of a policy's flights from one trim's initial-condition box.
+
+    The LQR is the exact gain of the linear model for the weights of the cost, saturated at the
+    limits of the inputs. It begins at the same initial conditions as the policy.
+
+    starts: number of initial conditions.
+    searched: whether best flights were searched.
+    found: number of initial conditions with a best flight.
+    refused: number of initial conditions for which a search found no flight, or for which the
+        simulation did not confirm the flight.
+    lost: number of the policy's flights that leave the envelope or do not end at the trim, from the
+        initial conditions that are compared.
+    policy_over_best: costs of the policy's flights that end at the trim, relative to the best, or
+        None if no such flight exists.
+    lqr_over_best: the same of the LQR's flights.
+    policy_over_lqr: costs of the policy's flights relative to the LQR's, where both end at the
+        trim, or None.
+    returns: returns of the policy's flights that end at the trim, or None if none does.
+    lqr_returns: the same of the LQR's flights.
+    offset_rate: cost per second of the steady-state error, or None without an equilibrium.
+    brackets: bounds on the cost from each initial condition with a lower bound, or empty without a
+        certificate.
+    """
+
+    starts: int
+    searched: bool
+    found: int
+    refused: int
+    lost: int = field(metadata=stored_as("not_converged"))
+    policy_over_best: Ratios | None
+    lqr_over_best: Ratios | None
+    policy_over_lqr: Ratios | None
+    returns: Returns | None
+    lqr_returns: Returns | None
+    offset_rate: float | None
+    brackets: Sequence[Bracket] = ()
+
+    @property
+    def ratios(self) -> Ratios | None:
+        """Costs relative to the best flights, or to the LQR's flights if no best flight exists."""
+        return self.policy_over_best if self.found else self.policy_over_lqr
+
+    @property
+    def median(self) -> float:
+        """Median of `ratios`, or inf if no flight of the policy ends at the trim."""
+        return math.inf if self.ratios is None else self.ratios.median
+
+    @property
+    def compared(self) -> int:
+        """Number of initial conditions that are compared: those with a best flight, or all."""
+        return self.found if self.searched else self.starts
+
+    def ratio_texts(self) -> list[str]:
+        """Return the median of `ratios` as phrases that name the comparison, longest first.
+
+        If most flights of the policy do not end at the trim, the phrases say this instead.
+        """
+        best = "" if self.found else f", no best {'found' if self.searched else 'searched'}"
+        if 2 * self.lost > self.compared:
+            lost = f"{self.lost} of {self.compared}"
+            end = f"do not end at the trim{best}"
+            return [f"{lost} flights {end}", f"{lost} {end}", f"{lost} fail{best}"]
+        if not self.found:
+            ratio = f"{_number(self.median)}x the exact gain"
+            return [f"median cost {ratio}'s{best}", f"{ratio}'s{best}", f"{ratio}{best}"]
+        ratio = f"{_number(self.median)}x the best flight"
+        if self.lqr_over_best is None:
+            return [f"median cost {ratio}", ratio]
+        with_lqr = f"{ratio} (LQR {_number(self.lqr_over_best.median)}x)"
+        return [f"median cost {with_lqr}", with_lqr, ratio]
+
+    def sentences(self) -> list[str]:
+        """Return sentences on the returns and on the range of the ratios."""
+        sentences = []
+        if self.brackets:
+            sentences.append(bracket_sentence((each, each.policy) for each in self.brackets))
+        if self.returns is not None and self.lqr_returns is not None:
+            policy, linear = self._returns_text(self.returns), self._returns_text(self.lqr_returns)
+            sentences.append(f"return {policy}, LQR {linear}")
+        if self.ratios is not None:
+            least, _, worst = self.ratios
+            reference = "the best found" if self.found else "the exact gain's"
+            sentences.append(f"flights cost {_number(least)} to {_number(worst)} x {reference}")
+        if self.lost:
+            count = f"{self.lost} of {self.compared}"
+            sentences.append(f"{count} compared flights do not end at the trim")
+        return sentences
+
+    def _returns_text(self, returns: Returns) -> str:
+        """Return mean and deviation as text, with the number of flights if some are missing."""
+        text = f"{returns.mean:.4g} ± {returns.deviation:.3g}"
+        some = f" in {returns.flights} of {self.starts} flights"
+        return text if returns.flights == self.starts else text + some
+
+
+def _number(ratio: float) -> str:
+    """Return a ratio as text, without an exponent if it is large."""
+    return f"{ratio:.0f}" if ratio >= 1000.0 else f"{ratio:.3g}"
+
+
+def flight_costs(
+    deployed: Deployed,
+    place: Place,
+    count: int,
+    seed: int,
+    progress: Progress | None,
+    *,
+    searched: bool,
+    certificate: Path | None = None,
+) -> FlightCosts:
+    """Return the costs of flights from random initial conditions in the box of a trim.
+
+    deployed: the policy. Without a cost in its deployment, the weights are 1/nominal²
+    count: number of initial conditions
+    seed: seed of the initial conditions
+    searched: whether the best flight from each initial condition is searched
+    certificate: file with a lower bound of the cost of these flights, or None
+
+    Raises NoSolutionError if no gain has a finite cost. Raises BadInputError if the certificate is
+    about other flights. Raises either if the certificate does not prove its statement.
+    """
+    point = place.point
+    Q, R = weights_at(deployed, point)
+    problem = flight_problem(point.model, point, Q, R, inputs=deployed.commanded)
+    bound = None
+    if certificate is not None:
+        from hfa_prove.bound import lower_bound
+
+        bound = lower_bound(certificate, problem, progress, deployed.deployment.origin)
+    search = BestFlights(problem, count)
+    flights = search.flights
+    policy = policy_about(deployed, point, "policy")
+    calm = Scenario(
+        flights.tick, flights.step, flights.tick, initial=np.zeros(len(point.model.states))
+    )
+    loop = flights.compiled(policy, sampled_scenario(policy, calm, point))
+    starts = drawn_starts(problem, count, seed, place.box)
+    pilots = [Pilot("policy", loop)]
+    table = starts_table(search, starts, pilots, progress, bound, searched=searched)
+    compared = [each for each in table.flights if each.cost is not None or not searched]
+    linear, flown = ([each.policies[index] for each in compared] for index in range(2))
+    both = [(one.cost, other.cost) for one, other in zip(flown, linear, strict=True)]
+    offset_rate = None
+    if place.equilibrium is not None:
+        z = (place.equilibrium.states - np.array(point.states))[problem.places]
+        v = (place.equilibrium.inputs - np.array(point.inputs))[problem.moved]
+        offset_rate = float(z @ Q @ z + v @ R @ v)
+    return FlightCosts(
+        starts=table.starts,
+        searched=searched,
+        found=table.found,
+        refused=table.refused if searched else 0,
+        lost=sum(each.lost for each in flown),
+        policy_over_best=Ratios.of([each.over_best for each in flown if each.over_best]),
+        lqr_over_best=Ratios.of([each.over_best for each in linear if each.over_best]),
+        policy_over_lqr=Ratios.of([one / other for one, other in both if one and other]),
+        returns=Returns.of([one for one, _ in both if one is not None]),
+        lqr_returns=Returns.of([other for _, other in both if other is not None]),
+        offset_rate=offset_rate,
+        brackets=[
+            replace(each.bracket, policy=each.policies[1].cost)
+            for each in table.flights
+            if each.bracket is not None
+        ],
+    )
