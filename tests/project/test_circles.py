@@ -29,7 +29,6 @@ ALLOWED = [
     {"verification.figures", "verification.verdict"},
     {"controller.riccati.gare", "controller.riccati.solution_report"},
     {"hfa_flight.flight", "hfa_flight.flight_report"},
-    {"hfa_support.reporting.fields_report", "hfa_support.reporting.report"},
 ]
 
 
