@@ -54,7 +54,7 @@ class TrimProblem:
         self.system = TrimSystem(model, condition, begin=start)
         self.free = self.system.equations.unknowns
         self.idle = self.system.equations.idle
-        self.names = self.system.equations.names
+        self.names = tuple(row.name for row in self.system.equations.rows)
         self.count = (self.system.moved, len(self.free))
         self.c = self.system.constants()
         self._last: tuple[bytes, Evaluation] | None = None
@@ -210,5 +210,4 @@ class TrimProblem:
         """
         amounts = (self.at(z).residual * self.system.row_scales).tolist()
         residuals = dict(zip(self.names, amounts, strict=True))
-        structure = self.system.structure
-        return {name: residuals[name] for name, _ in (*structure.rates, *structure.outputs)}
+        return {row.name: residuals[row.name] for row in self.system.structure.rows}

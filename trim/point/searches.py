@@ -202,12 +202,12 @@ def _effort_program(structure: Structure) -> ca.Function:
     """
     e = equations_of(structure)
     inputs = [i for i, name in enumerate(e.unknowns) if name in structure.layout.names[1]]
-    scales = ca.DM([scale for _, scale in structure.watched])
+    scales = ca.DM([signal.scale for signal in structure.watched])
     program = {
         "x": e.z,
         "p": e.c,
         "f": ca.sumsqr(e.z[inputs]),
-        "g": ca.vertcat(e.residual[: e.jacobian.shape[0]], e.y / scales),
+        "g": ca.vertcat(e.residual[: e.moved], e.y / scales),
     }
     return ca.nlpsol(
         "effort",
@@ -228,7 +228,7 @@ def _least_effort(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
     """
     system = problem.system
     balanced = np.zeros(system.moved)
-    scales = np.array([scale for _, scale in system.structure.watched])
+    scales = np.array([signal.scale for signal in system.structure.watched])
     solution = _effort_program(system.structure)(
         x0=guess,
         p=problem.c[0],

@@ -7,7 +7,7 @@ differ between points.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
@@ -35,24 +35,56 @@ RowsOf = Callable[[np.ndarray, np.ndarray], Sequence[np.ndarray]]
 _USUAL = {"rad": math.pi / 2, "deg": 90.0}
 
 
+class Unknown(NamedTuple):
+    """Free variable of a trim, which is found so that the equations balance.
+
+    scale: nominal magnitude
+    """
+
+    name: str
+    scale: float
+
+
+class Row(NamedTuple):
+    """Equation of a trim: (rate of a state, or output, minus its imposed value) / scale = 0.
+
+    name: state or output
+    is_rate: whether the equation is for the rate of the state
+    imposed: name of the imposed value among the constants, or "" for the value 0
+    scale: nominal magnitude
+    """
+
+    name: str
+    is_rate: bool
+    imposed: str
+    scale: float
+
+
+class Watched(NamedTuple):
+    """State or output with limits that is neither imposed nor unknown.
+
+    scale: nominal magnitude
+    """
+
+    name: str
+    scale: float
+
+
 class Structure(NamedTuple):
-    """Structure of the equations of a trim, without the numbers that differ between points.
+    """Unknowns and equations of a trim, without the numbers that differ between points.
 
     layout: equations and names of the model
-    given: variables, outputs and rates whose values are set at each point; all other imposed values
-        are 0
-    free: (variable, scale) for all variables that are not imposed
-    rates: (state, scale of its rate) for all imposed rates
-    outputs: (output, scale) for all imposed outputs
-    watched: (state or output, scale) for signals with limits that are neither imposed nor unknown
+    given: names of the imposed values in the equations; all other imposed values are 0
+    unknowns: all variables that are not imposed
+    rows: the equations, first those of rates
+    watched: signals whose limits the solution must keep
     """
 
     layout: Layout
     given: tuple[str, ...]
-    free: tuple[tuple[str, float], ...]
-    rates: tuple[tuple[str, float], ...]
-    outputs: tuple[tuple[str, float], ...]
-    watched: tuple[tuple[str, float], ...]
+    unknowns: tuple[Unknown, ...]
+    rows: tuple[Row, ...]
+    watched: tuple[Watched, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,23 +93,26 @@ class Equations:
     rows.
 
     layout: equations and names of the model
-    z: (k, 1), the unknowns divided by their scales
-    c: values of `constants`, followed by the parameters
-    x, u, y: states, inputs, and watched states and outputs (`Structure.watched`)
-    residual: (e, 1); the equations that the unknowns affect come first
-    jacobian: (m, k), derivatives of these first equations
-    scales: (k,), scale of each unknown
-    row_scales: (e,), scale of each equation
+    solved: the k unknowns that affect an equation, in the order of z
+    idle: names of the free variables that are in no equation; their values are in c
+    rows: the e equations; those that the unknowns affect come first
     moved: m, number of equations that the unknowns affect
-    names: names of the e equations: states for their rates, and outputs
-    unknowns: the k free variables that affect an equation
-    idle: free variables that are in no equation; their values are in c
-    constants: names of the values in c
+    constants: names of the values in c, which are followed by the parameters
+    z: (k, 1), the unknowns divided by their scales
+    c: the constants
+    x, u, y: states, inputs, and watched states and outputs (`Structure.watched`)
+    residual: r, (e, 1)
+    jacobian: J, (m, k), derivatives of the equations that the unknowns affect
     square: True if Newton's method can solve for z: m = k, and the pattern of zeros in J does not
         make it singular
     """
 
     layout: Layout
+    solved: tuple[Unknown, ...]
+    idle: tuple[str, ...]
+    rows: tuple[Row, ...]
+    moved: int
+    constants: tuple[str, ...]
     z: ca.SX
     c: ca.SX
     x: ca.SX
@@ -85,14 +120,22 @@ class Equations:
     y: ca.SX
     residual: ca.SX
     jacobian: ca.SX
-    scales: np.ndarray
-    row_scales: np.ndarray
-    moved: int
-    names: tuple[str, ...]
-    unknowns: tuple[str, ...]
-    idle: tuple[str, ...]
-    constants: tuple[str, ...]
     square: bool
+
+    @cached_property
+    def unknowns(self) -> tuple[str, ...]:
+        """Names of the unknowns, in the order of z."""
+        return tuple(unknown.name for unknown in self.solved)
+
+    @cached_property
+    def scales(self) -> np.ndarray:
+        """Scale of each unknown, (k,)."""
+        return np.array([unknown.scale for unknown in self.solved])
+
+    @cached_property
+    def row_scales(self) -> np.ndarray:
+        """Scale of each equation, (e,)."""
+        return np.array([row.scale for row in self.rows])
 
     @cached_property
     def residual_rows(self) -> RowFunction:
@@ -106,7 +149,7 @@ class Equations:
 
         y are the watched states and outputs.
         """
-        unmoved = ca.SX(len(self.names) - self.moved, len(self.unknowns))
+        unmoved = ca.SX(len(self.rows) - self.moved, len(self.solved))
         derivatives = ca.vertcat(self.jacobian, unmoved)
         flat = ca.vertcat(self.x, self.u, self.y, self.residual, ca.vec(derivatives.T))
         return RowFunction(ca.Function("point", [self.z, self.c], [ca.densify(flat)]))
@@ -155,62 +198,39 @@ def step_rows(equations: Equations, steps: int) -> RowFunction:
 
 
 def structure_of(model: Model, condition: TrimCondition, varied: Sequence[str] = ()) -> Structure:
-    """Return the structure of a trim's equations, without the numbers that differ between points.
+    """Return the unknowns and equations of a trim, without the numbers that differ between points.
 
     model: model of the aircraft
     condition: condition of the trim
     varied: variables, outputs or rates whose values differ between the points
     """
-    zero = [name for name, value in condition.imposed.items() if value == 0.0]
-    still = [name for name, rate in condition.rates.items() if rate == 0.0]
-    unlimited = [name for name, ends in condition.limits.items() if tuple(ends) == _UNLIMITED]
-    names = (varied, condition.imposed, zero, condition.rates, still, condition.limits, unlimited)
-    return _structure(model, *map(tuple, names))
-
-
-@lru_cache(maxsize=64)
-def _structure(
-    model: Model,
-    varied: tuple[str, ...],
-    imposed: tuple[str, ...],
-    zero: tuple[str, ...],
-    rates: tuple[str, ...],
-    still: tuple[str, ...],
-    limited: tuple[str, ...],
-    unlimited: tuple[str, ...],
-) -> Structure:
-    """Return the structure of a trim's equations, from names only (`structure_of`).
-
-    The result is cached for all conditions with equal names.
-
-    varied: variables, outputs or rates whose values differ between the points
-    imposed: imposed names
-    zero: imposed names with the value 0
-    rates: states with imposed rates
-    still: states with the imposed rate 0
-    limited: names with limits other than the model's
-    unlimited: names without limits
-    """
-    given = {*varied}
-    given.update(name for name in imposed if name not in zero or name in model.outputs)
-    given.update(f"{name}_dot" for name in rates if name not in still)
-    states_in_balance = [name for name in model.states if name in rates or f"{name}_dot" in varied]
-    held = {*imposed, *varied}
-    free = [name for name in model.variables if name not in held]
+    held = {*condition.imposed, *varied}
     following = [name for name in (*model.states, *model.outputs) if name not in model.variables]
-    outputs = [name for name in following if name in held]
-    watched = []
+    rows = []
+    for name in model.states:
+        rate = f"{name}_dot"
+        if name in condition.rates or rate in varied:
+            is_zero = rate not in varied and condition.rates[name] == 0.0
+            rows.append(Row(name, True, "" if is_zero else rate, model.rate_scale(name)))
     for name in following:
-        is_limited = name in limited or model.limits[name] != _UNLIMITED
-        if name not in held and is_limited and name not in unlimited:
-            watched.append(name)
+        if name in held:
+            rows.append(Row(name, False, name, model.signals[name].nominal))
+    given = {*varied, *(row.imposed for row in rows)}
+    for name, value in condition.imposed.items():
+        if value != 0.0 or name in model.outputs:
+            given.add(name)
+    free = [name for name in model.variables if name not in held]
+    watched = [
+        name
+        for name in following
+        if name not in held and tuple(condition.limits_of(name)) != _UNLIMITED
+    ]
     return Structure(
         model.layout,
         tuple(name for name in (*model.holdable, *model.rates) if name in given),
-        tuple((name, model.signals[name].nominal) for name in free),
-        tuple((name, model.rate_scale(name)) for name in states_in_balance),
-        tuple((name, model.signals[name].nominal) for name in outputs),
-        tuple((name, model.signals[name].nominal) for name in watched),
+        tuple(Unknown(name, model.signals[name].nominal) for name in free),
+        tuple(rows),
+        tuple(Watched(name, model.signals[name].nominal) for name in watched),
     )
 
 
@@ -218,66 +238,68 @@ def _structure(
 def equations(structure: Structure) -> Equations:
     """Return the equations of a trim as CasADi expressions.
 
-    structure: structure of the equations
+    structure: unknowns and equations
 
     Raises BadInputError for a free variable that affects the equations only in steps.
     """
     layout = structure.layout
-    names = [name for name, _ in structure.free]
     (p,) = layout.symbols("p")
-    symbols = ca.SX.sym("given", len(structure.given))
-    free = ca.SX.sym("free", len(names))
-    values = dict.fromkeys(layout.variables, ca.SX(0))
-    values |= dict(zip(structure.given, components(symbols), strict=True))
-    values |= dict(zip(names, components(free), strict=True))
-    outputs = [name for name, _ in structure.outputs]
-    watched = [name for name, _ in structure.watched]
-    x, u, f, y = layout.in_variables(values, p, (*outputs, *watched))
+    given = {name: ca.SX.sym(name) for name in structure.given}
+    free = {unknown.name: ca.SX.sym(unknown.name) for unknown in structure.unknowns}
+    values = {**dict.fromkeys(layout.variables, ca.SX(0)), **given, **free}
+    outputs = [row.name for row in structure.rows if not row.is_rate]
+    watched = [signal.name for signal in structure.watched]
+    x, u, f, seen = layout.in_variables(values, p, (*outputs, *watched))
+    rates = dict(zip(layout.names[0], components(f), strict=True))
+    seen_by_name = dict(zip((*outputs, *watched), components(seen), strict=True))
 
-    rows = []
-    for name, scale in structure.rates:
-        rate = f[layout.names[0].index(name)]
-        rows.append((rate - values.get(f"{name}_dot", 0.0)) / scale)
-    for i, (name, scale) in enumerate(structure.outputs):
-        rows.append((y[i] - values[name]) / scale)
-    residual = ca.vertcat(*rows)
-    jacobian = ca.jacobian(residual, free)
-    layout.refuse_steps(jacobian, names)
-    jacobian = ca.sparsify(jacobian)
-    moved = [i for i in range(residual.numel()) if jacobian[i, :].nnz()]
-    still = [i for i in range(residual.numel()) if not jacobian[i, :].nnz()]
-    moving = [j for j in range(len(names)) if jacobian[:, j].nnz()]
-    idle = [j for j in range(len(names)) if not jacobian[:, j].nnz()]
-    square = bool(moving) and len(moved) == len(moving)
-    square = square and ca.sprank(jacobian[moved, moving]) == len(moving)
+    residuals = []
+    for row in structure.rows:
+        value = rates[row.name] if row.is_rate else seen_by_name[row.name]
+        residuals.append((value - given.get(row.imposed, 0.0)) / row.scale)
+    sensitivity = ca.jacobian(ca.vertcat(*residuals), _column(free.values()))
+    layout.refuse_steps(sensitivity, list(free))
+    depends = ca.DM(ca.sparsify(sensitivity).sparsity(), 1).full() != 0.0
+    moved = np.flatnonzero(depends.any(axis=1)).tolist()
+    still = np.flatnonzero(~depends.any(axis=1)).tolist()
+    moving = np.flatnonzero(depends.any(axis=0)).tolist()
+    solved = tuple(structure.unknowns[column] for column in moving)
+    idle = tuple(name for name in free if name not in {unknown.name for unknown in solved})
+    jacobian = ca.sparsify(sensitivity)[moved, moving]
+    square = bool(moving) and len(moved) == len(moving) and ca.sprank(jacobian) == len(moving)
 
-    idle_symbols = [free[j] for j in idle]
-    scales = np.array([structure.free[j][1] for j in moving])
-    z = ca.SX.sym("z", len(moving))
-    jacobian = ca.densify(jacobian[moved, moving]) @ ca.diag(ca.DM(scales))
-    y = ca.vertcat(ca.SX(0, 1), *components(y)[len(outputs) :])
-    parts = [x, u, y, residual[[*moved, *still]], jacobian]
-    sought = ca.vertcat(ca.SX(0, 1), *(free[j] for j in moving))
-    x, u, y, residual, jacobian = ca.substitute(parts, [sought], [z * ca.DM(scales)])
-    every = [(*structure.rates, *structure.outputs)[i] for i in (*moved, *still)]
+    z = ca.SX.sym("z", len(solved))
+    scales = ca.DM([unknown.scale for unknown in solved])
+    sought = _column(free[unknown.name] for unknown in solved)
+    parts = [
+        x,
+        u,
+        _column(seen_by_name[name] for name in watched),
+        ca.vertcat(*(residuals[row] for row in (*moved, *still))),
+        ca.densify(jacobian) @ ca.diag(scales),
+    ]
+    x, u, y, residual, jacobian = ca.substitute(parts, [sought], [z * scales])
     return Equations(
         layout,
+        solved,
+        idle,
+        tuple(structure.rows[row] for row in (*moved, *still)),
+        len(moved),
+        (*structure.given, *idle),
         z,
-        ca.vertcat(ca.SX(0, 1), *components(symbols), *idle_symbols, *components(p)),
+        _column((*given.values(), *(free[name] for name in idle), *components(p))),
         x,
         u,
         ca.densify(y),
         ca.densify(residual),
         jacobian,
-        scales,
-        np.array([scale for _, scale in every]),
-        len(moved),
-        tuple(name for name, _ in every),
-        tuple(names[j] for j in moving),
-        tuple(names[j] for j in idle),
-        (*structure.given, *(names[j] for j in idle)),
         square,
     )
+
+
+def _column(parts: Iterable[ca.SX]) -> ca.SX:
+    """Return a column of expressions, (n, 1), also of none."""
+    return ca.vertcat(ca.SX(0, 1), *parts)
 
 
 class Evaluation(NamedTuple):
@@ -339,7 +361,7 @@ class TrimSystem:
         self.start = self.unknowns(begin)
         self.limits = condition.limits_on(self.equations.unknowns)
         self.lowest, self.highest, self.usual = _scaled_ends(self.limits, self.equations)
-        self.watched = condition.limits_on([name for name, _ in self.structure.watched])
+        self.watched = condition.limits_on([each.name for each in self.structure.watched])
         self.row_scales = self.equations.row_scales
         self.moved = self.equations.moved
         self.is_quick = self.equations.square and len(self.scales) <= _FEW
