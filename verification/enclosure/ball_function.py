@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
-from flint import arb, arb_series
+from flint import arb, arb_series, fmpq
 
 import verification.enclosure.precision  # noqa: F401  # sets the precision of balls
-from hfa_support.errors import BadInputError, NoSolutionError
-from verification.enclosure.program import operation_name
+from hfa_support.errors import NoSolutionError
+from verification.enclosure.program import Arithmetic, Reading
+from verification.enclosure.splines import Spline
 
 
 class Undecided(NoSolutionError):
@@ -22,7 +24,7 @@ class Undecided(NoSolutionError):
 
 
 class BallFunction:
-    """A CasADi `SX` function, evaluated on `flint.arb`, `flint.arb_series` and Taylor models.
+    """A CasADi function, evaluated on `flint.arb`, `flint.arb_series` and Taylor models.
 
     An `arb_series` is a Taylor polynomial in one variable. Its evaluation also computes
     derivatives. Constants of the function are the doubles that CasADi stores.
@@ -35,20 +37,7 @@ class BallFunction:
 
     def __init__(self, function: ca.Function, name: str = "") -> None:
         self._name = name or function.name()
-        self._size = function.sz_w()
-        self._sizes = [function.nnz_out(index) for index in range(function.n_out())]
-        self._inputs = [function.nnz_in(index) for index in range(function.n_in())]
-        self._steps: list[tuple[int, Any, list[int], list[int]]] = []
-        for index in range(function.n_instructions()):
-            code = function.instruction_id(index)
-            operation: Any = None
-            if code == ca.OP_CONST:
-                operation = arb(function.instruction_constant(index))
-            elif code not in (ca.OP_INPUT, ca.OP_OUTPUT):
-                operation = _operation(code, self._name)
-            targets = function.instruction_output(index)
-            sources = function.instruction_input(index)
-            self._steps.append((code, operation, targets, sources))
+        self._reading = Reading(function, Balls(), self._name)
 
     def __call__(self, *arguments: Sequence[Any]) -> list[list[Any]]:
         """Return the outputs, each as a list of its nonzeros in CasADi's order (column by column).
@@ -58,48 +47,17 @@ class BallFunction:
         Raises Undecided if a division, a root or a comparison is not decided on the box. Raises
         ValueError if an argument has the wrong number of entries.
         """
-        if [len(argument) for argument in arguments] != self._inputs:
-            raise ValueError(f"the arguments of {self._name} must have {self._inputs} entries")
+        if [len(argument) for argument in arguments] != self._reading.inputs:
+            raise ValueError(
+                f"the arguments of {self._name} must have {self._reading.inputs} entries"
+            )
         try:
-            return self._run(arguments)
+            return self._reading(*arguments)
         except (ValueError, ZeroDivisionError) as error:
             # A divisor or a root may be 0 on this box.
             raise Undecided(
                 f"{self._name} is not proved to be defined on the whole box ({error})"
             ) from error
-
-    def _run(self, arguments: Sequence[Sequence[Any]]) -> list[list[Any]]:
-        """Return the outputs for given nonzeros of each input."""
-        work: list[Any] = [None] * self._size
-        results: list[list[Any]] = [[None] * size for size in self._sizes]
-        for code, operation, target, source in self._steps:
-            if code == ca.OP_CONST:
-                work[target[0]] = operation
-            elif code == ca.OP_INPUT:
-                work[target[0]] = arguments[source[0]][source[1]]
-            elif code == ca.OP_OUTPUT:
-                results[target[0]][target[1]] = work[source[0]]
-            elif len(source) == 1:
-                work[target[0]] = operation(work[source[0]])
-            else:
-                work[target[0]] = operation(work[source[0]], work[source[1]])
-        return results
-
-
-def _operation(code: int, name: str) -> Callable[..., Any]:
-    """Return the operation on balls for a CasADi operation code.
-
-    code: `ca.OP_...`
-    name: name of the function, for the message
-
-    Raises BadInputError with the name of the operation if the operation is not supported.
-    """
-    if code in _OPERATIONS:
-        return _OPERATIONS[code]
-    raise BadInputError(
-        f"{name}: the equations use {operation_name(code)}, which a proof does not support; "
-        "replace tables and switches by polynomials"
-    )
 
 
 def constant_part(value: Any) -> Any:
@@ -116,64 +74,111 @@ def constant_part(value: Any) -> Any:
     return value.range()
 
 
-def _sorted(x: Any, y: Any) -> tuple[Any, Any]:
-    """Return the smaller and the larger of two values.
+def _method(name: str) -> Callable[[Any, Any], Any]:
+    """Return the operation that calls a method of a ball."""
+    return lambda balls, value: getattr(value, name)()
 
-    Raises Undecided unless the order of their balls is proved.
+
+class Balls(Arithmetic):
+    """Arithmetic of balls, series of balls and Taylor models.
+
+    A comparison raises Undecided unless the order of the values is proved.
     """
-    first = constant_part(x)
-    second = constant_part(y)
-    if not (first <= second or first > second):
-        raise Undecided(
-            "fmin, fmax or another comparison switches within a box; use smooth equations, or a "
-            "trim away from the switch"
-        )
-    return (x, y) if first <= second else (y, x)
 
+    constant = staticmethod(arb)
+    add = staticmethod(operator.add)
+    subtract = staticmethod(operator.sub)
+    negative = staticmethod(operator.neg)
+    multiply = staticmethod(operator.mul)
+    sqrt = _method("sqrt")
+    exp = _method("exp")
+    log = _method("log")
+    sin = _method("sin")
+    cos = _method("cos")
+    atan = _method("atan")
 
-def _arctangent(y: Any, x: Any) -> Any:
-    """Return atan2(y, x) = atan(y / x) for x > 0.
+    def divide(self, a: Any, b: Any) -> Any:
+        """Return a / b."""
+        return a / b
 
-    Raises Undecided unless x is proved positive.
-    """
-    if not constant_part(x) > 0:
-        raise Undecided("atan2(y, x) is undecided, because x is not proved positive")
-    return (y / x).atan()
+    def tan(self, a: Any) -> Any:
+        """Return tan a."""
+        return a.tan()
 
+    def asin(self, a: Any) -> Any:
+        """Return asin a."""
+        return a.asin()
 
-def _power(x: Any, y: Any) -> Any:
-    """Return x^y = exp(y log x) for x > 0.
+    def acos(self, a: Any) -> Any:
+        """Return acos a."""
+        return a.acos()
 
-    Raises Undecided unless x is proved positive.
-    """
-    if not constant_part(x) > 0:
-        raise Undecided("x^y is undecided, because x is not proved positive")
-    return (y * x.log()).exp()
+    def inverse(self, a: Any) -> Any:
+        """Return 1 / a."""
+        return 1 / a
 
+    def tanh(self, a: Any) -> Any:
+        """Return tanh a = 1 - 2 / (e^2a + 1)."""
+        return 1 - 2 / ((a + a).exp() + 1)
 
-_OPERATIONS: dict[int, Callable[..., Any]] = {
-    ca.OP_ASSIGN: lambda x: x,
-    ca.OP_ADD: operator.add,
-    ca.OP_SUB: operator.sub,
-    ca.OP_MUL: operator.mul,
-    ca.OP_DIV: operator.truediv,
-    ca.OP_NEG: operator.neg,
-    ca.OP_TWICE: lambda x: x + x,
-    ca.OP_SQ: lambda x: x * x,
-    ca.OP_INV: lambda x: 1 / x,
-    ca.OP_SQRT: lambda x: x.sqrt(),
-    ca.OP_EXP: lambda x: x.exp(),
-    ca.OP_LOG: lambda x: x.log(),
-    ca.OP_SIN: lambda x: x.sin(),
-    ca.OP_COS: lambda x: x.cos(),
-    ca.OP_TAN: lambda x: x.tan(),
-    ca.OP_ASIN: lambda x: x.asin(),
-    ca.OP_ACOS: lambda x: x.acos(),
-    ca.OP_ATAN: lambda x: x.atan(),
-    ca.OP_ATAN2: _arctangent,
-    ca.OP_POW: _power,
-    ca.OP_CONSTPOW: _power,
-    ca.OP_FMIN: lambda x, y: _sorted(x, y)[0],
-    ca.OP_FMAX: lambda x, y: _sorted(x, y)[1],
-    ca.OP_LE: lambda x, y: arb(int(_sorted(x, y)[0] is x)),
-}
+    def maximum(self, a: Any, b: Any) -> Any:
+        """Return the larger value."""
+        return b if self._is_less(a, b) else a
+
+    def minimum(self, a: Any, b: Any) -> Any:
+        """Return the smaller value."""
+        return a if self._is_less(a, b) else b
+
+    def less(self, a: Any, b: Any) -> Any:
+        """Return 1 for a <= b, else 0."""
+        return arb(int(self._is_less(a, b)))
+
+    def _is_less(self, a: Any, b: Any) -> bool:
+        """Return whether a <= b.
+
+        Raises Undecided unless the order of the balls is proved.
+        """
+        first = constant_part(a)
+        second = constant_part(b)
+        if not (first <= second or first > second):
+            raise Undecided(
+                "fmin, fmax or another comparison switches within a box; use smooth equations, or "
+                "a trim away from the switch"
+            )
+        return bool(first <= second)
+
+    def atan2(self, a: Any, b: Any) -> Any:
+        """Return atan2(a, b) = atan(a / b) for b > 0.
+
+        Raises Undecided unless b is proved positive.
+        """
+        if not constant_part(b) > 0:
+            raise Undecided("atan2(y, x) is undecided, because x is not proved positive")
+        return (a / b).atan()
+
+    def power(self, a: Any, b: Any) -> Any:
+        """Return a^b = exp(b log a) for a > 0.
+
+        Raises Undecided unless a is proved positive.
+        """
+        if not constant_part(a) > 0:
+            raise Undecided("x^y is undecided, because x is not proved positive")
+        return (b * a.log()).exp()
+
+    def table(self, spline: Spline, a: Any) -> Any:
+        """Return the value of the piece of a table that contains a.
+
+        Raises Undecided unless one piece is proved to contain it.
+        """
+        ball = constant_part(a)
+        ends = [-arb("inf"), *map(arb, spline.knots), arb("inf")]
+        for (low, high), origin, piece in zip(
+            pairwise(ends), spline.origins.tolist(), spline.pieces, strict=True
+        ):
+            if low <= ball and ball <= high:
+                d = a - arb(origin)
+                value = 0 * d
+                for coefficient in reversed(piece):
+                    value = d * value + arb(fmpq(coefficient.numerator, coefficient.denominator))
+                return value
+        raise Undecided("a table of the equations has a breakpoint within a box")

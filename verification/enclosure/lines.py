@@ -1,4 +1,4 @@
-"""Enclosures of functions of one variable over a range, by parabolas or lines.
+"""Functions of one variable: their values, and enclosures over a range by parabolas or lines.
 
 For a range [low, high] that contains t0, f(t0 + d) = a + b d + c d² ± rest. `curve` is the Taylor
 polynomial of degree 2, with the third derivative enclosed over the range. `line` has c = 0 and is
@@ -9,7 +9,8 @@ inf or nan if the function is not defined on the range.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,15 +19,21 @@ from verification.enclosure.elementary import (
     ROUNDING,
     SIN_ERROR,
     TANH_ERROR,
+    UNDERFLOW,
     atan,
     exp,
     log,
     sin_cos,
     tanh,
 )
+from verification.enclosure.splines import HIGHEST, Spline
 
 #: Arrays of one shape: center, lowest and highest argument.
 Ranges = tuple[np.ndarray, np.ndarray, np.ndarray]
+#: Upward rounding of a few sums and products of nonnegative numbers.
+_UP = 1.0 + 4.0 * ROUNDING
+#: Smallest width of a range by which a difference is divided.
+_NARROW = 1e-200
 
 
 class Parabola(NamedTuple):
@@ -49,22 +56,41 @@ class Slopes(NamedTuple):
 
 
 class Enclosed(NamedTuple):
-    """Functions that enclose one kind of node over ranges of its argument.
+    """A function of one variable, and functions that enclose it over ranges of its argument.
 
-    curve: (t0, low, high) -> enclosure by a parabola, or None if only lines are used
-    line: (t0, low, high) -> enclosure by a line, or None if only parabolas are used
+    value: t -> f(t) in double precision, on which no proof depends
+    curve: (t0, low, high) -> enclosure by a parabola, or None if the function has kinks
+    line: (t0, low, high) -> enclosure by a line
     slopes: (low, high) -> lowest and highest slope
+    is_exact: whether `curve` has no other remainder than rounding
     """
 
+    value: Callable[[Any], Any]
     curve: Callable[[Ranges], Parabola] | None
-    line: Callable[[Ranges], Parabola] | None
+    line: Callable[[Ranges], Parabola]
     slopes: Callable[[np.ndarray, np.ndarray], Slopes]
+    is_exact: bool = False
+
+    def nearest(self, ranges: Ranges, of_square: np.ndarray) -> Parabola:
+        """Return the parabola or the line on each range, whichever has the smaller remainder.
+
+        of_square: upper bound of the part of d² that is omitted; the remainder of the parabola
+            includes it
+        """
+        if self.curve is None:
+            return self.line(ranges)
+        curve = self.curve(ranges)
+        if self.is_exact:
+            return curve
+        line = self.line(ranges)
+        is_curve = curve.rest + np.abs(curve.bend) * of_square <= line.rest
+        return Parabola(*(np.where(is_curve, a, b) for a, b in zip(curve, line, strict=True)))
 
 
 def _reach(ranges: Ranges) -> np.ndarray:
     """Return the largest |t - t0| of each range, rounded upward."""
     centre, low, high = ranges
-    return np.asarray(np.maximum(high - centre, centre - low) * (1.0 + 4.0 * ROUNDING))
+    return np.asarray(np.maximum(high - centre, centre - low) * _UP)
 
 
 def _parabola(
@@ -99,8 +125,79 @@ def _by_slopes(
     reach: largest |d|
     """
     middle = 0.5 * (slopes.low + slopes.high)
-    width = np.maximum(slopes.high - middle, middle - slopes.low) * (1.0 + 4.0 * ROUNDING)
+    width = np.maximum(slopes.high - middle, middle - slopes.low) * _UP
     return Parabola(value, middle, np.zeros_like(middle), error + width * reach)
+
+
+class _Concave(NamedTuple):
+    """Function that is concave for t > 0 within its domain.
+
+    at: t -> f(t) and a bound of its error
+    slope: (t, f(t)) -> f'(t) and a bound of its error
+    touch: m -> approximate t >= 0 with f'(t) = m
+    """
+
+    at: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray | float]]
+    slope: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray | float]]
+    touch: Callable[[np.ndarray], np.ndarray]
+
+
+def _chord_line(f: _Concave, ranges: Ranges, is_odd: bool) -> Parabola:
+    """Return an enclosure of f by a line parallel to its chord over the range.
+
+    is_odd: whether f is odd, and therefore convex for t < 0; otherwise f is concave everywhere
+    """
+    centre, low, high = ranges
+    at_low, error_low = f.at(low)
+    at_high, error_high = f.at(high)
+    slope = (at_high - at_low) / np.maximum(high - low, _NARROW)
+    ends = (at_low - slope * low, at_high - slope * high)
+    top = _highest_above(f, slope, low, high, np.maximum(*ends), is_odd)
+    bottom = np.minimum(*ends)
+    if is_odd:
+        bottom = -_highest_above(f, slope, -high, -low, -bottom, is_odd)
+    constant = 0.5 * (top + bottom)
+    size = np.maximum(np.abs(at_low), np.abs(at_high))
+    size = size + np.abs(slope) * np.maximum(np.abs(low), np.abs(high))
+    rest = np.maximum(top - constant, constant - bottom) + error_low + error_high
+    rest = (rest + 20.0 * ROUNDING * size) * _UP
+    return Parabola(constant + slope * centre, slope, np.zeros_like(slope), rest)
+
+
+def _highest_above(
+    f: _Concave,
+    slope: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    at_ends: np.ndarray,
+    is_odd: bool,
+) -> np.ndarray:
+    """Return an upper bound of g(t) = f(t) - slope t over [low, high].
+
+    Rounding errors of the sums are not included.
+
+    at_ends: the larger of g(low) and g(high)
+
+    Where g is convex, it is highest at an end. Where g is concave, it is below its tangent at any
+    p. The tangent is taken at the point p of the concave part that is closest to the computed zero
+    of g'.
+    """
+    begin = np.maximum(low, 0.0) if is_odd else low
+    end = np.maximum(high, begin)
+    p = np.clip(np.nan_to_num(f.touch(slope), nan=1.0), begin, end)
+    at_p, error = f.at(p)
+    steepness, of_slope = f.slope(p, at_p)
+    rise = steepness - slope
+    above = np.maximum(
+        np.maximum(rise + of_slope, 0.0) * (end - p), np.maximum(of_slope - rise, 0.0) * (p - begin)
+    )
+    highest = np.maximum(at_p + error - slope * p + above, at_ends)
+    return np.asarray(np.where(high <= 0.0, at_ends, highest) if is_odd else highest)
+
+
+def _negative(line: Parabola) -> Parabola:
+    """Return the enclosure of -f for that of f."""
+    return Parabola(-line.value, -line.slope, -line.bend, line.rest)
 
 
 # tanh
@@ -133,47 +230,15 @@ def _tanh_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
     return Slopes(np.maximum(np.minimum(at_low, at_high) - 4.0 * TANH_ERROR, 0.0), most)
 
 
-def _tanh_line(ranges: Ranges) -> Parabola:
-    """Return an enclosure of tanh by a line parallel to the chord."""
-    centre, low, high = ranges
-    at_low = tanh(low)
-    at_high = tanh(high)
-    slope = np.clip((at_high - at_low) / np.maximum(high - low, 1e-200), 0.0, 1.0)
-    above = (at_low - slope * low, at_high - slope * high)
-    top = _highest_above(slope, low, high, np.maximum(*above))
-    bottom = -_highest_above(slope, -high, -low, -np.minimum(*above))
-    constant = 0.5 * (top + bottom)
-    size = np.maximum(np.abs(low), np.abs(high))
-    rest = np.maximum(top - constant, constant - bottom)
-    rest = rest + 4.0 * TANH_ERROR + 20.0 * ROUNDING * (1.0 + size)
-    return Parabola(constant + slope * centre, slope, np.zeros_like(slope), rest)
+def _tanh_touch(slope: np.ndarray) -> np.ndarray:
+    return np.asarray(np.arctanh(np.minimum(np.sqrt(1.0 - slope), 1.0 - ROUNDING)))
 
 
-def _highest_above(
-    slope: np.ndarray, low: np.ndarray, high: np.ndarray, at_ends: np.ndarray
-) -> np.ndarray:
-    """Return an upper bound of g(t) = tanh t - slope t over [low, high].
-
-    Rounding errors in g are not included.
-
-    at_ends: the larger of g(low) and g(high)
-
-    For t < 0, g is convex and therefore highest at an end. For t > 0, g is concave and therefore
-    below its tangent at any p. The tangent is taken at the point p >= 0 of the range that is
-    closest to the computed zero of g'.
-    """
-    begin = np.maximum(low, 0.0)
-    end = np.maximum(high, begin)
-    equal = np.arctanh(np.minimum(np.sqrt(1.0 - slope), 1.0 - ROUNDING))
-    p = np.clip(equal, begin, end)
-    at_p = tanh(p)
-    rise = 1.0 - at_p * at_p - slope
-    error = 4.0 * TANH_ERROR
-    above = np.maximum(
-        np.maximum(rise + error, 0.0) * (end - p), np.maximum(error - rise, 0.0) * (p - begin)
-    )
-    highest = np.maximum(at_p - slope * p + above, at_ends)
-    return np.asarray(np.where(high <= 0.0, at_ends, highest))
+_TANH = _Concave(
+    lambda t: (tanh(t), TANH_ERROR),
+    lambda _, value: (1.0 - value * value, 4.0 * TANH_ERROR),
+    _tanh_touch,
+)
 
 
 # relu and step
@@ -186,11 +251,11 @@ def _relu_line(ranges: Ranges) -> Parabola:
     """
     centre, low, high = ranges
     crosses = (low < 0.0) & (high > 0.0)
-    slope = np.where(crosses, high / np.maximum(high - low, 1e-200), low >= 0.0)
+    slope = np.where(crosses, high / np.maximum(high - low, _NARROW), low >= 0.0)
     slope = np.clip(slope, 0.0, 1.0)
     top = np.where(crosses, np.maximum(-slope * low, (1.0 - slope) * high), 0.0)
     half = 0.5 * top
-    rest = half * (1.0 + 4.0 * ROUNDING) + 2.0 * ROUNDING * np.where(crosses, np.abs(centre), 0.0)
+    rest = half * _UP + 2.0 * ROUNDING * np.where(crosses, np.abs(centre), 0.0)
     return Parabola(half + slope * centre, slope, np.zeros_like(slope), rest)
 
 
@@ -218,6 +283,30 @@ def _step_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
 # polynomials, powers and transcendental functions
 
 
+def _square_curve(ranges: Ranges) -> Parabola:
+    centre = ranges[0]
+    value = centre * centre
+    one = np.ones_like(value)
+    return _parabola(value, 2.0 * centre, one, 0.0 * one, (ROUNDING * value, 0, 0), _reach(ranges))
+
+
+def _square_line(ranges: Ranges) -> Parabola:
+    """Return an enclosure of t² by a line parallel to its chord.
+
+    t² = m² + 2 m (t - m) + (t - m)², with m the middle of the range.
+    """
+    centre, low, high = ranges
+    middle = 0.5 * (low + high)
+    half = 0.5 * np.maximum(high - middle, middle - low) ** 2
+    value = middle * (2.0 * centre - middle) + half
+    size = half + np.abs(middle) * (2.0 * np.abs(centre) + np.abs(middle))
+    return Parabola(value, 2.0 * middle, np.zeros_like(value), half * _UP + 4.0 * ROUNDING * size)
+
+
+def _square_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
+    return Slopes(2.0 * low, 2.0 * high)
+
+
 def _inverse_curve(ranges: Ranges) -> Parabola:
     centre, low, high = ranges
     nearest = np.where(low > 0.0, low, np.where(high < 0.0, -high, np.nan))
@@ -231,12 +320,29 @@ def _inverse_curve(ranges: Ranges) -> Parabola:
     return _parabola(value, -(value**2), value**3, nearest**-4.0, errors, _reach(ranges))
 
 
+def _inverse_line(ranges: Ranges) -> Parabola:
+    """Return an enclosure of 1/t by a line. 1/t is odd, and -1/t concave for t > 0."""
+    centre, low, high = ranges
+    sign = np.where(low > 0.0, 1.0, -1.0)
+    least = np.where(low > 0.0, low, np.where(high < 0.0, -high, np.nan))
+    most = np.where(low > 0.0, high, -low)
+    line = _chord_line(_MINUS_INVERSE, (sign * centre, least, most), is_odd=False)
+    return Parabola(-sign * line.value, -line.slope, line.bend, line.rest)
+
+
+_MINUS_INVERSE = _Concave(
+    lambda t: (-1.0 / t, 2.0 * ROUNDING / t),
+    lambda t, _: (1.0 / t**2, 4.0 * ROUNDING / t**2),
+    lambda slope: 1.0 / np.sqrt(slope),
+)
+
+
 def _inverse_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
     defined = (low > 0.0) | (high < 0.0)
     ends = np.stack([-1.0 / low**2, -1.0 / high**2])
     least = np.where(defined, ends.min(axis=0), -np.inf)
     most = np.where(defined, ends.max(axis=0), np.inf)
-    return Slopes(least * (1.0 + 4.0 * ROUNDING), most * (1.0 - 4.0 * ROUNDING))
+    return Slopes(least * _UP, most * (1.0 - 4.0 * ROUNDING))
 
 
 def _sqrt_curve(ranges: Ranges) -> Parabola:
@@ -252,26 +358,43 @@ def _sqrt_curve(ranges: Ranges) -> Parabola:
 def _sqrt_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
     least = np.where(low > 0.0, 0.5 / np.sqrt(high), -np.inf)
     most = np.where(low > 0.0, 0.5 / np.sqrt(low), np.inf)
-    return Slopes(least * (1.0 - 4.0 * ROUNDING), most * (1.0 + 4.0 * ROUNDING))
+    return Slopes(least * (1.0 - 4.0 * ROUNDING), most * _UP)
+
+
+_SQRT = _Concave(
+    lambda t: (np.sqrt(t), ROUNDING * np.sqrt(t)),
+    lambda _, value: (0.5 / value, 2.0 * ROUNDING / value),
+    lambda slope: 0.25 / slope**2,
+)
+
+
+def _error_of_exp(value: np.ndarray) -> np.ndarray:
+    return 2.0 * EXP_ERROR * value + UNDERFLOW
 
 
 def _exp_curve(ranges: Ranges) -> Parabola:
     centre, _, high = ranges
     value = exp(centre)
-    error = 2.0 * EXP_ERROR * value
-    third = exp(high) * (1.0 + 2.0 * EXP_ERROR) / 6.0
+    error = _error_of_exp(value)
+    third = exp(high)
+    third = (third + _error_of_exp(third)) / 6.0
     return _parabola(value, value, 0.5 * value, third, (error, error, error), _reach(ranges))
 
 
 def _exp_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
-    return Slopes(exp(low) * (1.0 - 2.0 * EXP_ERROR), exp(high) * (1.0 + 2.0 * EXP_ERROR))
+    least = exp(low)
+    most = exp(high)
+    return Slopes(np.maximum(least - _error_of_exp(least), 0.0), most + _error_of_exp(most))
 
 
-def _exp_line(ranges: Ranges) -> Parabola:
-    centre, low, high = ranges
-    value = exp(centre)
-    slopes = _exp_slopes(low, high)
-    return _by_slopes(value, 2.0 * EXP_ERROR * value, slopes, _reach(ranges))
+def _minus_exp(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    value = exp(t)
+    return -value, _error_of_exp(value)
+
+
+_MINUS_EXP = _Concave(
+    _minus_exp, lambda _, value: (value, _error_of_exp(-value)), lambda slope: np.log(-slope)
+)
 
 
 def _log_curve(ranges: Ranges) -> Parabola:
@@ -286,33 +409,39 @@ def _log_curve(ranges: Ranges) -> Parabola:
 def _log_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
     least = np.where(low > 0.0, 1.0 / high, -np.inf)
     most = np.where(low > 0.0, 1.0 / low, np.inf)
-    return Slopes(least * (1.0 - 4.0 * ROUNDING), most * (1.0 + 4.0 * ROUNDING))
+    return Slopes(least * (1.0 - 4.0 * ROUNDING), most * _UP)
 
 
-def _wave(pair: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]) -> Enclosed:
+_LOG = _Concave(log, lambda t, _: (1.0 / t, 2.0 * ROUNDING / t), lambda slope: 1.0 / slope)
+
+
+def _wave(
+    value: Callable[[Any], Any], pair: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+) -> Enclosed:
     """Return the enclosures of a function f with f'' = -f and |f'| <= 1, such as sine and cosine.
 
+    value: t -> f(t), without an error bound
     pair: t -> f(t) and f'(t), with errors of at most `SIN_ERROR`
     """
 
     def curve(ranges: Ranges) -> Parabola:
-        value, slope = pair(ranges[0])
+        height, slope = pair(ranges[0])
         errors = (SIN_ERROR, SIN_ERROR, SIN_ERROR)
-        third = np.full_like(value, 1.0 / 6.0)
-        return _parabola(value, slope, -0.5 * value, third, errors, _reach(ranges))
+        third = np.full_like(height, 1.0 / 6.0)
+        return _parabola(height, slope, -0.5 * height, third, errors, _reach(ranges))
 
     def line(ranges: Ranges) -> Parabola:
-        value, _ = pair(ranges[0])
-        return _by_slopes(value, SIN_ERROR, slopes(*ranges[1:]), _reach(ranges))
+        height, _ = pair(ranges[0])
+        return _by_slopes(height, SIN_ERROR, slopes(*ranges[1:]), _reach(ranges))
 
     def slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
         """Return the range of f' over [low, high], f'(m) ± |t - m| with the center m."""
         middle = 0.5 * (low + high)
         _, slope = pair(middle)
-        width = np.maximum(high - middle, middle - low) * (1.0 + 4.0 * ROUNDING) + 2.0 * SIN_ERROR
+        width = np.maximum(high - middle, middle - low) * _UP + 2.0 * SIN_ERROR
         return Slopes(np.maximum(slope - width, -1.0), np.minimum(slope + width, 1.0))
 
-    return Enclosed(curve, line, slopes)
+    return Enclosed(value, curve, line, slopes)
 
 
 def _cos_sin(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -338,15 +467,171 @@ def _atan_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
     return Slopes(ends.min(axis=0) * (1.0 - 8.0 * ROUNDING), most)
 
 
+def _atan_touch(slope: np.ndarray) -> np.ndarray:
+    return np.asarray(np.sqrt(1.0 / slope - 1.0))
+
+
+_ATAN = _Concave(
+    atan, lambda t, _: (1.0 / (1.0 + t * t), 4.0 * ROUNDING / (1.0 + t * t)), _atan_touch
+)
+
+
+# piecewise polynomials
+
+
+@lru_cache(maxsize=64)
+def _of_spline(spline: Spline) -> Enclosed:
+    """Return the enclosures of a piecewise polynomial."""
+    bounds = _Pieces(spline)
+    return Enclosed(spline.at, bounds.curve, bounds.line, bounds.slopes)
+
+
+class _Touched(NamedTuple):
+    """Bounds over all pieces that meet a range.
+
+    smoothness: least number of continuous derivatives at the knots in the range
+    values, slopes: lowest and highest f and f'
+    bent: upper bound of |f''|
+    third: upper bound of |f'''| / 6
+    """
+
+    smoothness: np.ndarray
+    values: Slopes
+    slopes: Slopes
+    bent: np.ndarray
+    third: np.ndarray
+
+
+class _Pieces:
+    """Enclosures of a piecewise polynomial from bounds of its pieces.
+
+    spline: the piecewise polynomial
+    """
+
+    def __init__(self, spline: Spline) -> None:
+        self._spline = spline
+        self._knots = np.array(spline.knots)
+        c = spline.coefficients.T
+        lengths = np.array([np.inf, *np.diff(self._knots), np.inf]) * _UP
+        self._values = _hull(c, lengths)
+        self._slopes = _hull(np.array([c[1], 2.0 * c[2], 3.0 * c[3]]), lengths)
+        bent = _hull(np.array([2.0 * c[2], 6.0 * c[3]]), lengths)
+        self._bent = np.maximum(np.abs(bent.low), np.abs(bent.high))
+        self._third = np.abs(c[3]) * _UP
+
+    def _touched(self, low: np.ndarray, high: np.ndarray) -> _Touched:
+        first = np.searchsorted(self._knots, low, side="left")
+        last = np.searchsorted(self._knots, high, side="right")
+
+        def most(each: np.ndarray) -> np.ndarray:
+            """Return the largest of the values of consecutive pieces or knots."""
+            result = np.full(np.shape(low), -np.inf)
+            for k, value in enumerate(each):
+                is_met = (first <= k) & (k <= last - (len(each) == len(self._knots)))
+                result = np.where(is_met, np.maximum(result, value), result)
+            return np.where(np.isfinite(low + high), result, np.nan)
+
+        values = Slopes(-most(-self._values.low), most(self._values.high))
+        slopes = Slopes(-most(-self._slopes.low), most(self._slopes.high))
+        smoothness = np.fmin(-most(-self._spline.smoothness.astype(float)), HIGHEST)
+        return _Touched(smoothness, values, slopes, most(self._bent), most(self._third))
+
+    def _at(self, t: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return f, f' and f'' / 2 at t, and bounds of their errors."""
+        piece = np.searchsorted(self._knots, t, side="right")
+        d = t - self._spline.origins[piece]
+        c = np.moveaxis(self._spline.coefficients[piece], -1, 0)
+        results = []
+        errors = []
+        for factors in (c, [c[1], 2.0 * c[2], 3.0 * c[3]], [c[2], 3.0 * c[3]]):
+            total = np.zeros_like(d)
+            size = np.zeros_like(d)
+            for factor in reversed(factors):
+                total = factor + d * total
+                size = np.abs(factor) + np.abs(d) * size
+            results.append(total)
+            errors.append(2.0 * ROUNDING * size)
+        return (*results, *errors)
+
+    def curve(self, ranges: Ranges) -> Parabola:
+        """Return the Taylor polynomial, without a bound if the range contains a kink or a jump."""
+        centre, low, high = ranges
+        value, slope, bend, *errors = self._at(centre)
+        touched = self._touched(low, high)
+        reach = _reach(ranges)
+        second = np.where(touched.smoothness >= 2, 0.0, 0.5 * touched.bent + np.abs(bend))
+        second = np.where(touched.smoothness >= 1, second, np.inf)
+        third = np.where(touched.smoothness >= 2, touched.third, 0.0)
+        of_value, of_slope, of_bend = errors
+        return _parabola(value, slope, bend, third, (of_value, of_slope, of_bend + second), reach)
+
+    def line(self, ranges: Ranges) -> Parabola:
+        """Return a line by the range of slopes, or a constant if the range contains a jump."""
+        centre, low, high = ranges
+        value, _, _, error, *_ = self._at(centre)
+        touched = self._touched(low, high)
+        by_slopes = _by_slopes(value, error, self.slopes(low, high), _reach(ranges))
+        middle = 0.5 * (touched.values.low + touched.values.high)
+        half = np.maximum(touched.values.high - middle, middle - touched.values.low) * _UP
+        zero = np.zeros_like(middle)
+        is_jump = touched.smoothness < 0
+        constant = Parabola(middle, zero, zero, half + 2.0 * ROUNDING * np.abs(middle))
+        return Parabola(
+            *(np.where(is_jump, a, b) for a, b in zip(constant, by_slopes, strict=True))
+        )
+
+    def slopes(self, low: np.ndarray, high: np.ndarray) -> Slopes:
+        """Return the range of f' over [low, high], unbounded if the range contains a jump."""
+        touched = self._touched(low, high)
+        middle = 0.5 * (low + high)
+        _, slope, _, _, error, _ = self._at(middle)
+        width = np.maximum(high - middle, middle - low) * touched.bent * _UP + error
+        is_smooth = touched.smoothness >= 1
+        least = np.where(is_smooth, slope - width, -np.inf)
+        most = np.where(is_smooth, slope + width, np.inf)
+        is_jump = touched.smoothness < 0
+        return Slopes(
+            np.where(is_jump, -np.inf, np.maximum(least, touched.slopes.low)),
+            np.where(is_jump, np.inf, np.minimum(most, touched.slopes.high)),
+        )
+
+
+def _hull(coefficients: np.ndarray, lengths: np.ndarray) -> Slopes:
+    """Return bounds of the polynomials Σ c_k s^k for 0 <= s <= length, rounded outward.
+
+    A polynomial that is not constant is unbounded if its length is infinite.
+
+    coefficients: (degrees + 1, pieces)
+    lengths: (pieces,)
+    """
+    low = high = coefficients[0]
+    size = np.abs(low)
+    for k, factor in enumerate(coefficients[1:], start=1):
+        term = np.where(factor == 0.0, 0.0, factor * np.where(factor == 0.0, 1.0, lengths) ** k)
+        is_endless = np.isinf(term)
+        low = low + np.where(is_endless, -np.inf, np.minimum(term, 0.0))
+        high = high + np.where(is_endless, np.inf, np.maximum(term, 0.0))
+        size = size + np.where(is_endless, 0.0, np.abs(term))
+    return Slopes(low - 4.0 * ROUNDING * size, high + 4.0 * ROUNDING * size)
+
+
+def enclosed(kind: str | Spline) -> Enclosed:
+    """Return the enclosures of a kind of node: a name in `ENCLOSED`, or a piecewise polynomial."""
+    return ENCLOSED[kind] if isinstance(kind, str) else _of_spline(kind)
+
+
 ENCLOSED: Mapping[str, Enclosed] = {
-    "tanh": Enclosed(_tanh_curve, _tanh_line, _tanh_slopes),
-    "relu": Enclosed(None, _relu_line, _relu_slopes),
-    "step": Enclosed(None, _step_line, _step_slopes),
-    "inverse": Enclosed(_inverse_curve, None, _inverse_slopes),
-    "sqrt": Enclosed(_sqrt_curve, None, _sqrt_slopes),
-    "exp": Enclosed(_exp_curve, _exp_line, _exp_slopes),
-    "log": Enclosed(_log_curve, None, _log_slopes),
-    "sin": _wave(sin_cos),
-    "cos": _wave(_cos_sin),
-    "atan": Enclosed(_atan_curve, None, _atan_slopes),
+    "tanh": Enclosed(np.tanh, _tanh_curve, lambda r: _chord_line(_TANH, r, True), _tanh_slopes),
+    "relu": Enclosed(lambda t: np.maximum(t, 0.0), None, _relu_line, _relu_slopes),
+    "step": Enclosed(lambda t: np.where(t > 0.0, 1.0, 0.0), None, _step_line, _step_slopes),
+    "square": Enclosed(np.square, _square_curve, _square_line, _square_slopes, is_exact=True),
+    "inverse": Enclosed(np.reciprocal, _inverse_curve, _inverse_line, _inverse_slopes),
+    "sqrt": Enclosed(np.sqrt, _sqrt_curve, lambda r: _chord_line(_SQRT, r, False), _sqrt_slopes),
+    "exp": Enclosed(
+        np.exp, _exp_curve, lambda r: _negative(_chord_line(_MINUS_EXP, r, False)), _exp_slopes
+    ),
+    "log": Enclosed(np.log, _log_curve, lambda r: _chord_line(_LOG, r, False), _log_slopes),
+    "sin": _wave(np.sin, sin_cos),
+    "cos": _wave(np.cos, _cos_sin),
+    "atan": Enclosed(np.arctan, _atan_curve, lambda r: _chord_line(_ATAN, r, True), _atan_slopes),
 }

@@ -1,8 +1,9 @@
-"""A CasADi function as nonlinear nodes and affine rows between them.
+"""A CasADi function, read once for every arithmetic, as nonlinear nodes and affine rows.
 
-A row is a sum of coefficients times variables. The coefficients are rational numbers and therefore
-exact. Variable 0 is the constant 1, followed by the inputs and the nodes. Layers of a network
-become rows, which are evaluated as matrix products.
+`Reading` evaluates a function one instruction at a time on values of any kind. `Program` reads it
+on affine rows. A row is a sum of coefficients times variables. The coefficients are rational
+numbers and therefore exact. Variable 0 is the constant 1, followed by the inputs and the nodes.
+Layers of a network become rows, which are evaluated as matrix products.
 
 CasADi folds constants in doubles and stores 5 (0.2 x) as x. The proof covers the folded function,
 which is also the function that is evaluated.
@@ -13,7 +14,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
-from itertools import groupby
+from functools import partial
+from itertools import chain, groupby, islice
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -21,6 +23,306 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from hfa_support.errors import BadInputError
+from verification.enclosure.splines import Spline, Table, is_table, tables_of
+
+#: Operation of CasADi -> method of an `Arithmetic`.
+OPERATIONS: Mapping[int, str] = {
+    ca.OP_ASSIGN: "same",
+    ca.OP_ADD: "add",
+    ca.OP_SUB: "subtract",
+    ca.OP_NEG: "negative",
+    ca.OP_TWICE: "twice",
+    ca.OP_MUL: "multiply",
+    ca.OP_SQ: "square",
+    ca.OP_DIV: "divide",
+    ca.OP_INV: "inverse",
+    ca.OP_POW: "power",
+    ca.OP_CONSTPOW: "power",
+    ca.OP_SQRT: "sqrt",
+    ca.OP_EXP: "exp",
+    ca.OP_EXPM1: "expm1",
+    ca.OP_LOG: "log",
+    ca.OP_LOG1P: "log1p",
+    ca.OP_SIN: "sin",
+    ca.OP_COS: "cos",
+    ca.OP_TAN: "tan",
+    ca.OP_ASIN: "asin",
+    ca.OP_ACOS: "acos",
+    ca.OP_ATAN: "atan",
+    ca.OP_ATAN2: "atan2",
+    ca.OP_TANH: "tanh",
+    ca.OP_FMIN: "minimum",
+    ca.OP_FMAX: "maximum",
+    ca.OP_FABS: "absolute",
+    ca.OP_SIGN: "sign",
+    ca.OP_LT: "less",
+    ca.OP_LE: "less",
+    ca.OP_NOT: "negation",
+    ca.OP_AND: "multiply",
+    ca.OP_OR: "either",
+    ca.OP_IF_ELSE_ZERO: "multiply",
+}
+#: Largest number of operations of a function.
+LARGEST = 100_000
+#: Largest number of its nonlinear operations.
+MOST_NODES = 4_000
+#: Largest whole power that is a product.
+_LARGEST_POWER = 12
+#: Largest share of entries other than 0 in a matrix that is stored as a sparse one.
+_SPARSE = 0.5
+_ONE = Fraction(1)
+#: Kind of a node.
+Kind = str | Spline
+
+
+class Arithmetic:
+    """Operations on values of one kind, with the formulas that all kinds share.
+
+    A derived class defines `constant`, `add`, `subtract`, `negative`, `multiply`, `inverse`,
+    `maximum`, `less`, `table`, and the functions sqrt, exp, log, sin, cos, atan and tanh. At a
+    switch either value is permitted.
+    """
+
+    constant: Callable[[float], Any]
+    add: Callable[[Any, Any], Any]
+    subtract: Callable[[Any, Any], Any]
+    negative: Callable[[Any], Any]
+    multiply: Callable[[Any, Any], Any]
+    inverse: Callable[[Any], Any]
+    #: 1 where a < b and 0 where a > b.
+    less: Callable[[Any, Any], Any]
+    maximum: Callable[[Any, Any], Any]
+    sqrt: Callable[[Any], Any]
+    exp: Callable[[Any], Any]
+    log: Callable[[Any], Any]
+    sin: Callable[[Any], Any]
+    cos: Callable[[Any], Any]
+    atan: Callable[[Any], Any]
+    tanh: Callable[[Any], Any]
+    #: Value of a `Spline` at an argument.
+    table: Callable[[Spline, Any], Any]
+
+    def same(self, a: Any) -> Any:
+        """Return a."""
+        return a
+
+    def twice(self, a: Any) -> Any:
+        """Return 2 a."""
+        return self.add(a, a)
+
+    def square(self, a: Any) -> Any:
+        """Return a²."""
+        return self.multiply(a, a)
+
+    def divide(self, a: Any, b: Any) -> Any:
+        """Return a / b."""
+        return self.multiply(a, self.inverse(b))
+
+    def power(self, a: Any, b: Any) -> Any:
+        """Return a^b = exp(b log a), for a > 0."""
+        return self.exp(self.multiply(b, self.log(a)))
+
+    def expm1(self, a: Any) -> Any:
+        """Return exp(a) - 1."""
+        return self.subtract(self.exp(a), self.constant(1.0))
+
+    def log1p(self, a: Any) -> Any:
+        """Return log(1 + a)."""
+        return self.log(self.add(a, self.constant(1.0)))
+
+    def tan(self, a: Any) -> Any:
+        """Return tan a."""
+        return self.divide(self.sin(a), self.cos(a))
+
+    def asin(self, a: Any) -> Any:
+        """Return asin a = atan(a / sqrt(1 - a²)), for |a| < 1."""
+        return self.atan(self.divide(a, self._opposite(a)))
+
+    def acos(self, a: Any) -> Any:
+        """Return acos a = 2 atan(sqrt(1 - a²) / (1 + a)), for |a| < 1."""
+        below = self.add(self.constant(1.0), a)
+        return self.twice(self.atan(self.divide(self._opposite(a), below)))
+
+    def _opposite(self, a: Any) -> Any:
+        return self.sqrt(self.subtract(self.constant(1.0), self.square(a)))
+
+    def atan2(self, a: Any, b: Any) -> Any:
+        """Return atan2(a, b) = 2 atan(a / (sqrt(a² + b²) + b)).
+
+        There is no enclosure at a = 0 and b <= 0.
+        """
+        length = self.sqrt(self.add(self.square(a), self.square(b)))
+        return self.twice(self.atan(self.divide(a, self.add(length, b))))
+
+    def minimum(self, a: Any, b: Any) -> Any:
+        """Return min(a, b) = -max(-a, -b)."""
+        return self.negative(self.maximum(self.negative(a), self.negative(b)))
+
+    def absolute(self, a: Any) -> Any:
+        """Return |a| = max(a, -a)."""
+        return self.maximum(a, self.negative(a))
+
+    def sign(self, a: Any) -> Any:
+        """Return the sign of a."""
+        zero = self.constant(0.0)
+        return self.subtract(self.less(zero, a), self.less(a, zero))
+
+    def negation(self, a: Any) -> Any:
+        """Return 1 - a."""
+        return self.subtract(self.constant(1.0), a)
+
+    def either(self, a: Any, b: Any) -> Any:
+        """Return a + b - a b, which is 1 if a or b is 1."""
+        return self.subtract(self.add(a, b), self.multiply(a, b))
+
+    def tables(self, tables: Sequence[Table], *values: Any) -> list[Any]:
+        """Return the outputs of `casadi.interpolant` at its arguments."""
+        return [self._of_table(table, values) for table in tables]
+
+    def _of_table(self, table: Table, values: Sequence[Any]) -> Any:
+        """Return Σ_I c_I Π φ_i(a_i), one argument at a time.
+
+        Σ_i φ_i g_i is g_0 Σ φ_i + Σ_i (φ_i + φ_(i+1) + ..) (g_i - g_(i-1)): differences of
+        neighbors remain small where few φ_i change.
+        """
+        if len(values) == 1:
+            return self.table(table.spline(), values[0])
+        total = self.constant(0.0)
+        for spline, inner in table.layers():
+            factor = self.table(spline, values[-1])
+            total = self.add(total, self.multiply(factor, self._of_table(inner, values[:-1])))
+        return total
+
+
+class _Step(NamedTuple):
+    """Instruction of a function.
+
+    operation: value of a constant, or function of the values at `sources`
+    sources, targets: places of the arguments and of the results
+    """
+
+    code: int
+    operation: Any
+    sources: Sequence[int]
+    targets: Sequence[int]
+
+
+class Reading:
+    """A CasADi function, evaluated on the values of an arithmetic.
+
+    function: the function
+    arithmetic: the arithmetic
+    name: name of the function for messages
+
+    Raises BadInputError with the name of the operation if an operation is not supported, or if the
+    function is too large or contains a constant that is not finite.
+    """
+
+    def __init__(self, function: ca.Function, arithmetic: Arithmetic, name: str) -> None:
+        scalars = _in_scalars(function, name)
+        count = scalars.n_instructions()
+        if count > LARGEST:
+            raise BadInputError(
+                f"{name}: the function has {count} operations, but at most {LARGEST} are "
+                "supported; simplify the function"
+            )
+        self.inputs = [scalars.nnz_in(index) for index in range(scalars.n_in())]
+        self._outputs = [scalars.nnz_out(index) for index in range(scalars.n_out())]
+        self._size = scalars.sz_w()
+        self._name = name
+        self._steps = []
+        for index in range(count):
+            code = scalars.instruction_id(index)
+            operation: Any = None
+            if code == ca.OP_CONST:
+                operation = arithmetic.constant(self._finite(scalars.instruction_constant(index)))
+            elif code == ca.OP_CALL:
+                called = scalars.instructions_sx()[index].which_function()
+                operation = _called(called, arithmetic, name)
+            elif code in OPERATIONS:
+                operation = getattr(arithmetic, OPERATIONS[code])
+            elif code not in (ca.OP_INPUT, ca.OP_OUTPUT):
+                raise _refusal(name, operation_name(code))
+            sources = scalars.instruction_input(index)
+            self._steps.append(_Step(code, operation, sources, scalars.instruction_output(index)))
+
+    def _finite(self, value: float) -> float:
+        if not math.isfinite(value):
+            raise BadInputError(f"{self._name}: the function contains {value}; use finite numbers")
+        return value
+
+    def __call__(self, *arguments: Sequence[Any]) -> list[list[Any]]:
+        """Return the outputs, each as a list of its nonzeros in CasADi's order (column by column).
+
+        arguments: nonzeros of each input, in CasADi's order
+
+        Raises ValueError if an argument has the wrong number of entries.
+        """
+        if [len(argument) for argument in arguments] != self.inputs:
+            raise ValueError(f"the arguments of {self._name} must have {self.inputs} entries")
+        work: list[Any] = [None] * self._size
+        results: list[list[Any]] = [[None] * size for size in self._outputs]
+        for code, operation, sources, targets in self._steps:
+            if code == ca.OP_CONST:
+                work[targets[0]] = operation
+            elif code == ca.OP_INPUT:
+                work[targets[0]] = arguments[sources[0]][sources[1]]
+            elif code == ca.OP_OUTPUT:
+                results[targets[0]][targets[1]] = work[sources[0]]
+            elif code == ca.OP_CALL:
+                values = operation(*(work[source] for source in sources))
+                for target, value in zip(targets, values, strict=True):
+                    if target >= 0:
+                        work[target] = value
+            elif len(sources) == 1:
+                work[targets[0]] = operation(work[sources[0]])
+            else:
+                work[targets[0]] = operation(work[sources[0]], work[sources[1]])
+        return results
+
+
+def _in_scalars(function: ca.Function, name: str) -> ca.Function:
+    """Return a function as an SX function.
+
+    Raises BadInputError if CasADi cannot expand an MX function.
+    """
+    if not function.is_a("MXFunction"):
+        return function
+    try:
+        return function.expand()
+    except RuntimeError as error:
+        raise _refusal(name, f"the derivative {function.name()}") from error
+
+
+def _called(
+    function: ca.Function, arithmetic: Arithmetic, name: str
+) -> Callable[..., Sequence[Any]]:
+    """Return the operation of a call, from the nonzeros of all arguments to those of all results.
+
+    function: table of `casadi.interpolant`, or a function that is not inlined
+
+    Raises BadInputError if the function is neither.
+    """
+    if is_table(function):
+        return partial(arithmetic.tables, tables_of(function))
+    if not function.is_a("SXFunction") and not function.is_a("MXFunction"):
+        raise _refusal(name, f"the function {function.name()}")
+    reading = Reading(function, arithmetic, name)
+
+    def call(*values: Any) -> list[Any]:
+        left = iter(values)
+        arguments = [list(islice(left, size)) for size in reading.inputs]
+        return list(chain.from_iterable(reading(*arguments)))
+
+    return call
+
+
+def _refusal(name: str, what: str) -> BadInputError:
+    return BadInputError(
+        f"{name}: the equations use {what}, which a proof does not support; use sums, products, "
+        "quotients, powers, roots, exp, log, tanh, sin, cos, tan, asin, acos, atan, atan2, min, "
+        "max, abs, conditions and tables of casadi.interpolant"
+    )
 
 
 def operation_name(code: int) -> str:
@@ -32,44 +334,17 @@ def operation_name(code: int) -> str:
 
 
 Row = Mapping[int, Fraction]
-#: Largest number of operations of a function.
-LARGEST = 40_000
-#: Largest number of its nonlinear operations.
-MOST_NODES = 4_000
-_ONE = Fraction(1)
-_LINEAR = {
-    ca.OP_ASSIGN: (1, 0),
-    ca.OP_ADD: (1, 1),
-    ca.OP_SUB: (1, -1),
-    ca.OP_NEG: (-1, 0),
-    ca.OP_TWICE: (2, 0),
-}
-_UNIVARIATE = {
-    ca.OP_TANH: "tanh",
-    ca.OP_SIN: "sin",
-    ca.OP_COS: "cos",
-    ca.OP_EXP: "exp",
-    ca.OP_LOG: "log",
-    ca.OP_SQRT: "sqrt",
-    ca.OP_INV: "inverse",
-    ca.OP_ATAN: "atan",
-}
-#: Largest whole power that is a product.
-_LARGEST_POWER = 12
-#: Largest share of entries other than 0 in a matrix that is stored as a sparse one.
-_SPARSE = 0.5
 
 
 class Node(NamedTuple):
     """Nonlinear operation of a program.
 
-    kind: "product", "relu" (max(t, 0)), "step" (1 where t > 0, else 0), or a function of one
-        variable.
-    rows: one affine row for each argument, one or two.
-    level: 1 above the highest level of the nodes in `rows`.
+    kind: "product", or a function of one variable: a name in `lines.ENCLOSED`, or a table
+    rows: one affine row for each argument, one or two
+    level: 1 above the highest level of the nodes in `rows`
     """
 
-    kind: str
+    kind: Kind
     rows: tuple[Row, ...]
     level: int
 
@@ -78,7 +353,7 @@ class Argument(NamedTuple):
     """Affine rows that compute one argument of all nodes of a group, in double precision.
 
     blocks: earlier group -> coefficients (nodes, variables of the earlier group), sparse if most
-        are 0.
+        are 0
     sizes: earlier group -> absolute values of the coefficients
     """
 
@@ -93,7 +368,7 @@ class Group(NamedTuple):
     arguments: affine rows of each argument
     """
 
-    kind: str
+    kind: Kind
     arguments: tuple[Argument, ...]
 
 
@@ -105,31 +380,30 @@ class Program:
 
     function: SX or MX function of one vector
     name: name of the function, for messages
+    degree: highest degree of products of polynomials of the inputs that are expanded. Equal
+        monomials of different polynomials then are one node, and cancel.
 
     Raises BadInputError if an operation cannot be enclosed or the function is too large.
     """
 
-    def __init__(self, function: ca.Function, name: str) -> None:
-        if function.is_a("MXFunction"):
-            function = function.expand()
-        if function.n_instructions() > LARGEST:
-            raise BadInputError(
-                f"{name}: the function has {function.n_instructions()} operations, but at most "
-                f"{LARGEST} are supported; simplify the function"
-            )
+    def __init__(self, function: ca.Function, name: str, degree: int = 1) -> None:
         self.inputs = function.numel_in(0)
         self.name = name
-        reader = _Reader(self.inputs, name)
-        rows = reader.read(function)
+        affine = _Rows(self.inputs, name, degree)
+        (rows,) = Reading(function, affine, name)(affine.symbols)
+        nodes = affine.nodes
         first = 1 + self.inputs
         self._places = {variable: (0, variable) for variable in range(first)}
         self.widths = [first]
         self.groups: list[Group] = []
-        nodes = reader.nodes
-        order = sorted(range(len(nodes)), key=lambda k: (nodes[k].level, nodes[k].kind))
-        for (_, kind), members in groupby(order, lambda k: (nodes[k].level, nodes[k].kind)):
+
+        def place(k: int) -> tuple[int, str]:
+            return nodes[k].level, str(nodes[k].kind)
+
+        for _, members in groupby(sorted(range(len(nodes)), key=place), place):
             indices = list(members)
             arguments = zip(*(nodes[k].rows for k in indices), strict=True)
+            kind = nodes[indices[0]].kind
             self.groups.append(Group(kind, tuple(self._argument(rows) for rows in arguments)))
             number = len(self.widths)
             self._places |= {first + k: (number, column) for column, k in enumerate(indices)}
@@ -153,151 +427,175 @@ def _stored(block: np.ndarray) -> Any:
     return csr_array(block) if np.count_nonzero(block) < _SPARSE * block.size else block
 
 
-class _Reader:
-    """Converter of a CasADi function into affine rows and nonlinear nodes."""
+def _function(kind: str) -> Callable[[_Rows, Row], Row]:
+    """Return the method that adds a node of a function of one variable."""
+    return lambda rows, row: rows.node(kind, row)
 
-    def __init__(self, inputs: int, name: str) -> None:
+
+class _Rows(Arithmetic):
+    """Affine rows, whose other operations add nodes.
+
+    inputs: number of inputs
+    name: name of the function, for messages
+    degree: highest degree of expanded products, as in `Program`
+    """
+
+    def __init__(self, inputs: int, name: str, degree: int) -> None:
         self.nodes: list[Node] = []
         self._name = name
+        self._degree = degree
         self._first = 1 + inputs
         self._known: dict[tuple[Any, ...], int] = {}
+        self._powers: dict[int, tuple[int, ...]] = {0: ()}
+        self._powers |= {variable: (variable,) for variable in range(1, self._first)}
+        self._monomials = {powers: variable for variable, powers in self._powers.items()}
 
-    def read(self, function: ca.Function) -> list[Row]:
-        """Return the affine row of each output of the function."""
-        work: dict[int, Row] = {}
-        outputs: dict[int, Row] = {}
-        for index in range(function.n_instructions()):
-            operation = function.instruction_id(index)
-            sources = function.instruction_input(index)
-            target, *entry = function.instruction_output(index)
-            if operation == ca.OP_CONST:
-                work[target] = self._constant(function.instruction_constant(index))
-            elif operation == ca.OP_INPUT:
-                work[target] = {1 + sources[1]: _ONE}
-            elif operation == ca.OP_OUTPUT:
-                outputs[entry[0]] = work[sources[0]]
-            else:
-                work[target] = self._result(operation, work[sources[0]], work[sources[-1]])
-        return [outputs[index] for index in sorted(outputs)]
+    @property
+    def symbols(self) -> list[Row]:
+        """Rows of the inputs."""
+        return [{variable: _ONE} for variable in range(1, self._first)]
 
-    def _constant(self, value: float) -> Row:
-        if not math.isfinite(value):
-            raise BadInputError(f"{self._name}: the function contains {value}; use finite numbers")
+    def constant(self, value: float) -> Row:
         return {0: Fraction(value)} if value else {}
 
-    def _result(self, operation: int, first: Row, last: Row) -> Row:
-        if operation in _LINEAR:
-            of_first, of_last = _LINEAR[operation]
-            scaled = first if of_first == 1 else _plus({}, first, Fraction(of_first))
-            return _plus(scaled, last, Fraction(of_last)) if of_last else scaled
-        if operation in _UNIVARIATE:
-            return self._node(_UNIVARIATE[operation], first)
-        if operation in _SPECIAL:
-            return _SPECIAL[operation](self, first, last)
-        raise BadInputError(
-            f"{self._name}: the function uses {operation_name(operation)}, which is not supported; "
-            "use only sums, products, quotients, powers, roots, exp, log, tanh, sin, cos, tan, "
-            "asin, atan, atan2, min, max and abs"
-        )
+    def add(self, a: Row, b: Row) -> Row:
+        return _plus(a, b)
 
-    def _maximum(self, first: Row, last: Row) -> Row:
-        """Return the affine row of max(first, last) = last + max(first - last, 0)."""
-        return _plus(last, self._relu(_plus(first, last, -_ONE)))
+    def subtract(self, a: Row, b: Row) -> Row:
+        return _plus(a, b, -_ONE)
 
-    def _minimum(self, first: Row, last: Row) -> Row:
-        """Return the affine row of min(first, last) = last - max(last - first, 0)."""
-        return _plus(last, self._relu(_plus(last, first, -_ONE)), -_ONE)
+    def negative(self, a: Row) -> Row:
+        return _plus({}, a, -_ONE)
 
-    def _absolute(self, first: Row, _: Row) -> Row:
-        """Return the affine row of |first| = 2 max(first, 0) - first."""
-        return _plus(_plus({}, first, -_ONE), self._relu(first), Fraction(2))
-
-    def _relu(self, row: Row) -> Row:
-        """Return the affine row of max(t, 0), with t the value of the given row.
-
-        If max(-t, 0) is already a node, the result is t + max(-t, 0).
-        """
-        opposite = self._known.get(_key("relu", (_plus({}, row, -_ONE),)))
-        if opposite is not None:
-            return _plus(row, {opposite: _ONE})
-        return self._node("relu", row)
-
-    def _product(self, first: Row, last: Row) -> Row:
-        for row, other in ((first, last), (last, first)):
-            if set(row) <= {0}:
+    def multiply(self, a: Row, b: Row) -> Row:
+        for row, other in ((a, b), (b, a)):
+            if _is_constant(row):
                 return _plus({}, other, row.get(0, Fraction(0)))
-        return self._node("product", first, last)
+        if self._degree_of(a) + self._degree_of(b) <= self._degree:
+            return self._polynomial(a, b)
+        return self.node("square", a) if a == b else self.node("product", a, b)
 
-    def _quotient(self, first: Row, last: Row) -> Row:
-        return self._product(first, self._node("inverse", last))
+    def divide(self, a: Row, b: Row) -> Row:
+        if _is_constant(b) and b:
+            return _plus({}, a, 1 / b[0])
+        if self._has_both_sides(a, b):
+            return a  # slope of max: [t >= 0] / ([t >= 0] + [t <= 0]), which is 1/2 at 0
+        return self.multiply(a, self.inverse(b))
 
-    def _power(self, first: Row, last: Row) -> Row:
-        power = last.get(0, Fraction(0))
-        if set(last) <= {0} and power.denominator == 1 and 0 < power <= _LARGEST_POWER:
-            return self._whole_power(first, int(power))
-        exponent = self._product(last, self._node("log", first))
-        return self._node("exp", exponent)
+    def power(self, a: Row, b: Row) -> Row:
+        power = b.get(0, Fraction(0))
+        if _is_constant(b) and power.denominator == 1 and 0 < abs(power) <= _LARGEST_POWER:
+            whole = self._whole_power(a, int(abs(power)))
+            return whole if power > 0 else self.inverse(whole)
+        return super().power(a, b)
 
     def _whole_power(self, row: Row, power: int) -> Row:
         if power == 1:
             return row
         half = self._whole_power(row, power // 2)
-        square = self._product(half, half)
-        return self._product(square, row) if power % 2 else square
+        square = self.square(half)
+        return self.multiply(square, row) if power % 2 else square
 
-    def _tangent(self, first: Row, _: Row) -> Row:
-        return self._quotient(self._node("sin", first), self._node("cos", first))
+    inverse = _function("inverse")
+    sqrt = _function("sqrt")
+    exp = _function("exp")
+    log = _function("log")
+    sin = _function("sin")
+    cos = _function("cos")
+    atan = _function("atan")
+    tanh = _function("tanh")
 
-    def _angle(self, first: Row, last: Row) -> Row:
-        """Return the affine row of atan2(first, last).
-
-        The function is computed as 2 atan(first / (sqrt(first² + last²) + last)). The row has no
-        enclosure at first = 0 and last <= 0.
-
-        Raises BadInputError if first is the constant 0.
-        """
-        if not first:
+    def atan2(self, a: Row, b: Row) -> Row:
+        if not a:
             raise BadInputError(
                 f"{self._name}: atan2(0, x) is not supported; write the angle without atan2"
             )
-        squares = _plus(self._product(first, first), self._product(last, last))
-        below = _plus(self._node("sqrt", squares), last)
-        return _plus({}, self._node("atan", self._quotient(first, below)), Fraction(2))
+        return super().atan2(a, b)
 
-    def _arcsine(self, first: Row, _: Row) -> Row:
-        """Return the affine row of asin t = atan(t / sqrt(1 - t²)), with t = first and |t| < 1."""
-        below = self._node("sqrt", _plus({0: _ONE}, self._product(first, first), -_ONE))
-        return self._node("atan", self._quotient(first, below))
+    def maximum(self, a: Row, b: Row) -> Row:
+        """Return the row of max(a, b) = b + max(a - b, 0), with the constant of both as b."""
+        if _is_constant(a) and not _is_constant(b):
+            return self.maximum(b, a)
+        return _plus(b, self._relu(_plus(a, b, -_ONE)))
 
-    def _less(self, first: Row, last: Row) -> Row:
-        """Return the affine row of the step that is 1 for first < last and 0 for first > last.
+    def absolute(self, a: Row) -> Row:
+        """Return the row of |a| = 2 max(a, 0) - a."""
+        return _plus(self.negative(a), self._relu(a), Fraction(2))
 
-        The step is enclosed by [0, 1] where first and last may be equal.
+    def _relu(self, row: Row) -> Row:
+        """Return the row of max(t, 0), with t the value of the given row.
+
+        If max(-t, 0) is already a node, the result is t + max(-t, 0).
         """
-        return self._node("step", _plus(last, first, -_ONE))
+        if _is_constant(row):
+            return {0: row[0]} if row.get(0, 0) > 0 else {}
+        opposite = self._known.get(("relu", _key(self.negative(row))))
+        if opposite is not None:
+            return _plus(row, {opposite: _ONE})
+        return self.node("relu", row)
 
-    def _not(self, first: Row, _: Row) -> Row:
-        return _plus({0: _ONE}, first, -_ONE)
+    def less(self, a: Row, b: Row) -> Row:
+        return self.node("step", _plus(b, a, -_ONE))
 
-    def _less_one(self, first: Row, _: Row) -> Row:
-        """Return the affine row of expm1(first) = exp(first) - 1."""
-        return _plus(self._node("exp", first), {0: _ONE}, -_ONE)
+    def _has_both_sides(self, step: Row, total: Row) -> bool:
+        """Return whether two rows are the step of t, and the sum of the steps of t and -t."""
+        first = self._stepped(step)
+        other = self._stepped(_plus(total, step, -_ONE))
+        return first is not None and other is not None and not _plus(first, other)
 
-    def _of_one_more(self, first: Row, _: Row) -> Row:
-        """Return the affine row of log1p(first) = log(1 + first)."""
-        return self._node("log", _plus(first, {0: _ONE}))
+    def _stepped(self, row: Row) -> Row | None:
+        """Return the argument of a row that is one step, or None for any other row."""
+        variable = next(iter(row), 0)
+        if row != {variable: _ONE} or variable < self._first:
+            return None
+        node = self.nodes[variable - self._first]
+        return node.rows[0] if node.kind == "step" else None
 
-    def _node(self, kind: str, *rows: Row) -> Row:
+    def table(self, spline: Spline, a: Row) -> Row:
+        return self.node(spline, a)
+
+    def _degree_of(self, row: Row) -> float:
+        """Return the degree of a row as a polynomial in the inputs, or inf for any other row."""
+        if not row.keys() <= self._powers.keys():
+            return math.inf
+        return max(len(self._powers[variable]) for variable in row)
+
+    def _polynomial(self, a: Row, b: Row) -> Row:
+        """Return the row of the product of two polynomials in the inputs, given as rows."""
+        total: dict[int, Fraction] = {}
+        for left, factor in a.items():
+            for right, other_factor in b.items():
+                monomial = self._monomial(tuple(sorted(self._powers[left] + self._powers[right])))
+                total[monomial] = total.get(monomial, Fraction(0)) + factor * other_factor
+        return {monomial: factor for monomial, factor in total.items() if factor}
+
+    def _monomial(self, powers: tuple[int, ...]) -> int:
+        """Return the variable of a monomial, and add its node if it does not exist.
+
+        powers: indices of the inputs in the monomial, repeated for powers
+        """
+        if powers not in self._monomials:
+            before = {self._monomial(powers[:-1]): _ONE}
+            last = {powers[-1]: _ONE}
+            row = (
+                self.node("square", last) if before == last else self.node("product", before, last)
+            )
+            (variable,) = row
+            self._monomials[powers] = variable
+            self._powers[variable] = powers
+        return self._monomials[powers]
+
+    def node(self, kind: Kind, *rows: Row) -> Row:
         """Return the affine row of a node with the given kind and arguments.
 
-        If all arguments are the constant 0 and the function of 0 is 0, the row is empty. A node
-        with the same kind and arguments is reused.
+        If the argument is the constant 0 and the function of 0 is 0, the row is empty. A node with
+        the same kind and arguments is reused.
 
         Raises BadInputError if there are more than `MOST_NODES` nodes.
         """
-        if all(not row for row in rows) and kind in ("sin", "tanh", "atan", "relu"):
+        if not rows[0] and kind in ("sin", "tanh", "atan", "relu", "sqrt"):
             return {}
-        key = _key(kind, rows)
+        key = (kind, *map(_key, rows))
         if key not in self._known:
             if len(self.nodes) == MOST_NODES:
                 raise BadInputError(
@@ -315,25 +613,8 @@ class _Reader:
         return {self._known[key]: _ONE}
 
 
-_SPECIAL: Mapping[int, Callable[[_Reader, Row, Row], Row]] = {
-    ca.OP_MUL: _Reader._product,
-    ca.OP_SQ: _Reader._product,
-    ca.OP_DIV: _Reader._quotient,
-    ca.OP_FMAX: _Reader._maximum,
-    ca.OP_FMIN: _Reader._minimum,
-    ca.OP_FABS: _Reader._absolute,
-    ca.OP_POW: _Reader._power,
-    ca.OP_CONSTPOW: _Reader._power,
-    ca.OP_TAN: _Reader._tangent,
-    ca.OP_ATAN2: _Reader._angle,
-    ca.OP_ASIN: _Reader._arcsine,
-    ca.OP_LT: _Reader._less,
-    ca.OP_LE: _Reader._less,
-    ca.OP_NOT: _Reader._not,
-    ca.OP_IF_ELSE_ZERO: _Reader._product,
-    ca.OP_EXPM1: _Reader._less_one,
-    ca.OP_LOG1P: _Reader._of_one_more,
-}
+def _is_constant(row: Row) -> bool:
+    return row.keys() <= {0}
 
 
 def _plus(a: Row, b: Row, factor: Fraction = _ONE) -> Row:
@@ -351,5 +632,5 @@ def _plus(a: Row, b: Row, factor: Fraction = _ONE) -> Row:
     return total
 
 
-def _key(kind: str, rows: Sequence[Row]) -> tuple[Any, ...]:
-    return (kind, *(frozenset(row.items()) for row in rows))
+def _key(row: Row) -> frozenset[tuple[int, Fraction]]:
+    return frozenset(row.items())

@@ -1,6 +1,6 @@
 """Bounds of a function over boxes of its inputs by linear relaxation, including rounding errors.
 
-Over a box, each node v of `affine_rows` lies between two parallel lines, v = Σ α t + c ± ρ, where
+Over a box, each node v of a program lies between two parallel lines, v = Σ α t + c ± ρ, where
 t are the rows of its arguments. The lines are substituted from the last node to the first. Each
 output then is a row of the inputs, e = l'y + l0 ± r. Sources: DeepZ, Singh et al., NeurIPS 2018;
 CROWN, Zhang et al., NeurIPS 2018.
@@ -16,23 +16,18 @@ N = four times the number of terms and nodes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from itertools import groupby
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from verification.enclosure.affine_rows import Row, affine_rows
+from verification.enclosure.elementary import ROUNDING
+from verification.enclosure.lines import enclosed
+from verification.enclosure.program import Argument, Kind, Program
 
-#: Bound on the error of `_tanh`. With r <= 5/8, 16 terms give exp(-r) with a relative error of 5 u,
-#: or 1.05e-15. After six squarings it is 7.4e-14. (1 - E) / (1 + E) adds at most half of that, and
-#: 3 u.
-_TANH_ERROR = 1e-13
-#: For larger |t|, tanh t is ±1 to within 1e-17.
-_SATURATED = 20.0
-#: Relative bound on a few roundings.
-_ROUNDING = 1e-15
+#: Largest degree of a product of polynomials that is expanded to monomials.
+_LARGEST_DEGREE = 4
 #: Largest contribution of a node to a row with the coefficient 1. Larger ones give no bound.
 _LARGEST = 1e100
 #: Bound on the sum of all underflows. Each is below 1e-323, multiplied by `_LARGEST` and 1e9 terms.
@@ -54,94 +49,22 @@ class Lines(NamedTuple):
     size: np.ndarray
 
 
-def _tanh(t: np.ndarray) -> np.ndarray:
-    """Return tanh t with an error of at most `_TANH_ERROR`.
+def lines_of(kind: Kind, *ends: np.ndarray) -> Lines:
+    """Return linear enclosures of nodes of one kind.
 
-    All operations are rounded correctly by IEEE 754.
+    ends: lowest and highest value of each argument, (boxes, nodes)
     """
-    r = np.minimum(np.abs(t), _SATURATED) / 32.0
-    power = np.ones_like(r)  # exp(-r), then exp(-2 |t|)
-    for k in range(16, 0, -1):
-        power = 1.0 - r / k * power
-    for _ in range(6):
-        power = power * power
-    return np.copysign((1.0 - power) / (1.0 + power), t)
+    return _product_lines(*ends) if kind == "product" else _function_lines(kind, *ends)
 
 
-def _tanh_lines(low: np.ndarray, high: np.ndarray) -> Lines:
-    """Return linear enclosures of tanh t for low <= t <= high, parallel to the chord."""
-    at_low = _tanh(low)
-    at_high = _tanh(high)
-    slope = np.clip((at_high - at_low) / np.maximum(high - low, _TINY), 0.0, 1.0)
-    at_ends = (at_low - slope * low, at_high - slope * high)
-    top = _highest_above(slope, low, high, np.maximum(*at_ends))
-    bottom = -_highest_above(slope, -high, -low, -np.minimum(*at_ends))
-    constant = 0.5 * (top + bottom)
-    size = np.maximum(np.abs(low), np.abs(high))
-    radius = np.maximum(top - constant, constant - bottom)
-    radius += 2.0 * _TANH_ERROR + 10.0 * _ROUNDING * size
-    return Lines((slope,), constant, radius, np.minimum(size, 1.0))
-
-
-def _highest_above(
-    slope: np.ndarray, low: np.ndarray, high: np.ndarray, at_ends: np.ndarray
-) -> np.ndarray:
-    """Return an upper bound on g(t) = tanh t - slope t over [low, high].
-
-    The bound does not include rounding errors of g. For t < 0, g is convex, so its maximum is at an
-    end. For t > 0, g is concave, so it lies below its tangent at any point p. The chosen p is the
-    point of the interval with t >= 0 closest to the computed solution of tanh'(p) = slope.
-
-    at_ends: the larger of g(low) and g(high)
-    """
-    begin = np.maximum(low, 0.0)
-    end = np.maximum(high, begin)
-    equal = np.arctanh(np.minimum(np.sqrt(1.0 - slope), 1.0 - _ROUNDING))
-    p = np.clip(equal, begin, end)
-    at_p = _tanh(p)
-    rise = 1.0 - at_p * at_p - slope
-    above = np.maximum(
-        np.maximum(rise + 4.0 * _TANH_ERROR, 0.0) * (end - p),
-        np.maximum(4.0 * _TANH_ERROR - rise, 0.0) * (p - begin),
-    )
-    concave = at_p - slope * p + above
-    return np.where(high <= 0.0, at_ends, np.maximum(concave, at_ends))
-
-
-def _relu_lines(low: np.ndarray, high: np.ndarray) -> Lines:
-    """Return linear enclosures of max(t, 0) for low <= t <= high, parallel to the chord.
-
-    The maximum of max(t, 0) - slope t is at an end of the interval. Its minimum is 0, at t = 0.
-    """
-    crosses = (low < 0.0) & (high > 0.0)
-    slope = np.where(crosses, high / np.maximum(high - low, _TINY), low >= 0.0)
-    slope = np.clip(slope, 0.0, 1.0)
-    top = np.where(crosses, np.maximum(-slope * low, (1.0 - slope) * high), 0.0)
-    half = 0.5 * (1.0 + _ROUNDING) * top
-    return Lines((slope,), half, half, np.maximum(high, 0.0))
-
-
-def _step_lines(low: np.ndarray, high: np.ndarray) -> Lines:
-    """Return constant enclosures of the step function of t: 1 for t > 0 and 0 for t < 0.
-
-    If low <= 0 <= high, the enclosure is [0, 1].
-    """
-    is_open = (low <= 0.0) & (high >= 0.0)
-    constant = np.where(is_open, 0.5, low > 0.0)
-    return Lines((np.zeros_like(low),), constant, 0.5 * is_open, np.ones_like(low))
-
-
-def _square_lines(low: np.ndarray, high: np.ndarray) -> Lines:
-    """Return linear enclosures of t² for low <= t <= high.
-
-    t² = 2 m t - m² + (t - m)² with m the middle of the interval.
-    """
+def _function_lines(kind: Kind, low: np.ndarray, high: np.ndarray) -> Lines:
     middle = 0.5 * (low + high)
-    width = np.maximum(high - middle, middle - low)
-    half = 0.5 * width * width
-    radius = half + 4.0 * _ROUNDING * (half + middle * middle)
-    size = np.maximum(low * low, high * high)
-    return Lines((2.0 * middle,), half - middle * middle, radius, size)
+    line = enclosed(kind).line((middle, low, high))
+    constant = line.value - line.slope * middle
+    reach = np.abs(line.slope) * np.maximum(high - middle, middle - low)
+    size = np.abs(line.value) + np.abs(line.slope * middle)
+    radius = line.rest + 4.0 * ROUNDING * size
+    return Lines((line.slope,), constant, radius, np.abs(line.value) + reach + radius)
 
 
 def _product_lines(
@@ -154,19 +77,10 @@ def _product_lines(
     m = 0.5 * (low + high)
     n = 0.5 * (other_low + other_high)
     rest = np.maximum(high - m, m - low) * np.maximum(other_high - n, n - other_low)
-    radius = rest + 4.0 * _ROUNDING * (rest + np.abs(m * n))
+    radius = rest + 4.0 * ROUNDING * (rest + np.abs(m * n))
     size = np.maximum(np.abs(low), np.abs(high))
     other_size = np.maximum(np.abs(other_low), np.abs(other_high))
     return Lines((n, m), -m * n, radius, size * other_size)
-
-
-_LINES: Mapping[str, Callable[..., Lines]] = {
-    "tanh": _tanh_lines,
-    "relu": _relu_lines,
-    "step": _step_lines,
-    "square": _square_lines,
-    "product": _product_lines,
-}
 
 
 #: Group of variables -> coefficients, (..., rows, variables). Group 0, the constant 1 and the
@@ -177,11 +91,11 @@ _Blocks = dict[int, np.ndarray]
 class _Group(NamedTuple):
     """Nodes of one kind and level, evaluated together.
 
-    kind: kind of the nodes.
-    arguments: for each argument, its rows for all nodes, as returned by `_blocks`.
+    kind: kind of the nodes
+    arguments: for each argument, its rows for all nodes, as returned by `_dense`
     """
 
-    kind: str
+    kind: Kind
     arguments: tuple[_Blocks, ...]
 
 
@@ -218,25 +132,20 @@ class Bounds(NamedTuple):
 class Relaxation:
     """Bounds on the outputs of a function y (n,) -> e over boxes.
 
-    Raises NotReadError if `affine_rows` does not support the function.
+    function: the function
+    name: name of the function, for messages
+
+    Raises BadInputError if an operation cannot be enclosed or the function is too large.
     """
 
-    def __init__(self, function: ca.Function) -> None:
-        rows, nodes = affine_rows(function)
-        first = 1 + function.numel_in(0)
-        positions = {variable: (0, variable) for variable in range(first)}
-        widths = [first]
-        self._groups: list[_Group] = []
-        order = sorted(range(len(nodes)), key=lambda k: (nodes[k].level, nodes[k].kind))
-        for (_, kind), members in groupby(order, lambda k: (nodes[k].level, nodes[k].kind)):
-            indices = list(members)
-            arguments = zip(*(nodes[k].rows for k in indices), strict=True)
-            blocks = tuple(_blocks(argument, positions, widths) for argument in arguments)
-            self._groups.append(_Group(kind, blocks))
-            group = len(widths)
-            positions |= {first + k: (group, column) for column, k in enumerate(indices)}
-            widths.append(len(indices))
-        self._rows = _blocks(rows, positions, widths)
+    def __init__(self, function: ca.Function, name: str) -> None:
+        program = Program(function, name, degree=_LARGEST_DEGREE)
+        self._groups = [
+            _Group(group.kind, tuple(_dense(each, program) for each in group.arguments))
+            for group in program.groups
+        ]
+        self._rows = _dense(program.outputs, program)
+        widths = program.widths
         self._gamma = 4.0 * (sum(widths) + len(widths) + 50) * 2.0**-53
         self._at_once = int(np.clip(_LARGEST_ARRAY // max(widths) ** 2, 1, _MOST_BOXES))
 
@@ -266,7 +175,7 @@ class Relaxation:
                 ends += [middle - radius, middle + radius]
                 reach = np.abs(affine.slopes) * half_widths[:, None, :]
                 share = share + reach / (radius[..., None] + _TINY)
-            line = self._rounded(_LINES[group.kind](*ends), group, sizes)
+            line = self._rounded(lines_of(group.kind, *ends), group, sizes)
             infinite = ~np.isfinite(sum(np.abs(end) for end in ends))
             line.radius[infinite] = np.inf
             lines.append(line)
@@ -306,7 +215,7 @@ class Relaxation:
 
         The nodes are replaced by their linear enclosures, from the last group to the first.
 
-        blocks: the rows, as returned by `_blocks`
+        blocks: the rows, as returned by `_dense`
         sizes: for each group, the bounds on |v|, (boxes, variables)
         lines: enclosures of the nodes of each group
         """
@@ -344,29 +253,20 @@ class Relaxation:
         return middle, radius + self._gamma * (terms + radius) + _TINY
 
 
-def _blocks(
-    rows: Iterable[Row], positions: Mapping[int, tuple[int, int]], widths: Sequence[int]
-) -> _Blocks:
-    """Return the coefficients of rows as matrices: group of variables -> (rows, variables).
-
-    positions: variable -> (group, column)
-    widths: number of variables of each group
-    """
-    listed = list(rows)
-    blocks = {0: np.zeros((len(listed), widths[0]))}
-    for index, row in enumerate(listed):
-        for variable, coefficient in row.items():
-            group, column = positions[variable]
-            if group not in blocks:
-                blocks[group] = np.zeros((len(listed), widths[group]))
-            blocks[group][index, column] = float(coefficient)
-    return blocks
+def _dense(argument: Argument, program: Program) -> _Blocks:
+    """Return the coefficients of rows as dense matrices."""
+    blocks = {
+        group: block if isinstance(block, np.ndarray) else block.toarray()
+        for group, block in argument.blocks.items()
+    }
+    count = next((len(block) for block in blocks.values()), 1)
+    return {0: np.zeros((count, program.widths[0])), **blocks}
 
 
 def _sizes_of(blocks: _Blocks, sizes: Sequence[np.ndarray]) -> np.ndarray:
     """Return Σ_j |w_j| |v_j| for each row w, (boxes, rows).
 
-    blocks: coefficients w, as returned by `_blocks`
+    blocks: coefficients w, as returned by `_dense`
     sizes: for each group, the bounds on |v_j|, (boxes, variables)
     """
     terms = [sizes[group] @ np.abs(block).T for group, block in blocks.items()]

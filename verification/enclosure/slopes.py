@@ -1,4 +1,4 @@
-"""Ranges and Jacobians of a program over one box, from intervals and the chain rule.
+"""Values of a program at points, and its range and Jacobian over one box by the chain rule.
 
 At a kink, the slopes of a node include Clarke's generalized gradient. Hence, for all y and w in the
 box, F(y) - F(w) = J (y - w) for some J in the enclosure (Clarke, Optimization and Nonsmooth
@@ -7,12 +7,13 @@ Analysis, 1983, Proposition 2.6.5).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from verification.enclosure.lines import ENCLOSED
-from verification.enclosure.program import Argument, Program
+from verification.enclosure.lines import enclosed
+from verification.enclosure.program import Argument, Kind, Program
 
 #: Unit of rounding.
 _U = 2.0**-53
@@ -20,6 +21,8 @@ _U = 2.0**-53
 _UPWARD = 1.0 + 1e-12
 #: Upper bound of the underflow of one operation.
 _TINY = 1e-290
+#: Number of points at a time, whose values fit in the cache of a processor.
+_TOGETHER = 4000
 
 
 class Intervals(NamedTuple):
@@ -86,6 +89,39 @@ def jacobian(program: Program, box: Intervals) -> Jacobian:
         return _rows(program.outputs, known)
 
 
+def values_at(program: Program, points: np.ndarray) -> np.ndarray:
+    """Return the outputs (N, outputs) of a program at points (N, inputs), in double precision.
+
+    An output is inf or nan where it is undefined. No proof depends on these values.
+    """
+    with np.errstate(all="ignore"):
+        parts = [
+            _values_at(program, points[first : first + _TOGETHER])
+            for first in range(0, max(len(points), 1), _TOGETHER)
+        ]
+    return np.concatenate(parts)
+
+
+def _values_at(program: Program, points: np.ndarray) -> np.ndarray:
+    known = [np.vstack([np.ones(len(points)), points.T])]
+    for group in program.groups:
+        arguments = [_values_of(argument, known) for argument in group.arguments]
+        function = np.multiply if group.kind == "product" else enclosed(group.kind).value
+        known.append(function(*arguments))
+    return _values_of(program.outputs, known).T
+
+
+def _values_of(argument: Argument, known: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the values (nodes, N) of one argument of all nodes of a group.
+
+    known: values (variables, N) of each earlier group
+    """
+    total = np.zeros((1, known[0].shape[1]))
+    for group, block in argument.blocks.items():
+        total = total + block @ known[group]
+    return total
+
+
 def _rows(argument: Argument, known: list[Jacobian]) -> Jacobian:
     parts = []
     for which in range(2):
@@ -105,7 +141,7 @@ def _rows(argument: Argument, known: list[Jacobian]) -> Jacobian:
     return Jacobian(*parts)
 
 
-def _result(kind: str, arguments: list[Jacobian]) -> Jacobian:
+def _result(kind: Kind, arguments: list[Jacobian]) -> Jacobian:
     a = arguments[0]
     if kind == "product":
         b = arguments[1]
@@ -113,13 +149,11 @@ def _result(kind: str, arguments: list[Jacobian]) -> Jacobian:
         return Jacobian(a.values.times(b.values), slopes)
     low = a.values.low
     high = a.values.high
-    enclosed = ENCLOSED[kind]
-    ends = enclosed.slopes(low, high)
+    function = enclosed(kind)
+    ends = function.slopes(low, high)
     steepness = between(ends.low, ends.high)
-    enclose = enclosed.line or enclosed.curve
-    assert enclose is not None
-    parabola = enclose((a.values.middle, low, high))
     reach = np.maximum(high - a.values.middle, a.values.middle - low) * _UPWARD
+    parabola = function.nearest((a.values.middle, low, high), reach**2)
     radius = parabola.rest + reach * (np.abs(parabola.slope) + reach * np.abs(parabola.bend))
     radius = (radius + 4.0 * _U * np.abs(parabola.value)) * _UPWARD + _TINY
     return Jacobian(Intervals(parabola.value, radius), _scaled(a.slopes, steepness))

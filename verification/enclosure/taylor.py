@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from verification.enclosure.lines import ENCLOSED, Parabola, Ranges
-from verification.enclosure.program import Argument, Group, Program
+from verification.enclosure.lines import Parabola, Ranges, enclosed
+from verification.enclosure.program import Argument, Group, Kind, Program
 
 #: Unit of rounding.
 _U = 2.0**-53
@@ -281,21 +281,23 @@ class TaylorProgram:
         known: models of the earlier groups
         sizes: for each earlier group, the sum of all |c| plus the radius, (variables, boxes)
         """
-        c: np.ndarray | float = 0.0
-        radius: np.ndarray | float = 0.0
-        size: np.ndarray | float = 0.0
+        parts = []
         for group, block in argument.blocks.items():
             models = known[group]
             width, coefficients, boxes = models.c.shape
             flat = block @ models.c.reshape(width, coefficients * boxes)
-            c = c + flat.reshape(-1, coefficients, boxes)
             weights = argument.sizes[group]
-            radius = radius + weights @ models.radius
-            size = size + weights @ sizes[group]
-        if isinstance(c, float):  # a row without terms
+            of_group = (flat.reshape(-1, coefficients, boxes), weights @ models.radius)
+            parts.append((*of_group, weights @ sizes[group]))
+        if not parts:  # a row without terms
             zero = np.zeros_like(known[0].radius[:1])
             return Models(np.zeros_like(known[0].c[:1]), zero, zero)
-        own = np.asarray(self._row * size) * _UPWARD + _TINY
+        c, radius, size = parts[0]
+        for part in parts[1:]:
+            c += part[0]
+            radius += part[1]
+            size += part[2]
+        own = self._row * size * _UPWARD + _TINY
         return Models(c, (radius + own) * _UPWARD, own)
 
     def _product(self, a: Models, b: Models) -> Step:
@@ -319,13 +321,13 @@ class TaylorProgram:
         radius = (own + size_a * b.radius + size_b * a.radius) * _UPWARD
         return Step((a, b), (b.value, a.value), Models(c, radius, own))
 
-    def _function(self, kind: str, a: Models) -> Step:
+    def _function(self, kind: Kind, a: Models) -> Step:
         """Return models of a function of one variable.
 
         On each box, the function is enclosed by a parabola or a line, whichever has the smaller
         remainder.
 
-        kind: name of the function
+        kind: kind of the node
         a: models of the argument
         """
         n = self.n
@@ -334,20 +336,10 @@ class TaylorProgram:
         deviation = (sizes.linear + sizes.square + a.radius) * _UPWARD
         slack = deviation + 4.0 * _U * np.abs(centre)
         ranges: Ranges = (centre, centre - slack, centre + slack)
-        enclosed = ENCLOSED[kind]
         beyond_linear = sizes.square + a.radius
         # bound of d² - (Σ c_i s_i)²
         of_square = beyond_linear * (2.0 * sizes.linear + beyond_linear)
-        parabola = None
-        for enclose in (enclosed.curve, enclosed.line):
-            if enclose is None:
-                continue
-            found = enclose(ranges)
-            if parabola is None:
-                parabola = found
-                continue
-            parabola = _nearer(parabola, found, of_square)
-        assert parabola is not None
+        parabola = enclosed(kind).nearest(ranges, of_square)
         return self._composed(parabola, a, of_square, deviation)
 
     def _composed(
@@ -383,17 +375,6 @@ def _caused(errors: np.ndarray, linear: np.ndarray) -> np.ndarray:
     sizes = np.abs(linear)
     shares = errors / (sizes.sum(axis=1) + _TINY)
     return np.asarray(np.einsum("vnb,vb->nb", sizes, shares))
-
-
-def _nearer(curve: Parabola, line: Parabola, of_square: np.ndarray) -> Parabola:
-    """Return the parabola or the line, whichever has the smaller remainder.
-
-    The remainder of the parabola includes the terms of d² that Taylor models of degree 2 omit.
-
-    of_square: upper bound of the omitted part of d²
-    """
-    is_curve = curve.rest + np.abs(curve.bend) * of_square <= line.rest
-    return Parabola(*(np.where(is_curve, a, b) for a, b in zip(curve, line, strict=True)))
 
 
 def lowest(models: Models, n: int) -> np.ndarray:

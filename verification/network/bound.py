@@ -9,8 +9,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
-from verification.enclosure.affine_rows import NotReadError
 from verification.enclosure.relaxation import Relaxation
 
 #: Number of boxes for which bounds are computed before the next boxes are chosen.
@@ -66,8 +66,8 @@ def prove(
     y = ca.SX.sym("y", len(b))
     scaled = ca.Function("errors", [y], [ca.densify(errors(ca.DM(b) * y))])
     try:
-        relaxation = Relaxation(scaled)
-    except (NotReadError, OverflowError):  # a coefficient overflows double precision
+        relaxation = Relaxation(scaled, what)
+    except (BadInputError, OverflowError):  # a coefficient overflows double precision
         return None
     begin = time.monotonic()
     centres = np.zeros((1, len(b)))

@@ -16,11 +16,9 @@ from random_points import rates_function
 import hfa_model
 from hfa import BadInputError
 from hfa_model import VARIANTS
-from verification.enclosure import ball_function
-from verification.enclosure.ball_function import BallFunction, Undecided
+from verification.enclosure.ball_function import BallFunction, Balls, Undecided
 from verification.enclosure.balls import exact
-
-Balls = list[Any]
+from verification.enclosure.program import OPERATIONS
 
 
 def escaped(dynamics: str, radius: float, points: int, seed: int = 0) -> int:
@@ -103,16 +101,16 @@ def test_a_planted_wrong_operation_is_detected(monkeypatch: pytest.MonkeyPatch) 
     right = BallFunction(function)(*arguments)[0]
     used = {function.instruction_id(i) for i in range(function.n_instructions())}
     for code in used - {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}:
-        operations = dict(ball_function._OPERATIONS)
-        operations[code] = _off(operations[code])
-        # The planted fault: one wrong operation.
-        monkeypatch.setattr(ball_function, "_OPERATIONS", operations)
-        wrong = BallFunction(function)(*arguments)[0]
+        operation = OPERATIONS[code]
+        with monkeypatch.context() as patch:
+            # The planted fault: one wrong operation.
+            patch.setattr(Balls, operation, _off(getattr(Balls(), operation)))
+            wrong = BallFunction(function)(*arguments)[0]
         assert any(not one.overlaps(other) for one, other in zip(right, wrong, strict=True)), code
 
 
 def _off(operation: Callable[..., Any]) -> Callable[..., Any]:
-    return lambda *values: operation(*values) * (1 + arb(1e-9))
+    return lambda self, *values: operation(*values) * (1 + arb(1e-9))
 
 
 def test_an_unknown_operation_is_refused_by_name() -> None:

@@ -16,11 +16,11 @@ import scipy.linalg
 from scipy.optimize import linprog, minimize
 
 from hfa_prove.check.equilibrium import Equilibrium
-from hfa_prove.search.monomials import Monomials, values_at
+from hfa_prove.search.monomials import Monomials
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.piece import Piece
 from verification.enclosure.program import Program
-from verification.enclosure.slopes import Intervals, jacobian
+from verification.enclosure.slopes import Intervals, jacobian, values_at
 
 #: Number of rays from the equilibrium for the size of a set. For a search: number of rays for each
 #: state, their least number, number of operations of a loop above which fewer are used, number of

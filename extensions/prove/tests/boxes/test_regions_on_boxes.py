@@ -182,9 +182,9 @@ def test_a_recurrent_network_is_refused(tmp_path: Path, capsys: pytest.CaptureFi
 
 def test_a_network_too_large_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A network with too many operations is refused with the supported number."""
-    path = imitation(tmp_path / "wide.npz", K, np.array([1.0, 4.0]), hidden=(120, 170))
+    path = imitation(tmp_path / "wide.npz", K, np.array([1.0, 4.0]), hidden=(200, 300))
     assert main(_words_of(path)) == 2
-    assert "operations, but at most 40000 are supported" in capsys.readouterr().err
+    assert "operations, but at most 100000 are supported" in capsys.readouterr().err
 
 
 def _words_of(network: Path) -> list[str]:

@@ -348,23 +348,39 @@ def test_unsupported_loops_are_refused(tmp_path: Path, capsys: pytest.CaptureFix
     assert "not Hurwitz" in capsys.readouterr().err
     kinked = tmp_path / "kinked.py"
     kinked.write_text(_KINKED)
-    for name, word in (("TABLE", "use lt"), ("KINK", "fabs")):
-        assert run("--aircraft", f"{kinked}:{name}", "--prover", "squares") == 2
-        assert word in capsys.readouterr().err
+    assert run("--aircraft", f"{kinked}:ERROR", "--prover", "squares") == 2
+    assert "use erf" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["SWITCH", "KINK", "TABLE"])
+def test_regions_end_before_a_switch(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A switch, a kink or a breakpoint of a table at a = 1 bounds the region of sums of squares."""
+    kinked = tmp_path / "kinked.py"
+    kinked.write_text(_KINKED)
+    assert run("--aircraft", f"{kinked}:{name}", "--prover", "squares", "--json") == 0
+    assert 0.9 < json.loads(capsys.readouterr().out)["extents"]["a"] < 1.0
 
 
 _KINKED = """
 import casadi as ca
 from hfa import Model, Signal
 
-def table(x, u, p, w):
-    return {"a": u.b - x.a * ca.if_else(x.a > 1, 2, 1)}, {}
+TABLED = ca.interpolant("tabled", "linear", [[-9.0, 1.0, 9.0]], [-9.0, 1.0, 2.0])
 
-def kink(x, u, p, w):
-    return {"a": u.b - x.a + ca.fabs(x.a - 1)}, {}
 
-TABLE = Model("table", {"a": Signal(max=3, min=-3)}, {"b": Signal()}, table, trim={"a": 0.0})
-KINK = Model("kink", {"a": Signal(max=3, min=-3)}, {"b": Signal()}, kink, trim={"a": 0.0})
+def of(name, force):
+    def equations(x, u, p, w):
+        return {"a": u.b - x.a - force(x.a)}, {}
+
+    return Model(name, {"a": Signal(max=3, min=-3)}, {"b": Signal()}, equations, trim={"a": 0.0})
+
+
+SWITCH = of("switch", lambda a: a * ca.if_else(a > 1, 2, 1))
+KINK = of("kink", lambda a: 1 - ca.fabs(a - 1))
+TABLE = of("table", TABLED)
+ERROR = of("error", ca.erf)
 """
 
 

@@ -1,0 +1,323 @@
+"""Tables of `casadi.interpolant` as sums of products of piecewise polynomials.
+
+A table is f(x) = Σ_I c_I Π_d φ_(d, I_d)(x_d). The functions φ of one variable are the hats of a
+linear table, or the B-splines of a smooth one. All coefficients are rational numbers and therefore
+exact. CasADi continues linear tables with the slopes of their ends, and smooth ones with 0.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property, lru_cache
+from itertools import pairwise, zip_longest
+
+import casadi as ca
+import numpy as np
+
+from hfa_support.errors import BadInputError
+
+#: Coefficients of a polynomial in t - t_0, in ascending order.
+Coefficients = tuple[Fraction, ...]
+#: Largest degree of a piece.
+HIGHEST = 3
+#: Largest relative difference of a table from CasADi's values.
+_SAME = 1e-9
+#: Types of serialized numbers, and the bytes of a number with its type.
+_TYPES = {b"d": "<d", b"J": "<q"}
+_BYTES = 9
+#: Number of points at which values are compared.
+_POINTS = 16
+#: Entry with the coefficients of B-splines, behind those of derivatives that CasADi has stored.
+_COEFFICIENTS = "BSpline::coeffs"
+#: CasADi's class of the Jacobian of a linear table.
+_DERIVATIVE = "LinearInterpolantJac"
+
+
+@dataclass(frozen=True)
+class Spline:
+    """Piecewise polynomial of one variable.
+
+    knots: x_1 < .. < x_k
+    pieces: k + 1 polynomials, before x_1, between the knots, and beyond x_k. The first is a
+        polynomial in t - x_1, each other one in t minus the knot at its left end.
+    """
+
+    knots: tuple[float, ...]
+    pieces: tuple[Coefficients, ...]
+
+    def __str__(self) -> str:
+        return f"table {hash(self)}"
+
+    @cached_property
+    def origins(self) -> np.ndarray:
+        """The point t_0 of each piece, (k + 1,)."""
+        return np.array([self.knots[0], *self.knots])
+
+    @cached_property
+    def coefficients(self) -> np.ndarray:
+        """Coefficients of the pieces, (k + 1, `HIGHEST` + 1)."""
+        return np.array([[float(c) for c in _filled(piece)] for piece in self.pieces])
+
+    @cached_property
+    def smoothness(self) -> np.ndarray:
+        """Number of continuous derivatives at each knot, from -1 for a jump to `HIGHEST`, (k,)."""
+        found = []
+        for i, knot in enumerate(self.knots):
+            step = Fraction(knot) - Fraction(self.origins[i])
+            left = _about(self.pieces[i], step)
+            right = _filled(self.pieces[i + 1])
+            same = [a == b for a, b in zip(_filled(left), right, strict=True)]
+            found.append(same.index(False) - 1 if False in same else HIGHEST)
+        return np.array(found)
+
+    def at(self, t: np.ndarray) -> np.ndarray:
+        """Return the values at t, in double precision."""
+        piece = np.searchsorted(self.knots, t, side="right")
+        d = t - self.origins[piece]
+        c = self.coefficients[piece]
+        return np.asarray(c[..., 0] + d * (c[..., 1] + d * (c[..., 2] + d * c[..., 3])))
+
+    def combined(self, weights: Sequence[Fraction], others: Sequence[Spline]) -> Spline:
+        """Return the weighted sum of splines with the same knots."""
+        pieces = []
+        for parts in zip(*(other.pieces for other in others), strict=True):
+            columns = zip(*map(_filled, parts), strict=True)
+            pieces.append(
+                tuple(
+                    sum((w * c for w, c in zip(weights, column, strict=True)), Fraction(0))
+                    for column in columns
+                )
+            )
+        return Spline(self.knots, tuple(pieces))
+
+
+@dataclass(frozen=True)
+class Table:
+    """One output of a table.
+
+    bases: functions φ of each argument
+    values: coefficients c, the index of the first argument varies fastest
+    """
+
+    bases: tuple[tuple[Spline, ...], ...]
+    values: tuple[Fraction, ...]
+
+    def at(self, point: Sequence[float]) -> float:
+        """Return the value of the table at a point, in double precision."""
+        if not self.bases:
+            return float(self.values[0])
+        *inner, basis = self.bases
+        *before, last = point
+        size = len(self.values) // len(basis)
+        total = 0.0
+        for i, spline in enumerate(basis):
+            part = Table(tuple(inner), self.values[i * size : (i + 1) * size])
+            factor = float(spline.at(np.array(last)))
+            total += factor * part.at(before) if factor else 0.0
+        return total
+
+    def spline(self) -> Spline:
+        """Return a table of one argument as a piecewise polynomial."""
+        (basis,) = self.bases
+        return basis[0].combined(self.values, basis)
+
+    def layers(self) -> Iterator[tuple[Spline, Table]]:
+        """Yield functions of the last argument, and the tables by which they are multiplied.
+
+        Their sum is Σ_i φ_i g_i = g_1 Σ φ_i + Σ_i (φ_i + φ_(i+1) + ..) (g_i - g_(i-1)).
+        """
+        *inner, basis = self.bases
+        size = len(self.values) // len(basis)
+        before = (Fraction(0),) * size
+        for i in range(len(basis)):
+            values = self.values[i * size : (i + 1) * size]
+            change = tuple(a - b for a, b in zip(values, before, strict=True))
+            before = values
+            if any(change):
+                following = basis[i:]
+                ones = (Fraction(1),) * len(following)
+                yield basis[0].combined(ones, following), Table(tuple(inner), change)
+
+
+def is_table(function: ca.Function) -> bool:
+    """Return whether a function is a table of CasADi, or the Jacobian of a linear table."""
+    return function.class_name() in ("LinearInterpolant", "BSplineInterpolant", _DERIVATIVE)
+
+
+def tables_of(function: ca.Function) -> tuple[Table, ...]:
+    """Return the outputs of a table, or the entries of the Jacobian of a linear one, by column.
+
+    Raises BadInputError if the degree is above 3, or if CasADi stores tables in an unknown form.
+    """
+    return _tables_of(function.serialize({"debug": True}), function)
+
+
+@lru_cache(maxsize=64)
+def _tables_of(stored: str, function: ca.Function) -> tuple[Table, ...]:
+    entries = _Entries(bytes(_nibbles(stored)), function.name())
+    grids = entries.split("Interpolant::grid", "Interpolant::offset")
+    bases = [_hats(grid) for grid in grids]
+    values = entries.numbers("Interpolant::values")
+    if function.class_name() == "BSplineInterpolant":
+        knots = entries.split("BSplineCommon::knots", "BSplineCommon::offset")
+        degrees = entries.numbers("BSplineCommon::degree")
+        if max(degrees) > HIGHEST:
+            raise BadInputError(f"{function.name()}: tables of degree {max(degrees):g} are refused")
+        bases = [_b_splines(t, int(degree)) for t, degree in zip(knots, degrees, strict=True)]
+        values = entries.numbers(_COEFFICIENTS)
+    outputs = int(entries.number("Interpolant::m"))
+    exact = [tuple(map(Fraction, values[output::outputs])) for output in range(outputs)]
+    if function.class_name() == _DERIVATIVE:
+        slopes = [tuple(map(_derivative, basis)) for basis in bases]
+        of_column = [(*bases[:d], slope, *bases[d + 1 :]) for d, slope in enumerate(slopes)]
+        return tuple(Table(tuple(column), one) for column in of_column for one in exact)
+    tables = tuple(Table(tuple(bases), one) for one in exact)
+    _compare(tables, function, np.array([(grid[0], grid[-1]) for grid in grids]))
+    return tables
+
+
+class _Entries:
+    """Entries of a function that CasADi has serialized together with their names.
+
+    data: the serialized function
+    name: name of the function, for messages
+    """
+
+    def __init__(self, data: bytes, name: str) -> None:
+        self._data = data
+        self._name = name
+
+    def number(self, key: str) -> float:
+        """Return an entry that is a number."""
+        return self._number(self._after(key))
+
+    def numbers(self, key: str) -> list[float]:
+        """Return an entry that is a list of numbers: "V", their count, and the numbers."""
+        start = self._after(key) + 1
+        count = int(self._number(start))
+        return [self._number(start + _BYTES * (i + 1)) for i in range(count)]
+
+    def split(self, key: str, offsets: str) -> list[tuple[float, ...]]:
+        """Return a list of numbers in parts that begin at the given offsets."""
+        numbers = self.numbers(key)
+        ends = map(int, self.numbers(offsets))
+        return [tuple(numbers[a:b]) for a, b in pairwise(ends)]
+
+    def _number(self, start: int) -> float:
+        """Return the number at a place: a letter for its type, and eight bytes."""
+        letter = self._data[start : start + 1]
+        if letter not in _TYPES:
+            raise self._unknown()
+        return float(struct.unpack_from(_TYPES[letter], self._data, start + 1)[0])
+
+    def _after(self, key: str) -> int:
+        """Return the place after the name of an entry."""
+        stored = b"si" + struct.pack("<i", len(key)) + key.encode()
+        is_last = key == _COEFFICIENTS
+        place = self._data.rfind(stored) if is_last else self._data.find(stored)
+        if place < 0:
+            raise self._unknown()
+        return place + len(stored)
+
+    def _unknown(self) -> BadInputError:
+        return BadInputError(
+            f"the table {self._name} is not stored as by CasADi 3.7 and 3.8 (this is CasADi "
+            f"{ca.CasadiMeta.version()}); write it as a polynomial"
+        )
+
+
+def _nibbles(text: str) -> Iterator[int]:
+    """Yield the bytes of CasADi's text, which has two letters for each byte."""
+    for low, high in zip(text[::2], text[1::2], strict=True):
+        yield ord(low) - ord("a") + 16 * (ord(high) - ord("a"))
+
+
+@lru_cache(maxsize=64)
+def _hats(grid: tuple[float, ...]) -> tuple[Spline, ...]:
+    """Return the hats of a grid, whose first and last pieces continue linearly."""
+    hats = []
+    x = list(map(Fraction, grid))
+    for i in range(len(x)):
+        at = [Fraction(k == i) for k in range(len(x))]
+        slopes = [
+            (b - a) / (v - u) for (a, b), (u, v) in zip(pairwise(at), pairwise(x), strict=True)
+        ]
+        pieces = [(at[0], slopes[0])]
+        pieces += [(value, slope) for value, slope in zip(at, [*slopes, slopes[-1]], strict=True)]
+        hats.append(Spline(grid, tuple(pieces)))
+    return tuple(hats)
+
+
+@lru_cache(maxsize=64)
+def _b_splines(knots: tuple[float, ...], degree: int) -> tuple[Spline, ...]:
+    """Return the B-splines of a sequence of knots (Cox and de Boor)."""
+    t = list(map(Fraction, knots))
+    distinct = sorted(set(t))
+    zero: Coefficients = (Fraction(0),)
+    count = len(t) - degree - 1
+    pieces: list[list[Coefficients]] = [[zero] for _ in range(count)]
+    for low, high in pairwise(distinct):
+        basis: list[Coefficients] = [
+            (Fraction(left <= low and high <= right),) for left, right in pairwise(t)
+        ]
+        for q in range(1, degree + 1):
+            basis = [
+                _sum_of(
+                    _times_line(basis[i], low - t[i], 1, t[i + q] - t[i]),
+                    _times_line(basis[i + 1], t[i + q + 1] - low, -1, t[i + q + 1] - t[i + 1]),
+                )
+                for i in range(len(basis) - 1)
+            ]
+        for each, piece in zip(pieces, basis, strict=True):
+            each.append(piece)
+    grid = tuple(map(float, distinct))
+    return tuple(Spline(grid, (*each, zero)) for each in pieces)
+
+
+def _times_line(piece: Coefficients, at: Fraction, slope: int, span: Fraction) -> Coefficients:
+    """Return (at + slope s) / span times a polynomial in s, or 0 if the span is 0."""
+    if not span:
+        return (Fraction(0),)
+    scaled = [c / span for c in piece]
+    return _sum_of(tuple(at * c for c in scaled), (Fraction(0), *(slope * c for c in scaled)))
+
+
+def _sum_of(a: Coefficients, b: Coefficients) -> Coefficients:
+    return tuple(x + y for x, y in zip_longest(a, b, fillvalue=Fraction(0)))
+
+
+def _filled(piece: Coefficients) -> Coefficients:
+    """Return the coefficients with zeros up to the highest degree."""
+    return piece + (Fraction(0),) * (HIGHEST + 1 - len(piece))
+
+
+def _about(piece: Coefficients, step: Fraction) -> Coefficients:
+    """Return a polynomial in s as a polynomial in s - step (Horner)."""
+    result: Coefficients = (Fraction(0),)
+    for c in reversed(piece):
+        result = _sum_of(_times_line(result, step, 1, Fraction(1)), (c,))
+    return _filled(result[: HIGHEST + 1])
+
+
+def _derivative(spline: Spline) -> Spline:
+    """Return the derivative of a spline between its knots."""
+    pieces = [tuple(k * c for k, c in enumerate(_filled(piece)))[1:] for piece in spline.pieces]
+    return Spline(spline.knots, tuple(pieces))
+
+
+def _compare(tables: Sequence[Table], function: ca.Function, ends: np.ndarray) -> None:
+    """Raise BadInputError if the outputs of a function differ from tables at random points.
+
+    ends: lowest and highest values of the arguments, (arguments, 2)
+    """
+    points = np.random.default_rng(0).uniform(ends[:, 0], ends[:, 1], (_POINTS, len(ends)))
+    found = np.array([[table.at(point) for table in tables] for point in points])
+    expected = np.array([function(point).full().ravel() for point in points])
+    if not np.all(np.abs(found - expected) <= _SAME * (1.0 + np.abs(expected).max())):
+        raise BadInputError(
+            f"CasADi {ca.CasadiMeta.version()} computes other values of the table "
+            f"{function.name()} than it stores; write it as a polynomial"
+        )
