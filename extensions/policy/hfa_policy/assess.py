@@ -20,6 +20,7 @@ from hfa_policy.trims import trims_of
 from hfa_policy.variations import changes_of, variations
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import (
+    BadInputError,
     NoSolutionError,
     refuse_unknown,
     refuse_unless_positive,
@@ -164,8 +165,8 @@ def _with_costs(
         costs = flight_costs(
             deployed, place, count, seed, progress, searched=searched, certificate=bound
         )
-    except NoSolutionError as error:
-        if bound is not None:
+    except (BadInputError, NoSolutionError) as error:
+        if best or bound is not None:
             raise
         return replace(assessed, remarks=(*assessed.remarks, f"no costs are compared: {error}"))
     return replace(assessed, best=costs)

@@ -91,14 +91,30 @@ def test_an_action_formula_undefined_at_trim_is_refused(tmp_path, map_):
         Episodes(Deployed(Deployment.load(path), model), trims("ppo_gtm")[:1], 1)
 
 
-def test_sample_times_with_fractional_microseconds_are_refused():
-    """A sample time that is not a multiple of a microsecond is refused."""
+@pytest.mark.parametrize(
+    ("dt", "delay", "parts"),
+    [(0.02, 0.03, 2), (1.0 / 60.0, 0.0, 1), (1.0 / 60.0, 0.5 / 60.0, 2), (1.0 / 60.0, 0.02, 5)],
+)
+def test_the_tick_divides_sample_time_and_delay(dt, delay, parts):
+    """A tick is the greatest common divisor of sample time and delay, also at 60 Hz."""
+    policy = deployed_policy(dt, delay)
+    assert policy.tick == pytest.approx(dt / parts, rel=1e-12)
+    scenario = sampled_scenario(policy, Scenario(), policy.point)
+    assert scenario.tick == policy.tick
+
+
+def test_a_delay_that_is_no_fraction_of_the_sample_time_is_refused():
+    """A delay that no tick divides is refused, with the nearest delay that is possible."""
+    with pytest.raises(BadInputError, match=r"timing\.delay is 0.013123456 s.*give 0\.0131"):
+        _ = deployed_policy(0.02, 0.013123456).tick
+
+
+def deployed_policy(dt, delay):
+    """Return a policy for the GTM with this sample time and delay."""
     name = "ppo_gtm"
-    odd = stored_deployment(name).changed(timing={"dt": 0.0123456789})
-    deployed = Deployed(odd, aircraft(name))
-    policy = DeployedPolicy("odd", deployed, trims(name)[0], held=np.zeros((1, 2)))
-    with pytest.raises(BadInputError, match="multiple of 1e-6 s"):
-        sampled_scenario(policy, Scenario(), trims(name)[0])
+    timed = stored_deployment(name).changed(timing={"dt": dt, "delay": delay})
+    deployed = Deployed(timed, aircraft(name))
+    return DeployedPolicy("timed", deployed, trims(name)[0], held=np.zeros((1, 2)))
 
 
 def file_without_normalizer(folder):

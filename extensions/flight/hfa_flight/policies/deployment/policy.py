@@ -6,6 +6,7 @@ import hashlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +28,8 @@ from trim.point.operating_point import OperatingPoint
 
 #: Longest step of a flight in moving air or with actuators, s.
 _FINE = 0.001
-#: Unit of sample time and delay, s. Both must be multiples of it.
-_CLOCK = 1e-6
+#: Largest number of ticks in a sample time.
+_PARTS = 1000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,18 +49,18 @@ class DeployedPolicy(Policy):
     def tick(self) -> float:
         """Greatest common divisor of sample time and delay, s.
 
-        Raises BadInputError unless both are multiples of a microsecond.
+        Raises BadInputError unless the delay is a whole number of sample times divided by a whole
+        number of at most `_PARTS`.
         """
         deployment = self.deployed.deployment
-        dt = round(deployment.dt / _CLOCK)
-        delay = round(deployment.delay / _CLOCK)
-        for name, value, whole in (("dt", deployment.dt, dt), ("delay", deployment.delay, delay)):
-            if not math.isclose(value, whole * _CLOCK, abs_tol=1e-12):
-                raise BadInputError(
-                    f"{deployment.origin}: timing.{name} is {value:.12g} s; give a multiple of "
-                    "1e-6 s, which a simulation requires"
-                )
-        return math.gcd(dt, delay) * _CLOCK
+        samples = deployment.delay / deployment.dt
+        ratio = Fraction(samples).limit_denominator(_PARTS)
+        if not math.isclose(samples, float(ratio), rel_tol=1e-9, abs_tol=1e-9):
+            raise BadInputError(
+                f"{deployment.origin}: timing.delay is {deployment.delay:.12g} s, which a "
+                f"simulation cannot divide into steps; give {float(ratio) * deployment.dt:.12g} s"
+            )
+        return deployment.dt / ratio.denominator
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
         """Return the inputs held since the last sample, as deviations from trim, (m,)."""
@@ -152,8 +153,8 @@ def sampled_scenario(policy: DeployedPolicy, scenario: Scenario, point: Operatin
     """Return the scenario with the duration, tick and step that a policy requires.
 
     The duration is a whole number of ticks. With moving air or actuators, a step is at most
-    `_FINE`. Otherwise the steps are those of `hfa assess`. Raises BadInputError unless sample time
-    and delay are multiples of a microsecond.
+    `_FINE`. Otherwise the steps are those of `hfa assess`. Raises BadInputError for a delay that is
+    not a fraction of the sample time.
     """
     dt = policy.deployed.deployment.dt
     parts = parts_of_a_sample([point], dt)
