@@ -87,7 +87,7 @@ def policy_of_next(
     slope = ca.densify((paid + crossed + valued) / units)
     terms = (ca.fabs(paid) + ca.fabs(crossed) + ca.fabs(valued)) / units
     left = ca.mmax(ca.fabs(slope)) / ca.fmax(ca.mmax(terms), sys.float_info.min)
-    options = {"max_iter": _STEPS, "error_on_fail": False}
+    options = {"max_iter": _STEPS, "error_on_fail": False, "show_eval_warnings": False}
     root = ca.rootfinder("root", "newton", {"x": scaled, "p": x, "g": slope}, options)
     state = ca.MX.sym("x", n)
     found = root(x0=ca.DM(gains / sizes[:, None]) @ state, p=state)["x"]

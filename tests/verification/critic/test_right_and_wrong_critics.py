@@ -1,0 +1,235 @@
+"""Critics by every way in, of games in every time: the right ones pass, the wrong ones fail.
+
+No reason names a mistake that was not made.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from functools import cache
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+import pytest
+from cli import answer
+from game_files import AT_15, stored
+from known_models import game_at
+from network_files import torch_file
+from project import ROOT
+
+import hfa
+from controller import DiscreteGame, basis, critics_over_time, sampled, solve_discrete
+from controller.critic.critic import Critic
+from verification import Scope
+from verification.critic.critic_check import axis_of
+
+pytestmark = pytest.mark.usefixtures("folder")
+FAST = Scope(seconds=0.0, flights=4)
+DEGREE = np.pi / 180.0
+
+
+class Case(NamedTuple):
+    """A game with its exact solution."""
+
+    game: hfa.Game | DiscreteGame
+    P: np.ndarray
+    K: np.ndarray
+
+    @property
+    def W(self) -> np.ndarray:
+        return basis("quadratic", len(self.P)).weights(self.P)
+
+    def in_order(self, order: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
+        """Return the exact weights in the order that rows and columns of the weights give."""
+        return self.W[order(*np.triu_indices(len(self.P)))]
+
+    def with_delta(self, factor: float) -> np.ndarray:
+        """Return the exact P for another delta."""
+        game = self.game
+        if isinstance(game, DiscreteGame):
+            step = game.step.with_delta(factor * game.step.delta)
+            return solve_discrete(DiscreteGame(step, game.discount)).P
+        return hfa.solve(game.with_delta(factor * game.delta)).P
+
+
+GAMES = ("continuous", "discrete", "sampled")
+
+
+@cache
+def case_of(time: str) -> Case:
+    rng = np.random.default_rng(4)
+    A, B, E = (rng.standard_normal((3, columns)) for columns in (3, 2, 1))
+    Q, R = np.diag([1.0, 2.0, 0.5]), np.diag([1.0, 0.6])
+    game: hfa.Game | DiscreteGame = hfa.Game(A, B, 0.3 * E, Q, R, 4.0)
+    if time == "discrete":
+        step = hfa.Game(np.eye(3) + 0.15 * A, 0.3 * B, 0.1 * E, Q, R, 30.0)
+        game = DiscreteGame(step, 0.97)
+    if time == "sampled":
+        game = sampled(hfa.Game(A, B, 0.3 * E, Q, R, 4.0), 0.05, 0.999)
+    exact = axis_of(game).exact
+    return Case(game, exact.P, exact.K)
+
+
+def read(case: Case, basis: str | None = None, **arrays: Any) -> Critic:
+    return hfa.read_critic(stored("critic.npz", **arrays), case.game, basis=basis)
+
+
+def network(case: Case, **layers: np.ndarray) -> Critic:
+    named = {name.replace("_", "."): array for name, array in layers.items()}
+    path = torch_file("critic.pt", named)
+    activation = "tanh" if len(layers) > 1 and "0.weight" in named else None
+    return hfa.from_network(case.game, path, network="policy=", activation=activation)
+
+
+def value_function(case: Case) -> Critic:
+    z = ca.SX.sym("z", 3)
+    V = ca.Function("V", [z], [ca.bilin(ca.DM(case.P), z, z) + 3.0])
+    return hfa.from_network(case.game, V)
+
+
+def history(case: Case) -> list[Critic]:
+    gains = np.array([0.5 * case.K, case.K])
+    return list(critics_over_time(case.game, np.array([0.0, 1.0]), K=gains))
+
+
+RIGHT: dict[str, Callable[[Case], Any]] = {
+    "P": lambda case: hfa.from_value(case.game, case.P),
+    "K": lambda case: hfa.from_gain(case.game, case.K),
+    "W": lambda case: hfa.from_weights(case.game, case.W),
+    "listed": lambda case: hfa.from_weights(
+        case.game, case.W, basis="x1**2, x1*x2, x1*x3, x2**2, x2*x3, x3**2"
+    ),
+    "quartic basis": lambda case: hfa.from_weights(
+        case.game, np.append(case.W, [0.0] * 3), basis="quadratic+quartic"
+    ),
+    "file of P": lambda case: read(case, P=case.P),
+    "file of W": lambda case: read(case, W=case.W),
+    "network of u": lambda case: network(case, weight=-case.K),
+    "function V": value_function,
+    "history": history,
+}
+ORDER = [2, 0, 1]
+#: Mistake -> critic, and words of which the reason contains one, if there is a reason.
+WRONG: dict[str, tuple[Callable[[Case], Critic], tuple[str, ...]]] = {
+    "squares first": (
+        lambda case: read(
+            case, W=case.in_order(lambda row, column: np.argsort(row != column, kind="stable"))
+        ),
+        ("squares first",),
+    ),
+    "without factor 2": (lambda case: read(case, W=case.P[np.triu_indices(3)]), ("factor 2",)),
+    "permuted P": (lambda case: read(case, P=case.P[np.ix_(ORDER, ORDER)]), ("in the order",)),
+    "permuted K": (lambda case: read(case, K=case.K[:, ORDER]), ("in the order",)),
+    "scaled": (lambda case: read(case, P=1.7 * case.P), ("1.7 times",)),
+    "transposed": (
+        lambda case: read(case, K=case.K.T.reshape(2, 3)),
+        ("column by column", "in the order"),
+    ),
+    "per degree": (lambda case: read(case, K=case.K * [1.0, DEGREE, DEGREE]), ("degrees",)),
+    "sign": (lambda case: hfa.from_gain(case.game, -case.K), ("wrong sign",)),
+    "other delta": (lambda case: read(case, P=case.with_delta(1.3)), ("delta",)),
+    "without disturbance": (
+        lambda case: read(case, P=case.with_delta(np.inf)),
+        ("LQR", "without disturbance"),
+    ),
+    "quartic tail": (
+        lambda case: read(
+            case, "quadratic+quartic", W=np.append(case.W, [50.0 * case.P[0, 0], 0.0, -40.0])
+        ),
+        ("weight", "away from it"),
+    ),
+    "biased": (lambda case: network(case, weight=-case.K, bias=np.ones(2)), ("constant",)),
+    "half a network": (
+        lambda case: network(
+            case, **{"0_weight": 1e-3 * np.eye(3), "2_weight": -1e3 * case.K * [1, 0, 1]}
+        ),
+        (),
+    ),
+    "saturated": (
+        lambda case: network(case, **{"0_weight": 10 * case.K, "2_weight": -0.1 * np.eye(2)}),
+        ("away from it", "activation"),
+    ),
+}
+
+
+@pytest.mark.parametrize("time", GAMES)
+@pytest.mark.parametrize("way", RIGHT)
+def test_a_right_critic_passes(way: str, time: str) -> None:
+    case = case_of(time)
+    verdict = hfa.verify(case.game, RIGHT[way](case), scope=FAST)
+    assert verdict.ok, str(verdict)
+    assert verdict.reason == ""
+    assert (verdict.flights is None) == (way not in ("network of u", "function V", "listed"))
+
+
+@pytest.mark.parametrize("time", GAMES)
+@pytest.mark.parametrize("mistake", WRONG)
+def test_a_wrong_critic_fails_without_a_false_reason(mistake: str, time: str) -> None:
+    case = case_of(time)
+    critic, reasons = WRONG[mistake]
+    verdict = hfa.verify(case.game, critic(case), scope=FAST)
+    assert not verdict.ok
+    assert verdict.reason == "" or any(words in verdict.reason for words in reasons)
+
+
+def gtm() -> tuple[list[str], hfa.Game]:
+    model = hfa.load_model(f"{ROOT}/examples/gtm.py:GTM")
+    linear = hfa.linearize(model, hfa.trim(model, hold={"speed": 45.0}))
+    words = ["--aircraft", f"{ROOT}/examples/gtm.py:GTM", "--hold", "speed=45"]
+    weights = ["--Q", "1,1,1,1", "--R", "1,1"]
+    return [*words, *weights], hfa.game(linear, Q=[1.0] * 4, R=[1.0] * 2)
+
+
+def games_on_the_command_line() -> Iterator[tuple[list[str], hfa.Game | DiscreteGame, str]]:
+    """Yield words of the command line, the same game in Python, and the names of game and box."""
+    paper = game_at(15.0)
+    yield list(AT_15), paper, "linear game, typical box"
+    words = [*AT_15, "--discount", "0.99", "--dt", "0.02"]
+    yield words, sampled(paper, 0.02, 0.99), "sampled game, typical box"
+    yield *gtm(), "linear game, box of limits"
+    step = case_of("discrete").game
+    assert isinstance(step, DiscreteGame)
+    plant = {name: getattr(step.step, name) for name in "ABEQR"} | {"delta": step.step.delta}
+    path = stored("plant.json", time="discrete", discount=step.discount, **plant)
+    yield ["--model", path], step, "discrete game, balanced box"
+
+
+def test_the_box_is_the_same_on_the_command_line_and_in_python() -> None:
+    """The first line names the game and its box, which both ways of the same game share."""
+    for words, game, names in games_on_the_command_line():
+        exact = axis_of(game).exact
+        told = hfa.verify(game, hfa.from_gain(game, exact.K))
+        data = answer("verify", *words, "--weights", stored("K.npz", K=exact.K))
+        assert data["box"]["half_widths"] == pytest.approx(told.box.half_widths, rel=1e-12)
+        assert told.headline().startswith(f"PASS on the {names}: ")
+        assert names.endswith(data["box"]["name"])
+
+
+def test_a_gain_is_verified_without_code_for_networks() -> None:
+    """`hfa verify` of a gain imports nothing that reads or simulates networks or discrete games."""
+    path = stored("K.npz", K=hfa.solve(game_at(15.0)).K)
+    program = f"""
+import sys
+from hfa.main import main
+code = main(["verify", "--dihedral", "15", "--weights", "{path}"])
+others = ("controller.critic.network", "controller.discrete", "verification.network",
+          "verification.reasons", "verification.enclosure")
+print(code, [name for name in sys.modules if name.startswith(others)])
+"""
+    words = [sys.executable, "-c", program]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.endswith("\n0 []\n")
+
+
+def test_arrays_and_other_games_are_refused_with_the_right_call() -> None:
+    """A bare array is no critic, and critics without time are no history."""
+    case = case_of("continuous")
+    with pytest.raises(hfa.BadInputError, match=r"write hfa\.from_gain\(game, K\)"):
+        hfa.verify(case.game, case.K)  # type: ignore[arg-type]
+    with pytest.raises(hfa.BadInputError, match="critics_over_time"):
+        hfa.verify(case.game, [hfa.from_gain(case.game, case.K)])
+    with pytest.raises(hfa.BadInputError, match="critics over time"):
+        hfa.verify(case.game, hfa.from_gain(case.game, case.K), predefined_time=1.0)
