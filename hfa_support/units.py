@@ -1,14 +1,19 @@
-"""Conversion factors from English units to SI units, and the names of both.
+"""Conversion of units: from English units to SI, and of usual spellings of units in files.
 
 ft = 0.3048 m and lb = 0.45359237 kg are exact, as is standard gravity, 9.80665 m/s² (National
 Institute of Standards and Technology, Special Publication 811). Other factors are derived from
-these. Seconds, radians and numbers without a unit are unchanged.
+these.
 """
 
 from __future__ import annotations
 
+import math
 import re
+from collections import Counter
 from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
 
 SYSTEMS = ("english", "si")
 _FOOT = 0.3048
@@ -22,6 +27,43 @@ _SI = {
 }
 
 
+class _Unit(NamedTuple):
+    """Size of a unit in SI units, and its exponents of m, kg, s and rad."""
+
+    size: float
+    exponents: tuple[int, ...]
+
+
+_LENGTH = (1, 0, 0, 0)
+_MASS = (0, 1, 0, 0)
+_TIME = (0, 0, 1, 0)
+_ANGLE = (0, 0, 0, 1)
+_SPEED = (1, 0, -1, 0)
+_FORCE = (1, 1, -2, 0)
+_MINUTE, _HOUR, _NAUTICAL_MILE, _MILE = 60.0, 3600.0, 1852.0, 1609.344
+#: Spelling -> unit, for all units that are converted.
+_UNITS = {
+    "1": _Unit(1.0, (0, 0, 0, 0)),
+    "m": _Unit(1.0, _LENGTH),
+    "km": _Unit(1000.0, _LENGTH),
+    "ft": _Unit(_FOOT, _LENGTH),
+    "nmi": _Unit(_NAUTICAL_MILE, _LENGTH),
+    "kg": _Unit(1.0, _MASS),
+    "slug": _Unit(_SI["slug"][1], _MASS),
+    **dict.fromkeys(("us", "µs", "μs"), _Unit(1e-6, _TIME)),
+    "ms": _Unit(1e-3, _TIME),
+    "s": _Unit(1.0, _TIME),
+    "min": _Unit(_MINUTE, _TIME),
+    "h": _Unit(_HOUR, _TIME),
+    "rad": _Unit(1.0, _ANGLE),
+    **dict.fromkeys(("deg", "°", "degree", "degrees"), _Unit(math.pi / 180.0, _ANGLE)),
+    "N": _Unit(1.0, _FORCE),
+    "lbf": _Unit(_SI["lbf"][1], _FORCE),
+    **dict.fromkeys(("kt", "kts", "knot", "knots"), _Unit(_NAUTICAL_MILE / _HOUR, _SPEED)),
+    "mph": _Unit(_MILE / _HOUR, _SPEED),
+}
+
+
 def si_unit(unit: str) -> str:
     """Return the SI unit that corresponds to an English unit, for example m/s for ft/s."""
     return re.sub(r"\b(ft|lbf|slug)\b", lambda word: _SI[word[0]][0], unit).replace("m N", "N m")
@@ -30,41 +72,67 @@ def si_unit(unit: str) -> str:
 def si_factor(unit: str) -> float:
     """Return the conversion factor from an English unit to SI, for example 0.3048 for ft/s.
 
-    All units after "/" divide, up to the end of the bracket.
+    All units after "/" divide, up to the end of the bracket. Seconds, radians and unknown units are
+    unchanged.
     """
-    return _product(iter(re.findall(r"\(|\)|/|\^-?\d+|[^\s()/^]+", unit)))
+    sizes = {name: size for name, (_, size) in _SI.items()}
+    return math.prod(sizes.get(name, 1.0) ** power for name, power in _powers(unit).items())
 
 
-def _product(words: Iterator[str]) -> float:
-    """Return the conversion factor from a product of English units to SI.
+def conversion(stated: str, unit: str) -> float | None:
+    """Return the factor that converts numbers in unit `stated` to numbers in `unit`.
+
+    The result is None for units of different quantities, and for unknown units. Spellings are those
+    of tables and records: km/h, kt, ft/min, deg, °, 1/deg, ms.
+
+    >>> conversion("ft/min", "m/s")
+    0.00508
+    """
+    if stated == unit:
+        return 1.0
+    before, after = _measured(stated), _measured(unit)
+    if before is None or after is None or before.exponents != after.exponents:
+        return None
+    return before.size / after.size
+
+
+def _measured(unit: str) -> _Unit | None:
+    """Return a product of units as one unit, or None if it contains an unknown unit."""
+    powers = _powers(unit)
+    if not powers or not powers.keys() <= _UNITS.keys():
+        return None
+    size = math.prod(_UNITS[name].size ** power for name, power in powers.items())
+    exponents = np.zeros(len(_LENGTH), dtype=int)
+    for name, power in powers.items():
+        exponents += power * np.array(_UNITS[name].exponents)
+    return _Unit(size, tuple(exponents.tolist()))
+
+
+def _powers(unit: str) -> Counter[str]:
+    """Return name -> exponent of each unit in a product of units such as (ft/s^2)/(rad)."""
+    plain = unit.replace("²", "^2").replace("³", "^3")
+    return _product(iter(re.findall(r"\(|\)|/|\^-?\d+|[^\s()/^*·]+", plain)))
+
+
+def _product(words: Iterator[str]) -> Counter[str]:
+    """Return name -> exponent of the units in a product.
 
     words: units, exponents, "/" and brackets, in order, which are read up to the closing bracket
     """
-    product = 1.0
+    product: Counter[str] = Counter()
+    factors: list[tuple[Counter[str], int]] = []
     sign = 1
-    last = 1.0
     for word in words:
         if word == ")":
             break
         if word == "/":
             sign = -1
         elif word.startswith("^"):
-            product *= last ** (sign * (int(word[1:]) - 1))
+            factor, power = factors.pop()
+            factors.append((factor, power * int(word[1:])))
         else:
-            last = _product(words) if word == "(" else _SI.get(word, ("", 1.0))[1]
-            product *= last**sign
+            factors.append((_product(words) if word == "(" else Counter([word]), sign))
+    for factor, power in factors:
+        for name, exponent in factor.items():
+            product[name] += power * exponent
     return product
-
-
-def conversion(stated: str, unit: str) -> float | None:
-    """Return the factor that converts numbers in unit `stated` to numbers in `unit`, or None.
-
-    The factor is known for equal units, and for an English unit and its SI unit.
-    """
-    if stated == unit:
-        return 1.0
-    if stated == si_unit(unit):
-        return 1.0 / si_factor(unit)
-    if si_unit(stated) == unit:
-        return si_factor(stated)
-    return None

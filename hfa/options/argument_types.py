@@ -8,6 +8,7 @@ user are converted only in this module. `quantity` converts degrees to radians.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -16,6 +17,7 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, refuse_unknown, shortened
 from hfa_support.files import note_read
 from hfa_support.schema import NUMBER, POSITIVE, Number
+from hfa_support.units import conversion
 
 PICTURES = (".png", ".svg", ".pdf")
 _LARGEST_WHOLE = 10**18
@@ -43,17 +45,26 @@ positive = partial(number, declared=POSITIVE)
 def quantity(model: Model, name: str, text: str) -> float:
     """Return the value of a named variable, in internal units, from its text.
 
-    Angles and angular rates are typed in degrees and returned in radians. All other values are in
-    the unit that the model declares. A name without a declared unit is a plain number.
+    Without a unit, angles and angular rates are typed in degrees and returned in radians, and all
+    other values are in the unit that the model declares. A name without a declared unit is a plain
+    number.
 
     name: a state, input, output or parameter, or the rate of a state
-    text: the number as typed
+    text: the number as typed, with or without a unit: "100kt"
 
-    Raises BadInputError if the text is not a number.
+    Raises BadInputError if the text is not a number, or if its unit cannot be converted.
     """
     signals = {**model.rates, **model.signals}
     unit = signals[name].unit if name in signals else "1"
-    return math.radians(number(text)) if unit.startswith("rad") else number(text)
+    with_unit = re.fullmatch(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([a-zA-Z°µμ].*?)\s*", text)
+    if with_unit is None:
+        return math.radians(number(text)) if unit.startswith("rad") else number(text)
+    factor = conversion(with_unit[2], unit)
+    if factor is None:
+        raise BadInputError(
+            f"is {shortened(text)!r}; give the number in {unit.replace('rad', 'deg')}"
+        )
+    return factor * number(with_unit[1])
 
 
 def breakpoint_value(model: Model, text: str) -> float:

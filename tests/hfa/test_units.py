@@ -94,7 +94,7 @@ def test_matrices_in_si_are_similar() -> None:
 def test_plants_and_points_in_si_are_read(tmp_path: Path) -> None:
     """Plants and operating points written in SI units are converted when they are read.
 
-    An operating point with a speed in km/h is refused.
+    An operating point with a speed in kg/s is refused.
     """
     for suffix in ("json", "npz", "mat"):
         plant = str(tmp_path / f"plant.{suffix}")
@@ -105,12 +105,12 @@ def test_plants_and_points_in_si_are_read(tmp_path: Path) -> None:
     started = answer("trim", "--dihedral", "12", "--start", point)["operating_point"]["states"]
     assert started["speed"] == 68.0
     data = json.loads(Path(point).read_text("utf-8"))
-    data["operating_point"]["state_units"]["speed"] = "km/h"
+    data["operating_point"]["state_units"]["speed"] = "kg/s"
     Path(point).write_text(json.dumps(data), encoding="utf-8")
     assert_refused(
         hfa("trim", "--dihedral", "12", "--start", point),
         2,
-        "is in km/h; use ft/s or m/s",
+        "is in kg/s; use ft/s or m/s",
     )
 
 

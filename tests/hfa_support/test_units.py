@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from hfa_support.units import conversion, si_factor, si_unit
@@ -38,6 +40,26 @@ def test_units_have_their_conversion_factors(unit: str, si: str, factor: float) 
     assert conversion(si, unit) == pytest.approx(1 / factor, rel=1e-15)
 
 
-def test_only_units_with_an_si_unit_are_converted() -> None:
-    """No conversion from km/h to ft/s exists, because neither is the SI unit of the other."""
-    assert conversion("km/h", "ft/s") is None
+@pytest.mark.parametrize(
+    ("stated", "unit", "factor"),
+    [
+        ("km/h", "ft/s", 1.0 / 3.6 / FOOT),
+        ("kt", "m/s", 1852.0 / 3600.0),
+        ("deg/s", "rad/s", math.pi / 180.0),
+        ("1/deg", "1/rad", 180.0 / math.pi),
+        ("m/s²", "ft/s^2", 1.0 / FOOT),
+        ("us", "s", 1e-6),
+        ("slug ft^2", "N m s^2", FORCE * FOOT),
+    ],
+)
+def test_usual_units_are_converted(stated: str, unit: str, factor: float) -> None:
+    """Units of the same quantity are converted, whatever their spelling."""
+    assert conversion(stated, unit) == pytest.approx(factor, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("stated", "unit"), [("ft", "s"), ("furlong", "m"), ("1/rad", "1"), ("N", "kg"), ("", "m")]
+)
+def test_units_of_other_quantities_are_not_converted(stated: str, unit: str) -> None:
+    """No conversion exists between different quantities, and from unknown units."""
+    assert conversion(stated, unit) is None

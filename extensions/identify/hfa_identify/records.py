@@ -170,7 +170,8 @@ def read_record(
 ) -> Record:
     """Read a record from a CSV, .npz, .mat or .ulg file.
 
-    The first row of a CSV file contains names with or without units, such as "alpha [deg]". An
+    The first row of a CSV file contains names with or without units, such as "alpha [deg]". Cells
+    are separated by commas, tabs or semicolons; with semicolons, the decimal may be a comma. An
     empty cell is a missing sample. Columns without a unit are in the model's units, with angles in
     radians.
 
@@ -202,7 +203,10 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
     length or cells that are not numbers.
     """
     try:
-        rows = list(csv.reader(io.StringIO(path.read_text("utf-8-sig"))))
+        text = path.read_text("utf-8-sig")
+        head = text.lstrip().partition("\n")[0]
+        separator = next((each for each in "\t;" if each in head), ",")
+        rows = list(csv.reader(io.StringIO(text), delimiter=separator))
     except (UnicodeDecodeError, csv.Error) as error:
         raise BadInputError(
             f"{path} cannot be read as CSV ({error}); save the record as CSV in UTF-8"
@@ -226,8 +230,9 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
                 f"{path}, row {number} has {len(row)} cells, but the first row has"
                 f" {len(names)}; give one cell for each column"
             )
+        decimal = [cell.replace(",", ".") for cell in row] if separator == ";" else row
         table[number - 2] = [
-            _cell(path, number, name, cell) for name, cell in zip(names, row, strict=True)
+            _cell(path, number, name, cell) for name, cell in zip(names, decimal, strict=True)
         ]
     factors = [factor for _, factor in heads]
     return {name: table[:, place] * factors[place] for place, name in enumerate(names)}
@@ -268,8 +273,6 @@ def _head(path: str | Path, cell: str, model: Model) -> tuple[str, float]:
     unit = "s" if name == "time" else model.unit(name)
     if not stated:
         return name, 1.0
-    if (stated, unit) in (("deg", "rad"), ("deg/s", "rad/s")):
-        return name, math.pi / 180.0
     factor = conversion(stated, unit)
     if factor is None:
         known_units = " or ".join(dict.fromkeys((unit, si_unit(unit))))

@@ -14,10 +14,8 @@ import hfa
 from hfa_identify.records import read_record
 
 UAV = str(ROOT / "examples" / "uav.toml")
-NOT_YET = pytest.mark.xfail(strict=True, reason="these spellings of units are not read yet")
 
 
-@NOT_YET
 @pytest.mark.parametrize(
     ("old", "new"),
     [
@@ -38,7 +36,6 @@ def test_units_of_an_entry_of_a_table(old: str, new: str, tmp_path: Path) -> Non
     np.testing.assert_allclose(found, hfa.trim(hfa.load_model(UAV)).states, rtol=1e-4, atol=1e-6)
 
 
-@NOT_YET
 @pytest.mark.parametrize("typed", ["58.3153kt", "58.3153 knots", "108km/h", "5905.51ft/min"])
 def test_units_of_a_held_value(typed: str) -> None:
     """--hold accepts a value with a unit: each text is 30 m/s."""
@@ -68,7 +65,6 @@ def read_as_written(folder: Path, head: str, columns: list[np.ndarray], separato
     np.testing.assert_allclose(record.measured["speed"], SPEED, rtol=1e-6)
 
 
-@NOT_YET
 @pytest.mark.parametrize(
     ("head", "factors", "separator"),
     [

@@ -180,8 +180,10 @@ def _checked(entries: dict[str, Entry], source: Source, stem: str) -> Table:
         if name in UNITS:
             values[name] = _number(name, entry, _unit(name, system))
         elif meaning is not None:
-            value = _number(name, entry, "1")
-            derivatives[name] = value / per if meaning.is_by_angle else value
+            if meaning.is_by_angle:
+                derivatives[name] = _number(name, entry, "1/rad", 1.0 / per)
+            else:
+                derivatives[name] = _number(name, entry, "1")
             meanings[name] = meaning
         else:
             raise _unknown(name, entry, limits)
@@ -236,11 +238,12 @@ def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
     return low, high
 
 
-def _number(name: str, entry: Entry, unit: str) -> float:
+def _number(name: str, entry: Entry, unit: str, plain: float = 1.0) -> float:
     """Return the value of an entry, converted to `unit`.
 
-    A number without a unit is taken to be in `unit`. Raises BadInputError if the value is not a
-    finite number or its unit cannot be converted.
+    plain: factor of a number without a unit
+
+    Raises BadInputError if the value is not a finite number or its unit cannot be converted.
     """
     value: Any = entry.value
     stated = ""
@@ -252,7 +255,7 @@ def _number(name: str, entry: Entry, unit: str) -> float:
         value = _float(match[1])
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise entry.error(f"{name} is {shown(entry.value)}; give a finite number")
-    return float(value) * _factor(name, entry, stated, unit)
+    return float(value) * (_factor(name, entry, stated, unit) if stated else plain)
 
 
 def _float(text: str) -> float:
@@ -264,15 +267,14 @@ def _float(text: str) -> float:
 
 
 def _factor(name: str, entry: Entry, stated: str, unit: str) -> float:
-    """Return the factor from the stated unit to `unit`, or 1 if no unit is stated.
+    """Return the factor from the stated unit to `unit`.
 
     Raises BadInputError if the unit cannot be converted.
     """
-    if not stated:
-        return 1.0
-    factor = _ANGLES.get(stated) if unit == "rad" else conversion(stated, unit)
+    factor = conversion(stated, unit)
     if factor is None:
-        known = " or ".join(_ANGLES) if unit == "rad" else f"{unit} or {si_unit(unit)}"
+        other = unit.replace("rad", "deg") if "rad" in unit else si_unit(unit)
+        known = " or ".join(dict.fromkeys((unit, other)))
         raise entry.error(f"{name} is in {shortened(stated)}; give {name} in {known}")
     return factor
 
