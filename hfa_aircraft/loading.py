@@ -17,7 +17,7 @@ from typing import Any, Protocol
 from hfa_aircraft.local_sources import OWN_PACKAGES, fingerprint, hash_of_sources, local_file
 from hfa_aircraft.model import Model
 from hfa_aircraft.parameter_file import ParameterFile
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.entry_points import AIRCRAFT, loaded, offered
 from hfa_support.errors import BadInputError, file_faults, prefix_errors, shown
 from hfa_support.files import read_toml, regular_file
@@ -56,6 +56,7 @@ def load_model(text: str, parameters: str | Path | None = None) -> Model:
     >>> list(hfa.load_model("examples/navion.py:NAVION").inputs)
     ['thrust', 'elevator', 'aileron', 'rudder']
     """
+    need(text, str, "load_model: text", "the name of a file, as in hfa.load_model('FILE.py:NAME')")
     kind = _format_of(text)
     model = _loaded_from_data(text, kind) if kind else _loaded_from_python(text)
     return model if parameters is None else ParameterFile.read(parameters).applied_to(model)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 from hfa_aircraft.model import Model
 from hfa_model.declaration import rigid_panels
 from hfa_model.parameters import Parameters, default_parameters
-from hfa_model.variants import Variant, variant_named
-from hfa_support.arguments import checks_arguments
+from hfa_model.variants import Newton, Published, Variant, variant_named
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, is_finite, shown
 
 if TYPE_CHECKING:
@@ -23,26 +23,20 @@ _SIZES = ("panel_mass", "panel_span", "chord")
 def aircraft(dynamics: str | Variant = "published", parameters: Parameters | None = None) -> Model:
     """Return the highly flexible aircraft as a `Model`.
 
-    dynamics: "published", "newton", "unsteady", or a `Variant`. Text with "." or ":" is the file of
-        another aircraft, loaded by `hfa.load_model`.
+    dynamics: "published", "newton", "unsteady", or a `Variant`
     parameters: by default the identified ones
 
-    Raises BadInputError for unknown dynamics, for a parameter that is not finite, for a negative
-    size, for parameters with another aircraft, and as `load_model` does.
+    Raises BadInputError for unknown dynamics, for a parameter that is not finite, and for a
+    negative size.
 
     >>> import hfa
     >>> hfa.aircraft("newton").inputs["throttle"].max
     200.0
     """
+    need(dynamics, (str, Published, Newton), "aircraft: dynamics", 'text, such as "newton"')
+    if parameters is not None:
+        need(parameters, Parameters, "aircraft: parameters", "Parameters(...)")
     values = default_parameters().values if parameters is None else _checked_parameters(parameters)
-    if isinstance(dynamics, str) and ("." in dynamics or ":" in dynamics):
-        if parameters:
-            raise BadInputError(
-                "parameters are those of the HFA; use load_model(FILE).with_parameters(NAME=VALUE)"
-            )
-        from hfa_aircraft.loading import load_model
-
-        return load_model(dynamics)
     if not isinstance(dynamics, str):
         return rigid_panels(dynamics, values, _with_loads)
     if dynamics == "unsteady":

@@ -61,9 +61,8 @@ def quantity(model: Model, name: str, text: str) -> float:
         return math.radians(number(text)) if unit.startswith("rad") else number(text)
     factor = conversion(with_unit[2], unit)
     if factor is None:
-        raise BadInputError(
-            f"is {shortened(text)!r}; give the number in {unit.replace('rad', 'deg')}"
-        )
+        words = unit.replace("rad", "deg")
+        raise BadInputError(f"is {shortened(text)!r}; give a finite number, in {words}")
     return factor * number(with_unit[1])
 
 

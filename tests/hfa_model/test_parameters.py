@@ -128,12 +128,6 @@ def test_both_named_parameter_sets_load(parameter_set: ParameterSet) -> None:
         load_parameters("gibson")
 
 
-def test_parameters_with_another_aircraft_are_refused(parameter_set: ParameterSet) -> None:
-    """`hfa.aircraft` accepts parameters only for the flexible aircraft."""
-    with pytest.raises(BadInputError, match="parameters are those of the HFA"):
-        hfa.aircraft("examples/gtm.py:GTM", parameter_set.values)
-
-
 @pytest.mark.parametrize("model", published_models(), ids=lambda model: f"{model.dihedral_deg:g}")
 def test_printed_entries_are_whole_last_digits(
     model: PublishedModel,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from hfa_model.choice import aircraft
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from trim.point.condition import TrimCondition, usual_condition
 
 #: Named condition -> its file in this folder.
@@ -35,6 +35,8 @@ def level_flight(
     >>> hfa.paper.level_flight(0.2, speed=70.0).free
     ('throttle', 'aileron_outer', 'elevator_center', 'elevator_outer')
     """
+    if limits is not None:
+        need(limits, Mapping, "level_flight: limits", "{name: (lowest, highest)}")
     model = LEVEL_FLIGHT.model
     imposed = {**model.trim, model.schedule: dihedral, **held}
     return TrimCondition(model, imposed, limits=dict(limits or {}))

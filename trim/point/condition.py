@@ -63,6 +63,8 @@ class TrimCondition:
         Raises BadInputError for a faulty field.
         """
         model = self.model
+        need(model, Model, "TrimCondition: model", Model.how_to_make)
+        need(self.imposed, Mapping, "TrimCondition: imposed", "{name: value}")
         if self.rates is None:
             vars(self)["rates"] = dict.fromkeys(model.steady, 0.0)
         if not self.rates:
@@ -293,6 +295,8 @@ def release(
     """
     need(condition, TrimCondition, "release: condition", TrimCondition.how_to_make)
     hold = hold or {}
+    need(hold, Mapping, "release: hold", "{name: value}")
+    need(free, (tuple, list), "release: free", "a tuple of names")
     for name in (*free, *hold):
         condition.model.refuse_unheld("unknown trim variable", name)
     for name in free:

@@ -663,6 +663,8 @@ def sweep(
     (4, 6, 6)
     """
     need(model, Model, "sweep: model", Model.how_to_make)
+    if grid is not None:
+        need(grid, Mapping, "sweep: grid", "{name: values}")
     if condition is not None:
         need(condition, TrimCondition, "sweep: condition", TrimCondition.how_to_make)
     if start is not None:
