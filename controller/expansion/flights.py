@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.march.steppers import rk4
+from hfa_aircraft.march.ending import FAR_OF_EXPANSION, OF_EXPANSION, has_decayed
+from hfa_aircraft.march.march import History, Rows, march
 from hfa_support.native.bound import RowFunction
 from hfa_support.native.machine_code import machine_code
 
@@ -16,12 +17,8 @@ if TYPE_CHECKING:
 
 #: Step times the magnitude of the fastest eigenvalue of the loop.
 _STEP = 0.2
-#: A flight ends when z'Pz has fallen to this fraction of its initial value. V is the cost beyond.
-_ENDED = 1e-2
 #: A flight that has not ended after this many time constants of the slowest mode does not converge.
 _LONGEST = 6.0
-#: A flight with z'Pz above this multiple of its initial value leaves the neighbourhood.
-_LEFT = 100.0
 #: Number of steps between two tests of the end.
 _TESTED = 10
 
@@ -63,30 +60,27 @@ class Flights:
         z0: (N, n), initial deviations from the trim
         """
         P = self.expansion.solution.P
-        costs = np.full(len(z0), np.inf)
-        flying = np.arange(len(z0))
         initial = _quadratic(P, z0)
-        w = np.column_stack([z0, np.zeros(len(z0))])
-        with np.errstate(over="ignore", invalid="ignore"):
-            for number in range(1, 2 + int(self.longest / self.step)):
-                w = rk4(self._rate, w, self.step)
-                if number % _TESTED:
-                    continue
-                size = _quadratic(P, w[:, :-1]) / initial[flying]
-                ended = size <= _ENDED
-                if ended.any():
-                    tail = self._V(w[ended, :-1])[0][:, 0]
-                    costs[flying[ended]] = w[ended, -1] + tail
-                going = ~ended & (size <= _LEFT)
-                w = w[going]
-                flying = flying[going]
-                if not flying.size:
-                    break
-        return costs
 
-    def _rate(self, w: np.ndarray, _: float) -> np.ndarray:
-        """Return the rates of states and costs w, (N, n + 1)."""
-        return self._rates(w[:, :-1])[0]
+        def over(flown: History) -> np.ndarray:
+            value = _quadratic(P, flown.states[:, -1, :-1])
+            first = initial[flown.flights]
+            mask = np.zeros(flown.states.shape[:2], dtype=bool)
+            is_near = value <= FAR_OF_EXPANSION * first
+            mask[:, -1] = has_decayed(value, first, OF_EXPANSION) | ~is_near
+            return mask
+
+        starts = np.column_stack([z0, np.zeros(len(z0))])
+        loop = Rows(lambda w, _: self._rates(w[:, :-1])[0], starts, self.step, steps=_TESTED)
+        ticks = (1 + int(self.longest / self.step)) // _TESTED
+        with np.errstate(over="ignore", invalid="ignore"):
+            flown, _ = march(loop, ticks, over=over, keep=False)
+            final = flown.states[:, 0]
+            ended = has_decayed(_quadratic(P, final[:, :-1]), initial, OF_EXPANSION)
+        costs = np.full(len(z0), np.inf)
+        if ended.any():
+            costs[ended] = final[ended, -1] + self._V(final[ended, :-1])[0][:, 0]
+        return costs
 
 
 def _quadratic(P: np.ndarray, z: np.ndarray) -> np.ndarray:

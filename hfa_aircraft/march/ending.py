@@ -19,6 +19,24 @@ from hfa_aircraft.march.march import History
 
 #: Nominal values by which a state deviates from the trim when a flight diverges.
 FAR = 1e4
+#: Multiples of the largest initial deviation by which a flight of a region diverges.
+FAR_OF_STARTS = 1e2
+#: A bound on the cost-to-go V* in a box is exceeded by this factor when a flight diverges.
+FAR_OF_VALUE = 1e12
+#: A flight about an expansion leaves its neighborhood if z'Pz exceeds this multiple of its initial
+#: value.
+FAR_OF_EXPANSION = 100.0
+#: A flight converges to the trim if its cost-to-go at the end is at most this fraction ...
+#: ... of its cost, for `optimize`. It may end at an equilibrium near the trim.
+OF_COST = 0.05
+#: ... of its initial cost-to-go, for critics that are not quadratic, for the flights that bound a
+#: least cost, and for those about an expansion, where V is the cost beyond.
+OF_VALUE = 0.05
+OF_LEAST_COST = 0.02
+OF_EXPANSION = 1e-2
+#: A flight of a region is at another equilibrium if it would move by fewer nominal values in the
+#: same time again.
+RESTS = 1e-2
 #: A flight from a trim has settled if no state changes more in a window, in nominal values.
 STILL = 1e-9
 #: Half-widths of the ball within which a flight has converged, in half-widths of the
@@ -59,6 +77,28 @@ def all_finite(column: Any) -> Any:
     """Return the expression that all entries of a CasADi column are finite numbers."""
     finite: list[Any] = [ca.fabs(x) <= sys.float_info.max for x in ca.vertsplit(column)]
     return reduce(ca.logic_and, finite)
+
+
+def has_decayed(value: Any, reference: Any, fraction: float) -> Any:
+    """Return whether flights have converged, measured by a cost-to-go such as z'Pz.
+
+    The cost-to-go at the end is at most a fraction of a reference, which must be finite. The result
+    is a mask (N,) for arrays.
+
+    value: cost-to-go at the end of each flight
+    reference: cost-to-go at its start, or its cost
+    """
+    return np.isfinite(reference) & (value <= fraction * reference)
+
+
+def is_at_rest(rates: np.ndarray, seconds: float, nominal: np.ndarray) -> np.ndarray:
+    """Return a mask (N,) of the flights that would hardly move in the same time again (`RESTS`).
+
+    rates: rates of the states, (N, n)
+    seconds: duration of the flights, s
+    nominal: nominal values of the states, (n,)
+    """
+    return np.asarray((np.abs(rates) * seconds <= RESTS * nominal).all(axis=1))
 
 
 @dataclass(frozen=True, eq=False)

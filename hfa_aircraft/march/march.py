@@ -66,25 +66,27 @@ def saturated(value: Any, lowest: Any, highest: Any) -> Any:
 
 
 class Rows:
-    """Loop of many flights x' = f(x, u), of which a tick is one Runge-Kutta step.
+    """Loop of many flights x' = f(x, u), by Runge-Kutta steps.
 
     rate: (states (N, n), inputs (N, h)) -> x', (N, n)
     starts: initial states, (N, n)
     step: s
-    policy: (states (N, n), numbers of these flights) -> inputs held during a step, (N, h)
+    policy: (states (N, n), numbers of these flights) -> inputs held during a tick, (N, h), or None
+        without inputs
+    steps: number of steps in a tick
     """
-
-    steps = 1
 
     def __init__(
         self,
         rate: Callable[[np.ndarray, np.ndarray], np.ndarray],
         starts: np.ndarray,
         step: float,
-        policy: Callable[[np.ndarray, np.ndarray], np.ndarray],
+        policy: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
+        steps: int = 1,
     ) -> None:
         self.stepper: Stepper = self
         self.step = step
+        self.steps = steps
         self.sizes = starts.shape[1], 0
         self._rate = rate
         self._starts = starts
@@ -96,14 +98,17 @@ class Rows:
 
     def hold(self, tick: int, time: float, state: np.ndarray, flying: np.ndarray) -> np.ndarray:
         """Return the inputs during a step, (F, h)."""
-        return self._policy(state, flying)
+        return state[:, :0] if self._policy is None else self._policy(state, flying)
 
     def __call__(
         self, time: float, state: np.ndarray, held: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states after a step, (F, 1, n). Nothing else is observed."""
-        after = rk4(lambda x, _: self._rate(x, held), state, self.step)
-        return after[:, None], np.empty((len(state), 1, 0))
+        """Return the states after each step, (F, steps, n). Nothing else is observed."""
+        after = np.empty((len(state), self.steps, self.sizes[0]))
+        for number in range(self.steps):
+            state = rk4(lambda x, _: self._rate(x, held), state, self.step)
+            after[:, number] = state
+        return after, np.empty((len(state), self.steps, 0))
 
     def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
         """Return an array (F, 0)."""
@@ -161,7 +166,7 @@ def march(
             after, before = stepper(time, state, held)
             flown[:, row + 1 : row + steps + 1] = after
             observed[:, row : row + steps] = before
-            state = flown[:, row + steps]
+            state = after[:, -1]
         if over is not None:
             mask = over(History(step, begin, flown, observed, flying))
             is_over = mask.any(axis=1)

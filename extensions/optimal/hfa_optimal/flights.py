@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.march.cost import Cost
-from hfa_aircraft.march.ending import FAR, EndRule, Outcome
+from hfa_aircraft.march.ending import FAR, OF_COST, EndRule, Outcome, has_decayed
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.envelope import Departure, departure
 from hfa_flight.history import Deviations
@@ -28,9 +28,6 @@ _STEP = 0.005
 _TICKS = 500
 #: Largest product of the integration step and the fastest mode of the linear loop.
 _FASTEST = 0.1
-#: A flight converges to the trim if the linear cost at its end is below this fraction of its cost.
-#: It may end at an equilibrium near the trim.
-SETTLED = 0.05
 #: An input is saturated if its distance to a limit is less than this fraction of its nominal value.
 _AT_LIMIT = 1e-3
 
@@ -219,7 +216,7 @@ class Flights:
         """Return a simulated flight with its cost, first departure from the envelope and saturated
         inputs.
 
-        The flight converges if z'Pz at its end is at most the fraction `SETTLED` of the cost.
+        The flight converges if z'Pz at its end is at most the fraction `OF_COST` of the cost.
         Otherwise the cost is inf.
 
         policy: the simulated policy
@@ -235,7 +232,7 @@ class Flights:
             tail = float(z[-1] @ problem.P @ z[-1])
             running = Cost(problem.Q, problem.R).of(rows.times, z, v, policy.is_held)
         cost = running + tail
-        if not math.isfinite(cost) or tail > SETTLED * cost:
+        if not has_decayed(tail, cost, OF_COST):
             cost = math.inf
         lowest, highest = problem.input_limits
         slack = _AT_LIMIT * problem.sizes[1]

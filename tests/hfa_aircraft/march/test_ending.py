@@ -17,6 +17,8 @@ from hfa_aircraft.march.ending import (
     Outcome,
     Patience,
     all_finite,
+    has_decayed,
+    is_at_rest,
     is_within,
     settled,
 )
@@ -63,7 +65,7 @@ def test_flights_of_a_saddle_end_as_their_exponentials_do() -> None:
     starts = np.array([[0.0, 1.0], [0.1, 1.0], [1e-9, 1.0]])
 
     def flown(rule: EndRule) -> tuple[list[str], np.ndarray]:
-        loop = Rows(lambda x, _: x * [1.0, -1.0], starts, 0.05, lambda x, _: x[:, :0])
+        loop = Rows(lambda x, _: x * [1.0, -1.0], starts, 0.05)
         history, ends = march(loop, 100, over=rule.over, keep=False)
         return rule.outcomes(history.states[:, 0]).tolist(), ends * loop.step
 
@@ -114,7 +116,7 @@ def ended(patience: Patience = PATIENCE, *, windows: int = 60) -> tuple[list[str
         counted=1,
         patience=patience,
     )
-    loop = Rows(rate, starts, 0.02, lambda x, _: x[:, :0])
+    loop = Rows(rate, starts, 0.02)
     _, ends = march(loop, 50 * windows, over=endings.over, window=50, keep=False)
     endings.close()
     return endings.outcomes.tolist(), (0.02 * ends).tolist()
@@ -141,7 +143,7 @@ def test_another_patience_gives_other_outcomes() -> None:
 
 def test_flights_from_trims_end_when_all_have_settled() -> None:
     """x' = -x from 1 and 0: both flights end when the first moves by less than 1e-3 a second."""
-    loop = Rows(lambda x, _: -x, np.array([[1.0], [0.0]]), 0.01, lambda x, _: x[:, :0])
+    loop = Rows(lambda x, _: -x, np.array([[1.0], [0.0]]), 0.01)
     _, ends = march(loop, 5000, over=settled(np.array([1e-3])), window=100, keep=False)
     moved = math.log((1.0 - math.exp(-1.0)) / 1e-3)
     assert ends.tolist() == [100 * (math.ceil(moved) + 1)] * 2
@@ -158,3 +160,21 @@ def test_limits_are_the_same_for_arrays_and_expressions(value: float) -> None:
         assert inside == is_within(np.array([states]), least, most)[0]
         assert finite == math.isfinite(value)
         assert inside == (math.isfinite(value) and -0.5 <= states[0] <= 1.0)
+
+
+def test_a_value_has_decayed_to_its_fraction() -> None:
+    """The value e^(-2t) of x' = -x has decayed to 5 % from t = ln(20) / 2 on.
+
+    Neither an infinite reference nor a value that is not a number counts.
+    """
+    times = np.array([1.0, 1.49, 1.50, 2.0])
+    decayed = has_decayed(np.exp(-2.0 * times), np.ones(4), 0.05)
+    np.testing.assert_array_equal(decayed, times >= math.log(20.0) / 2.0)
+    undefined = has_decayed(np.array([math.inf, math.nan]), np.array([math.inf, 1.0]), 0.05)
+    assert not undefined.any()
+
+
+def test_a_flight_at_rest_hardly_moves_in_the_same_time_again() -> None:
+    """A rate of .99e-3 nominal values in 10 s is at rest, a rate of 1.01e-3 is not."""
+    rates = np.array([[0.99e-3, 0.0], [1.01e-3, 0.0], [0.0, -2.01e-3]])
+    assert is_at_rest(rates, 10.0, np.array([1.0, 2.0])).tolist() == [True, False, False]

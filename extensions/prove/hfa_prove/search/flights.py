@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.march.cost import Cost
-from hfa_aircraft.march.ending import EndRule
+from hfa_aircraft.march.ending import OF_LEAST_COST, EndRule, has_decayed
 from hfa_aircraft.march.march import Rows, march
 from hfa_prove.check.cost import solved_for
 from hfa_prove.check.equilibrium import Equilibrium
@@ -29,8 +29,6 @@ _PER_FASTEST = 4.0
 _OF_SLOWEST = 7.0
 #: Largest number of steps of a flight.
 _MOST_STEPS = 4000
-#: A flight has converged if z'P z is this share of its first value.
-_CONVERGED = 0.02
 
 
 class Inputs:
@@ -108,7 +106,7 @@ def flight_costs(
     """Return the costs (N,) of flights from state deviations z (N, n).
 
     At the end of the simulation, z'P z is added for the remaining flight. The cost is inf for a
-    flight that leaves the envelope, or whose final z'P z exceeds `_CONVERGED` times its initial
+    flight that leaves the envelope, or whose final z'P z exceeds `OF_LEAST_COST` times its initial
     value.
 
     inputs: minimizing inputs for a cost gradient
@@ -144,5 +142,5 @@ def flight_costs(
         flown, _ = march(loop, count, over=rule.over, keep=False)
     final = flown.states[:, 0]
     first, left = (np.einsum("ki,ij,kj->k", each, P, each) for each in (z, final[:, :n]))
-    converges = ~rule.is_over(final) & (left <= _CONVERGED * first)
+    converges = ~rule.is_over(final) & has_decayed(left, first, OF_LEAST_COST)
     return np.where(converges, final[:, n] + left, np.inf)

@@ -14,7 +14,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.march.ending import FAR, EndRule, Outcome
+from hfa_aircraft.march.ending import FAR, FAR_OF_STARTS, EndRule, Outcome, is_at_rest
 from hfa_aircraft.march.march import Rows, march, saturated
 from hfa_prove.fields import Terms
 from hfa_prove.search.obstacles import ValueOf
@@ -26,11 +26,6 @@ from trim.linear.linear_model import LinearModel
 
 #: Simulation steps in the time constant of the fastest mode.
 _STEPS = 3.0
-#: Multiples of the largest initial deviation beyond which a trajectory diverges.
-_FAR_OF_STARTS = 1e2
-#: A trajectory is at an equilibrium if it would move by fewer nominal values in the same time
-#: again.
-_RESTS = 1e-2
 
 
 def saturated_loop(
@@ -177,7 +172,7 @@ class Plant:
         return ~np.all((signals >= low) & (signals <= high), axis=1)
 
     def away(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of deviations z (N, n) beyond a limit or `_FAR` nominal values.
+        """Return the mask (N,) of deviations z (N, n) beyond a limit or `FAR` nominal values.
 
         Deviations that are not finite are included.
         """
@@ -221,7 +216,7 @@ def outcomes(
     """Return the `Outcome` of a simulation from each initial condition, (N,).
 
     Outcomes are tested at every step of the classical Runge-Kutta method. A trajectory diverges if
-    a state is not finite, or exceeds both `FAR` nominal values and `_FAR_OF_STARTS` times the
+    a state is not finite, or exceeds both `FAR` nominal values and `FAR_OF_STARTS` times the
     largest initial deviation. A trajectory that is nearly at rest after `seconds` has converged to
     another equilibrium.
 
@@ -230,19 +225,18 @@ def outcomes(
     seconds: longest duration of each simulation, s
     """
     largest = np.max(np.abs(starts), axis=0, initial=0.0)
-    far = np.maximum(FAR * plant.nominal, _FAR_OF_STARTS * largest)
+    far = np.maximum(FAR * plant.nominal, FAR_OF_STARTS * largest)
     fastest = float(np.max(np.abs(np.linalg.eigvals(plant.closed_matrix))))
     step = 1.0 / (_STEPS * fastest)
     rule = EndRule(far, lambda z: ~plant.beyond(z), holds)
-    loop = Rows(lambda z, _: plant.rates(z), starts, step, lambda z, _: z[:, :0])
+    loop = Rows(lambda z, _: plant.rates(z), starts, step)
     ticks = int(np.ceil(seconds / step)) + 1
     with np.errstate(all="ignore"):  # diverging states overflow
         flown, _ = march(loop, ticks, over=rule.over, keep=False)
         final = flown.states[:, 0]
         result = rule.outcomes(final)
-        moved = np.abs(plant.rates(final)) * seconds
-    rests = np.all(moved <= _RESTS * plant.nominal, axis=1)
-    result[rests & (result == Outcome.UNDECIDED)] = Outcome.DIVERGED
+        rests = is_at_rest(plant.rates(final), seconds, plant.nominal)
+    result[rests & (result == Outcome.UNDECIDED)] = Outcome.ELSEWHERE
     return result
 
 

@@ -435,7 +435,8 @@ def starts_by_outcome(
 ) -> dict[Outcome, np.ndarray]:
     """Return outcome -> initial conditions (k, n) from which simulations have this outcome.
 
-    - `LEFT`, `LOST`: approximately the first initial condition with this outcome on each ray
+    - `LEFT`, `DIVERGED`: approximately the first initial condition with this outcome on each ray.
+      Another equilibrium (`ELSEWHERE`) counts as `DIVERGED`
     - `UNDECIDED`: every simulated initial condition without an outcome in the time limit
 
     V, rho: the proved set {V <= rho}
@@ -457,6 +458,7 @@ def starts_by_outcome(
         shells = low + (high - low) * np.linspace(0.0, 1.0, _SHELLS + 1)[1:, None] ** 2
         starts = (shells[:, :, None] * rays).reshape(-1, rays.shape[1])
         found = outcomes(plant, starts, holds, seconds)
+        found[found == Outcome.ELSEWHERE] = Outcome.DIVERGED
         open_starts = np.concatenate([open_starts, starts[found == Outcome.UNDECIDED]])
         found = found.reshape(shells.shape)
         gone = (found == Outcome.LEFT) | (found == Outcome.DIVERGED)
