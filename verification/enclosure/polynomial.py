@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache, lru_cache
 from itertools import combinations_with_replacement
 from math import factorial
+from typing import Any
 
 from flint import arb, fmpq
 
@@ -113,11 +114,15 @@ class Polynomial:
     def __sub__(self, other: Polynomial) -> Polynomial:
         return self + -other
 
+    def map(self, linear: Callable[[Any], Any]) -> Polynomial:
+        """Return the polynomial with the images of all coefficients under a linear map."""
+        return Polynomial(
+            [{key: linear(value) for key, value in part.items()} for part in self.parts]
+        )
+
     def scaled(self, factor: arb) -> Polynomial:
         """Return the polynomial multiplied by a number."""
-        return Polynomial(
-            [{key: factor * value for key, value in part.items()} for part in self.parts]
-        )
+        return self.map(lambda value: factor * value)
 
     def times(self, other: Polynomial, highest: int | None = None) -> Polynomial:
         """Return the product with another polynomial, without terms of degree above `highest`.

@@ -410,6 +410,12 @@ class Program:
             self.widths.append(len(indices))
         self.outputs = self._argument(rows)
 
+    @property
+    def has_kinks(self) -> bool:
+        """Whether a node is a maximum, a switch or a table."""
+        kinds = {group.kind for group in self.groups}
+        return bool(kinds & {"relu", "step"}) or any(isinstance(kind, Spline) for kind in kinds)
+
     def _argument(self, rows: Sequence[Row]) -> Argument:
         blocks: dict[int, np.ndarray] = {}
         for index, row in enumerate(rows):

@@ -24,7 +24,7 @@ from hfa_support.errors import BadInputError
 from verification.enclosure.ball_function import BallFunction
 from verification.enclosure.balls import exact, matrix, norm, symmetric
 from verification.enclosure.polynomial import Key, Polynomial, key_of
-from verification.enclosure.series import Taylor
+from verification.enclosure.series import TaylorOnBall
 
 #: Newton steps from a trim in doubles to the precision of the balls.
 _STEPS = 8
@@ -164,7 +164,7 @@ class RegionLoop:
         if not _is_invertible(self.T):
             raise Rejected("the matrix T of the coordinates is not proved invertible")
         loop = statement.loop
-        self._rates: dict[tuple[str, ...], list[Taylor]] = {}
+        self._rates: dict[tuple[str, ...], list[TaylorOnBall]] = {}
         refuse_curved(loop)
         self._function = BallFunction(_function(loop), loop.model.name)
 
@@ -184,7 +184,7 @@ class RegionLoop:
         return self._substitution.sum(self._V)
 
     @cached_property
-    def gradient(self) -> list[Taylor]:
+    def gradient(self) -> list[TaylorOnBall]:
         """Taylor polynomials in y of the components of ∂V/∂z / rho at z = T y."""
         slopes = [self._substitution.sum(_derivative(self._V, i)) for i in range(self.n)]
         return [self._taylor(slope) for slope in slopes]
@@ -259,7 +259,7 @@ class RegionLoop:
         above = None if high is None else one - self.command(index).scaled(1 / high)
         return below, above
 
-    def decrease(self, part: Mapping[str, str]) -> Taylor:
+    def decrease(self, part: Mapping[str, str]) -> TaylorOnBall:
         """Return the Taylor polynomial of -V' / rho on a part of the set.
 
         part: input -> `FREE`, `LOWEST` or `HIGHEST`, and disturbance -> `LOWEST` or `HIGHEST`
@@ -272,7 +272,7 @@ class RegionLoop:
             total = total - slope * rate
         return total
 
-    def rates(self, part: Mapping[str, str]) -> list[Taylor]:
+    def rates(self, part: Mapping[str, str]) -> list[TaylorOnBall]:
         """Return the Taylor polynomials of z' on a part of the set.
 
         part: input -> `FREE`, `LOWEST` or `HIGHEST`, and disturbance -> `LOWEST` or `HIGHEST`
@@ -296,7 +296,7 @@ class RegionLoop:
 
     def _run(
         self, part: Mapping[str, str], disturbances: Sequence[arb]
-    ) -> tuple[list[Taylor], list[Taylor]]:
+    ) -> tuple[list[TaylorOnBall], list[TaylorOnBall]]:
         """Return Taylor polynomials of the rates and of the outputs with limits on the unit ball.
 
         part: input -> `FREE`, `LOWEST` or `HIGHEST`
@@ -320,7 +320,7 @@ class RegionLoop:
         rates, outputs = ([value + zero for value in values] for values in results)
         return rates, outputs
 
-    def _check_outputs(self, values: Sequence[Taylor]) -> None:
+    def _check_outputs(self, values: Sequence[TaylorOnBall]) -> None:
         """Raise Rejected unless each output is proved within its limits on the unit ball of y.
 
         values: Taylor polynomials of the outputs with limits
@@ -331,8 +331,8 @@ class RegionLoop:
             if not ((low == -np.inf or ball >= exact(low)) and (high == np.inf or ball <= high)):
                 raise Rejected(f"{name} is not proved to stay within its limits in the set")
 
-    def _taylor(self, polynomial: Polynomial) -> Taylor:
-        return Taylor(self.order, polynomial, arb(0))
+    def _taylor(self, polynomial: Polynomial) -> TaylorOnBall:
+        return TaylorOnBall(self.order, polynomial, arb(0))
 
 
 class _Substitution:
@@ -396,12 +396,12 @@ def _value(terms: Sequence[_Term], z: Sequence[arb]) -> arb:
     return total
 
 
-def _without_center(rate: Taylor) -> Taylor:
+def _without_center(rate: TaylorOnBall) -> TaylorOnBall:
     """Return a rate's Taylor polynomial without its constant term.
 
     The constant term is 0, because the polynomial is about the equilibrium.
     """
-    return Taylor(rate.order, Polynomial([{}, *rate.polynomial.parts[1:]]), rate.remainder)
+    return TaylorOnBall(rate.order, Polynomial([{}, *rate.polynomial.parts[1:]]), rate.remainder)
 
 
 def _is_invertible(T: arb_mat) -> bool:

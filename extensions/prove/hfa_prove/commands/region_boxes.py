@@ -26,7 +26,7 @@ from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.plant import facts, model_limits, pair_of
 from hfa_prove.statements.region_boxes import BoxStatement, Gain, digest_of
 from hfa_prove.subject import Given, compare, within
-from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
+from hfa_support.errors import BadInputError, prefix_errors
 from hfa_support.files import forget_read
 from trim.linear.linear_model import LinearModel
 
@@ -241,16 +241,12 @@ def better_on_boxes(request: RegionRequest, loop: SaturatedLoop) -> str:
 
     Return "" if sums of squares are to be used.
     """
-    from hfa_prove.check.loop_squares import Equilibrium
+    from hfa_prove.check.equilibrium import open_rates
 
     if request.disturbance or request.picture is not None:
         return ""
-    try:
-        Equilibrium(loop)
-    except BadInputError:
-        return "the equations have kinks, tables or functions without a series"
-    except (NoSolutionError, ZeroDivisionError):
-        return ""
+    if open_rates(loop).has_kinks:
+        return "the equations have kinks or tables"
     is_limited = any(name in loop.limits for name in loop.states)
     if len(loop.states) in _STATES and not is_limited:
         return "of three or four states without limits boxes prove larger sets"

@@ -26,7 +26,7 @@ from hfa_prove.statements.region_squares import (
 )
 from hfa_support.errors import NoSolutionError
 from verification.enclosure.polynomial import Polynomial, power_of_length
-from verification.enclosure.series import Taylor
+from verification.enclosure.series import TaylorOnBall
 
 #: Least margin of a sum of squares, relative to the largest coefficient. The check adds errors
 #: of the solver, about 1e-8, to the Gram matrices.
@@ -116,7 +116,7 @@ class LevelSearch:
         self.parts, self.empty = self._split()
         self.V_terms = Terms.of(self.ball.V)
         self._targets: dict[tuple[str, ...], Terms] = {}
-        self._decreases: dict[tuple[str, ...], Taylor] = {}
+        self._decreases: dict[tuple[str, ...], TaylorOnBall] = {}
 
     def _split(self) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
         """Return the parts on which V' < 0 is to be proved, and the parts to be proved empty."""
@@ -130,7 +130,7 @@ class LevelSearch:
             self._targets[key] = Terms.of(lowest)
         return self._targets[key]
 
-    def _decrease_of(self, part: Mapping[str, str]) -> Taylor:
+    def _decrease_of(self, part: Mapping[str, str]) -> TaylorOnBall:
         """Return the Taylor polynomial of -V' / rho on a part of the unit ball.
 
         Raises NoSolutionError if the rates are not enclosed on the ball.

@@ -29,7 +29,7 @@ from hfa_prove.statements.plant import Subject, limits_hold
 from hfa_prove.statements.region_squares import RegionStatement, _read_parts
 from hfa_support.errors import BadInputError
 from verification.enclosure.polynomial import Polynomial, key_of
-from verification.enclosure.series import Taylor
+from verification.enclosure.series import TaylorOnBall
 
 Content = dict[str, Any]
 
@@ -328,7 +328,7 @@ def test_omitted_terms_reduce_the_lower_bound() -> None:
 
     Their norms are subtracted. The function is y² - 3 y⁴ with the remainder 2 |y|⁵.
     """
-    taylor = Taylor(4, _polynomial(0.0, 0.0, 1.0, 0.0, -3.0), arb(2))
+    taylor = TaylorOnBall(4, _polynomial(0.0, 0.0, 1.0, 0.0, -3.0), arb(2))
     (_, _, square) = taylor.lowest(1, 2).parts
     assert square[2] <= 1.0 - 3.0 - 2.0
 
@@ -650,7 +650,7 @@ def test_the_remainders_of_a_product_multiply() -> None:
 
     Each factor is known only to be within |y|² of 0.
     """
-    unknown = Taylor(1, Polynomial([{}]), arb(1))
+    unknown = TaylorOnBall(1, Polynomial([{}]), arb(1))
     assert (unknown * unknown).remainder >= 1
     assert (unknown * -2).remainder >= 2
 
@@ -660,7 +660,7 @@ def test_a_function_of_a_remainder_has_a_remainder() -> None:
 
     The exponential of a value within |y|² of 0 reaches e at |y| = 1.
     """
-    unknown = Taylor(1, Polynomial([{}]), arb(1))
+    unknown = TaylorOnBall(1, Polynomial([{}]), arb(1))
     found = unknown.through(arb_series.exp)
     assert found.center + found.remainder >= arb(1).exp()
 

@@ -43,7 +43,7 @@ from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.region_squares import RegionStatement
 from verification.enclosure.ball_function import BallFunction, Undecided
 from verification.enclosure.polynomial import Polynomial, exponents_of
-from verification.enclosure.series import Taylor
+from verification.enclosure.series import TaylorOnBall
 
 
 def run(*words: str) -> int:
@@ -73,7 +73,7 @@ def test_taylor_polynomials_enclose_every_operation() -> None:
     function = ca.Function("f", [y], [ca.vertcat(*expressions)])
     order = 4
     variables = [
-        Taylor(order, Polynomial.linear([arb(i == 0), arb(i == 1)]), arb(0)) for i in range(2)
+        TaylorOnBall(order, Polynomial.linear([arb(i == 0), arb(i == 1)]), arb(0)) for i in range(2)
     ]
     (models,) = BallFunction(function)(variables)
     generator = np.random.default_rng(0)
@@ -102,7 +102,7 @@ def _at(polynomial: Polynomial, point: np.ndarray) -> float:
 def test_a_nonsmooth_function_is_undecided() -> None:
     """A function that is not smooth on the ball raises Undecided."""
     y = ca.SX.sym("y")
-    variable = Taylor(3, Polynomial.linear([arb(1)]), arb(0))
+    variable = TaylorOnBall(3, Polynomial.linear([arb(1)]), arb(0))
     for expression in (1 / y, ca.sqrt(0.5 + y), ca.log(y + 0.9), ca.fmax(y, 0)):
         with pytest.raises(Undecided):
             BallFunction(ca.Function("f", [y], [expression]))([variable])
