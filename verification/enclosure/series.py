@@ -238,7 +238,9 @@ class TaylorModel(Taylor):
     """
 
     def __init__(self, *parts: Any) -> None:
-        c0, c1, c2, remainder, *errors = [*parts, *[0] * (4 - len(parts))]
+        padded: list[Any] = list(parts) + [0] * (4 - len(parts))
+        c0, c1, c2, remainder = padded[:4]
+        errors = padded[4:]
         first = {} if _is_zero(c1) else {_KEY_OF_S: c1}
         second = {} if _is_zero(c2) else {_KEY_OF_SQUARE: c2}
         second |= {_key_of_error(k): z for k, z in enumerate(errors)}
