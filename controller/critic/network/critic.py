@@ -16,7 +16,6 @@ from controller.critic.features import basis_of
 from controller.critic.network.activations import COMMON
 from controller.critic.network.network_file import NetworkFile, network_in
 from controller.critic.network.q_function import policy_of
-from controller.critic.network.state_dict import Squash
 from controller.critic.network.torch_module import module_network
 from controller.critic.reading import Reading
 from controller.game.basis import Basis
@@ -150,8 +149,6 @@ def _of_states(
     n, m = game.B.shape
     functions = {}
     for name, function in stored.functions.items():
-        if name in stored.squashes:
-            function = _squashed(function, stored.squashes[name])
         if function.numel_in(0) == n + m:
             origin = f"{origin} = Q(x, u), u from dQ/du = 0"
             function = policy_of(function, n)
@@ -170,16 +167,6 @@ def _of_states(
         else:
             outputs[kinds[name]] = numbers
     return from_functions(game, z, outputs, origin, stored.precision, variants)
-
-
-def _squashed(function: ca.Function, squash: Squash) -> ca.Function:
-    """Return a network's function followed by its output map: x -> tanh(function(x)) s + b.
-
-    s and b are the scale and the bias of the output map.
-    """
-    x = symbols_for([function], function.numel_in(0))
-    action = ca.tanh(ca.vec(function(x))) * ca.DM(squash.scale) + ca.DM(squash.bias)
-    return ca.Function("squashed", [x], [ca.densify(action)])
 
 
 def _on_basis(

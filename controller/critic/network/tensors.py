@@ -61,7 +61,7 @@ def tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
     if content[:2] != b"PK":
         raise BadInputError(
             "the file was not written by torch.save of torch 1.6 or later; save state_dict() "
-            "with such a version"
+            "with such a version, or export the network to ONNX"
         )
     return _torch_zip(content)
 

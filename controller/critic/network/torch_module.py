@@ -61,7 +61,7 @@ def module_network(module: Callable[..., Any], kind: str, states: int, inputs: i
                 f"layer {layer.name} has {layer.inputs} inputs, but the preceding layer "
                 f"{before.name} has {before.outputs} outputs; make the two numbers equal"
             )
-    function, on_rows = composed(steps, None)
+    function, on_rows = composed(steps)
     widths = [f"{activation} {layer.outputs}".strip() for layer, activation in steps]
     chain = " -> ".join([str(layers[0].inputs), *widths])
     precision = "float32" if "float32" in precisions else "float64"

@@ -14,7 +14,7 @@ from controller.critic.network.network_file import network_in
 from controller.critic.network.row_network import RowNetwork
 from controller.critic.network.tensors import tensors_in
 from hfa_flight.policies.deployment.stable_baselines import Zip, is_stable_baselines, read_zip
-from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shortened, shown
+from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shown
 from hfa_support.files import regular_file
 
 #: Value of `normalizer` for a policy without one. Its training may have had a VecNormalize that
@@ -131,8 +131,8 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: 
 def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) -> Actor:
     """Read the actor in an ONNX file, a state dict or a file with a gain K.
 
-    Raises BadInputError if `entries` contradict the file, if the file contains no policy with this
-    number of observations, or if action_scale in the file is not positive.
+    Raises BadInputError if `entries` contradict the file, or if the file contains no policy with
+    this number of observations.
 
     observations: number of inputs of the network, samples times observations
     """
@@ -153,28 +153,7 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
             "the training"
         )
     name, function = next(iter(network.functions.items()))
-    normalizer = network.normalizers.get(name)
-    if normalizer is not None and entries.get("normalizer", NONE) != NONE:
-        raise BadInputError(
-            f"policy.normalizer is given, but {path} contains the normalizer "
-            f"{shortened(normalizer.name)}; remove policy.normalizer"
-        )
-    rows = network.rows.get(name)
-    stored = network.squashes.get(name)
-    if stored is None:
-        return Actor(function, network.chain, squash, rows=rows)
-    if entries.get("squash") is False:
-        raise BadInputError(
-            f"policy.squash is false, but {path} contains action_scale, which requires a "
-            "preceding tanh; remove policy.squash"
-        )
-    if not np.all(stored.scale > 0.0):
-        raise BadInputError(
-            f"{path}: action_scale contains an entry that is not positive; save "
-            "the policy with positive scales"
-        )
-    box = (stored.bias - stored.scale, stored.bias + stored.scale)
-    return Actor(function, network.chain, squash=True, box=box, rows=rows)
+    return Actor(function, network.chain, squash, rows=network.rows.get(name))
 
 
 def stored_gain(path: Path) -> np.ndarray | None:
