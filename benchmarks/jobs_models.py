@@ -498,7 +498,7 @@ def f16_peer(condition: TrimCondition) -> Callable[[str, Sequence[float]], list[
                 [imposed[name] for name in imposed_outputs],
                 state_indices=[states.index(name) for name in imposed if name in states],
                 input_indices=[inputs.index(name) for name in imposed if name in inputs],
-                deriv_indices=[states.index(name) for name in condition.equations[0]],
+                deriv_indices=[states.index(name) for name in states if name in condition.rates],
             )
             x = np.array(point.states)
             u = np.array(point.inputs)

@@ -392,7 +392,7 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
     values = [model.point.values[name] for name in own.variables]
     at = native_values(shown, own.variables, values), np.array(parameters.values)
     free = [own.variables.index(name) for name in condition.free]
-    rows = [STATES.index(name) for name in condition.equations[0]]
+    rows = [STATES.index(name) for name in STATES if name in condition.rates]
     known = [Parameters._fields.index(name) for name in parameters.identified]
     jacobian = entries_at(own.layout, *at, free, rows)[1][:, known]
     both = 2 * np.sqrt(np.einsum("ij,jk,ik->i", jacobian, parameters.covariance, jacobian))

@@ -110,16 +110,6 @@ class TrimCondition:
         """Names of the unknowns: all variables that are not imposed."""
         return tuple(name for name in self.model.variables if name not in self.imposed)
 
-    @property
-    def equations(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Names of the equations: the states with imposed rates, and the imposed outputs.
-
-        Outputs that are variables of the trim, in place of a state, are not equations.
-        """
-        rates = tuple(name for name in self.model.states if name in self.rates)
-        outputs = tuple(name for name in self.imposed if name not in self.model.variables)
-        return rates, outputs
-
     def at(
         self, scheduled: float | None = None, hold: Mapping[str, float] | None = None
     ) -> TrimCondition:

@@ -49,7 +49,8 @@ def failure(problem: TrimProblem, found: np.ndarray) -> str:
         alike = _alike(problem, z)
         if alike:
             notes.append(f"{'; '.join(alike)}; free another variable")
-    kind = "equations" if problem.condition.equations[1] else "rates"
+    only_rates = all(row.is_rate for row in problem.system.equations.rows)
+    kind = "rates" if only_rates else "equations"
     more = f" and {len(off) - 2} more" if len(off) > 2 else ""
     return f"no trim: these {kind} do not balance: {', '.join(off[:2])}{more} ({'; '.join(notes)})"
 
@@ -71,16 +72,17 @@ def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
 
     z: scaled unknowns, (k,)
     """
-    scaled = problem.at(z).residual
     model = problem.model
-    least = max(BALANCE, _MINOR * float(np.abs(scaled).max()))
+    scaled = problem.at(z).residual.tolist()
+    by_size = sorted(
+        zip(problem.system.equations.rows, scaled, strict=True), key=lambda pair: -abs(pair[1])
+    )
+    least = max(BALANCE, _MINOR * max(map(abs, scaled)))
     words = []
-    for i in np.argsort(-np.abs(scaled), kind="stable").tolist():
-        if abs(scaled[i]) > least:
-            name = problem.names[i]
-            amount = scaled[i] * problem.system.row_scales[i]
-            unit = model.rate_unit(name) if name in model.states else model.unit(name)
-            words.append(f"{name} by {amount:.3g} {unit}")
+    for row, residual in by_size:
+        if abs(residual) > least:
+            unit = model.rate_unit(row.name) if row.is_rate else model.unit(row.name)
+            words.append(f"{row.name} by {residual * row.scale:.3g} {unit}")
     return words
 
 

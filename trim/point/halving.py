@@ -17,7 +17,7 @@ LEAST_SHARE = 2.0**-20
 LONGEST = 1e6
 
 
-def halving(
+def newton(
     system: TrimSystem,
     z: np.ndarray,
     c: np.ndarray,
@@ -26,7 +26,34 @@ def halving(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the unknowns (N, k) after Newton's method, and the mask (N,) of converged points.
 
-    Each step is halved until it is accepted (`newton`).
+    A step J d = -r is halved until |r| or |J⁻¹ r| decreases. |J⁻¹ r| does not depend on the scales
+    of the equations. A step from a residual of at most `NEARLY` is the last one, and the point has
+    then converged. If J is singular or not square, d is the solution of least norm. A point that
+    does not converge keeps the best unknowns found.
+
+    system: the equations r(z, c)
+    z: (N, k), initial unknowns
+    c: (N, ..), constants that differ between the points
+    moving: indices of the unknowns that may change; by default all
+    bounded: whether every trial is moved to the nearest point within the limits; angles without
+        limits are then limited to 90 deg
+    """
+    if moving is not None or bounded or not system.is_quick:
+        return _halved_steps(system, z, c, moving, bounded)
+    best, settled, unsolved = system.quick_steps(z, c)
+    if unsolved.any():
+        best[unsolved], settled[unsolved] = _halved_steps(system, z[unsolved], c[unsolved])
+    return best, settled
+
+
+def _halved_steps(
+    system: TrimSystem,
+    z: np.ndarray,
+    c: np.ndarray,
+    moving: np.ndarray | None = None,
+    bounded: bool = False,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the unknowns (N, k) after Newton's method, and the mask (N,) of converged points.
 
     system, z, c, moving, bounded: as for `newton`
     """
@@ -41,13 +68,13 @@ def halving(
         share=np.ones(len(z)),
     )
     for _ in range(MOST_TRIALS):
-        last = search.size <= NEARLY
-        ended = last | ~(search.share >= LEAST_SHARE)
-        if ended.any():
-            finished = search.of(last & np.isfinite(search.step).all(axis=1))
+        is_near = search.size <= NEARLY
+        is_over = is_near | ~(search.share >= LEAST_SHARE)
+        if is_over.any():
+            finished = search.of(is_near & np.isfinite(search.step).all(axis=1))
             best[finished.points] += finished.step
             settled[finished.points] = True
-            search = search.of(~ended)
+            search = search.of(~is_over)
         if not search.points.size:
             break
         trial = best[search.points] + search.share[:, None] * search.step
@@ -55,21 +82,16 @@ def halving(
             lowest = np.maximum(system.lowest, -system.usual)
             trial = np.clip(trial, lowest, np.minimum(system.highest, system.usual))
         residual, jacobian = _moved(system, trial, c[search.points])
-        size = _norm(residual)
-        better = size < search.size
-        if not better.all():
-            simplified = newton_step(search.jacobian, residual, moving)
-            better |= _norm(simplified) < (1.0 - search.share / 4.0) * _norm(search.step)
-            better &= np.isfinite(jacobian).all(axis=(1, 2))
-        best[search.points[better]] = trial[better]
+        is_better = search.improved_by(residual, jacobian, moving)
+        best[search.points[is_better]] = trial[is_better]
         step = search.step.copy()
-        step[better] = newton_step(jacobian[better], residual[better], moving)
+        step[is_better] = newton_step(jacobian[is_better], residual[is_better], moving)
         search = _Search(
             points=search.points,
-            size=np.where(better, size, search.size),
-            jacobian=np.where(better[:, None, None], jacobian, search.jacobian),
+            size=np.where(is_better, _norm(residual), search.size),
+            jacobian=np.where(is_better[:, None, None], jacobian, search.jacobian),
             step=step,
-            share=np.where(better, 1.0, search.share / 2.0),
+            share=np.where(is_better, 1.0, search.share / 2.0),
         )
     return best, settled
 
@@ -96,6 +118,21 @@ class _Search(NamedTuple):
         rows: indices or mask
         """
         return _Search(*(part[rows] for part in self))
+
+    def improved_by(
+        self, residual: np.ndarray, jacobian: np.ndarray, moving: np.ndarray | None
+    ) -> np.ndarray:
+        """Return the mask (N,) of the trials at which |r| decreases, or |J⁻¹ r| with the last J.
+
+        residual, jacobian: r (N, m) and J (N, m, k) at the trials
+        """
+        decreases = _norm(residual) < self.size
+        if decreases.all():
+            return decreases
+        simplified = newton_step(self.jacobian, residual, moving)
+        is_shorter = _norm(simplified) < (1.0 - self.share / 4.0) * _norm(self.step)
+        is_finite = np.isfinite(jacobian).all(axis=(1, 2))
+        return np.asarray((decreases | is_shorter) & is_finite)
 
 
 def newton_step(
@@ -142,32 +179,3 @@ def _moved(system: TrimSystem, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray
 
 def _norm(rows: np.ndarray) -> np.ndarray:
     return np.sqrt(np.einsum("ij,ij->i", rows, rows))
-
-
-def newton(
-    system: TrimSystem,
-    z: np.ndarray,
-    c: np.ndarray,
-    moving: np.ndarray | None = None,
-    bounded: bool = False,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the unknowns (N, k) after Newton's method, and the mask (N,) of converged points.
-
-    A step J d = -r is halved until |r| or |J⁻¹ r| decreases. |J⁻¹ r| does not depend on the scales
-    of the equations. A step from a residual of at most `NEARLY` is the last one, and the point has
-    then converged. If J is singular or not square, d is the solution of least norm. A point that
-    does not converge keeps the best unknowns found.
-
-    system: the equations r(z, c)
-    z: (N, k), initial unknowns
-    c: (N, ..), constants that differ between the points
-    moving: indices of the unknowns that may change; by default all
-    bounded: whether every trial is moved to the nearest point within the limits; angles without
-        limits are then limited to 90 deg
-    """
-    if moving is not None or bounded or not system.is_quick:
-        return halving(system, z, c, moving, bounded)
-    best, settled, unsolved = system.quick_steps(z, c)
-    if unsolved.any():
-        best[unsolved], settled[unsolved] = halving(system, z[unsolved], c[unsolved])
-    return best, settled

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -160,26 +160,41 @@ def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarra
     moving = np.flatnonzero(highest - lowest > 2.0 * _INSIDE)
     if not moving.size:
         return nearest
-
-    def with_moved(values: np.ndarray) -> np.ndarray:
-        z = nearest.copy()
-        z[moving] = values
-        return z
-
-    def residual(values: np.ndarray) -> np.ndarray:
-        try:
-            return problem.at(with_moved(values)).residual
-        except (BadInputError, FloatingPointError):  # outside the range of the model
-            return np.full(len(problem.names), np.inf)
-
-    def jacobian(values: np.ndarray) -> np.ndarray:
-        return problem.at(with_moved(values)).jacobian[:, moving]
-
+    part = _PartOfUnknowns(problem, nearest, moving)
     bounds = (lowest[moving], highest[moving])
     inside = np.clip(nearest[moving], bounds[0] + _INSIDE, bounds[1] - _INSIDE)
     tight: Any = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "bounds": bounds}
-    solution = least_squares(residual, inside, jac=jacobian, **tight)
-    return with_moved(solution.x)
+    solution = least_squares(part.residual, inside, jac=part.jacobian, **tight)
+    return part.all_unknowns(solution.x)
+
+
+class _PartOfUnknowns(NamedTuple):
+    """Residuals of a trim problem as functions of the unknowns that are not constant.
+
+    constant: scaled unknowns (k,), of which all but the moving ones keep their values
+    moving: indices of the other unknowns
+    """
+
+    problem: TrimProblem
+    constant: np.ndarray
+    moving: np.ndarray
+
+    def all_unknowns(self, values: np.ndarray) -> np.ndarray:
+        """Return the scaled unknowns (k,), with given values of those that move."""
+        z = self.constant.copy()
+        z[self.moving] = values
+        return z
+
+    def residual(self, values: np.ndarray) -> np.ndarray:
+        """Return the scaled residuals (e,), inf outside the range of the model."""
+        try:
+            return self.problem.at(self.all_unknowns(values)).residual
+        except (BadInputError, FloatingPointError):
+            return np.full(len(self.problem.names), np.inf)
+
+    def jacobian(self, values: np.ndarray) -> np.ndarray:
+        """Return the derivatives of the residuals by the unknowns that move."""
+        return self.problem.at(self.all_unknowns(values)).jacobian[:, self.moving]
 
 
 _IPOPT: dict[str, Any] = {

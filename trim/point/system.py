@@ -423,19 +423,18 @@ class TrimSystem:
         z: scaled unknowns, (k,)
         c: constants, (1, ..)
         """
+        model = self.model
         (rows,) = self.equations.point_rows(z[None], c)
-        flat = rows[0]
-        states = len(self.model.states)
-        inputs = states + len(self.model.inputs)
-        watched = inputs + len(self.structure.watched)
-        equations = watched + len(self.row_scales)
+        equations = len(self.row_scales)
+        sizes = [len(model.states), len(model.inputs), len(self.structure.watched), equations]
+        x, u, y, residual, jacobian = np.split(rows[0], np.cumsum(sizes))
         return Evaluation(
-            self.model.layout.record("x", flat[:states].tolist()),
-            self.model.layout.record("u", flat[states:inputs].tolist()),
-            flat[inputs:watched],
-            flat[watched:equations],
-            flat[equations:].reshape(len(self.row_scales), len(z)),
-            bool(np.isfinite(flat).all()),
+            model.layout.record("x", x.tolist()),
+            model.layout.record("u", u.tolist()),
+            y,
+            residual,
+            jacobian.reshape(equations, len(z)),
+            bool(np.isfinite(rows).all()),
         )
 
     def constants(

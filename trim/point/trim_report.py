@@ -227,6 +227,7 @@ def _equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]]
     """
     states = point.model.states
     with_rates = any(entry["imposed"] for name, entry in equations.items() if name in states)
+    scaled = point.scaled_residuals
     rows = []
     for name, entry in sorted(equations.items(), key=lambda item: item[1]["ok"]):
         unit = entry["unit"]
@@ -237,7 +238,7 @@ def _equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]]
         row.append(f"{entry['residual']:z.2e}")
         row.append(f"{entry['tolerance']:.2e}")
         row.append(unit)
-        row.append(f"{point.scaled_residuals[name]:z.2e}")
+        row.append(f"{scaled[name]:z.2e}")
         row.append(Cell("PASS", "good") if entry["ok"] else Cell("FAIL", "bad"))
         rows.append(tuple(row))
     columns = ["equation", "residual", "tolerance", "unit", "scaled", "verdict"]

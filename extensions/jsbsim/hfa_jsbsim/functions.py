@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import reduce
@@ -164,12 +165,12 @@ _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
     "sign": (lambda value: ca.if_else(value < 0, -1.0, 1.0), 1, 1),  # 0 counts as positive
     "toradians": (lambda value: value * (math.pi / 180.0), 1, 1),
     "todegrees": (lambda value: value * (180.0 / math.pi), 1, 1),
-    "lt": (_truth(lambda one, other: one < other), 2, 2),
-    "le": (_truth(lambda one, other: one <= other), 2, 2),
-    "gt": (_truth(lambda one, other: one > other), 2, 2),
-    "ge": (_truth(lambda one, other: one >= other), 2, 2),
-    "eq": (_truth(lambda one, other: one == other), 2, 2),
-    "nq": (_truth(lambda one, other: one != other), 2, 2),
+    "lt": (_truth(operator.lt), 2, 2),
+    "le": (_truth(operator.le), 2, 2),
+    "gt": (_truth(operator.gt), 2, 2),
+    "ge": (_truth(operator.ge), 2, 2),
+    "eq": (_truth(operator.eq), 2, 2),
+    "nq": (_truth(operator.ne), 2, 2),
     "and": (_all_true, 2, _MANY),
     "or": (_any_true, 2, _MANY),
     "not": (lambda value: ca.if_else(_is_true(value), 0.0, 1.0), 1, 1),

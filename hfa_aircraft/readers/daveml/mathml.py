@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Mapping
 from functools import reduce
 from typing import Any
@@ -33,20 +34,20 @@ _OF_ONE: Mapping[str, Callable[[Any], Any]] = {
 }
 #: Operators of two arguments.
 _OF_TWO: Mapping[str, Callable[[Any, Any], Any]] = {
-    "divide": lambda a, b: a / b,
-    "power": lambda a, b: a**b,
-    "lt": lambda a, b: a < b,
-    "gt": lambda a, b: a > b,
-    "leq": lambda a, b: a <= b,
-    "geq": lambda a, b: a >= b,
-    "eq": lambda a, b: ca.eq(a, b),
-    "neq": lambda a, b: ca.ne(a, b),
+    "divide": operator.truediv,
+    "power": operator.pow,
+    "lt": operator.lt,
+    "gt": operator.gt,
+    "leq": operator.le,
+    "geq": operator.ge,
+    "eq": ca.eq,
+    "neq": ca.ne,
     "atan2": ca.atan2,
 }
 #: Operators of any number of arguments.
 _OF_MANY: Mapping[str, Callable[[Any, Any], Any]] = {
-    "plus": lambda a, b: a + b,
-    "times": lambda a, b: a * b,
+    "plus": operator.add,
+    "times": operator.mul,
     "min": ca.fmin,
     "max": ca.fmax,
     "and": ca.logic_and,
