@@ -223,6 +223,7 @@ def track(
     need(linear, LinearModel, "track: linear", "hfa.linearize(point)")
     need(solution, Solution, "track: solution", "hfa.solve(game)")
     refuse_unless_positive("the duration", duration)
+    need(reference, (Mapping, Waveform), "track: reference", "deviations {state: value or text}")
     if not isinstance(reference, Waveform):
         channels = {}
         for name, value in reference.items():

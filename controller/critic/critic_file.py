@@ -20,7 +20,7 @@ from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.readers.matrices_file import file_scales, found_in
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.arrays.one_matrix import UNKNOWN
 from hfa_support.arrays.read import read_arrays
 from hfa_support.entry_points import CRITICS, loaded, offered
@@ -139,6 +139,7 @@ def read_critic(
     >>> import hfa
     >>> critic = hfa.read_critic("policy.pt", game, activation="tanh")  # doctest: +SKIP
     """
+    need(path, (str, Path), "read_critic: path", "the name of a file")
     if game is None:
         entries = {} if is_network(Path(path)) else entries_in(path)
         if "K" not in entries or "state_units" in entries:

@@ -94,7 +94,7 @@ class Game(ByValue, Reported):
                 "Q or R is missing; write Q=..., R=..., because the third argument is E"
             )
         if self.E is None:
-            vars(self)["E"] = np.eye(len(np.atleast_1d(self.A)))
+            vars(self)["E"] = np.eye(len(np.atleast_1d(numbers_in("A", self.A))))
         for name in ("Q", "R"):
             vars(self)[name] = _with_diagonal(name, getattr(self, name))
         for name in ("A", "B", "E", "Q", "R"):
@@ -256,7 +256,9 @@ def _with_diagonal(name: str, weights: Any) -> Any:
     else:
         is_row = isinstance(weights, (list, tuple)) and np.ndim(weights[:1]) == 1
     if isinstance(weights, (int, float, np.number)):
-        raise BadInputError(f"{name} is the number {weights:g}; give a matrix, or its diagonal")
+        raise BadInputError(
+            f"{name} is the number {shown(weights)}; give a matrix, or its diagonal"
+        )
     return np.diag(numbers_in(f"the diagonal of {name}", weights)) if is_row else weights
 
 

@@ -147,7 +147,10 @@ def _listed(records: Any) -> list[Any]:
     """Return one or several records as a list."""
     is_table = hasattr(records, "to_pandas") or hasattr(records, "columns")
     is_one = is_table or isinstance(records, Record | Mapping | str | Path)
-    return [records] if is_one else list(records)
+    if is_one:
+        return [records]
+    need(records, (list, tuple), "identify: records", "a record, or a list of records")
+    return list(records)
 
 
 def _with_given(
@@ -191,12 +194,15 @@ def _as_records(
         elif not isinstance(each, Record):
             if hasattr(each, "to_pandas"):  # the constant states of a flight are not frozen sensors
                 table = each.to_pandas().reset_index()
+                if "time" not in table:
+                    raise BadInputError(f"record {number} has no time; give a record or a flight")
                 moves = [name in model.inputs or np.ptp(table[name]) > 0.0 for name in table]
                 each = table.loc[:, moves]
-            if hasattr(each, "columns"):  # a pandas table
+            if hasattr(each, "reset_index"):  # a pandas table
                 is_index = each.index.name == "time" and "time" not in each.columns
                 each = each.reset_index() if is_index else each
                 each = columns_of_table(each, model, f"record {number}")
+            need(each, Mapping, f"identify: record {number}", "a file, a flight, or arrays by name")
             each = record_of(model, each, held, f"record {number}")
         read.append(replace(each, has_steps=inputs == "steps"))
     return read

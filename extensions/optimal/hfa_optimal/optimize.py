@@ -98,6 +98,8 @@ def optimize(
     """
     need(model, Model, "optimize: model", Model.how_to_make)
     need(point, OperatingPoint, "optimize: point", "a trim: hfa.trim(model)")
+    starts = (Mapping, OperatingPoint)
+    need(initial, starts, "optimize: initial", "deviations {state: value}, or a trim")
     if minimize not in ("cost", "time"):
         raise BadInputError(f"minimize is {shown(minimize)}; give 'cost' or 'time'")
     if seconds is not None:

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from hfa_aircraft.model import Model
 from hfa_prove.search.plant import saturated_loop
 from hfa_prove.search.region_squares import Region, RegionSearch
 from hfa_support.arguments import checks_arguments, need
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from trim.point.operating_point import OperatingPoint
@@ -58,7 +56,7 @@ def prove_region(
     need(point, OperatingPoint, "prove_region: point", "a trim: hfa.trim(model)")
     linear = point.linearize()
     point.refuse_other(model)
-    gain = np.asarray(getattr(K, "K", K), dtype=float)
+    gain = numbers_in("K", getattr(K, "K", K))
     wanted = (len(linear.inputs), len(linear.states))
     if gain.shape != wanted:
         raise BadInputError(f"K has the shape {gain.shape}; give {wanted}, inputs x states")

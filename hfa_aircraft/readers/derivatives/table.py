@@ -119,6 +119,8 @@ def _flat(values: Mapping[str, Any], where: str) -> Iterator[tuple[str, Entry]]:
         inner = value if isinstance(value, Mapping) else {key: value}
         place = f"{where}, [{key}]" if isinstance(value, Mapping) else where
         for name, held in inner.items():
+            if not isinstance(name, str):
+                raise BadInputError(f"{place}: {shown(name)} is not the name of an entry")
             if name in seen:
                 raise BadInputError(f"{place}: {shown(name)} is given twice; remove one entry")
             seen.add(name)

@@ -37,7 +37,7 @@ QUARTIC = ("speed", "alpha", "pitch_rate", "dihedral")
         ),
         ({"A": np.zeros((0, 0))}, "a game needs at least one state and one input"),
         ({"B": [[1.0]]}, "B is 1 x 1; give 2 x 1, to match A and B"),
-        ({"R": 1.0}, "R is the number 1; give a matrix, or its diagonal"),
+        ({"R": 1.0}, "R is the number 1.0; give a matrix, or its diagonal"),
         ({"Q": [[1.0, 0.1], [0.0, 1.0]]}, "Q is not symmetric"),
         ({"Q": [[1.0, 0.0], [0.0, -1.0]]}, "Q is not positive semidefinite"),
         ({"B": np.eye(2), "R": [[0.1, 0.3], [0.3, 0.9]]}, "R is not positive definite"),
