@@ -118,12 +118,13 @@ _PAPER = published_data()["trim"]
 
 _DECLARED = Model(
     name="published",
-    states=STATE_SIGNALS,  # type: ignore[arg-type]  # a named tuple of them
-    inputs=INPUT_SIGNALS,  # type: ignore[arg-type]
+    # Named tuples of signals, whose classes become those of the vectors.
+    states=STATE_SIGNALS,  # type: ignore[arg-type]  # as above
+    inputs=INPUT_SIGNALS,  # type: ignore[arg-type]  # as above
     equations=Equations(variant_named("published")),
     parameters=Parameters(
         *(Signal(spec.unit, min=0.0 if spec.positive else -math.inf, start=1.0) for spec in FIELDS)
-    ),  # type: ignore[arg-type]
+    ),  # type: ignore[arg-type]  # as above
     disturbances={name: Signal("ft/s", 10.0) for name in DISTURBANCES},
     outputs={name: Signal(unit, _TYPICAL.get(unit, 1.0)) for name, (unit, _) in OUTPUTS.items()},
     # The paper's level flight (Section 5.1), with a flat wing.
@@ -201,5 +202,5 @@ def parameters_of(model: Model) -> Parameters:
 
 def variant_of(model: Model) -> Variant:
     """Return the variant of the equations of a model for which `is_hfa` is true."""
-    equations: Equations = native_of(model).equations  # type: ignore[assignment]
+    equations: Equations = native_of(model).equations  # type: ignore[assignment]  # of an HFA
     return equations.variant

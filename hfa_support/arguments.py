@@ -43,7 +43,7 @@ def checks_arguments(public: Public) -> Public:
     """
     if isinstance(public, type):
         how = getattr(public, "how_to_make", "")
-        public.__init__ = _named(public.__init__, public.__name__, how)  # type: ignore[misc]
+        public.__init__ = _named(public.__init__, public.__name__, how)  # type: ignore[misc]  # of a class
         return public
     return cast(Public, _named(public, public.__name__))
 

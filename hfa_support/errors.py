@@ -155,7 +155,7 @@ def is_finite(value: object) -> bool:
     The result is False for values that are not numbers.
     """
     try:
-        return math.isfinite(value)  # type: ignore[arg-type]
+        return math.isfinite(value)  # type: ignore[arg-type]  # TypeError below
     except (TypeError, ValueError, OverflowError, RuntimeError):  # RuntimeError is raised by CasADi
         return False
 

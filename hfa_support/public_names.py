@@ -40,7 +40,7 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
                         modules[public] = (dots + statement.module, alias.name)
             elif isinstance(statement, ast.Assign):
                 other, known = statement.targets[0], statement.value
-                modules[other.id] = modules[known.id]  # type: ignore[attr-defined]
+                modules[other.id] = modules[known.id]  # type: ignore[attr-defined]  # names
         return modules
 
     def get(name: str) -> Any:

@@ -84,7 +84,7 @@ class ByName(tuple[Named, ...]):
 
         Because of this method, dict(modes) is a dictionary from names to entries.
         """
-        return [entry.name for entry in self]  # type: ignore[attr-defined]
+        return [entry.name for entry in self]  # type: ignore[attr-defined]  # entries have names
 
     def values(self) -> Any:
         """Return this tuple, as the entries of a mapping."""

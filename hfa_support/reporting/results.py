@@ -179,7 +179,7 @@ def _stored_properties(kind: type[Result]) -> Iterator[Entry]:
 
 
 def _stored_fields(kind: type[Result]) -> Iterator[Entry]:
-    for field in fields(kind):  # type: ignore[arg-type]
+    for field in fields(kind):  # type: ignore[arg-type]  # a dataclass
         declared = field.metadata
         is_optional = declared.get("optional")
         if is_optional is None:
@@ -202,7 +202,7 @@ class ByValue:
             return NotImplemented
         return all(
             _same(getattr(self, field.name), getattr(other, field.name))
-            for field in fields(self)  # type: ignore[arg-type]
+            for field in fields(self)  # type: ignore[arg-type]  # a dataclass
             if field.compare
         )
 

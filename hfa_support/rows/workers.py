@@ -170,7 +170,7 @@ def _serve(connection: Any) -> None:
     import multiprocessing
 
     parent = multiprocessing.parent_process()
-    assert parent is not None
+    assert parent is not None  # this is a child process
 
     def end_with_parent() -> None:
         parent.join()

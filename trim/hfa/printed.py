@@ -302,7 +302,6 @@ def with_bands(
             A_difference=other.A - model.A,
             B_difference=other.B - model.B,
         )
-    assert report.records is not None
     rows = []
     for row in report.records.rows:
         matrix, row_name, column = row[:3]

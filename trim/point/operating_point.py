@@ -151,13 +151,13 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     @stored()
-    def state_units(self) -> dict[str, str]:  # type: ignore[override]
+    def state_units(self) -> dict[str, str]:  # type: ignore[override]  # by name
         """Unit of each state, name -> unit."""
         return {name: self.model.unit(name) for name in self.model.states}
 
     @property
     @stored()
-    def input_units(self) -> dict[str, str]:  # type: ignore[override]
+    def input_units(self) -> dict[str, str]:  # type: ignore[override]  # by name
         """Unit of each input, name -> unit."""
         return {name: self.model.unit(name) for name in self.model.inputs}
 

@@ -32,7 +32,7 @@ from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_u
 from trim.linear.kinks import with_means_at_kinks
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import fastest_first, modes_of
-from trim.point.condition import TrimCondition
+from trim.point.condition import TrimCondition, usual_condition
 from trim.point.diagnosis import beyond_limits
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import Status
@@ -674,7 +674,7 @@ def sweep(
         if model.schedule in grid:
             raise BadInputError(f"at and {model.schedule} are the same variable; give one of them")
         grid[model.schedule or "at"] = at
-    plan = SweepPlan(grid, model, condition, start=start, listed=listed)  # type: ignore[arg-type]
+    plan = SweepPlan(grid, model, condition or usual_condition(model), start, listed)
     return run_plan(plan, progress)
 
 
@@ -692,7 +692,7 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
             "larger steps"
         )
     model = plan.model
-    rows = run_points(*plan.task(0, plan.count), progress)  # type: ignore[call-arg]
+    rows = run_points(*plan.task(0, plan.count), progress)
     trimmed = rows["status"] == TRIMMED
     linear = [list(model.states).index(name) for name in model.linear]
     A = rows["A"][:, linear][:, :, linear]

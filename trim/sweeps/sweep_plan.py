@@ -199,7 +199,9 @@ class SweepPlan:
             columns.append(axis[index if self.listed else indices[number]])
         return np.stack(columns, axis=-1)
 
-    def task(self, start: int, stop: int) -> tuple[Any, ...]:
+    def task(
+        self, start: int, stop: int
+    ) -> tuple[Model, tuple[str, ...], np.ndarray, TrimCondition, OperatingPoint | None, bool]:
         """Return the arguments with which `run_points` computes the points start .. stop - 1."""
         values = self.values(start, stop)
         compiled = self.count >= COMPILE_FROM

@@ -342,7 +342,7 @@ class Predictions(Responses):
 
         Raises FloatingPointError if a sensitivity is not finite.
         """
-        assert isinstance(simulated, Prediction)
+        assert isinstance(simulated, Prediction)  # what `simulated` of this class returns
         n, p, k = self.sizes
         driven, rest = self._driven(simulated.record, simulated.theta)
         gain, by_theta = self._gain(simulated.theta)
