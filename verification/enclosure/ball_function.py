@@ -74,6 +74,16 @@ def constant_part(value: Any) -> Any:
     return value.range()
 
 
+def tanh_of_series(a: arb_series) -> arb_series:
+    """Return tanh a, from the coefficients of T(c + x) = tanh(c + x) with T' = 1 - T²."""
+    coefficients = [a[0].tanh()]
+    for k in range(a.prec - 1):
+        products = (coefficients[i] * coefficients[k - i] for i in range(k + 1))
+        coefficients.append((int(k == 0) - sum(products, arb(0))) / (k + 1))
+    deviation = arb_series([0, *(a[k] for k in range(1, a.prec))], a.prec)
+    return arb_series(coefficients, a.prec)(deviation)
+
+
 def _method(name: str) -> Callable[[Any, Any], Any]:
     """Return the operation that calls a method of a ball."""
     return lambda balls, value: getattr(value, name)()
@@ -118,8 +128,8 @@ class Balls(Arithmetic):
         return 1 / a
 
     def tanh(self, a: Any) -> Any:
-        """Return tanh a = 1 - 2 / (e^2a + 1)."""
-        return 1 - 2 / ((a + a).exp() + 1)
+        """Return tanh a."""
+        return tanh_of_series(a) if isinstance(a, arb_series) else a.tanh()
 
     def maximum(self, a: Any, b: Any) -> Any:
         """Return the larger value."""

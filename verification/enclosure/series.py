@@ -15,7 +15,7 @@ from typing import Any, Self
 
 from flint import arb, arb_series
 
-from verification.enclosure.ball_function import Undecided
+from verification.enclosure.ball_function import Undecided, tanh_of_series
 from verification.enclosure.polynomial import (
     Key,
     Polynomial,
@@ -186,6 +186,7 @@ def _product(a: Any, b: Any) -> Any:
 
 for _name in ("sqrt", "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan"):
     setattr(Taylor, _name, lambda self, _name=_name: self.through(getattr(arb_series, _name)))
+Taylor.tanh = lambda self: self.through(tanh_of_series)
 
 
 class TaylorOnBall(Taylor):

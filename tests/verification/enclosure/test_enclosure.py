@@ -8,23 +8,20 @@ from fractions import Fraction
 import casadi as ca
 import numpy as np
 import pytest
-from flint import arb
 
 from hfa_support.errors import BadInputError
-from verification.enclosure.elementary import (
-    EXP_ERROR,
-    SIN_ERROR,
-    TANH_ERROR,
-    atan,
-    exp,
-    log,
-    sin_cos,
-    tanh,
-)
-from verification.enclosure.lines import ENCLOSED
 from verification.enclosure.program import Program
+from verification.enclosure.relaxation import Relaxation
 from verification.enclosure.slopes import Intervals, jacobian, values_at
 from verification.enclosure.taylor import TaylorProgram, highest, lowest
+
+TABLE = ca.interpolant("table", "linear", [[-1.0, -0.2, 0.0, 0.3]], [0.3, -0.2, 0.0, 0.1])
+SMOOTH = ca.interpolant(
+    "smooth", "bspline", [[-3.0, -0.4, -0.1, 0.0, 0.2, 3.0]], [0.3, -0.2, 0.0, 0.1, 0.0, 1.0]
+)
+SURFACE = ca.interpolant(
+    "surface", "linear", [[-1.0, 0.0, 0.4], [1.5, 2.0, 2.1]], np.sin(np.arange(9.0)).tolist()
+)
 
 
 def every_operation() -> ca.Function:
@@ -35,15 +32,33 @@ def every_operation() -> ca.Function:
         *(ca.atan(b) - 1 / a, a**1.5, ca.tanh(3 * b) * b, ca.fmax(b, 0.1 * b) + ca.fmin(b, 0.2)),
         *(ca.atan2(b, a), ca.atan2(a, b), ca.atan2(-a, b - a), ca.asin(0.7 * b)),
         *(ca.fabs(b) * a, ca.expm1(ca.fmin(b, 0)) + ca.log1p(a), y[0] * y[1] * y[2] ** 3),
+        *(ca.acos(0.7 * b), a**-3, ca.exp(-(((b - 9) / 0.2) ** 2)), ca.sin(1e3 * b) * 1e-3),
+        *(b - ca.fmax(0, ca.fabs(b) - 0.1), TABLE(b) * a, SMOOTH(b) - SURFACE(ca.vertcat(b, a))),
     ]
     return ca.Function("f", [y], [ca.vertcat(*expressions)])
 
 
+def every_switch() -> ca.Function:
+    """Return functions with jumps."""
+    y = ca.SX.sym("y", 3)
+    a, b = y[0] + 0.3 * y[1], y[2] - 0.2 * y[0]
+    expressions = [
+        *(ca.sign(a) + b, ca.if_else(a > b, a**2, b), ca.if_else(a <= 0.1, ca.sin(b), 2.0)),
+        ca.if_else(ca.logic_and(a > 0, ca.logic_not(b > 0.1)), a, b),
+        ca.if_else(ca.logic_or(a > 0.2, b > 0.1), a * b, b),
+        ca.gradient(ca.fmax(a, 0.0) * b, y)[0],
+    ]
+    return ca.Function("f", [y], [ca.densify(ca.vertcat(*expressions))])
+
+
+@pytest.mark.parametrize("make", [every_operation, every_switch])
 @pytest.mark.parametrize("half_width", [0.5, 0.1, 1e-3, 1e-8])
-def test_taylor_models_enclose_every_operation(half_width: float) -> None:
+def test_taylor_models_enclose_every_operation(
+    half_width: float, make: Callable[[], ca.Function]
+) -> None:
     """For each operation, the Taylor models enclose the function at random points of random boxes."""
     generator = np.random.default_rng(0)
-    function = every_operation()
+    function = make()
     centres = generator.uniform(-0.5, 0.5, (100, 3))
     half_widths = half_width * generator.uniform(0.2, 1.0, centres.shape)
     models = TaylorProgram(Program(function, "f"), 3).over(centres, half_widths)
@@ -53,6 +68,26 @@ def test_taylor_models_enclose_every_operation(half_width: float) -> None:
         shares = np.clip(generator.uniform(-1.3, 1.3, centres.shape), -1.0, 1.0)
         values = np.array(function((centres + half_widths * shares).T))
         assert np.all((low <= values) & (values <= high))
+
+
+@pytest.mark.parametrize("make", [every_operation, every_switch])
+@pytest.mark.parametrize("half_width", [0.5, 0.1, 1e-3, 1e-8])
+def test_lines_enclose_every_operation(half_width: float, make: Callable[[], ca.Function]) -> None:
+    """For each operation, the bound by lines is above the function at random points of boxes."""
+    generator = np.random.default_rng(0)
+    function = make()
+    y = ca.SX.sym("y", 3)
+    for output in range(function.numel_out(0)):
+        one = ca.Function("f", [y], [function(y)[output]])
+        centres = generator.uniform(-0.5, 0.5, (40, 3))
+        half_widths = half_width * generator.uniform(0.2, 1.0, centres.shape)
+        bounds = Relaxation(one, "f").over(centres, half_widths)
+        for _ in range(20):
+            shares = np.clip(generator.uniform(-1.3, 1.3, centres.shape), -1.0, 1.0)
+            values = np.abs(np.array(one((centres + half_widths * shares).T))[0])
+            assert not np.any(values * (1.0 - 1e-14) > bounds.highest)
+        at_corner = np.abs(np.array(one(bounds.corner.T))[0])
+        assert not np.any(at_corner < bounds.lowest * (1.0 - 1e-14) - 1e-14)
 
 
 def test_functions_of_squares_contain_the_ends_of_boxes() -> None:
@@ -183,64 +218,6 @@ def test_the_chain_rule_encloses_every_derivative() -> None:
         values = np.array(slopes(place))
         assert np.all(found.slopes.low - 1e-13 <= values)
         assert np.all(values <= found.slopes.high + 1e-13)
-
-
-#: Kind -> the function and its derivative.
-FUNCTIONS: dict[str, tuple[Callable[..., np.ndarray], Callable[..., np.ndarray]]] = {
-    "tanh": (np.tanh, lambda t: 1.0 - np.tanh(t) ** 2),
-    "relu": (lambda t: np.maximum(t, 0.0), lambda t: np.where(t > 0.0, 1.0, 0.0)),
-    "step": (lambda t: np.where(t > 0.0, 1.0, 0.0), np.zeros_like),
-    "square": (np.square, lambda t: 2.0 * t),
-    "inverse": (np.reciprocal, lambda t: -1.0 / t**2),
-    "sqrt": (np.sqrt, lambda t: 0.5 / np.sqrt(t)),
-    "exp": (np.exp, np.exp),
-    "log": (np.log, np.reciprocal),
-    "sin": (np.sin, np.cos),
-    "cos": (np.cos, lambda t: -np.sin(t)),
-    "atan": (np.arctan, lambda t: 1.0 / (1.0 + t**2)),
-}
-
-
-@pytest.mark.parametrize("kind", ENCLOSED)
-def test_each_part_of_an_enclosure_contains_the_function(kind: str) -> None:
-    """Parabolas, lines and slopes enclose functions over narrow, wide and asymmetric ranges."""
-    function, slope = FUNCTIONS[kind]
-    generator = np.random.default_rng(3)
-    is_positive = kind in ("inverse", "sqrt", "log")
-    centre = generator.uniform(1.0 if is_positive else -3.0, 3.0, 400)
-    width = generator.choice([1e-6, 0.01, 0.9] if is_positive else [1e-6, 0.1, 2.0, 6.0], 400)
-    low = centre - width * generator.uniform(0.0, 1.0, 400)
-    high = centre + width * generator.uniform(0.0, 1.0, 400)
-    slopes = ENCLOSED[kind].slopes(low, high)
-    for share in np.linspace(0.0, 1.0, 41):
-        t = low + share * (high - low)
-        for enclose in (ENCLOSED[kind].curve, ENCLOSED[kind].line):
-            if enclose is None:
-                continue
-            found = enclose((centre, low, high))
-            d = t - centre
-            off = np.abs(function(t) - (found.value + d * (found.slope + d * found.bend)))
-            assert np.all(off <= found.rest + 1e-14 * (1.0 + np.abs(function(t))))
-        assert np.all(slopes.low <= slope(t) + 1e-13 * (1.0 + np.abs(slope(t))))
-        assert np.all(slopes.high >= slope(t) - 1e-13 * (1.0 + np.abs(slope(t))))
-
-
-def test_elementary_functions_satisfy_their_error_bounds() -> None:
-    """The errors of the elementary functions remain below their stated bounds."""
-    generator = np.random.default_rng(2)
-    angles = generator.uniform(-16.0, 16.0, 300)
-    positive = 10.0 ** generator.uniform(-6.0, 6.0, 300)
-    sine, cosine = sin_cos(angles)
-    logarithm, of_log = log(positive)
-    arc, of_arc = atan(angles)
-    for index, angle in enumerate(angles.tolist()):
-        t = arb(angle)
-        assert abs(arb(sine[index]) - t.sin()) < SIN_ERROR
-        assert abs(arb(cosine[index]) - t.cos()) < SIN_ERROR
-        assert abs(arb(tanh(angles)[index]) - t.tanh()) < TANH_ERROR
-        assert abs(arb(exp(angles)[index]) - t.exp()) < EXP_ERROR * t.exp()
-        assert abs(arb(arc[index]) - t.atan()) < of_arc[index]
-        assert abs(arb(logarithm[index]) - arb(positive[index]).log()) < of_log[index]
 
 
 @pytest.mark.parametrize("margin", [1e-13, -1e-13])

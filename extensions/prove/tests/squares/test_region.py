@@ -9,12 +9,10 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
 from cli import SCRIPT, complaints_about
 from ended_runs import until
-from flint import arb
 from forged_regions import KINDS
 from pendulum_regions import (
     PENDULUM,
@@ -41,9 +39,6 @@ from hfa_prove.search.region_squares import RegionSearch, starts_by_outcome
 from hfa_prove.statements.loop import SaturatedLoop
 from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.region_squares import RegionStatement
-from verification.enclosure.ball_function import BallFunction, Undecided
-from verification.enclosure.polynomial import Polynomial, exponents_of
-from verification.enclosure.series import TaylorOnBall
 
 
 def run(*words: str) -> int:
@@ -55,57 +50,6 @@ def certificate(tmp_path_factory: pytest.TempPathFactory, model: Model) -> Path:
     """Return the path of a certificate of the pendulum."""
     path = tmp_path_factory.mktemp("region") / "pendulum.json"
     return certified(path, pendulum_loop(model), 0.98)
-
-
-# Taylor polynomials.
-
-
-def test_taylor_polynomials_enclose_every_operation() -> None:
-    """For each operation, the Taylor polynomial with its remainder encloses the function at 200
-    random points.
-    """
-    y = ca.SX.sym("y", 2)
-    a, b = 2 + 0.3 * y[0] + 0.1 * y[1], 0.3 * y[0] - 0.2 * y[1]
-    expressions = [
-        *(ca.sqrt(a) / (a + b**2), ca.sin(b) * ca.cos(a), ca.exp(b) - ca.log(a), ca.tan(b) * a**3),
-        *(ca.atan2(b, a), ca.asin(b) + ca.acos(b), ca.atan(b) - 1 / a, -2 * a + a**1.5),
-    ]
-    function = ca.Function("f", [y], [ca.vertcat(*expressions)])
-    order = 4
-    variables = [
-        TaylorOnBall(order, Polynomial.linear([arb(i == 0), arb(i == 1)]), arb(0)) for i in range(2)
-    ]
-    (models,) = BallFunction(function)(variables)
-    generator = np.random.default_rng(0)
-    points = generator.normal(size=(200, 2))
-    points *= (generator.uniform(size=200) / np.linalg.norm(points, axis=1))[:, None]
-    values = np.array(function(points.T)).T
-    for column, taylor in zip(values.T, models, strict=True):
-        lowest = taylor.lowest(2, 4)
-        for point, value in zip(points, column, strict=True):
-            length = np.linalg.norm(point)
-            error = abs(value - _at(taylor.polynomial, point))
-            assert error <= float(taylor.remainder) * length ** (order + 1) + 1e-14
-            assert taylor.range().overlaps(arb(value))
-            assert _at(lowest, point) <= value + 1e-14
-        assert float(taylor.remainder) < 1.0
-
-
-def _at(polynomial: Polynomial, point: np.ndarray) -> float:
-    total = 0.0
-    for key, _, coefficient in polynomial.terms():
-        exponents = exponents_of(key) + [0] * len(point)
-        total += float(coefficient) * np.prod(point ** np.array(exponents[: len(point)]))
-    return total
-
-
-def test_a_nonsmooth_function_is_undecided() -> None:
-    """A function that is not smooth on the ball raises Undecided."""
-    y = ca.SX.sym("y")
-    variable = TaylorOnBall(3, Polynomial.linear([arb(1)]), arb(0))
-    for expression in (1 / y, ca.sqrt(0.5 + y), ca.log(y + 0.9), ca.fmax(y, 0)):
-        with pytest.raises(Undecided):
-            BallFunction(ca.Function("f", [y], [expression]))([variable])
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,202 @@
+"""Functions of one variable lie within their parabolas, lines and slopes, at random points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+import pytest
+from flint import arb
+
+import verification.enclosure.precision  # noqa: F401  # sets the precision of balls
+from verification.enclosure.elementary import (
+    EXP_ERROR,
+    SIN_ERROR,
+    TANH_ERROR,
+    UNDERFLOW,
+    atan,
+    exp,
+    log,
+    sin_cos,
+    tanh,
+)
+from verification.enclosure.lines import ENCLOSED, Enclosed, enclosed
+from verification.enclosure.splines import Spline, tables_of
+
+Function = Callable[[np.ndarray], np.ndarray]
+
+
+class Exact(NamedTuple):
+    """A function and its derivative with 64 bits.
+
+    low, high: range of the centers of the tested ranges
+    widths: half-widths of the tested ranges
+    relative: whether the widths are shares of the center
+    """
+
+    value: Function
+    slope: Function
+    low: float = -3.0
+    high: float = 3.0
+    widths: tuple[float, ...] = (1e-13, 1e-6, 0.1, 2.0, 6.0)
+    relative: bool = False
+
+
+_SHARES = (1e-13, 1e-6, 0.01, 0.3, 0.97)
+FUNCTIONS: dict[str, Exact] = {
+    "tanh": Exact(np.tanh, lambda t: 1.0 - np.tanh(t) ** 2),
+    "relu": Exact(lambda t: np.maximum(t, 0.0), lambda t: np.where(t > 0.0, 1.0, 0.0)),
+    "step": Exact(lambda t: np.where(t > 0.0, 1.0, 0.0), np.zeros_like),
+    "square": Exact(np.square, lambda t: 2.0 * t),
+    "inverse": Exact(lambda t: 1.0 / t, lambda t: -1.0 / t**2, 0.2, 9.0, _SHARES, True),
+    "inverse of negative": Exact(
+        lambda t: 1.0 / t, lambda t: -1.0 / t**2, -9.0, -0.2, _SHARES, True
+    ),
+    "sqrt": Exact(np.sqrt, lambda t: 0.5 / np.sqrt(t), 0.2, 9.0, _SHARES, True),
+    "exp": Exact(np.exp, np.exp, -9.0, 9.0),
+    "exp far from 0": Exact(np.exp, np.exp, -900.0, 600.0, (1e-6, 1.0, 100.0)),
+    "log": Exact(np.log, lambda t: 1.0 / t, 0.2, 9.0, _SHARES, True),
+    "log of large": Exact(np.log, lambda t: 1.0 / t, 1e90, 1e100, _SHARES, True),
+    "sin": Exact(np.sin, np.cos),
+    "sin far from 0": Exact(np.sin, np.cos, -6e4, 6e4),
+    "cos": Exact(np.cos, lambda t: -np.sin(t)),
+    "atan": Exact(np.arctan, lambda t: 1.0 / (1.0 + t**2)),
+}
+
+
+def _table(method: str, degree: int = 3) -> Spline:
+    grid = [[-3.0, -2.9, -1.0, 0.0, 0.7, 1.0, 2.5]]
+    values = [1.0, 1.3, -0.5, 0.1, 0.5, -0.6, 0.3]
+    options = {"degree": [degree]} if method == "bspline" else {}
+    (table,) = tables_of(ca.interpolant("table", method, grid, values, options))
+    return table.spline()
+
+
+TABLES = {"linear": _table("linear"), "cubic": _table("bspline"), "quadratic": _table("bspline", 2)}
+
+
+def _exact(spline: Spline, order: int) -> Function:
+    """Return a piecewise polynomial or its derivative, computed in rational numbers."""
+
+    def at(t: np.longdouble) -> np.longdouble:
+        piece = int(np.searchsorted(spline.knots, float(t), side="right"))
+        d = Fraction(float(t)) - Fraction(float(spline.origins[piece]))
+        c = spline.pieces[piece]
+        total = sum(
+            (c[k] * (k if order else 1) * d ** (k - order) for k in range(order, len(c))),
+            Fraction(0),
+        )
+        high = float(total)
+        return np.longdouble(high) + np.longdouble(float(total - Fraction(high)))
+
+    return np.vectorize(at, otypes=[np.longdouble])
+
+
+def _check(function: Enclosed, exact: Exact, count: int, points: int) -> None:
+    """Fail unless a function lies within all its enclosures at points of random ranges."""
+    generator = np.random.default_rng(3)
+    centre = generator.uniform(exact.low, exact.high, count)
+    width = generator.choice(exact.widths, count)
+    width = width * np.abs(centre) if exact.relative else width
+    low = centre - width * generator.uniform(0.0, 1.0, count) ** 2
+    high = centre + width * generator.uniform(0.0, 1.0, count) ** 2
+    with np.errstate(all="ignore"):
+        slopes = function.slopes(low, high)
+        enclosures = [
+            enclose((centre, low, high)) for enclose in (function.curve, function.line) if enclose
+        ]
+    for share in np.linspace(0.0, 1.0, points):
+        t = np.clip(low + share * (high - low), low, high).astype(np.longdouble)
+        d = t - centre
+        value = exact.value(t)
+        tiny = 1e-18 * (1.0 + np.abs(value))
+        for found in enclosures:
+            off = np.abs(value - (found.value + d * (found.slope + d * found.bend)))
+            assert np.all(off <= found.rest + tiny)
+        slope = exact.slope(t)
+        tiny = 1e-17 * (1.0 + np.abs(slope))
+        assert np.all((slopes.low - tiny <= slope) & (slope <= slopes.high + tiny))
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_each_part_of_an_enclosure_contains_the_function(name: str) -> None:
+    """Parabolas, lines and slopes enclose functions over narrow, wide and asymmetric ranges."""
+    _check(ENCLOSED[name.split()[0]], FUNCTIONS[name], 4000, 21)
+
+
+def test_every_function_is_tested() -> None:
+    """Every function of the table has a test."""
+    assert {name.split()[0] for name in FUNCTIONS} == set(ENCLOSED)
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_each_part_of_an_enclosure_contains_a_table(name: str) -> None:
+    """Parabolas, lines and slopes enclose tables, also beyond their ends."""
+    spline = TABLES[name]
+    exact = Exact(_exact(spline, 0), _exact(spline, 1), widths=(1e-13, 1e-6, 0.1, 1.0, 4.0))
+    _check(enclosed(spline), exact, 600, 9)
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_narrow_enclosures_of_tables_are_of_third_order(name: str) -> None:
+    """Between breakpoints, and at those of a cubic table, the remainder is that of the cubic term."""
+    spline = TABLES[name]
+    knots = np.array(spline.knots)
+    at = knots[1:-1] if name == "cubic" else 0.5 * (knots[1:] + knots[:-1])
+    width = 1e-3
+    found = enclosed(spline).curve
+    assert found is not None
+    parabola = found((at, at - width, at + width))
+    third = np.abs(spline.coefficients[:, 3]).max()
+    assert np.all(parabola.rest <= 1.01 * third * width**3 + 1e-13)
+
+
+def test_lines_are_narrow() -> None:
+    """A line over a range of half-width w deviates by at most 4 w² |f''|.
+
+    This does not hold for functions with kinks, and for sin and cos, whose lines follow from |f''|
+    <= 1.
+    """
+    smooth = set(FUNCTIONS) - {"relu", "step", "exp far from 0", "sin far from 0", "sin", "cos"}
+    for name in smooth:
+        exact = FUNCTIONS[name]
+        centre = np.linspace(exact.low, exact.high, 41)
+        width = 1e-3 * np.abs(centre)
+        with np.errstate(all="ignore"):
+            line = ENCLOSED[name.split()[0]].line((centre, centre - width, centre + width))
+        ends = (centre + 2.0 * width, centre - 2.0 * width)
+        bend = np.abs(np.subtract(*(exact.slope(end) for end in ends)))
+        assert np.all(line.rest <= width * bend + 1e-13 * (1.0 + np.abs(exact.value(centre)))), name
+
+
+def test_elementary_functions_satisfy_their_error_bounds() -> None:
+    """The errors of the elementary functions remain below their stated bounds."""
+    generator = np.random.default_rng(2)
+    quarters = np.round(generator.uniform(-4e4, 4e4, 200)) * np.pi / 2.0
+    angles = np.concatenate(
+        [generator.uniform(-16.0, 16.0, 300), generator.uniform(-6e4, 6e4, 300), quarters]
+    )
+    positive = 10.0 ** generator.uniform(-300.0, 300.0, 800)
+    powers = np.concatenate([generator.uniform(-20.0, 20.0, 400), np.linspace(-700.0, 709.0, 400)])
+    sine, cosine = sin_cos(angles)
+    logarithm, of_log = log(positive)
+    arc, of_arc = atan(angles)
+    for index, angle in enumerate(angles.tolist()):
+        t = arb(angle)
+        power = arb(powers[index])
+        assert abs(arb(sine[index]) - t.sin()) < SIN_ERROR
+        assert abs(arb(cosine[index]) - t.cos()) < SIN_ERROR
+        assert abs(arb(tanh(powers)[index]) - power.tanh()) < TANH_ERROR
+        assert abs(arb(exp(powers)[index]) - power.exp()) < EXP_ERROR * power.exp()
+        assert abs(arb(arc[index]) - t.atan()) < of_arc[index]
+        assert abs(arb(logarithm[index]) - arb(positive[index]).log()) < of_log[index]
+
+
+def test_exp_underflows_within_its_bound_and_refuses_to_overflow() -> None:
+    """e^t is 0 within `UNDERFLOW` far below 0, and nan for t > 709. sin and cos end at 65536."""
+    assert np.all(exp(np.array([-700.0, -745.0, -1e9, -np.inf])) <= UNDERFLOW)
+    assert np.all(np.isnan(exp(np.array([709.1, 1e9, np.inf, np.nan]))))
+    assert np.all(np.isnan(sin_cos(np.array([65537.0, -1e9, np.inf]))))

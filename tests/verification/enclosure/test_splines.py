@@ -1,0 +1,176 @@
+"""Tables of `casadi.interpolant` are read exactly, and others are refused."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from hfa_support.errors import BadInputError
+from verification.enclosure import splines
+from verification.enclosure.ball_function import BallFunction, Undecided
+from verification.enclosure.balls import exact, symmetric
+from verification.enclosure.program import Program
+from verification.enclosure.slopes import between, jacobian, values_at
+from verification.enclosure.splines import HIGHEST, tables_of
+from verification.enclosure.taylor import TaylorProgram, highest, lowest
+
+GRIDS = ([-1.0, 0.0, 0.5, 2.0, 3.0], [0.0, 1.0, 2.5, 4.0], [-2.0, 0.0, 1.0, 3.0])
+
+
+def table(method: str, arguments: int, outputs: int = 1, degree: int | None = None) -> ca.Function:
+    """Return a table with random values."""
+    grid = list(GRIDS[:arguments])
+    count = outputs * int(np.prod([len(each) for each in grid]))
+    values = np.random.default_rng(4).normal(size=count).tolist()
+    options = {} if degree is None else {"degree": [degree] * arguments}
+    return ca.interpolant("table", method, grid, values, options)
+
+
+CASES = {
+    "linear": table("linear", 1),
+    "linear in 2": table("linear", 2),
+    "linear in 3, two outputs": table("linear", 3, 2),
+    "cubic": table("bspline", 1),
+    "quadratic": table("bspline", 1, degree=2),
+    "cubic in 2": table("bspline", 2),
+    "cubic in 2, two outputs": table("bspline", 2, 2),
+}
+
+
+def _points(function: ca.Function, count: int) -> np.ndarray:
+    """Return random points within and beyond the grid."""
+    generator = np.random.default_rng(1)
+    return generator.uniform(-2.5, 4.5, (count, function.numel_in(0)))
+
+
+def _values(function: ca.Function, points: np.ndarray) -> np.ndarray:
+    return np.array([function(point).full().ravel() for point in points])
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_tables_have_the_values_of_casadi(name: str) -> None:
+    """Tables have the values of CasADi within and beyond the grid, as tables and as programs."""
+    function = CASES[name]
+    points = _points(function, 200)
+    expected = _values(function, points)
+    found = np.array([[each.at(point) for each in tables_of(function)] for point in points])
+    assert found == pytest.approx(expected, abs=1e-12)
+    y = ca.SX.sym("y", function.numel_in(0))
+    program = Program(ca.Function("f", [y], [function(y)]), "f")
+    assert values_at(program, points) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("half_width", [1.0, 0.1, 1e-4])
+def test_boxes_of_tables_contain_their_values(name: str, half_width: float) -> None:
+    """Taylor models of a table and a product contain the values at random points of boxes."""
+    function = CASES[name]
+    n = function.numel_in(0)
+    y = ca.SX.sym("y", n)
+    tabled = ca.Function("f", [y], [function(y) * (1.0 + 0.3 * y[0])])
+    program = TaylorProgram(Program(tabled, "f"), n)
+    centres = _points(function, 60)
+    half_widths = np.full(centres.shape, half_width)
+    models = program.over(centres, half_widths)
+    low, high = lowest(models, n), highest(models, n)
+    generator = np.random.default_rng(2)
+    for _ in range(15):
+        places = centres + half_widths * np.clip(generator.uniform(-1.3, 1.3, centres.shape), -1, 1)
+        values = _values(tabled, places).T
+        assert np.all((low <= values + 1e-14) & (values - 1e-14 <= high))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_slopes_of_tables_contain_their_differences(name: str) -> None:
+    """Differences of a table lie in the enclosed Jacobian times the differences of its arguments."""
+    function = CASES[name]
+    n = function.numel_in(0)
+    y = ca.SX.sym("y", n)
+    program = Program(ca.Function("f", [y], [function(y)]), "f")
+    generator = np.random.default_rng(5)
+    for centre in _points(function, 30):
+        ends = centre + 0.3 * generator.uniform(-1.0, 1.0, (2, 8, n))
+        box = between(ends.min(axis=(0, 1)), ends.max(axis=(0, 1)))
+        found = jacobian(program, box)
+        first, second = (_values(function, each) for each in ends)
+        steps = ends[1] - ends[0]
+        middle = steps @ found.slopes.middle.T
+        rest = np.abs(steps) @ found.slopes.radius.T
+        off = np.abs(second - first - middle)
+        assert not np.any(off > rest + 1e-13)  # a jump has no bound
+        assert np.all((first >= found.values.low - 1e-14) & (first <= found.values.high + 1e-14))
+
+
+@pytest.mark.parametrize("name", ["linear", "linear in 2", "linear in 3, two outputs"])
+def test_derivatives_of_linear_tables_are_enclosed(name: str) -> None:
+    """The derivatives of a linear table that CasADi computes are tables too."""
+    function = CASES[name]
+    n = function.numel_in(0)
+    y = ca.SX.sym("y", n)
+    slopes = ca.Function("J", [y], [ca.densify(ca.jacobian(function(y), y))])
+    program = TaylorProgram(Program(slopes, "J"), n)
+    centres = _points(function, 40)
+    half_widths = np.full(centres.shape, 0.2)
+    models = program.over(centres, half_widths)
+    low, high = lowest(models, n), highest(models, n)
+    for centre, least, most in zip(centres, low.T, high.T, strict=True):
+        for place in centre + np.random.default_rng(6).uniform(-0.2, 0.2, (10, n)):
+            values = np.array(slopes(place)).ravel(order="F")
+            assert np.all((least - 1e-14 <= values) & (values <= most + 1e-14))
+
+
+@pytest.mark.parametrize("name", ["linear", "cubic"])
+def test_balls_of_tables_are_decided_between_breakpoints(name: str) -> None:
+    """Balls contain the exact value between two breakpoints, and are undecided across one."""
+    (one,) = tables_of(CASES[name])
+    spline = one.spline()
+    y = ca.SX.sym("y")
+    function = BallFunction(ca.Function("f", [y], [CASES[name](y)]))
+    for (low, high), piece in zip(pairwise(spline.knots), spline.pieces[1:-1], strict=True):
+        at = (Fraction(low) + Fraction(high)) / 2
+        value = sum(c * (at - Fraction(low)) ** k for k, c in enumerate(piece))
+        assert abs(function([exact(float(at))])[0][0] - exact(float(value))) < 1e-15
+    across = exact(spline.knots[1]) + symmetric(1e-9)
+    with pytest.raises(Undecided):
+        function([across])
+
+
+def test_splines_know_their_smoothness() -> None:
+    """A cubic table has two continuous derivatives at inner knots, and jumps to 0 at its ends."""
+    smoothness = {
+        name: tables_of(CASES[name])[0].spline().smoothness.tolist()
+        for name in ("linear", "cubic", "quadratic")
+    }
+    assert smoothness["linear"] == [HIGHEST, 0, 0, 0, HIGHEST]
+    assert set(smoothness["cubic"][1:-1]) == {2}
+    assert set(smoothness["quadratic"][1:-1]) == {1}
+    assert smoothness["cubic"][0] == smoothness["cubic"][-1] == -1
+
+
+@pytest.mark.parametrize("planted", ["Interpolant::values", "BSpline::coeffs"])
+def test_a_table_that_is_misread_is_refused(planted: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A table whose stored numbers are misread is refused, because its values differ."""
+    read = splines._Entries.numbers
+
+    def shifted(self: splines._Entries, key: str) -> list[float]:
+        values = read(self, key)
+        return [values[0] + 1e-6, *values[1:]] if key == planted else values
+
+    monkeypatch.setattr(splines._Entries, "numbers", shifted)  # the planted error
+    splines._tables_of.cache_clear()
+    function = table("linear" if planted.startswith("Inter") else "bspline", 2)
+    with pytest.raises(BadInputError, match="other values of the table"):
+        tables_of(function)
+    splines._tables_of.cache_clear()
+
+
+def test_a_table_of_high_degree_is_refused() -> None:
+    """A table of degree 5 is refused."""
+    grid = [np.arange(9.0).tolist()]
+    function = ca.interpolant("table", "bspline", grid, np.arange(9.0).tolist(), {"degree": [5]})
+    with pytest.raises(BadInputError, match="degree 5"):
+        tables_of(function)
