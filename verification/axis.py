@@ -127,7 +127,10 @@ class TimeAxis(Protocol):
     def residuals(self, values: np.ndarray) -> np.ndarray:
         """Return the relative residuals of the Riccati equation, (N,), for N matrices P."""
 
-    # Simulations of a policy that is not linear.
+    # Critics that are not quadratic: the exact functions, and simulations.
+    def exact_at(self, kind: str, z: ca.SX) -> ca.SX:
+        """Return the exact function "value", "gradient" or "policy" at the state z, (n,)."""
+
     def is_stable(self, K: np.ndarray) -> bool:
         """Return whether the loop A - B K is stable."""
 
@@ -163,6 +166,15 @@ class TimeAxis(Protocol):
         critic: the critic, or None for the exact policy
         b: half-widths of the box of states, (n,)
         """
+
+
+def quadratic_at(exact: Exact, kind: str, z: ca.SX) -> ca.SX:
+    """Return z'Pz ("value"), 2 P z ("gradient") or -K z ("policy") of an exact solution."""
+    if kind == "value":
+        return ca.bilin(ca.DM(exact.P), z, z)
+    if kind == "gradient":
+        return 2.0 * ca.DM(exact.P) @ z
+    return -ca.DM(exact.K) @ z
 
 
 def cost_of(

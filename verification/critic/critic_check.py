@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
-from typing import Any, TypeGuard
+from typing import TYPE_CHECKING, NamedTuple, TypeGuard
 
 import numpy as np
 
@@ -21,9 +21,18 @@ from hfa_support.reporting.checks import Check
 from verification.axis import TimeAxis
 from verification.box import usual_box
 from verification.critic_errors import critic_errors
-from verification.error_table import history_table, rank_check, run_table, time_checks
+from verification.error_table import (
+    ErrorTable,
+    history_table,
+    rank_check,
+    run_table,
+    time_checks,
+)
 from verification.scope import LIMIT, Scope
 from verification.verdict import Details, Section, Verdict, explained
+
+if TYPE_CHECKING:
+    from verification.network.search import Findings
 
 #: What is given as a critic.
 _CRITICS = (
@@ -88,45 +97,31 @@ def verify(
 
     errors = errors_of(last)
     linear = axis.linear_loop(last, all(check.ok for check in errors))
-    checks = [*errors, *linear.checks]
-    if last.P is not None and last.finite:
-        checks += axis.value_checks(last.P, limit)
-    sections = [Section((f"Box of states: {box.about}",), Details(box=box)), linear.section]
-    cost_lost = linear.cost_lost
-    simulated: dict[str, Any] = {}
-    if not last.is_quadratic:
-        from verification.network.search import findings_of
-
-        findings = findings_of(axis, last, box.half_widths, limit, scope)
-        errors += findings.errors
-        checks += findings.checks
-        sections.append(findings.section)
-        cost_lost = findings.flown.cost_lost_flown_percent
-        simulated = {
-            "flights": findings.flown.flights,
-            "searched": findings.states,
-            "proof": findings.proof,
-        }
-    elif last.is_layer:
-        sections.append(_polynomial_section(last))
-
-    table = None
-    reason = ""
+    found = None if last.is_quadratic else _searched(axis, last, box.half_widths, limit, scope)
+    over_time = _NO_TIME
     if isinstance(critic, TrainingRun):
-        table = run_table(critic, axis.exact.P, axis.residuals)
-        rank = rank_check(critic)
-        checks.append(rank)
-        reason = rank.reason
+        over_time = _run(axis, critic)
     elif _is_history(critic):
         table = history_table(critics, errors_of, axis.residuals, limit, predefined_time)
-        text = (table.shown, table.sentence)
-        sections.append(Section(text, Details(history=table), table.records))
+        over_time = _OverTime(table, time_checks(table), [_history_section(table)])
     elif predefined_time is not None:
         raise BadInputError(
             "predefined_time applies to critics over time; create them with critics_over_time"
         )
-    if table is not None:
-        checks += time_checks(table)
+
+    checks = [*errors, *linear.checks]
+    if last.P is not None and last.finite:
+        checks += axis.value_checks(last.P, limit)
+    sections = [Section((f"Box of states: {box.about}",), Details(box=box)), linear.section]
+    if found is not None:
+        errors = [*errors, *found.errors]
+        checks += found.checks
+        sections.append(found.section)
+    elif last.is_layer:
+        sections.append(_polynomial_section(last))
+    checks += over_time.checks
+    sections += over_time.sections
+    reason = over_time.reason
     if not reason and not all(check.ok for check in errors):
         reason = _reason(game, axis, last, limit, scope, box.half_widths)
     return Verdict(
@@ -135,15 +130,60 @@ def verify(
         explained(checks, reason),
         limit,
         reason,
-        cost_lost,
+        linear.cost_lost if found is None else found.flown.cost_lost_flown_percent,
         axis.name,
         axis.solution,
         weights_line(axis.step.Q, axis.step.R, axis.step.delta, N=axis.step.N),
         box,
+        flights=None if found is None else found.flown.flights,
+        searched=0 if found is None else found.states,
+        proof=None if found is None else found.proof,
         sections=tuple(sections),
-        table=table,
-        **simulated,
+        table=over_time.table,
     )
+
+
+class _OverTime(NamedTuple):
+    """What a history or a training run adds to the verdict on its last critic.
+
+    table: errors over time, or None for a critic without a history.
+    checks: checks of the data and the settling time.
+    sections: sections of the report.
+    reason: why the data do not determine the critic, or "".
+    """
+
+    table: ErrorTable | None
+    checks: list[Check]
+    sections: list[Section]
+    reason: str = ""
+
+
+_NO_TIME = _OverTime(None, [], [])
+
+
+def _run(axis: TimeAxis, run: TrainingRun) -> _OverTime:
+    """Return the errors, the rank and the settling time of a training run."""
+    table = run_table(run, axis.exact.P, axis.residuals)
+    rank = rank_check(run)
+    return _OverTime(table, [rank, *time_checks(table)], [], rank.reason)
+
+
+def _history_section(table: ErrorTable) -> Section:
+    """Return the section of the report on a history, with the errors at all times as records."""
+    return Section((table.shown, table.sentence), Details(history=table), table.records)
+
+
+def _searched(
+    axis: TimeAxis, critic: Critic, box: np.ndarray, limit: float, scope: Scope
+) -> Findings:
+    """Return the errors that are searched for, and the simulations of the critic.
+
+    box: half-widths of the box of states, (n,)
+    limit: largest relative error that passes
+    """
+    from verification.network.search import findings_of
+
+    return findings_of(axis, critic, box, limit, scope)
 
 
 def axis_of(game: Game | DiscreteGame) -> TimeAxis:

@@ -26,6 +26,7 @@ from verification.axis import (
     StepLoop,
     cost_of,
     newton_equilibrium,
+    quadratic_at,
 )
 from verification.critic_errors import error_check, relative_error
 from verification.scope import NonlinearPlant
@@ -158,6 +159,10 @@ class InSteps:
         """Return the residuals of Bellman's equation, relative to the largest term, (N,)."""
         residuals = [bellman_residual(self.problem, (P + P.T) / 2.0) for P in values]
         return np.array(residuals)
+
+    def exact_at(self, kind: str, z: ca.SX) -> ca.SX:
+        """Return the exact function "value", "gradient" or "policy" at the state z, (n,)."""
+        return quadratic_at(self.exact, kind, z)
 
     def is_stable(self, K: np.ndarray) -> bool:
         """Return whether all eigenvalues of A - B K are inside the unit circle."""

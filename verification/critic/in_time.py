@@ -20,7 +20,16 @@ from controller.riccati.normal_form import NormalForm
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.checks import Check, at_least, at_most, below
 from hfa_support.reporting.text import Table
-from verification.axis import DECAY, FEW_STEPS, SLOWEST, FlowLoop, LinearLoop, Loop, cost_of
+from verification.axis import (
+    DECAY,
+    FEW_STEPS,
+    SLOWEST,
+    FlowLoop,
+    LinearLoop,
+    Loop,
+    cost_of,
+    quadratic_at,
+)
 from verification.critic_errors import disturbance_errors
 from verification.scope import LIMIT, NonlinearPlant
 from verification.verdict import Details, Section
@@ -122,6 +131,10 @@ class InTime:
         """Return the relative residuals of the Riccati equation, in balanced units, (N,)."""
         form = NormalForm.of(self.step)
         return np.asarray(form.relative_residual(form.of_value(values)))
+
+    def exact_at(self, kind: str, z: ca.SX) -> ca.SX:
+        """Return the exact function "value", "gradient" or "policy" at the state z, (n,)."""
+        return quadratic_at(self.exact, kind, z)
 
     def is_stable(self, K: np.ndarray) -> bool:
         """Return whether A - B K is Hurwitz."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import casadi as ca
@@ -15,7 +16,7 @@ import numpy as np
 
 from controller.critic.critic import FUNCTIONS, Critic
 from hfa_support.reporting.checks import Check
-from verification.axis import TimeAxis
+from verification.axis import TimeAxis, quadratic_at
 from verification.critic_errors import SMALL, Exact, error_check
 from verification.network.bound import Proof, prove
 from verification.network.flights import (
@@ -85,16 +86,19 @@ class Comparison(NamedTuple):
     """Comparison of a network with the exact solution over a box of states.
 
     critic: the network.
-    exact: the exact solution.
+    exact: the exact solution; P and K of its quadratic and linear parts scale the errors.
     weights: (m,), square roots of the weights of the inputs, by which errors of inputs are
         compared.
     box: half-widths b (n,) of the box |z_i| <= b_i.
+    exact_at: function (kind, z) -> exact function, as `TimeAxis.exact_at`, or None for z'Pz and
+        -K z.
     """
 
     critic: Critic
     exact: Exact
     weights: np.ndarray
     box: np.ndarray
+    exact_at: Callable[[str, ca.SX], ca.SX] | None = None
 
     @property
     def functions(self) -> dict[str, ca.Function]:
@@ -118,24 +122,23 @@ class Comparison(NamedTuple):
 
         kinds: the functions to compare, or () for all that the critic has
         """
-        P = ca.DM(self.exact.P)
+        exact = self.exact
+        exact_at = self.exact_at or partial(quadratic_at, exact)
         names = []
         errors = []
         functions = self.functions
         for kind in kinds or functions:
             given = functions[kind](z)
             if kind == "value":
-                error = given - self.critic.constant - ca.bilin(P, z, z)
-                sizes = np.atleast_1d(self.box @ np.abs(self.exact.P) @ self.box)
+                given -= self.critic.constant
+                sizes = np.atleast_1d(self.box @ np.abs(exact.P) @ self.box)
             elif kind == "gradient":
-                error = given - 2.0 * P @ z
-                sizes = _floored(2.0 * np.abs(self.exact.P) @ self.box)
+                sizes = _floored(2.0 * np.abs(exact.P) @ self.box)
             else:
-                error = given + ca.DM(self.exact.K) @ z
-                inputs = np.abs(self.exact.K) @ self.box
+                inputs = np.abs(exact.K) @ self.box
                 sizes = _floored(self.weights * inputs) / self.weights
             names += [kind] * len(sizes)
-            errors.append(error / ca.DM(sizes))
+            errors.append((given - exact_at(kind, z)) / ca.DM(sizes))
         return names, ca.vertcat(*errors)
 
     def function(self, kinds: Sequence[str]) -> ca.Function:
@@ -162,7 +165,7 @@ def findings_of(
 
     limit: largest relative error that passes
     """
-    about = Comparison(critic, axis.exact, np.sqrt(np.diag(axis.price)), b)
+    about = Comparison(critic, axis.exact, np.sqrt(np.diag(axis.price)), b, axis.exact_at)
     origin, worst, proof = _searched_and_proved(about, limit, scope)
     # The errors of a polynomial are bounded, and its bounds are checked.
     errors = search_checks(critic, origin, worst, limit) if critic.network else []

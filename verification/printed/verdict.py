@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from controller.critic.critic import from_gain
+from controller.critic.critic import from_gain, from_q_function, from_value, from_weights
+from controller.game.discrete_game import DiscreteGame
 from controller.game.weights import weights_line
 from hfa_support.errors import prefix_errors
 from hfa_support.progress import Progress
@@ -20,7 +21,6 @@ from hfa_support.reporting.text import Table
 from verification.critic.critic_check import verify
 from verification.printed.classes import Classified, classify
 from verification.printed.comparison import Comparison
-from verification.printed.exact_answer import policies
 from verification.printed.printed_file import PrintedFile, load_printed
 
 #: Number of entries in a report. A file contains all entries.
@@ -142,31 +142,21 @@ def check_printed(path: Path, progress: Progress | None = None) -> PrintedVerdic
 
 
 def _cost_above_optimum(file: PrintedFile) -> float:
-    """Return an upper bound on the cost above the optimum of the printed policy, percent."""
-    game = file.plant.game()
-    return verify(game, from_gain(game, _printed_gain(file))).cost_lost
+    """Return an upper bound on the cost above the optimum of the printed policy, percent.
 
-
-def _printed_gain(file: PrintedFile) -> np.ndarray:
-    """Return the gain K (m, n) of the printed policy u = -K x.
-
-    If K is not printed, the gain is computed from the printed H, P or W.
+    If K is not printed, the policy is that of the printed H, P or W.
     """
-    n, m = file.plant.B.shape
-    if "K" in file.answer:
-        return file.signs["K"] * file.answer["K"].values
-    if "H" in file.answer:
-        H = file.answer["H"].values
-        return np.asarray(np.linalg.solve(H[n:, n:], H[n:, :n])[:m])
-    if "P" in file.answer:
-        P = file.answer["P"].values
+    game = file.plant.game()
+    printed = {name: block.values for name, block in file.answer.items()}
+    if "K" in printed:
+        critic = from_gain(game, file.signs["K"] * printed["K"])
+    elif isinstance(game, DiscreteGame) and "H" in printed:
+        critic = from_q_function(game, (printed["H"] + printed["H"].T) / 2.0)
+    elif "P" in printed:
+        critic = from_value(game, printed["P"])
     else:
-        weights = file.answer["W"].values.ravel()
-        row, column = np.triu_indices(n)
-        P = np.zeros((n, n))
-        P[row, column] = 0.5 * weights
-        P = P + P.T
-    return policies(file.plant, P)[:m]
+        critic = from_weights(game, printed["W"].ravel())
+    return verify(game, critic).cost_lost
 
 
 def _rows(comparison: Comparison) -> list[tuple[Any, ...]]:
