@@ -8,7 +8,6 @@ from pathlib import Path
 from hfa_flight.problem import FlightProblem
 from hfa_prove.certificate import read_certificate
 from hfa_prove.check import check
-from hfa_prove.fields_boxes import COST_FIELDS
 from hfa_prove.problem import given_of
 from hfa_prove.statements.cost import CostStatement
 from hfa_prove.statements.plant import Subject
@@ -55,6 +54,6 @@ def refuse_other(
     advice: end of the message
     """
     try:
-        compare(statement.content(), COST_FIELDS, given)
+        compare(statement, given)
     except NoSolutionError as error:
         raise BadInputError(f"{path}: {error}{advice}") from error

@@ -4,41 +4,37 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from flint import ctx
 
-from hfa_prove.fields import Fields, naming, require
+from hfa_prove.fields import Fields, Statement, Witness, naming
 from hfa_prove.statements.cost import CostStatement, CostWitness
+from hfa_prove.statements.game import GameStatement, GameWitness
 from hfa_prove.statements.plant import Subject
-from hfa_prove.statements.region_boxes import BoxStatement, BoxWitness
-from hfa_prove.statements.region_squares import RegionStatement, RegionWitness
-from hfa_prove.statements.schedule import (
-    GameStatement,
-    GameWitness,
-    ScheduleStatement,
-    ScheduleWitness,
-)
+from hfa_prove.statements.region import RegionStatement, read_region_witness
+from hfa_prove.statements.schedule import ScheduleStatement, ScheduleWitness
 from hfa_support.errors import BadInputError, file_faults, on_one_line
 from hfa_support.files import regular_file, write_text
 from hfa_support.reporting.data_files import jsonable
 from hfa_support.version import VERSION
 
-SCHEMA = "hfa.certificate/9"
+SCHEMA = "hfa.certificate/10"
 #: Entries of a file besides the statement and the witness. They are not part of the claim.
 _CLOSING = ("digest", "provenance", "checksum")
 #: Bits of the balls that enclose decimal numbers of a file.
 _PRECISION = 256
-#: Kind of a certificate -> its statement and its witness.
-KINDS: Mapping[str, tuple[Any, Any]] = {
-    "schedule": (ScheduleStatement, ScheduleWitness),
-    "game": (GameStatement, GameWitness),
-    "region": (RegionStatement, RegionWitness),
-    "region-boxes": (BoxStatement, BoxWitness),
-    "cost-boxes": (CostStatement, CostWitness),
+#: Kind of a certificate -> its statement, and the reader of its witness: (entries, statement) ->
+#: witness.
+KINDS: Mapping[str, tuple[type[Statement], Callable[[Fields, Any], Witness]]] = {
+    "schedule": (ScheduleStatement, ScheduleWitness.read),
+    "game": (GameStatement, GameWitness.read),
+    "region": (RegionStatement, read_region_witness),
+    "cost": (CostStatement, CostWitness.read),
 }
 
 
@@ -87,7 +83,7 @@ def read_content(content: dict[str, Any], subject: Subject | None = None) -> tup
         entries.value(name, lambda value: True)
     kind = entries.value("kind", lambda value: isinstance(value, str) and value in KINDS)
     statement = read_statement(kind, entries.value("statement", lambda value: True), subject)
-    witness = KINDS[kind][1].read(entries.fields("witness"), statement)
+    witness = KINDS[kind][1](entries.fields("witness"), statement)
     entries.close()
     return statement, witness
 
@@ -102,8 +98,8 @@ def read_statement(kind: str, content: Any, subject: Subject | None = None) -> A
     Raises Malformed for the first wrong entry. Raises BadInputError if the statement concerns
     another aircraft or policy.
     """
-    require(isinstance(content, dict), "statement", content)
-    return KINDS[kind][0].read(content, subject or Subject())
+    known = SimpleNamespace(subject=subject or Subject())
+    return KINDS[kind][0].read(Fields("statement", content), known)
 
 
 def kind_in(path: Path) -> str:
@@ -173,7 +169,7 @@ def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
         raise BadInputError(
             f"{path} is not a certificate; give a file written by `hfa prove ... -o`"
         ) from error
-    if schema != SCHEMA or content.get("kind") == "models":
+    if schema != SCHEMA:
         raise BadInputError(
             f"{path} has the format {on_one_line(schema)} of another version; prove the statement "
             "again with this version"

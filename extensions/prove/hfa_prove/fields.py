@@ -1,4 +1,4 @@
-"""Reader of the entries of a certificate, which refuses wrong types and unread entries."""
+"""Entries of a certificate: their declaration, and a reader that refuses wrong and unread ones."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import field, fields
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from flint import arb
@@ -255,77 +257,115 @@ def _ball(where: str, value: Any) -> arb:
     return arb(_double(where, value))
 
 
-class Field(NamedTuple):
-    """Treatment of an entry of a statement.
+class Entry(NamedTuple):
+    """How an entry of a certificate's object is read, stored and reported.
 
+    read: (reader of the object, name of the entry, values read before) -> value, or None if the
+        entry is optional and missing
+    store: value -> the form stored in a file
     subject: name of the entry in the first line of a report if the user does not give a value, or
         "" for a claim, which is not compared
     shown: whether a report shows the entry, apart from the digest
+    apart: whether the value is a mapping, each item of which is compared apart
     """
 
-    subject: str = ""
-    shown: bool = True
+    read: Callable[[Fields, str, Any], Any]
+    store: Callable[[Any], Any]
+    subject: str
+    shown: bool
+    apart: bool
 
 
-#: Path of an entry of a statement, such as "flight.parameters" -> its treatment. If the path of an
-#: object is not in the table, the paths of its entries are.
-FieldTable = Mapping[str, Field]
-_AIRCRAFT = Field("aircraft")
-#: Fields of the aircraft, of the imposed values of its trims, and of the limits.
-_FLIGHT: FieldTable = {
-    "flight.dynamics": _AIRCRAFT,
-    "flight.source": _AIRCRAFT,
-    "flight.over": _AIRCRAFT,
-    "flight.unit": _AIRCRAFT,
-    "flight.state_units": _AIRCRAFT,
-    "flight.input_units": _AIRCRAFT,
-    "flight.input_scales": _AIRCRAFT,
-    "flight.parameters": Field("parameters"),
-    "flight.imposed": Field("trim"),
-    "flight.limits": Field("limits"),
-    "flight.range": Field(),
-    "flight.spread": Field(),
-    "flight.trims": Field(),
-}
-_WEIGHTS: FieldTable = {
-    "weights.Q": Field("weights"),
-    "weights.R": Field("weights"),
-    "weights.E": Field("weights"),
-    "weights.delta": Field("weights"),
-}
-_CONTROLLER: FieldTable = {
-    f"controller.{name}": Field("gains")
-    for name in ("breakpoints", "A", "B", "C", "D", "measurements", "inputs", "states")
-}
-_ACTUATORS: FieldTable = {
-    f"{kind}.{name}": Field("actuators")
-    for kind in ("fixed_actuators", "uncertain_actuators")
-    for name in ("order", "damping", "bandwidth", "effectiveness")
-} | {"uncertain_actuators.delay": Field("actuators")}
-#: Kind of certificate -> its fields.
-FIELDS: dict[str, FieldTable] = {
-    "schedule": {
-        **_FLIGHT,
-        **_CONTROLLER,
-        **_ACTUATORS,
-        "loop": Field(),
-        "modes": Field(),
-        "decay_rate": Field(),
-        "scheduled_rate": Field(),
-    },
-    "game": {
-        **_FLIGHT,
-        "plant.A": Field("plant"),
-        "plant.B": Field("plant"),
-        **_WEIGHTS,
-        "decimals": Field(),
-        "critic.K": Field("critic"),
-        "critic.P": Field("critic"),
-        "critic.W": Field("critic"),
-        "gain_of_value": Field(),
-        "distances": Field(),
-        "loop": Field(),
-        "delta_min": Field(),
-        "modes": Field(),
-    },
-}
+def entry(
+    read: Callable[[Fields, str, Any], Any],
+    *,
+    store: Callable[[Any], Any] | None = None,
+    subject: str = "",
+    shown: bool = True,
+    apart: bool = False,
+    **default: Any,
+) -> Any:
+    """Return the declaration of a field of a `Stated` object, see `Entry`."""
+    declared = Entry(read, store or stored, subject, shown, apart)
+    return field(metadata={"entry": declared}, **default)
+
+
+def part(kind: type[Stated]) -> Any:
+    """Return the declaration of a field that is an object with entries of its own."""
+    return entry(lambda file, name, known: kind.read(file.fields(name), known))
+
+
+class Stated:
+    """Object of a certificate. The fields of the dataclass are the entries of the object."""
+
+    @classmethod
+    def read(cls, file: Fields, known: Any) -> Self:
+        """Return the object in a file.
+
+        file: reader of the object
+        known: namespace of values that the entries depend on: the user's `subject`, and the
+            entries of the objects around this one
+
+        Raises Malformed for the first wrong entry. Raises BadInputError if the statement concerns
+        another aircraft or policy than the user's.
+        """
+        known = SimpleNamespace(**vars(known))
+        values = {}
+        for each in fields(cls):  # type: ignore[arg-type]
+            declared: Entry = each.metadata["entry"]
+            values[each.name] = declared.read(file, each.name, known)
+            setattr(known, each.name, values[each.name])
+        file.close()
+        made = cls(**values)
+        made.check_consistent()
+        return made
+
+    def check_consistent(self) -> None:
+        """Raise Malformed if entries contradict each other."""
+
+    def content(self) -> dict[str, Any]:
+        """Return the object in the form that is stored in a file and that `read` accepts."""
+        content = {}
+        for each in fields(self):  # type: ignore[arg-type]
+            value = getattr(self, each.name)
+            if value is not None:
+                content[each.name] = each.metadata["entry"].store(value)
+        return content
+
+    def entries(self, before: str = "") -> Iterator[tuple[str, Entry, Any]]:
+        """Yield path, declaration and stored value of every entry.
+
+        before: beginning of every path, such as "flight."
+        """
+        for each in fields(self):  # type: ignore[arg-type]
+            declared: Entry = each.metadata["entry"]
+            path = f"{before}{each.name}"
+            value = getattr(self, each.name)
+            if isinstance(value, Stated):
+                yield from value.entries(f"{path}.")
+            elif declared.apart:
+                for name, item in value.items():
+                    yield f"{path}.{name}", declared, declared.store(item)
+            elif value is not None:
+                yield path, declared, declared.store(value)
+
+
+class Statement(Stated):
+    """Claim of a certificate."""
+
+
+class Witness:
+    """Data for the proof of a statement, not part of the claim."""
+
+
+def stored(value: Any) -> Any:
+    """Return a value in the form that is stored in a file."""
+    if isinstance(value, Stated):
+        return value.content()
+    if isinstance(value, Mapping):
+        return {name: stored(item) for name, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return value.astype(float).tolist()
+    if isinstance(value, (tuple, list)):
+        return [stored(item) for item in value]
+    return value

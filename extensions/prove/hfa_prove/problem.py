@@ -81,11 +81,13 @@ def given_of(problem: FlightProblem, option: str, weights: Mapping[str, Any]) ->
     signals = problem.model.signals
     by_name = dict(zip(names, widths.tolist(), strict=True))
     by_name |= {name: SAME_TRIM * signals[name].nominal for name in plant.held}
-    given = {name: Given(fact, option) for name, fact in facts(problem.model).items()}
-    given["parameters"] = Given(dict(plant.parameters), option)
-    given["limits"] = Given(dict(plant.limits), option, _not_narrower)
+    given = {
+        "plant.model": Given(facts(problem.model), option),
+        "plant.parameters": Given(dict(plant.parameters), option),
+        "plant.limits": Given(dict(plant.limits), option, _not_narrower),
+    }
     for name in ("trim", "inputs", "held"):
-        given[name] = Given(dict(getattr(plant, name)), option, within(by_name))
+        given[f"plant.{name}"] = Given(dict(getattr(plant, name)), option, within(by_name))
     return given | {name: Given(value, f"--{name}") for name, value in weights.items()}
 
 

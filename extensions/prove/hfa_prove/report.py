@@ -15,16 +15,13 @@ from hfa_prove.check import Proved
 from hfa_prove.check.game import SAME_GAIN
 from hfa_prove.hfa import identity_of
 from hfa_prove.results import SCHEMA, Content, _not_covered, breakpoint_data, schedule_data
+from hfa_prove.statements.flight import Flight
+from hfa_prove.statements.game import GameStatement, Plant, Weights
 from hfa_prove.statements.schedule import (
     Controller,
-    Flight,
-    GameStatement,
-    Plant,
     Run,
     ScheduleStatement,
-    Statement,
     UncertainActuators,
-    Weights,
 )
 from hfa_prove.subject import qualified
 from hfa_prove.words import at_least, at_most
@@ -32,7 +29,7 @@ from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Table, matrix_table, numbered
 
 
-def proof_report(statement: Statement, data: Content) -> Report:
+def proof_report(statement: ScheduleStatement | GameStatement, data: Content) -> Report:
     """Return the report of a proof.
 
     statement: the proved statement
@@ -285,7 +282,7 @@ def checked_report(verified: Proved, not_given: Sequence[str] = ()) -> Report:
     return Report(title, parts, data=data)
 
 
-def _checked_verdict(statement: Statement, data: Content) -> str:
+def _checked_verdict(statement: ScheduleStatement | GameStatement, data: Content) -> str:
     """Return the first words of the report of a certificate that the checker has verified.
 
     A verified certificate may prove the full claim, refute it or leave it open. The words state

@@ -9,7 +9,8 @@ import numpy as np
 from hfa_prove.check import Proved
 from hfa_prove.results import CheckedBoxes, FoundBoxes, quadratic_form
 from hfa_prove.search.region_boxes import BoxRegion
-from hfa_prove.statements.region_boxes import BoxStatement, Gain
+from hfa_prove.statements.loop import Gain
+from hfa_prove.statements.region import RegionStatement
 from hfa_prove.subject import first_line
 from hfa_prove.words import (
     NO_BOX,
@@ -112,7 +113,7 @@ def checked_report(
 
 
 def _title(
-    statement: BoxStatement, verdict: str, not_covered: str, not_given: Sequence[str] = ()
+    statement: RegionStatement, verdict: str, not_covered: str, not_given: Sequence[str] = ()
 ) -> str:
     """Return the first line of a report.
 
@@ -127,7 +128,7 @@ def _title(
     return first_line(claim, not_given, not_covered)
 
 
-def _sentence(statement: BoxStatement, policy: str) -> str:
+def _sentence(statement: RegionStatement, policy: str) -> str:
     saturated = ", ".join(statement.loop.inputs) or "no input"
     held = statement.loop.held
     kept = f" {', '.join(held)} held at trim values." if held else ""
@@ -142,7 +143,7 @@ def _sentence(statement: BoxStatement, policy: str) -> str:
     )
 
 
-def _extents(statement: BoxStatement) -> tuple[Table, str]:
+def _extents(statement: RegionStatement) -> tuple[Table, str]:
     """Return a table of the deviations in the set, and the sentence `NO_BOX`.
 
     Each row has the lowest and highest deviation of a state, its equilibrium and trim, and its
@@ -161,7 +162,7 @@ def _extents(statement: BoxStatement) -> tuple[Table, str]:
     return Table(header, rows), NO_BOX
 
 
-def _V(statement: BoxStatement) -> tuple[str | Table, ...]:
+def _V(statement: RegionStatement) -> tuple[str | Table, ...]:
     """Return text and tables that define V: the matrix P for degree 2, otherwise M and W(y)."""
     states = statement.loop.states
     P = quadratic_form(statement.piece)
@@ -171,17 +172,17 @@ def _V(statement: BoxStatement) -> tuple[str | Table, ...]:
     return (Table(("P", *states), rows),)
 
 
-def _coefficients(statement: BoxStatement) -> tuple[Table | str, ...]:
+def _coefficients(statement: RegionStatement) -> tuple[Table | str, ...]:
     """Return tables and text of the policy's coefficients.
 
     The tuple is empty if the certificate stores only a digest of the policy.
     """
-    if not isinstance(statement.policy, Gain):
-        return ()
     loop = statement.loop
+    if not isinstance(loop.policy, Gain):
+        return ()
     rows = [
         (name, *(f"{entry:.6g}" for entry in row))
-        for name, row in zip(loop.inputs, statement.policy.K.tolist(), strict=True)
+        for name, row in zip(loop.inputs, loop.policy.K.tolist(), strict=True)
     ]
-    curved = curved_policies_in_words(statement.policy.terms, loop.states)
+    curved = curved_policies_in_words(loop.policy.terms, loop.states)
     return (Table(("K", *loop.states), rows), *curved)

@@ -13,7 +13,7 @@ from hfa_prove.check.game import SAME_GAIN
 from hfa_prove.check.region_squares import extents_of
 from hfa_prove.results import CheckedSet, FoundSet, Place
 from hfa_prove.search.plant import NOT_RETURNED
-from hfa_prove.statements.region_squares import RegionStatement
+from hfa_prove.statements.region import RegionStatement
 from hfa_prove.subject import first_line
 from hfa_prove.words import (
     NO_BOX,
@@ -23,6 +23,7 @@ from hfa_prove.words import (
     limits_in_words,
     outputs_in_words,
     parameters_in_words,
+    piece_in_words,
     place_in_words,
     polynomial_in_words,
 )
@@ -66,13 +67,13 @@ def region_report(region: Region) -> Report:
     binding = ", ".join(bounds.limits) or "none"
     parts: tuple[str | Table, ...] = (
         _sentence(statement),
-        *curved_policies_in_words(statement.loop.policy, statement.loop.states),
+        *curved_policies_in_words(statement.loop.gain.terms, statement.loop.states),
         *_extents(statement, reaches),
         table,
         f"Limits that bind: {binding}. Origin of V: {region.origin}. Degree: {found.degree}. "
         + _where_proved(statement, region.proved.parts),
         *stopped,
-        _V(statement),
+        *_V(statement),
         _not_covered(statement),
     )
     return Report(_title(statement, "Proved"), parts, data=found.as_data())
@@ -91,7 +92,7 @@ def checked_report(verified: Proved, not_given: Sequence[str] = ()) -> Report:
         ("K", *loop.states),
         [
             (name, *(f"{entry:.6g}" for entry in row))
-            for name, row in zip(loop.inputs, loop.K.tolist(), strict=True)
+            for name, row in zip(loop.inputs, loop.gain.K.tolist(), strict=True)
         ],
     )
     trim = Table(
@@ -103,15 +104,16 @@ def checked_report(verified: Proved, not_given: Sequence[str] = ()) -> Report:
     )
     parts: tuple[str | Table, ...] = (
         _sentence(statement),
-        *curved_policies_in_words(statement.loop.policy, statement.loop.states),
+        *curved_policies_in_words(statement.loop.gain.terms, statement.loop.states),
         *_extents(statement, reaches),
         trim,
+        *_equilibrium(statement),
         gains,
         *_of_this_gain(statement, not_given),
         *outputs_in_words(loop),
         parameters_in_words(loop.model, loop.parameters),
         f"{_where_proved(statement, verified.size)} V is of degree {checked.degree}.",
-        _V(statement),
+        *_V(statement),
         _not_covered(statement),
     )
     return Report(_title(statement, "Verified, proved", not_given), parts, data=checked.as_data())
@@ -160,7 +162,8 @@ def _sentence(statement: RegionStatement) -> str:
     kept = f" {', '.join(held)} held at trim values." if held else ""
     level = at_least(statement.rho, 6)
     begins = f"Every trajectory that begins in V(z) <= {level} stays there and within "
-    within = f"all limits, and converges to the trim; inputs saturated: {saturated}.{kept}"
+    end = "equilibrium" if _equilibrium(statement) else "trim"
+    within = f"all limits, and converges to the {end}; inputs saturated: {saturated}.{kept}"
     if statement.loop.disturbances:
         within = (
             f"all limits under every disturbance {_sizes(statement)}; inputs saturated: "
@@ -227,9 +230,22 @@ def _extents(
     return Table(header, rows), NO_BOX
 
 
-def _V(statement: RegionStatement) -> str:
+def _V(statement: RegionStatement) -> tuple[str | Table, ...]:
     """Return V with all of its terms as text, six digits for each coefficient."""
-    return f"V(z) = {polynomial_in_words(statement.terms, statement.loop.states)}"
+    piece = statement.piece
+    states = statement.loop.states
+    if piece.whole and np.array_equal(piece.M, np.eye(len(states))):
+        return (f"V(z) = {polynomial_in_words(statement.terms, states)}",)
+    table, V = piece_in_words(piece, states)
+    return table, V if piece.whole else f"{V}, |y_i| < 1"
+
+
+def _equilibrium(statement: RegionStatement) -> tuple[str, ...]:
+    """Return one line on the stated equilibrium if it differs from the trim, otherwise ()."""
+    if dict(statement.equilibrium) == dict(statement.loop.trim):
+        return ()
+    values = ", ".join(f"{name} {value:.15g}" for name, value in statement.equilibrium.items())
+    return (f"Equilibrium near {values}, in the units of the model.",)
 
 
 def _place(statement: RegionStatement, found: tuple[float, np.ndarray | None]) -> Place | None:

@@ -10,16 +10,11 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_prove.statements.cost import CostStatement
-from hfa_prove.statements.loop import Loop, SaturatedLoop
+from hfa_prove.statements.loop import Loop, stored_policy
 from hfa_prove.statements.piece import Piece
 from hfa_prove.statements.plant import Plant
-from hfa_prove.statements.region_boxes import BoxStatement, Gain
-from hfa_prove.statements.region_squares import RegionStatement
-from hfa_prove.statements.schedule import (
-    Run,
-    ScheduleStatement,
-    UncertainActuators,
-)
+from hfa_prove.statements.region import RegionStatement
+from hfa_prove.statements.schedule import Run, ScheduleStatement, UncertainActuators
 from hfa_prove.words import ProvedResult
 from hfa_support.reporting.results import UNSTORED, Matrix, Result, Vector, stored
 
@@ -118,7 +113,7 @@ class ProofData(Result):
 class CertificateData(Result):
     """Content of the file of a certificate.
 
-    kind: schedule, game, region, region-boxes or cost-boxes.
+    kind: schedule, game, region or cost.
     toolchain: version of the program that wrote the file.
     statement: the claim.
     witness: data for the proof.
@@ -126,10 +121,10 @@ class CertificateData(Result):
     checksum: SHA-256 of the text before this entry, including the provenance.
     """
 
-    schema = "hfa.certificate/9"
+    schema = "hfa.certificate/10"
     made_by = "hfa prove -o FILE.json: the certificate"
 
-    kind: Literal["schedule", "game", "region", "region-boxes", "cost-boxes"]
+    kind: Literal["schedule", "game", "region", "cost"]
     toolchain: str
     statement: Mapping[str, Any]
     witness: Mapping[str, Any]
@@ -158,7 +153,7 @@ class ProvedSet(ProvedResult):
     reaches: Mapping[str, tuple[float, float]] = field(metadata=UNSTORED)
 
     @property
-    def subject(self) -> SaturatedLoop:
+    def subject(self) -> Loop:
         """The closed loop: model, trim, limits and policy."""
         return self.statement.loop
 
@@ -178,7 +173,7 @@ class ProvedSet(ProvedResult):
     @stored()
     def K(self) -> Matrix:
         """Gain K (m, n) of u = sat(u0 - K (x - x0) + q(x - x0)), with the trim x0, u0."""
-        return self.statement.loop.K
+        return self.statement.loop.gain.K
 
     @property
     @stored()
@@ -187,7 +182,7 @@ class ProvedSet(ProvedResult):
 
         q is the nonlinear part of u = sat(u0 - K (x - x0) + q(x - x0)), with the trim x0, u0.
         """
-        return self.statement.loop.policy
+        return self.statement.loop.gain.terms
 
     @property
     @stored()
@@ -298,7 +293,7 @@ class BoxSet(ProvedResult):
     boxes: number of boxes that the proof evaluated.
     """
 
-    statement: BoxStatement = field(metadata=UNSTORED)
+    statement: RegionStatement = field(metadata=UNSTORED)
     boxes: int
 
     @property
@@ -332,8 +327,8 @@ class BoxSet(ProvedResult):
         The coefficients are K and the terms of q in u0 - K (x - x0) + q(x - x0), with the trim x0,
         u0.
         """
-        stated = self.statement.policy
-        return stated.content() if isinstance(stated, Gain) else stated
+        policy: str | Mapping[str, Any] = stored_policy(self.statement.loop.policy)
+        return policy
 
     @property
     @stored()

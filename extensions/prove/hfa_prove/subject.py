@@ -1,18 +1,18 @@
 """Comparison of a certificate's statement with the user's data.
 
-Each kind of statement has a table of its entries. An entry that is not a claim is compared if the
-user gave a value. The first line of the report names the entries that were not given.
+An entry that is not a claim is compared if the user gave a value. The first line of the report
+names the entries that were not given.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_prove.fields import FieldTable
+from hfa_prove.fields import Stated
 from hfa_support.errors import BadInputError, NoSolutionError
 
 #: Largest number of columns of the first line of a report.
@@ -96,31 +96,29 @@ def within(widths: Mapping[str, float]) -> Callable[[Any, Any], bool]:
     return same
 
 
-def compare(content: Mapping[str, Any], table: FieldTable, given: Mapping[str, Given]) -> list[str]:
-    """Return the subjects (`Field.subject`) that the user did not give, in the order of the table.
+def compare(statement: Stated, given: Mapping[str, Given]) -> list[str]:
+    """Return the subjects (`Entry.subject`) that the user did not give, in the statement's order.
 
-    content: content of a statement
-    table: all entries of statements of this kind
     given: path of an entry -> the user's value
 
     Raises NoSolutionError if an entry differs from the user's value. Raises BadInputError if the
     user gave a value for an entry that the statement does not have.
     """
-    stated = dict(entries_of(content, table))
+    stated = {path: (declared, value) for path, declared, value in statement.entries()}
     for path, own in given.items():
         name = path.rpartition(".")[2]
         if path not in stated:
             raise BadInputError(
                 f"{own.option} gives {name}, which the certificate does not contain; remove {name}"
             )
-        if not own.same(stated[path], own.value):
-            name = _first_other(name, stated[path], own)
+        value = stated[path][1]
+        if not own.same(value, own.value):
+            name = _first_other(name, value, own)
             raise NoSolutionError(
                 f"{name} in the certificate differs from the value of {own.option}"
             )
-    subjects = [table[path].subject for path in stated if path not in given]
-    order = dict.fromkeys(field.subject for field in table.values())
-    return [subject for subject in order if subject and subject in subjects]
+    not_given = [declared.subject for path, (declared, _) in stated.items() if path not in given]
+    return [subject for subject in dict.fromkeys(not_given) if subject]
 
 
 def _first_other(name: str, stated: Any, own: Given) -> str:
@@ -142,22 +140,6 @@ def _first_other(name: str, stated: Any, own: Given) -> str:
             if not own.same(changed, own.value):
                 return f"limit of {key}" if name == "limits" else str(key)
     return name
-
-
-def entries_of(content: Mapping[str, Any], table: FieldTable) -> Iterator[tuple[str, Any]]:
-    """Yield path and value of every entry of a statement.
-
-    Raises LookupError if an entry is not in the table.
-    """
-    waiting = [(name, value) for name, value in content.items()]
-    while waiting:
-        path, value = waiting.pop(0)
-        if path in table:
-            yield path, value
-        elif isinstance(value, Mapping) and any(name.startswith(f"{path}.") for name in table):
-            waiting += [(f"{path}.{name}", entry) for name, entry in value.items()]
-        else:
-            raise LookupError(f"the table of fields has no {path}")
 
 
 def qualified(claim: str, not_given: Iterable[str]) -> str:

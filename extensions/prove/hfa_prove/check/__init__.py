@@ -19,10 +19,10 @@ from hfa_aircraft.model import Model
 from hfa_prove.certificate import Certificate, read_certificate
 from hfa_prove.fields import naming
 from hfa_prove.statements.cost import CostWitness
+from hfa_prove.statements.game import GameWitness
 from hfa_prove.statements.plant import Subject
-from hfa_prove.statements.region_boxes import BoxWitness
-from hfa_prove.statements.region_squares import RegionWitness
-from hfa_prove.statements.schedule import GameWitness, ScheduleWitness
+from hfa_prove.statements.region import BoxWitness, SquaresWitness
+from hfa_prove.statements.schedule import ScheduleWitness
 from hfa_support.arguments import checks_arguments
 from hfa_support.progress import Progress
 
@@ -82,10 +82,10 @@ def _sizes(statement: Any, witness: Any, progress: Progress | None) -> tuple[int
 
         return (check_schedule(statement, witness, progress),)
     if isinstance(witness, GameWitness):
-        from hfa_prove.check.schedule import check_game
+        from hfa_prove.check.game import check_game
 
         return (check_game(statement, witness),)
-    if isinstance(witness, RegionWitness):
+    if isinstance(witness, SquaresWitness):
         from hfa_prove.check.region_squares import check_region
 
         return (check_region(statement, witness, progress),)

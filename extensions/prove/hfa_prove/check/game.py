@@ -10,16 +10,20 @@ interval up to infinity (Basar and Bernhard, H-infinity-Optimal Control, 1995, T
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
-from flint import acb, acb_mat, arb, arb_mat
+from flint import acb, acb_mat, arb, arb_mat, ctx
 
 from hfa_prove.check.equilibrium import root_offsets
-from hfa_prove.check.modes import eigenvalue_signs, modes_right_of
+from hfa_prove.check.modes import check_runs, eigenvalue_signs, least_and_most, modes_right_of
+from hfa_prove.check.trims import check_branches, linear_model_on
 from hfa_prove.fields import Rejected
-from hfa_prove.statements.schedule import SolutionBox, Weights
+from hfa_prove.statements.flight import Line, TrimBox
+from hfa_prove.statements.game import GameStatement, GameWitness, Plant, SolutionBox, Weights
+from hfa_prove.statements.schedule import Run
 from verification.enclosure.balls import doubles, matrix, norm, symmetric
 from verification.enclosure.series import TaylorModel
 
@@ -198,3 +202,76 @@ def critic_distances(
         target = targets[name]
         bounds[name] = distance_bounds(target - matrix(values), target.range().entries())
     return bounds
+
+
+#: Bits of a midpoint.
+_PRECISION = 256
+
+
+@ctx.workprec(_PRECISION)
+def check_game(statement: GameStatement, witness: GameWitness) -> int:
+    """Prove the claims about a game and return the number of boxes in the proof, 1.
+
+    The claims, as far as they are stated, are:
+    - the distances of the critic from the exact solution
+    - the gain of the critic's P and W
+    - the numbers of unstable modes of the loop and of the plant
+    - the lower and upper bound of delta_min
+
+    Raises Rejected unless all claims are proved.
+    """
+    weights = statement.weights
+    doubles = _plant(statement, witness, decimals=False)
+    wide = _plant(statement, witness, decimals=True) if statement.decimals else doubles
+    exact = solution_on(weights, *wide, witness.solution, lowest=1)
+    bounds = critic_distances(statement.critic, exact)
+    for name, (least, most) in statement.distances.items():
+        lowest, highest = bounds[name]
+        if not (highest <= arb(most) and (least == 0.0 or lowest >= arb(least))):
+            raise Rejected(f"the stated distance of {name} is not proved")
+    A, B = wide
+    if statement.gain_of_value:
+        check_gain(weights, B, statement.critic)
+    n = A.parts[0].nrows()
+    loop = A - B * matrix(statement.critic["K"])
+    check_runs("loop", [Run(0.0, 0.0, *statement.loop)], _line_bounds(loop, witness.loop), n)
+    if statement.delta_min is None:
+        return 1
+    assert statement.modes is not None
+    A, B = doubles
+    check_runs("modes", [Run(0.0, 0.0, *statement.modes)], _line_bounds(A, witness.modes), n)
+    refused, value = statement.delta_min
+    assert witness.value is not None
+    solution_on(replace(weights, delta=value), A, B, witness.value, lowest=1)
+    below = replace(weights, delta=refused)
+    if isinstance(witness.refused, SolutionBox):
+        solution_on(below, A, B, witness.refused, lowest=-1)
+    else:
+        check_axis(below, A, B, witness.refused or [])
+    return 1
+
+
+def _plant(
+    statement: GameStatement, witness: GameWitness, *, decimals: bool
+) -> tuple[TaylorModel, TaylorModel]:
+    """Return the matrices A and B of the plant of a game.
+
+    The trim of the doubles is within its radii about the center. The larger radii for all decimals
+    contain these radii, and each trim in them is unique. All trims are therefore on one branch.
+
+    decimals: whether the matrices enclose those of every decimal number that rounds to the stored
+        doubles, instead of those of the doubles alone
+    """
+    plant = statement.plant
+    if isinstance(plant, Plant):
+        return TaylorModel(matrix(plant.A)), TaylorModel(matrix(plant.B))
+    assert witness.trim is not None
+    radii = witness.trim.wide_radii if decimals else witness.trim.radii
+    trim = TrimBox(plant.low, plant.high, witness.trim.center, radii)
+    linear = linear_model_on(plant, trim, decimals=decimals)
+    check_branches(plant, [linear])
+    return linear.A, linear.B
+
+
+def _line_bounds(A: TaylorModel, lines: Sequence[Line]) -> list[Run]:
+    return [Run(0.0, 0.0, *least_and_most(A, line)) for line in lines]

@@ -17,9 +17,9 @@ from flint import arb, arb_mat
 from hfa_aircraft.layout import components
 from hfa_prove.check.equilibrium import root_offsets
 from hfa_prove.fields import Rejected, Terms
-from hfa_prove.statements.loop import FREE, LOWEST, SaturatedLoop
+from hfa_prove.statements.loop import FREE, LOWEST, Loop
 from hfa_prove.statements.plant import SAME_TRIM
-from hfa_prove.statements.region_squares import RegionStatement
+from hfa_prove.statements.region import RegionStatement
 from hfa_support.errors import BadInputError
 from verification.enclosure.ball_function import BallFunction
 from verification.enclosure.balls import exact, matrix, norm, symmetric
@@ -37,23 +37,26 @@ _Term = tuple[arb, tuple[int, ...]]
 class Equilibrium:
     """Enclosed equilibrium without disturbances, F(x) = f(x, u0 - K (x - x0) + q(x - x0), 0) = 0.
 
-    loop: the saturated loop
+    loop: the loop of a polynomial policy
+    stated: moving state -> value near the equilibrium, the trim by default
     x: states, (n,), balls
     u: inputs, (m,), balls strictly within the limits
 
-    Raises Rejected unless an equilibrium near the trim is proved, with inputs strictly within their
-    limits. Raises ZeroDivisionError if the Jacobian is singular.
+    Raises Rejected unless an equilibrium near the stated one is proved, with inputs strictly within
+    their limits. Raises ZeroDivisionError if the Jacobian is singular.
     """
 
-    def __init__(self, loop: SaturatedLoop) -> None:
+    def __init__(self, loop: Loop, stated: Mapping[str, float] | None = None) -> None:
         self.loop = loop
+        gain = loop.gain
         still = replace(loop, disturbances={})
         self._rates = BallFunction(_function(still, outputs=False), loop.model.name)
         self._slopes = BallFunction(_slopes(loop), loop.model.name)
         self._x0 = [exact(value) for value in loop.trim.values()]
         self._u0 = [exact(value) for value in loop.inputs.values()]
-        self._K = matrix(loop.K)
-        self._policy = [_exact_terms(loop.policy.get(name, ())) for name in loop.inputs]
+        self._near = [exact(value) for value in (stated or loop.trim).values()]
+        self._K = matrix(gain.K)
+        self._policy = [_exact_terms(gain.terms.get(name, ())) for name in loop.inputs]
         self.x = self._enclosed()
         self.u = self._inputs(self.x)
         self._check_near()
@@ -93,12 +96,12 @@ class Equilibrium:
         return self._K - arb_mat(len(self._u0), len(away), [s for row in slopes for s in row])
 
     def _enclosed(self) -> list[arb]:
-        """Return an enclosure of the states at the only equilibrium near x0.
+        """Return an enclosure of the states at the only equilibrium near the stated one.
 
         Raises Rejected if no equilibrium is proved.
         """
         n = len(self._x0)
-        x = list(self._x0)
+        x = list(self._near)
         for _ in range(_STEPS):
             step = self._jacobian(x).mid().solve(self._residual(x).mid())
             x = [(value - change).mid() for value, change in zip(x, step.entries(), strict=True)]
@@ -123,13 +126,13 @@ class Equilibrium:
         return A - B * self._gains(x)
 
     def _check_near(self) -> None:
-        """Raise Rejected unless the equilibrium is near the trim, with inputs within their limits.
+        """Raise Rejected unless the equilibrium is near the stated one, with inputs within limits.
 
-        The states must be within `SAME_TRIM` nominal values of the trim, and the inputs strictly
-        within their limits.
+        The states must be within `SAME_TRIM` nominal values of the stated ones, and the inputs
+        strictly within their limits.
         """
         signals = self.loop.model.signals
-        for name, value, stated in zip(self.loop.states, self.x, self._x0, strict=True):
+        for name, value, stated in zip(self.loop.states, self.x, self._near, strict=True):
             if not abs(value - stated) <= exact(signals[name].nominal) * SAME_TRIM:
                 raise Rejected(
                     f"{name} at the equilibrium differs from the value in the certificate"
@@ -158,7 +161,7 @@ class RegionLoop:
     def __init__(self, statement: RegionStatement, T: np.ndarray, order: int) -> None:
         self.statement = statement
         self.order = order
-        self.equilibrium = Equilibrium(statement.loop)
+        self.equilibrium = Equilibrium(statement.loop, statement.equilibrium)
         self.n = len(T)
         self.T = matrix(T)
         if not _is_invertible(self.T):
@@ -170,24 +173,37 @@ class RegionLoop:
 
     @cached_property
     def _V(self) -> list[_Term]:
-        """Terms of the polynomial V / rho in z."""
+        """Terms of the polynomial V / rho in M z."""
         terms = _exact_terms(self.statement.terms)
         return [(factor / exact(self.statement.rho), exponents) for factor, exponents in terms]
 
     @cached_property
     def _substitution(self) -> _Substitution:
-        return _Substitution([self.deviation(i) for i in range(self.n)])
+        return _Substitution([Polynomial.linear(row) for row in self.rows])
+
+    @cached_property
+    def rows(self) -> list[list[arb]]:
+        """Rows of the matrix M T of the coordinates M z in which V is stated, M z = M T y."""
+        table: list[list[arb]] = (matrix(self.statement.piece.M) * self.T).table()
+        return table
 
     @cached_property
     def V(self) -> Polynomial:
-        """V(T y) / rho as a polynomial in y."""
+        """V / rho at z = T y as a polynomial in y."""
         return self._substitution.sum(self._V)
 
     @cached_property
     def gradient(self) -> list[TaylorOnBall]:
         """Taylor polynomials in y of the components of ∂V/∂z / rho at z = T y."""
-        slopes = [self._substitution.sum(_derivative(self._V, i)) for i in range(self.n)]
-        return [self._taylor(slope) for slope in slopes]
+        slopes = [self._substitution.sum(_derivative(self._V, k)) for k in range(self.n)]
+        gradient = []
+        for column in matrix(self.statement.piece.M).transpose().table():
+            total = Polynomial([{}])
+            for slope, factor in zip(slopes, column, strict=True):
+                if factor != 0:
+                    total = total + slope.scaled(factor)
+            gradient.append(self._taylor(total))
+        return gradient
 
     @cached_property
     def _commands(self) -> list[Polynomial]:
@@ -199,10 +215,11 @@ class RegionLoop:
         away = self.equilibrium.deviations(self.equilibrium.x)
         shifted = [Polynomial.constant(at) + self.deviation(i) for i, at in enumerate(away)]
         substitution = _Substitution(shifted)
-        gains = (matrix(loop.K) * self.T).table() if loop.inputs else []
+        gain = loop.gain
+        gains = (matrix(gain.K) * self.T).table() if loop.inputs else []
         commands = []
         for name, row in zip(loop.inputs, gains, strict=True):
-            curved = substitution.sum(_exact_terms(loop.policy.get(name, ())))
+            curved = substitution.sum(_exact_terms(gain.terms.get(name, ())))
             commands.append(Polynomial([{}, *curved.parts[1:]]) - Polynomial.linear(row))
         return commands
 
@@ -409,7 +426,7 @@ def _is_invertible(T: arb_mat) -> bool:
     return bool(determinant > 0 or determinant < 0)
 
 
-def refuse_curved(loop: SaturatedLoop) -> None:
+def refuse_curved(loop: Loop) -> None:
     """Raise BadInputError if a rate is not affine in the disturbances.
 
     Otherwise the worst value of a disturbance might not be an end of its range.
@@ -427,7 +444,7 @@ def refuse_curved(loop: SaturatedLoop) -> None:
             )
 
 
-def _function(loop: SaturatedLoop, outputs: bool = True) -> ca.Function:
+def _function(loop: Loop, outputs: bool = True) -> ca.Function:
     """Return the function (x, u, w) -> rates of the moving states, and outputs with limits.
 
     w are the disturbances of the loop.
@@ -443,7 +460,7 @@ def _function(loop: SaturatedLoop, outputs: bool = True) -> ca.Function:
     return ca.Function("rates", [x, u, w], [rates, limited] if outputs else [rates])
 
 
-def _slopes(loop: SaturatedLoop) -> ca.Function:
+def _slopes(loop: Loop) -> ca.Function:
     """Return the function (x, u) -> Jacobians f_x and f_u of the rates of the moving states."""
     x = ca.SX.sym("x", len(loop.states))
     u = ca.SX.sym("u", len(loop.inputs))

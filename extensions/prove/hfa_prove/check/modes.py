@@ -9,13 +9,16 @@ sufficient.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from flint import arb, arb_mat
 
 from hfa_prove.check.cover import covering
 from hfa_prove.check.loop import LoopBox
 from hfa_prove.fields import Rejected
-from hfa_prove.statements.schedule import Line, Piece, UncertainActuators
+from hfa_prove.statements.flight import Line
+from hfa_prove.statements.schedule import Piece, Run, UncertainActuators
 from verification.enclosure.balls import is_positive_definite, matrix, pivots
 from verification.enclosure.series import TaylorModel
 
@@ -137,3 +140,27 @@ def check_pieces(loop: LoopBox, actuators: UncertainActuators, pieces: list[Piec
             form += d.transpose() * X_1 * d - q.transpose() * (X_1 * q)
             form += e.transpose() * X_2 * e - z.transpose() * (X_2 * z)
             check_positive(form, matrix(piece.turn))
+
+
+def check_runs(name: str, runs: Sequence[Run], bounds: Sequence[Run], size: int) -> None:
+    """Raise Rejected unless the boxes prove the stated numbers of unstable modes.
+
+    name: subject of the runs in messages, "loop" or "modes"
+    runs: stated lowest and highest numbers over ranges of the scheduling variable
+    bounds: lowest and highest numbers that each box proves
+    size: number of eigenvalues
+    """
+    for run in runs:
+        ends = [(run.low, run.high)]
+        if run.least > 0:
+            enough = [bound for bound in bounds if bound.least >= run.least]
+            what = f"the boxes of {name} with {run.least} or more unstable modes"
+            covering(what, ends, enough, _ends_of_run)
+        if run.most < size:
+            enough = [bound for bound in bounds if bound.most <= run.most]
+            what = f"the boxes of {name} with at most {run.most} unstable modes"
+            covering(what, ends, enough, _ends_of_run)
+
+
+def _ends_of_run(run: Run) -> list[tuple[float, float]]:
+    return [(run.low, run.high)]

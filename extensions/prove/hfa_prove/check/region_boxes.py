@@ -8,12 +8,6 @@ solutions.
 
 Of the search, the checker uses the multipliers of the extents and the number of boxes after which
 the checker stops.
-
-    loop.py         equilibrium, V', and V' < 0 near the equilibrium
-    cover.py        branch and bound
-    piece.py        V and its set
-    statement.py    the claim
-    ../enclosure/   Taylor models
 """
 
 from __future__ import annotations
@@ -22,18 +16,21 @@ import numpy as np
 
 from hfa_prove.check.equilibrium import check_near
 from hfa_prove.check.loop_boxes import Decrease, equilibrium_near
-from hfa_prove.statements.region_boxes import BoxStatement, BoxWitness
+from hfa_prove.fields import Rejected
+from hfa_prove.statements.region import BoxWitness, RegionStatement
 from hfa_support.progress import Progress
 
 
 def check_region(
-    statement: BoxStatement, witness: BoxWitness, progress: Progress | None = None
+    statement: RegionStatement, witness: BoxWitness, progress: Progress | None = None
 ) -> int:
     """Prove a statement about a region and return the number of boxes that the proof evaluated.
 
     Raises Rejected if the statement is not proved.
     """
     loop = statement.loop
+    if loop.disturbances or statement.piece.whole:
+        raise Rejected("boxes prove sets in |y_i| < 1 without disturbances only")
     stated = np.array(list(statement.equilibrium.values()))
     equilibrium = equilibrium_near(loop, stated)
     check_near(equilibrium, stated, loop.nominal[: len(loop.states)], "the stated one")

@@ -11,12 +11,6 @@ inputs are free and V' = 0, or the part is empty.
 With disturbances, V' < 0 is proved where V = rho, with each disturbance at its lowest and at its
 highest value. V' is affine in the disturbances and therefore negative for all values between.
 Therefore no trajectory leaves S.
-
-The checker imports nothing from the search.
-
-    statement.py  the claim               witness.py      data for the proof
-    loop.py       loop, equilibrium       positivity.py   sums of squares
-    taylor.py     Taylor polynomials      polynomial.py   polynomials of balls
 """
 
 from __future__ import annotations
@@ -32,7 +26,7 @@ from hfa_prove.check.positivity import check_positive
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.evidence import Evidence
 from hfa_prove.statements.loop import FREE, HIGHEST, LOWEST
-from hfa_prove.statements.region_squares import (
+from hfa_prove.statements.region import (
     ANY,
     BALL,
     EDGE,
@@ -40,7 +34,7 @@ from hfa_prove.statements.region_squares import (
     OUTSIDE,
     Part,
     RegionStatement,
-    RegionWitness,
+    SquaresWitness,
 )
 from hfa_support.progress import Progress, with_progress
 from verification.enclosure.balls import exact, matrix, norm
@@ -57,7 +51,7 @@ _ENDS_OF_A_DISTURBANCE = {LOWEST: (0.0, 1.0), HIGHEST: (1.0, 2.0), ANY: (0.0, 2.
 
 @ctx.workprec(PRECISION)
 def check_region(
-    statement: RegionStatement, witness: RegionWitness, progress: Progress | None = None
+    statement: RegionStatement, witness: SquaresWitness, progress: Progress | None = None
 ) -> int:
     """Prove a statement and return the number of parts of the set on which V' < 0 is proved.
 
@@ -69,6 +63,8 @@ def check_region(
     inside = {LEVEL: one - loop.V, BALL: one - length}
     outside = {OUTSIDE: length - one}
     check_positive("inside", loop.V - one, outside, witness.inside, loop.n)
+    if not (statement.piece.whole or all(norm(row) <= 1 for row in loop.rows)):
+        raise Rejected("the set is not proved to be within |y_i| < 1")
     _check_extents(loop, witness.extents, inside)
     statement.loop.check_held()
     check_covered(loop, [part.inputs for part in (*witness.parts, *witness.empty)])
@@ -199,13 +195,14 @@ def extents_of(statement: RegionStatement, T: np.ndarray) -> dict[str, tuple[flo
     states = statement.loop.states
     n = len(states)
     inverse = None
-    if all(sum(exponents) == 2 for _, exponents in statement.terms):
+    if all(sum(powers) == 2 for _, powers in statement.terms):
         P = np.zeros((n, n))
-        for coefficient, exponents in statement.terms:
-            i, j = np.repeat(np.arange(n), exponents)
+        for coefficient, powers in statement.terms:
+            i, j = np.repeat(np.arange(n), powers)
             P[i, j] += coefficient / 2.0
             P[j, i] += coefficient / 2.0
-        inverse = matrix(P).inv()
+        back = matrix(statement.piece.M).inv()
+        inverse = back * matrix(P).inv() * back.transpose()
     found = {}
     for index, name in enumerate(states):
         if inverse is not None:

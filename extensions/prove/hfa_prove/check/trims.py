@@ -22,8 +22,8 @@ from hfa_aircraft.model import Model
 from hfa_prove.check.cover import covering
 from hfa_prove.check.equilibrium import root_offsets
 from hfa_prove.fields import Rejected
+from hfa_prove.statements.flight import Flight, StatedTrim, TrimBox
 from hfa_prove.statements.plant import SAME_TRIM
-from hfa_prove.statements.schedule import Flight, StatedTrim, TrimBox
 from verification.enclosure.ball_function import BallFunction
 from verification.enclosure.balls import READING, symmetric
 from verification.enclosure.series import TaylorModel

@@ -16,9 +16,8 @@ from hfa_support.errors import BadInputError
 STATEMENTS = ("cost", "critic", "region", "schedule", "solution")
 #: Kind of a certificate -> check of it. `_check` checks the other kinds.
 _CHECKS: Mapping[str, Callable[[CheckRequest, Path], int]] = {
-    "cost-boxes": cost.check,
+    "cost": cost.check,
     "region": region.check,
-    "region-boxes": region.check_on_boxes,
 }
 
 
@@ -53,11 +52,11 @@ def _check(request: CheckRequest, certificate: Path) -> int:
     Raises BadInputError if an option does not apply. Raises NoSolutionError if the statement is not
     proved or differs from the user's data.
     """
-    from hfa_prove.certificate import kind_of
-    from hfa_prove.check import check_certificate
+    from hfa_prove.certificate import read_certificate
+    from hfa_prove.check import check
     from hfa_prove.commands.given import given_for
-    from hfa_prove.fields import FIELDS
     from hfa_prove.report import checked_report
+    from hfa_prove.statements.plant import Subject
     from hfa_prove.subject import compare
 
     request.refuse(
@@ -66,11 +65,8 @@ def _check(request: CheckRequest, certificate: Path) -> int:
         "another statement; remove this option",
     )
     own = request.model if request.own else None
-    verified = check_certificate(certificate, ProgressLine("check"), own)
-    content = verified.statement.content()
-    table = FIELDS[kind_of(verified.statement)]
-    report = checked_report(
-        verified, compare(content, table, given_for(verified.statement, request))
-    )
+    read = read_certificate(certificate, Subject(own))
+    not_given = compare(read.statement, given_for(read.statement, request))
+    report = checked_report(check(read, ProgressLine("check")), not_given)
     show(report, request)
     return 0 if report.data["proved"] else 1

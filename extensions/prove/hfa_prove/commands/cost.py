@@ -132,7 +132,6 @@ def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
     from hfa_prove.certificate import read_certificate
     from hfa_prove.check import check as proved_by
     from hfa_prove.commands.given import aircraft_option, names_aircraft
-    from hfa_prove.fields_boxes import COST_FIELDS
     from hfa_prove.problem import given_of
     from hfa_prove.report_cost import checked_bound_report
     from hfa_prove.statements.plant import Subject
@@ -159,7 +158,7 @@ def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
         problem = flight_problem(aircraft, point, limits=limits)
         given |= given_of(problem, option_named, {})
     read = read_certificate(certificate, Subject(own))
-    not_given = compare(read.statement.content(), COST_FIELDS, given)
+    not_given = compare(read.statement, given)
     show(checked_bound_report(proved_by(read, ProgressLine("check")), not_given), request)
     return 0
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -18,13 +17,11 @@ from hfa_aircraft.names import UNNAMED, PlantNames
 from hfa_prove.check.game import matrix_of_weights
 from hfa_prove.commands.options import family_of, loop_of_file
 from hfa_prove.search.loops import Intervals
+from hfa_prove.statements.flight import Flight
+from hfa_prove.statements.game import GameStatement
 from hfa_prove.statements.schedule import (
-    Flight,
-    GameStatement,
     ScheduleStatement,
-    Statement,
     UncertainActuators,
-    flight_content,
 )
 from hfa_prove.subject import Given
 from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
@@ -68,7 +65,9 @@ def at_one_value(request: PlantOptions) -> Any:
     return replace(request, at=math.radians(typed) if in_degrees else typed)
 
 
-def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
+def given_for(
+    statement: ScheduleStatement | GameStatement, request: CheckRequest
+) -> dict[str, Given]:
     """Return path of an entry of the statement -> the value that the user's options give.
 
     statement: the proved statement
@@ -85,7 +84,8 @@ def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
         raise BadInputError(
             "--model is a linear plant, but the certificate is about an aircraft; remove --model"
         )
-    given = _given_flight(flight, request)
+    of_game = isinstance(statement, GameStatement)
+    given = _given_flight(flight, request, "plant" if of_game else "flight")
     given |= _given_weights(flight, request)
     if isinstance(statement, GameStatement):
         return given | _given_critic(statement, request)
@@ -98,27 +98,25 @@ def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
     return given | _given_controller(statement, request)
 
 
-def _given_flight(flight: Flight, request: CheckRequest) -> dict[str, Given]:
+def _given_flight(flight: Flight, request: CheckRequest, name: str) -> dict[str, Given]:
     """Return the entries on the aircraft and its trims from the options.
 
     The entries are the scheduling values, and the model with its parameters, imposed values and
     limits.
+
+    name: entry of the statement that contains the aircraft
     """
     given = {}
     if request.at:
         option = f"--{called_at(request.model)}"
-        given["flight.range"] = Given([request.at[0], request.at[-1]], option)
+        given[f"{name}.range"] = Given([request.at[0], request.at[-1]], option)
     if not names_aircraft(request):
         return given
     own = family_of(request).flight(flight.low, flight.high)
     option = aircraft_option(request)
-    of_others = ("range", "spread", "trims")
-    given |= {
-        f"flight.{name}": Given(value, option)
-        for name, value in flight_content(own).items()
-        if name not in of_others
-    }
-    return given
+    content = own.content()
+    of_options = ("model", "parameters", "imposed", "limits")
+    return given | {f"{name}.{each}": Given(content[each], option) for each in of_options}
 
 
 def _given_weights(flight: Flight, request: CheckRequest) -> dict[str, Given]:
@@ -224,12 +222,11 @@ def _given_controller(statement: ScheduleStatement, request: CheckRequest) -> di
         raise BadInputError(
             "--design gives actuators, but the certificate has no actuators; remove --design"
         )
-    stated = replace(statement, controller=loop.controller, actuators=loop.actuators)
-    content: Mapping[str, Any] = stated.content()
+    own = replace(statement, controller=loop.controller, actuators=loop.actuators)
     return {
-        f"{part}.{name}": Given(value, option)
-        for part in ("controller", "fixed_actuators", "uncertain_actuators")
-        for name, value in content.get(part, {}).items()
+        path: Given(value, option)
+        for path, _, value in own.entries()
+        if path.startswith(("controller.", "actuators."))
     }
 
 

@@ -12,9 +12,9 @@ import numpy as np
 from hfa_prove.check.game import SAME_GAIN
 from hfa_prove.commands.given import aircraft_option, at_one_value, names_aircraft
 from hfa_prove.fields import Terms, rows_of
+from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.plant import SAME_TRIM, facts, limits_hold, model_limits
-from hfa_prove.statements.region_boxes import BoxStatement
-from hfa_prove.statements.region_squares import HIGHEST_POLICY, RegionStatement, facts_of
+from hfa_prove.statements.region import RegionStatement
 from hfa_prove.subject import Given, close_to, within
 from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 from trim.linear.linear_model import LinearModel
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from hfa_aircraft.model import Model
     from hfa_prove.commands.request import CheckRequest, RegionRequest
 
+#: Highest degree of a polynomial policy.
+HIGHEST_POLICY = 5
 #: Number of points at which the polynomials are compared with the policy.
 _POINTS = 200
 #: Largest difference there, over the sum of the sizes of the terms.
@@ -159,70 +161,47 @@ _OF_THE_POLICY = ("weights", "Q", "R", "delta", "basis")
 def given_for(
     statement: RegionStatement, request: CheckRequest | RegionRequest
 ) -> dict[str, Given]:
-    """Return path of an entry -> the user's value, for a region proved by sums of squares.
+    """Return path of an entry -> the user's value, for the region of a polynomial policy.
 
-    statement: the proved statement
+    statement: the statement
     request: options of the command
 
     Raises BadInputError or NoSolutionError if the options do not define a loop.
     """
     request = at_one_value(request)
+    loop = statement.loop
     given: dict[str, Given] = {}
-    at_a_trim = request.own or request.at is not None
     if names_aircraft(request):
-        given |= _given_aircraft(statement, request)
-    if at_a_trim:
+        given |= _given_aircraft(loop, request)
+    if request.own or request.at is not None:
         given |= _given_trim(request)
     if any(name in request.typed for name in _OF_THE_POLICY):
         given |= _given_policy(request)
-    elif not statement.loop.inputs and "dynamics" in given:
-        option = given["dynamics"].option
-        given |= {"K": Given([], option), "policy": Given({}, option)}
+    elif not loop.inputs and "model" in given:
+        option = given["model"].option
+        given |= {"policy.K": Given([], option), "policy.terms": Given({}, option)}
     sizes = getattr(request, "disturbance", None)
     if sizes:
         given["disturbances"] = Given(dict(sizes), "--disturbance")
-    return given
+    return {f"loop.{path}": value for path, value in given.items()}
 
 
-def given_on_boxes(
-    statement: BoxStatement, request: CheckRequest | RegionRequest
-) -> dict[str, Given]:
-    """Return path of an entry -> the user's value, for a region proved on boxes.
+def given_by(loop: Loop, option: str) -> dict[str, Given]:
+    """Return path of an entry -> the user's value, for every entry that describes a user's loop.
 
-    statement: the proved statement, with the coefficients of its policy
-    request: options of the command
-
-    Raises BadInputError or NoSolutionError if the options do not define a loop.
+    option: the option that defined the loop, for messages
     """
-    given: dict[str, Given] = {}
-    at_a_trim = request.own or request.at is not None
-    if names_aircraft(request):
-        model = request.flown_aircraft()
-        option = aircraft_option(request)
-        parameters = {name: signal.start for name, signal in model.parameters.items()}
-        given = {name: Given(fact, option) for name, fact in facts(model).items()}
-        given["parameters"] = Given(parameters, option)
-        if tuple(model.linear) == statement.loop.states:
-            states = {**statement.loop.trim, **statement.loop.held}
-            limits = model_limits(model, states, parameters)
-            given["limits"] = Given(limits, option, _not_wider(tuple(model.inputs)))
-    if at_a_trim:
-        given |= _given_trim(request)
-    if any(name in request.typed for name in _OF_THE_POLICY):
-        of_squares = _given_policy(request)
-        own = {"K": of_squares["K"].value, "terms": of_squares["policy"].value}
-        given["policy"] = Given(own, of_squares["K"].option, _same_coefficients)
+    widths = {name: SAME_TRIM * signal.nominal for name, signal in loop.model.signals.items()}
+    given = {}
+    for path, declared, value in loop.entries("loop."):
+        if declared.subject == "trim":
+            given[path] = Given(value, option, within(widths))
+        elif declared.subject:
+            given[path] = Given(value, option)
     return given
 
 
-def _same_coefficients(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
-    same_gain = close_to(SAME_GAIN)(stated["K"], own["K"])
-    return same_gain and _same_policy(stated["terms"], own["terms"])
-
-
-def _given_aircraft(
-    statement: RegionStatement, request: CheckRequest | RegionRequest
-) -> dict[str, Given]:
+def _given_aircraft(loop: Loop, request: CheckRequest | RegionRequest) -> dict[str, Given]:
     """Return the entries on the user's model, its parameters, and its limits at the stated trim.
 
     The limits are omitted if the model has other moving states than the statement.
@@ -230,14 +209,11 @@ def _given_aircraft(
     model = request.flown_aircraft()
     option = aircraft_option(request)
     parameters = {name: signal.start for name, signal in model.parameters.items()}
-    given = {name: Given(fact, option) for name, fact in facts_of(model).items()}
-    given["parameters"] = Given(parameters, option)
-    if tuple(model.linear) != statement.loop.states:
+    given = {"model": Given(facts(model), option), "parameters": Given(parameters, option)}
+    if tuple(model.linear) != loop.states:
         return given  # another model, which the comparison of its name reports
-    states = {**statement.loop.trim, **statement.loop.held}
-    given["limits"] = Given(
-        model_limits(model, states, parameters), option, _not_wider(tuple(model.inputs))
-    )
+    limits = model_limits(model, {**loop.trim, **loop.held}, parameters)
+    given["limits"] = Given(limits, option, _not_wider(tuple(model.inputs)))
     return given
 
 
@@ -278,14 +254,14 @@ def _given_trim(request: CheckRequest | RegionRequest) -> dict[str, Given]:
 
 
 def _given_policy(request: CheckRequest | RegionRequest) -> dict[str, Given]:
-    """Return the entries `K` and `policy`, gain and nonlinear terms, of the user's policy."""
+    """Return the entries `policy.K` and `policy.terms`, of the user's policy."""
 
     _, K, _, policy = loop_of(request)
     option = "the game" if request.weights is None else f"--weights {request.weights}"
     rows = {name: rows_of(terms) for name, terms in policy.items()}
     return {
-        "K": Given(K.tolist(), option, close_to(SAME_GAIN)),
-        "policy": Given(rows, option, _same_policy),
+        "policy.K": Given(K.tolist(), option, close_to(SAME_GAIN)),
+        "policy.terms": Given(rows, option, _same_policy),
     }
 
 

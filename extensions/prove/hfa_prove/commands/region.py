@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
     from hfa_prove.search.monomials import PolynomialFunction
-    from hfa_prove.statements.loop import SaturatedLoop
+    from hfa_prove.statements.loop import Loop
 
 #: Options that have no effect on the check of a certificate.
 _OF_THE_SEARCH = ("degree", "seconds", "resume", "picture", "prover")
@@ -48,7 +47,7 @@ def region(request: RegionRequest) -> int:
         "is a linear plant, but a region requires nonlinear equations; give --aircraft instead",
     )
     if request.check is not None:
-        return _checked(request, request.check)
+        return check(request, request.check)
     if request.output is not None and request.output.suffix.lower() != ".json":
         raise BadInputError(
             f"{request.output}: a certificate must be a .json file; give a path "
@@ -66,17 +65,21 @@ def region(request: RegionRequest) -> int:
 
 
 def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
-    """Verify a certificate of a region proved by sums of squares and return exit code 0.
+    """Verify a certificate of a region and return exit code 0.
 
     certificate: path of the certificate
 
     Raises BadInputError if an option does not apply to the check. Raises NoSolutionError if the
     statement is not proved or differs from the user's data.
     """
-    from hfa_prove.check import check_certificate
-    from hfa_prove.commands.given_region import given_for
-    from hfa_prove.fields_squares import FIELDS
-    from hfa_prove.report_squares import checked_report
+    from hfa_prove import report_boxes, report_squares
+    from hfa_prove.certificate import read_certificate
+    from hfa_prove.check import check as proved_by
+    from hfa_prove.commands.given import at_one_value
+    from hfa_prove.commands.given_region import given_by, given_for
+    from hfa_prove.statements.loop import Gain
+    from hfa_prove.statements.plant import Subject
+    from hfa_prove.statements.region import BoxWitness
     from hfa_prove.subject import compare
 
     request.refuse(_OF_THE_SEARCH, "has no effect with --check; remove this option")
@@ -84,49 +87,39 @@ def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
         ("plant",),
         "is a linear plant, but the certificate is about an aircraft; give --aircraft instead",
     )
-    _refuse_design(request)
-    request.refuse(
-        ("policy", "network", "set"),
-        "applies to a region proved on boxes, but the certificate is about a polynomial policy; "
-        "remove this option",
-    )
-    own = request.model if request.own else None
-    verified = check_certificate(certificate, ProgressLine("check"), own)
-    given = given_for(verified.statement, request)
-    show(checked_report(verified, compare(verified.statement.content(), FIELDS, given)), request)
-    return 0
-
-
-def _checked(request: RegionRequest, certificate: Path) -> int:
-    from hfa_prove.certificate import kind_in
-
-    if kind_in(certificate) == "region-boxes":
-        return check_on_boxes(request, certificate)
-    return check(request, certificate)
-
-
-def check_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> int:
-    """Verify a certificate of a region proved on boxes and return exit code 0.
-
-    certificate: path of the certificate
-
-    Raises BadInputError if an option of the search is given. Raises NoSolutionError if the
-    statement is not proved or differs from the user's data.
-    """
-    from hfa_prove.commands.region_boxes import checked_gain_on_boxes, checked_on_boxes
-
-    request.refuse(_OF_THE_SEARCH, "has no effect with --check; remove this option")
-    _refuse_design(request)
-    if request.policy is not None or _is_network(request):
-        return checked_on_boxes(request, certificate)
-    return checked_gain_on_boxes(request, certificate)
-
-
-def _refuse_design(request: CheckRequest | RegionRequest) -> None:
     request.refuse(
         ("design",),
         "applies to a schedule, but the certificate is about a region; remove this option",
     )
+    model = request.model if request.own else None
+    own = None
+    if request.policy is not None or _is_network(request):
+        from hfa_prove.commands.region_boxes import loop_of, policy_of, scalars
+
+        linear, own, _ = policy_of(at_one_value(request))
+        subject = Subject(model, scalars(own.function))
+    else:
+        subject = Subject(model)
+    read = read_certificate(certificate, subject)
+    statement = read.statement
+    if own is not None and not isinstance(statement.loop.policy, Gain):
+        given = given_by(loop_of(linear, own), "the user")
+    else:
+        request.refuse(
+            ("policy", "network", "set"),
+            "applies to a policy in a file, but the certificate is about a polynomial policy; "
+            "remove this option",
+        )
+        given = given_for(statement, request)
+    not_given = compare(statement, given)
+    proved = proved_by(read, ProgressLine("check"))
+    if not isinstance(read.witness, BoxWitness):
+        show(report_squares.checked_report(proved, not_given), request)
+    elif own is None:
+        show(report_boxes.checked_report(proved, "the gain K", not_given=not_given), request)
+    else:
+        show(report_boxes.checked_report(proved, own.words, own.not_covered, not_given), request)
+    return 0
 
 
 def _is_network(request: CheckRequest | RegionRequest) -> bool:
@@ -144,7 +137,7 @@ def _prove(request: RegionRequest) -> int:
     from hfa_prove.search.level import ProvedLevel
     from hfa_prove.search.plant import saturated_loop
     from hfa_prove.search.region_squares import RegionSearch
-    from hfa_prove.statements.region_boxes import Gain
+    from hfa_prove.statements.loop import Gain
 
     linear, K, P, policy = loop_of(request)
     loop = saturated_loop(linear, K, policy)
@@ -198,7 +191,7 @@ def _box(linear: LinearModel) -> np.ndarray | None:
     return widths_within_limits(linear) if box is None else box.half_widths
 
 
-def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | None:
+def _known(request: RegionRequest, loop: Loop) -> PolynomialFunction | None:
     """Return V of an earlier run's certificate, scaled to level 1, or None without --resume.
 
     loop: the loop of this run
@@ -208,6 +201,7 @@ def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | 
     if not request.resume:
         return None
     from hfa_prove.check import check_certificate
+    from hfa_prove.commands.region_boxes import same_loop
     from hfa_prove.search.monomials import PolynomialFunction
 
     path = request.output
@@ -215,12 +209,6 @@ def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | 
     own = request.model if request.own else None
     statement = check_certificate(path, model=own).statement
     forget_read(path)
-    if _subject(statement.loop) != _subject(loop):
+    if not (statement.piece.whole and same_loop(statement.loop, loop)):
         raise BadInputError(f"{path} is the certificate of another loop; give another path with -o")
     return PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
-
-
-def _subject(loop: SaturatedLoop) -> str:
-    """Return a JSON text that identifies a loop by its parameters, trim, inputs and policy."""
-    parts: list[Any] = [dict(loop.parameters), dict(loop.trim), dict(loop.inputs), loop.K.tolist()]
-    return json.dumps([*parts, dict(loop.policy)])

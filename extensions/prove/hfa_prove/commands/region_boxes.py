@@ -5,36 +5,32 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
 from controller.critic.critic import symbols_for
-from hfa.inherited import OutputOptions, print_report, show
+from hfa.inherited import OutputOptions, print_report
 from hfa.options.output import ProgressLine
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_prove.certificate import write_certificate
 from hfa_prove.check import check_certificate
-from hfa_prove.commands.given import at_one_value
-from hfa_prove.fields_boxes import FIELDS
-from hfa_prove.report_boxes import NOT_COVERED, checked_report, found_report
+from hfa_prove.report_boxes import NOT_COVERED, found_report
 from hfa_prove.search.interruption import interruptible
 from hfa_prove.search.region_boxes import BoxRegion, RegionSearch, flight_outcome
-from hfa_prove.statements.loop import Loop
-from hfa_prove.statements.plant import facts, model_limits, pair_of
-from hfa_prove.statements.region_boxes import BoxStatement, Gain, digest_of
-from hfa_prove.subject import Given, compare, within
+from hfa_prove.statements.loop import Gain, Loop
+from hfa_prove.statements.plant import model_limits
+from hfa_prove.statements.region import RegionStatement
 from hfa_support.errors import BadInputError, prefix_errors
 from hfa_support.files import forget_read
 from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
     from controller.game.zero_sum import Game
-    from hfa_aircraft.model import Model
     from hfa_prove.commands.request import CheckRequest, RegionRequest
-    from hfa_prove.statements.loop import SaturatedLoop
+    from hfa_prove.statements.loop import Gain, Loop
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +79,7 @@ def loop_of(linear: LinearModel, policy: ProvedPolicy) -> Loop:
         {name: float(value) for name, value in linear.point.inputs._asdict().items()},
         {name: value for name, value in states.items() if name not in model.linear},
         model_limits(model, states, parameters),
-        scalars(policy.function),
+        policy.gain or scalars(policy.function),
     )
 
 
@@ -133,7 +129,6 @@ def prove(
     Raises NoSolutionError if no region is proved.
     """
     loop = loop_of(linear, policy)
-    stated = policy.gain or digest_of(loop.policy)
 
     def save(region: BoxRegion) -> None:
         if request.output is not None:
@@ -143,11 +138,10 @@ def prove(
     earlier = None
     if settings.resume:
         assert request.output is not None
-        earlier = _earlier(request.output, loop, stated)
+        earlier = _earlier(request.output, loop)
     with interruptible(ProgressLine("region")) as progress:
         search = RegionSearch(
             loop,
-            stated,
             policy.known,
             seconds=settings.seconds,
             degree=settings.degree,
@@ -165,64 +159,25 @@ def prove(
     return 0
 
 
-def _earlier(path: Path, loop: Loop, policy: str | Gain) -> BoxStatement:
+def _earlier(path: Path, loop: Loop) -> RegionStatement:
     """Return the proved statement of the certificate that an earlier run wrote.
 
     path: file of the certificate
 
     Raises BadInputError if the statement concerns another loop or policy.
     """
-    statement = check_certificate(path, ProgressLine("check"), loop.model, loop.policy).statement
+    progress = ProgressLine("check")
+    statement = check_certificate(path, progress, loop.model, loop.function).statement
     forget_read(path)
-    if _subject(statement.loop, statement.policy) != _subject(loop, policy):
+    if statement.piece.whole or not same_loop(statement.loop, loop):
         raise BadInputError(f"{path} is the certificate of another loop; give another path with -o")
     return statement
 
 
-def _subject(loop: Loop, policy: str | Gain) -> list[Any]:
-    """Return the values that identify a loop: parameters, trim, inputs and policy."""
-    stated = policy.content() if isinstance(policy, Gain) else policy
-    return [dict(loop.parameters), dict(loop.trim), dict(loop.inputs), stated]
-
-
-def check(
-    request: OutputOptions,
-    path: Path,
-    linear: LinearModel,
-    policy: ProvedPolicy,
-    own: Model | None,
-) -> int:
-    """Verify a certificate for the user's policy, print a report and return exit code 0.
-
-    path: file of the certificate
-    linear: linear model at the user's trim
-    policy: the user's policy
-    own: the user's model, or None if the certificate concerns a built-in model
-
-    Raises BadInputError if the certificate concerns another model or policy. Raises NoSolutionError
-    if the statement is not proved or differs from the user's data.
-    """
-    verified = check_certificate(path, ProgressLine("check"), own, scalars(policy.function))
-    content = verified.statement.content()
-    compare(content, FIELDS, _given(loop_of(linear, policy), "the user"))
-    show(checked_report(verified, policy.words, policy.not_covered), request)
-    return 0
-
-
-def _given(loop: Loop, option: str) -> dict[str, Given]:
-    """Return entry of a statement -> the user's value, for every entry that describes the loop.
-
-    option: the option that defined the loop, for messages
-    """
-    widths = {name: 1e-6 * signal.nominal for name, signal in loop.model.signals.items()}
-    limits = {name: pair_of(ends) for name, ends in loop.limits.items()}
-    given = {name: Given(fact, option) for name, fact in facts(loop.model).items()}
-    given["parameters"] = Given(dict(loop.parameters), option)
-    given["limits"] = Given(limits, option, lambda stated, own: bool(stated == own))
-    given["policy"] = Given(digest_of(loop.policy), option)
-    for name in ("trim", "inputs", "held"):
-        given[name] = Given(dict(getattr(loop, name)), option, within(widths))
-    return given
+def same_loop(first: Loop, second: Loop) -> bool:
+    """Return whether two loops have the same parameters, trim, inputs and policy."""
+    one, other = first.content(), second.content()
+    return all(one[name] == other[name] for name in ("parameters", "trim", "inputs", "policy"))
 
 
 #: Options of sums of squares alone.
@@ -236,7 +191,7 @@ _STATES = (3, 4)
 _DEGREE = 2
 
 
-def better_on_boxes(request: RegionRequest, loop: SaturatedLoop) -> str:
+def better_on_boxes(request: RegionRequest, loop: Loop) -> str:
     """Return the reason to prove the region of a policy on boxes instead of by sums of squares.
 
     Return "" if sums of squares are to be used.
@@ -286,48 +241,14 @@ def prove_on_boxes(request: RegionRequest) -> int:
         raise BadInputError(
             "--prover squares supports only gains and polynomials; use --prover boxes"
         )
-    linear, policy, game = _policy_of(request)
+    linear, policy, game = policy_of(request)
     known = [("P of the game", unconfirmed_solution(game).P), *policy.known]
     tried = ProvedPolicy(policy.function, policy.words, known, policy.not_covered)
     degree = request.degree if "degree" in request.typed else _DEGREE
     return prove(request, linear, tried, SearchSettings(request.seconds, degree, request.resume))
 
 
-def checked_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> int:
-    """Verify a certificate on boxes for a network or a deployment file and return exit code 0.
-
-    certificate: path of the certificate
-
-    Raises NoSolutionError if the statement is not proved or differs from the user's data.
-    """
-    linear, policy, _ = _policy_of(at_one_value(request))
-    return check(request, certificate, linear, policy, request.model if request.own else None)
-
-
-def checked_gain_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> int:
-    """Verify a certificate on boxes for a polynomial policy and return exit code 0.
-
-    certificate: path of the certificate
-
-    Raises NoSolutionError if the statement is not proved or differs from the user's data.
-    """
-    from hfa.inherited import show
-    from hfa.options.output import ProgressLine
-    from hfa_prove.check import check_certificate
-    from hfa_prove.commands.given_region import given_on_boxes
-    from hfa_prove.fields_boxes import FIELDS
-    from hfa_prove.report_boxes import checked_report
-    from hfa_prove.subject import compare
-
-    own = request.model if request.own else None
-    verified = check_certificate(certificate, ProgressLine("check"), own)
-    given = given_on_boxes(verified.statement, request)
-    not_given = compare(verified.statement.content(), FIELDS, given)
-    show(checked_report(verified, "the gain K", not_given=not_given), request)
-    return 0
-
-
-def _policy_of(request: CheckRequest | RegionRequest) -> tuple[LinearModel, ProvedPolicy, Game]:
+def policy_of(request: CheckRequest | RegionRequest) -> tuple[LinearModel, ProvedPolicy, Game]:
     """Return the linear model at the trim, the policy in the given file, and the game.
 
     The file is a critic or a deployment file.

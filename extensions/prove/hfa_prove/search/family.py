@@ -23,7 +23,8 @@ from hfa_prove.check.trims import (
     linear_model_on,
     stacked,
 )
-from hfa_prove.statements.schedule import Flight, PointTrim, StatedTrim, TrimBox, in_model_unit
+from hfa_prove.statements.flight import Flight, StatedTrim, TrimBox, in_model_unit
+from hfa_prove.statements.game import PointTrim
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.linear_table import LinearTable
@@ -157,7 +158,7 @@ class Family:
                 limits[name] = (max(lowest, -_FAR), min(highest, _FAR))
         parameters = {name: signal.start for name, signal in model.parameters.items()}
         spread = {name: width for name, width in self.spread.items() if width > 0.0}
-        return Flight(model, parameters, spread, imposed, limits, low, high, ())
+        return Flight(model, parameters, spread, imposed, limits, (low, high))
 
     def check(self, low: float, high: float) -> None:
         """Raise BadInputError unless proofs support the trims from `low` to `high`.

@@ -33,15 +33,8 @@ from hfa_prove.results import SCHEMA
 from hfa_prove.search.family import Family, TrimSearch
 from hfa_prove.search.lines import bounds_of_modes, find_line
 from hfa_prove.search.proof import Content, Proof
-from hfa_prove.statements.schedule import (
-    Flight,
-    GameStatement,
-    Plant,
-    PointTrim,
-    SolutionBox,
-    TrimBox,
-    Weights,
-)
+from hfa_prove.statements.flight import Flight, TrimBox
+from hfa_prove.statements.game import GameStatement, Plant, PointTrim, SolutionBox, Weights
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress

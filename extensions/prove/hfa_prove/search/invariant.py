@@ -23,8 +23,8 @@ from hfa_prove.search.region_squares import (
     settings_of,
 )
 from hfa_prove.search.squares import ONE, Terms
-from hfa_prove.statements.loop import HIGHEST, LOWEST, SaturatedLoop
-from hfa_prove.statements.region_squares import ANY, EDGE, LEVEL
+from hfa_prove.statements.loop import HIGHEST, LOWEST, Loop
+from hfa_prove.statements.region import ANY, EDGE, LEVEL
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
@@ -188,7 +188,7 @@ def _functions(region: Region) -> Iterator[tuple[str, PolynomialFunction]]:
         yield LYAPUNOV, V.scaled(1.0 / float(np.median(V(points))))
 
 
-def _sampled(loop: SaturatedLoop, region: Region) -> Iterator[_Candidate]:
+def _sampled(loop: Loop, region: Region) -> Iterator[_Candidate]:
     """Yield a candidate for each V that has a level with V' < 0 at all samples.
 
     loop: the loop with its disturbances
@@ -245,7 +245,7 @@ def _falls(
     return not np.any(plant.away(points)), None
 
 
-def _largest(loop: SaturatedLoop, candidate: _Candidate) -> ProvedLevel | None:
+def _largest(loop: Loop, candidate: _Candidate) -> ProvedLevel | None:
     """Return the proof of the largest level of a candidate, or None if no level is proved.
 
     The levels are fractions of the candidate's level. The fractions `_SHARES` are tried in order
@@ -274,9 +274,7 @@ def _largest(loop: SaturatedLoop, candidate: _Candidate) -> ProvedLevel | None:
     return proved
 
 
-def _at(
-    loop: SaturatedLoop, candidate: _Candidate, share: float, setting: Setting
-) -> ProvedLevel | None:
+def _at(loop: Loop, candidate: _Candidate, share: float, setting: Setting) -> ProvedLevel | None:
     """Return the proof of `share` times the level of a candidate, or None if there is no proof."""
     rho = share * candidate.level
     held = holding_ball(candidate.V, rho, candidate.T)

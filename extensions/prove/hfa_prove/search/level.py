@@ -15,14 +15,15 @@ from hfa_prove.check.region_squares import check_region, limits_of
 from hfa_prove.fields import Fields
 from hfa_prove.search.monomials import PolynomialFunction, edge_points, ellipsoid
 from hfa_prove.search.squares import ONE, Terms, positive
-from hfa_prove.statements.loop import FREE, HIGHEST, LOWEST, SaturatedLoop
-from hfa_prove.statements.region_squares import (
+from hfa_prove.statements.loop import FREE, HIGHEST, LOWEST, Loop
+from hfa_prove.statements.region import (
     ANY,
     BALL,
     LEVEL,
     OUTSIDE,
     RegionStatement,
-    RegionWitness,
+    SquaresWitness,
+    read_region_witness,
 )
 from hfa_support.errors import NoSolutionError
 from verification.enclosure.polynomial import Polynomial, power_of_length
@@ -96,7 +97,7 @@ class LevelSearch:
 
     def __init__(
         self,
-        loop: SaturatedLoop,
+        loop: Loop,
         V: PolynomialFunction,
         rho: float,
         T: np.ndarray,
@@ -111,7 +112,7 @@ class LevelSearch:
             name: (-extent, extent)
             for name, extent in zip(loop.states, extents.tolist(), strict=True)
         }
-        self.statement = RegionStatement(loop, V.terms, rho, named)
+        self.statement = RegionStatement.of_terms(loop, V.terms, rho, named)
         self.ball = RegionLoop(self.statement, T, setting.order)
         self.parts, self.empty = self._split()
         self.V_terms = Terms.of(self.ball.V)
@@ -243,6 +244,7 @@ class LevelSearch:
             return None
         extents = self._extents()
         return {
+            "prover": "squares",
             "T": self.T.tolist(),
             "order": self.setting.order,
             "inside": held,
@@ -473,7 +475,7 @@ def holding_ball(V: PolynomialFunction, rho: float, T: np.ndarray) -> np.ndarray
 
 
 def proved_level(
-    loop: SaturatedLoop, V: PolynomialFunction, rho: float, setting: Setting, T: np.ndarray
+    loop: Loop, V: PolynomialFunction, rho: float, setting: Setting, T: np.ndarray
 ) -> ProvedLevel | None:
     """Return the proof of the largest level of V up to rho that the checker accepts, or None.
 
@@ -513,7 +515,8 @@ def accepted(tried: LevelSearch) -> ProvedLevel | None:
     evidence = tried.evidence()
     if evidence is None:
         return None
-    witness = RegionWitness.read(Fields("witness", evidence), tried.statement)
+    witness = read_region_witness(Fields("witness", evidence), tried.statement)
+    assert isinstance(witness, SquaresWitness)
     try:
         parts = check_region(tried.statement, witness)
     except NoSolutionError:

@@ -10,7 +10,7 @@ from flint import arb_mat
 
 from hfa_prove.check.modes import least_and_most, modes_right_of
 from hfa_prove.fields import Rejected
-from hfa_prove.statements.schedule import Line
+from hfa_prove.statements.flight import Line
 from verification.enclosure.balls import doubles
 from verification.enclosure.series import TaylorModel
 

@@ -116,13 +116,13 @@ def loop_of_gains(
     positions = tuple(f"{name}_position" for name in inputs)
     measurements = (*model.linear, *positions)[:columns]
     controller = Controller(
-        np.asarray(breakpoints, dtype=float),
-        np.zeros((count, 0, 0)),
-        np.zeros((count, 0, columns)),
-        np.zeros((count, m, 0)),
-        -np.asarray(K),
-        measurements,
-        inputs,
+        breakpoints=np.asarray(breakpoints, dtype=float),
+        inputs=inputs,
+        measurements=measurements,
+        A=np.zeros((count, 0, 0)),
+        B=np.zeros((count, 0, columns)),
+        C=np.zeros((count, m, 0)),
+        D=-np.asarray(K),
     )
     if intervals is None:
         return Loop(controller)
@@ -169,13 +169,13 @@ def loop_of_servo(
     if model.schedule_unit == "deg":
         breakpoints = np.round(np.degrees(controller.breakpoints), _DIGITS)
     stated = Controller(
-        breakpoints,
-        controller.A,
-        controller.B[..., :measured],
-        controller.C,
-        controller.D[..., :measured],
-        tuple(controller.measurements),
-        tuple(controller.inputs),
+        breakpoints=breakpoints,
+        inputs=tuple(controller.inputs),
+        measurements=tuple(controller.measurements),
+        A=controller.A,
+        B=controller.B[..., :measured],
+        C=controller.C,
+        D=controller.D[..., :measured],
     )
     designed = [actuators[name] for name in controller.inputs]
     orders = [actuator.order for actuator in designed]

@@ -18,7 +18,7 @@ from hfa_aircraft.march.ending import FAR, FAR_OF_STARTS, EndRule, Outcome, is_a
 from hfa_aircraft.march.march import Rows, march, saturated
 from hfa_prove.fields import Terms
 from hfa_prove.search.obstacles import ValueOf
-from hfa_prove.statements.loop import SaturatedLoop
+from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.plant import model_limits
 from hfa_support.errors import NoSolutionError
 from hfa_support.native.bound import RowFunction
@@ -30,7 +30,7 @@ _STEPS = 3.0
 
 def saturated_loop(
     linear: LinearModel, K: np.ndarray, policy: Mapping[str, Terms] | None = None
-) -> SaturatedLoop:
+) -> Loop:
     """Return the closed loop of a polynomial policy about the trim of a linear model.
 
     K: gain of the linear part of the policy, (m, n)
@@ -40,15 +40,14 @@ def saturated_loop(
     states = {name: float(value) for name, value in linear.point.states._asdict().items()}
     parameters = {name: signal.start for name, signal in model.parameters.items()}
     held = {name: value for name, value in states.items() if name not in model.linear}
-    return SaturatedLoop(
+    return Loop(
         model,
         parameters,
         {name: states[name] for name in model.linear},
         {name: float(value) for name, value in linear.point.inputs._asdict().items()},
         held,
         model_limits(model, states, parameters),
-        np.array(K, dtype=float),
-        policy or {},
+        Gain(np.array(K, dtype=float), policy or {}),
     )
 
 
@@ -59,7 +58,7 @@ class Plant:
     loop: the closed loop with its limits
     """
 
-    loop: SaturatedLoop
+    loop: Loop
 
     @cached_property
     def nominal(self) -> np.ndarray:
@@ -132,10 +131,10 @@ class Plant:
         """Return the deviation u - u0 (m,) that the policy commands at z, before saturation."""
         curved = ca.SX.zeros(len(self.loop.inputs))
         for index, name in enumerate(self.loop.inputs):
-            for coefficient, exponents in self.loop.policy.get(name, ()):
+            for coefficient, exponents in self.loop.gain.terms.get(name, ()):
                 powers = [z[i] ** power for i, power in enumerate(exponents) if power]
                 curved[index] += coefficient * prod(powers)
-        return curved - ca.DM(self.loop.K) @ z
+        return curved - ca.DM(self.loop.gain.K) @ z
 
     def saturated(self, command: ca.SX) -> ca.SX:
         """Return a command u - u0 (m,) limited such that the inputs are within their limits."""
@@ -199,7 +198,7 @@ class Plant:
     def closed_matrix(self) -> np.ndarray:
         """Matrix A - B K (n, n) of the linear loop at the trim."""
         _, A, B = self._function(np.zeros(len(self.loop.states)))
-        return np.array(A) - np.array(B) @ self.loop.K
+        return np.array(A) - np.array(B) @ self.loop.gain.K
 
 
 #: Descriptions of flights that do not enter the proved set.

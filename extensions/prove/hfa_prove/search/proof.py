@@ -17,10 +17,8 @@ from hfa_prove.certificate import kind_of, write_certificate
 from hfa_prove.check import check_certificate
 from hfa_prove.fields import Rejected
 from hfa_prove.report import proof_report
-from hfa_prove.statements.schedule import (
-    ScheduleStatement,
-    Statement,
-)
+from hfa_prove.statements.game import GameStatement
+from hfa_prove.statements.schedule import ScheduleStatement
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.files import forget_read
 from hfa_support.provenance import Provenance
@@ -45,7 +43,7 @@ class Proof(Reported):
     data: the result for JSON, with the entry `proved`
     """
 
-    statement: Statement
+    statement: ScheduleStatement | GameStatement
     witness: Content
     data: Content = field(default_factory=dict)
 
@@ -150,7 +148,7 @@ def _subject(content: Content) -> Content:
     subject = {
         name: value
         for name, value in content.items()
-        if name in ("flight", "controller", "fixed_actuators", "uncertain_actuators")
+        if name in ("flight", "controller", "actuators")
     }
     subject["flight"] = {
         name: value for name, value in subject.get("flight", {}).items() if name != "trims"

@@ -22,7 +22,7 @@ from hfa_prove.search.kinks import kink_at
 from hfa_prove.search.plant import refuse_unstable
 from hfa_prove.search.shape_boxes import Bound, Growth, Samples, Shape
 from hfa_prove.statements.loop import Loop
-from hfa_prove.statements.region_boxes import BoxStatement, BoxWitness, Gain
+from hfa_prove.statements.region import BoxWitness, RegionStatement
 from hfa_prove.words import place_in_words
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
@@ -68,7 +68,7 @@ class BoxRegion:
     stopped: reason why no larger set is proved
     """
 
-    statement: BoxStatement
+    statement: RegionStatement
     witness: BoxWitness
     boxes: int
     origin: str
@@ -93,7 +93,6 @@ class RegionSearch:
     def __init__(
         self,
         loop: Loop,
-        policy: str | Gain,
         known: Sequence[tuple[str, np.ndarray]],
         *,
         seconds: float,
@@ -102,7 +101,6 @@ class RegionSearch:
         save: Callable[[BoxRegion], None] | None = None,
     ) -> None:
         self.loop = loop
-        self._policy = policy
         self._begin = time.process_time()
         self._seconds = seconds
         self._degree = degree
@@ -117,7 +115,7 @@ class RegionSearch:
         self._best: tuple[BoxRegion, Shape] | None = None
         self._stopped = ""
 
-    def found(self, earlier: BoxStatement | None = None) -> BoxRegion:
+    def found(self, earlier: RegionStatement | None = None) -> BoxRegion:
         """Return the largest proved region.
 
         After an interruption or at the time limit, the largest region proved so far is returned.
@@ -139,7 +137,7 @@ class RegionSearch:
         bound = shape.bound(self.samples, _HIGHEST)
         return replace(region, bound=bound, stopped=self._stopped)
 
-    def _search(self, earlier: BoxStatement | None) -> None:
+    def _search(self, earlier: RegionStatement | None) -> None:
         """Prove growing sets from each initial V in turn, until the time limit.
 
         earlier: statement of an earlier run, which is proved first, or None
@@ -291,7 +289,7 @@ class RegionSearch:
             name: (low, high)
             for name, (low, high) in zip(states, extents.ends.tolist(), strict=True)
         }
-        statement = BoxStatement(self.loop, self._policy, at, decrease.piece, ends)
+        statement = RegionStatement(self.loop, at, decrease.piece, ends)
         witness = BoxWitness(extents.multipliers, 2 * boxes)
         region = BoxRegion(statement, witness, boxes, origin, Bound(np.inf, None, False), "")
         self._best = region, shape

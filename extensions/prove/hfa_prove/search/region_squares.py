@@ -24,7 +24,7 @@ from hfa_prove.search.monomials import PolynomialFunction, edge_points
 from hfa_prove.search.obstacles import first_obstacle
 from hfa_prove.search.plant import Plant, outcomes, refuse_unstable
 from hfa_prove.search.shape_squares import better
-from hfa_prove.statements.loop import SaturatedLoop
+from hfa_prove.statements.loop import Loop
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
@@ -118,7 +118,7 @@ class RegionSearch:
 
     def __init__(
         self,
-        loop: SaturatedLoop,
+        loop: Loop,
         P: np.ndarray | None,
         *,
         seconds: float,

@@ -26,14 +26,8 @@ from hfa_prove.search.lines import find_line, lines_near_axis
 from hfa_prove.search.loops import Loop, loop_of_schedule
 from hfa_prove.search.proof import CertificateFile, Content, Proof
 from hfa_prove.search.uncertain_loop import find_pieces
-from hfa_prove.statements.schedule import (
-    Run,
-    ScheduleStatement,
-    StatedTrim,
-    UncertainActuators,
-    loop_size,
-    trim_content,
-)
+from hfa_prove.statements.flight import StatedTrim, trim_content
+from hfa_prove.statements.schedule import Run, ScheduleStatement, UncertainActuators, loop_size
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress, with_progress

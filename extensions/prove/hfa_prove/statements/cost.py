@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from hfa_prove.fields import Fields, require
+from hfa_prove.fields import Fields, Statement, Witness, entry, part, require
 from hfa_prove.statements.piece import Piece
-from hfa_prove.statements.plant import Plant, Subject, read_plant
+from hfa_prove.statements.plant import Plant
 from verification.enclosure.balls import lowest_sign
 
 #: Largest number of boxes that a certificate may state.
@@ -21,7 +21,7 @@ _MOST_BOXES = 1_000_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class CostStatement:
+class CostStatement(Statement):
     """Claim that the cost of a flight is at least the largest lower bound that a piece gives.
 
     The claim covers every flight within the limits that ends at the equilibrium. The cost is
@@ -35,45 +35,38 @@ class CostStatement:
     pieces: polynomials W with levels, each proved separately
     """
 
-    plant: Plant
-    equilibrium: Mapping[str, float]
-    Q: np.ndarray
-    R: np.ndarray
-    pieces: tuple[Piece, ...]
+    plant: Plant = part(Plant)
+    equilibrium: Mapping[str, float] = entry(
+        lambda file, name, known: file.all_numbers(name, (*known.plant.states, *known.plant.inputs))
+    )
+    Q: np.ndarray = entry(
+        lambda file, name, known: file.symmetric(name, len(known.plant.states)), subject="weights"
+    )
+    R: np.ndarray = entry(
+        lambda file, name, known: file.symmetric(name, len(known.plant.inputs)), subject="weights"
+    )
+    pieces: tuple[Piece, ...] = entry(
+        lambda file, name, known: tuple(
+            Piece.read(each, len(known.plant.states)) for each in file.items(name)
+        ),
+        store=lambda pieces: [piece.content() for piece in pieces],
+    )
 
-    @classmethod
-    def read(cls, content: Any, subject: Subject) -> CostStatement:
-        """Return the statement of a certificate.
+    def check_consistent(self) -> None:
+        """Raise Malformed if weights, pieces or limits are not admissible.
 
-        content: the certificate's entry `statement`
-        subject: the user's aircraft
-
-        Raises Malformed for the first wrong entry, and BadInputError if the statement concerns
-        another model.
+        Input limits must be the model's, and no output has a limit.
         """
-        entries = Fields("statement", content)
-        plant = read_plant(entries, content, subject)
-        _check_limits(plant)
-        n, m = len(plant.states), len(plant.inputs)
-        equilibrium = entries.all_numbers("equilibrium", (*plant.states, *plant.inputs))
-        Q = entries.symmetric("Q", n)
-        R = entries.symmetric("R", m)
-        require(lowest_sign(Q) >= 0, "statement: Q: not positive semidefinite")
-        require(lowest_sign(R) >= 0, "statement: R: not positive semidefinite")
-        pieces = tuple(Piece.read(fields, n) for fields in entries.items("pieces"))
-        require(bool(pieces), "statement: pieces")
-        entries.close()
-        return cls(plant, equilibrium, Q, R, pieces)
-
-    def content(self) -> dict[str, Any]:
-        """Return the certificate's entry `statement`, in the form that `read` accepts."""
-        return {
-            **self.plant.content(),
-            "equilibrium": dict(self.equilibrium),
-            "Q": self.Q.tolist(),
-            "R": self.R.tolist(),
-            "pieces": [piece.content() for piece in self.pieces],
-        }
+        require(lowest_sign(self.Q) >= 0, "statement: Q: not positive semidefinite")
+        require(lowest_sign(self.R) >= 0, "statement: R: not positive semidefinite")
+        require(bool(self.pieces), "statement: pieces")
+        require(not any(piece.whole for piece in self.pieces), "statement: pieces: whole")
+        limits = self.plant.limits
+        for name, signal in self.plant.model.inputs.items():
+            stated = limits.get(name, (-np.inf, np.inf))
+            require(stated == (signal.min, signal.max), f"limits: {name} not the model's", stated)
+        for name in self.plant.model.outputs:
+            require(name not in limits, f"limits: {name} is an output")
 
     @property
     def level(self) -> float:
@@ -91,7 +84,7 @@ class CostStatement:
 
 
 @dataclass(frozen=True, eq=False)
-class CostWitness:
+class CostWitness(Witness):
     """Data for the proof of a lower bound of the cost, not part of the claim.
 
     solved: names of the states and inputs that are the unknowns of the equilibrium
@@ -118,12 +111,3 @@ class CostWitness:
     def content(self) -> dict[str, Any]:
         """Return the certificate's entry `witness`, in the form that `read` accepts."""
         return {"solved": list(self.solved), "boxes": list(self.boxes)}
-
-
-def _check_limits(plant: Plant) -> None:
-    """Raise Malformed if an input limit differs from the model's, or an output has a limit."""
-    for name, signal in plant.model.inputs.items():
-        stated = plant.limits.get(name, (-np.inf, np.inf))
-        require(stated == (signal.min, signal.max), f"limits: {name} not the model's", stated)
-    for name in plant.model.outputs:
-        require(name not in plant.limits, f"limits: {name} is an output")

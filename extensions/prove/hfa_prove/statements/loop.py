@@ -1,28 +1,160 @@
-"""Loops of statements."""
+"""Closed loop of an aircraft and a policy about a trim, read from a certificate."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, reduce
+from operator import mul
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from hfa_prove.fields import Terms
-from hfa_prove.statements.plant import Plant
+from hfa_prove.fields import Fields, Rejected, Stated, Terms, entry, require, rows_of
+from hfa_prove.statements.plant import Plant, digest_of
+from hfa_support.errors import BadInputError
 from verification.enclosure.program import Program
+
+#: Highest degree of a polynomial policy.
+HIGHEST_POLICY = 12
+#: Entry of an input that is not saturated.
+FREE = "free"
+#: Entry of an input or a disturbance at its lowest value.
+LOWEST = "low"
+#: Entry of an input or a disturbance at its highest value.
+HIGHEST = "high"
+
+
+def _read_terms(file: Fields, name: str, known: Any) -> dict[str, Terms]:
+    """Return input -> terms of a polynomial in the moving states, in the order of the inputs.
+
+    Raises Malformed for the first wrong entry.
+    """
+    rows = file.fields(name)
+    n = len(known.model.linear)
+    terms = {}
+    for each in known.model.inputs:
+        if rows.has(each):
+            terms[each] = rows.terms(each, n, HIGHEST_POLICY)
+    rows.close()
+    return terms
+
+
+def _stored_terms(terms: Mapping[str, Terms]) -> dict[str, Any]:
+    return {name: rows_of(rows) for name, rows in terms.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Gain(Stated):
+    """Policy u0 - K z + q(z) before saturation, with z the deviations from the trim.
+
+    K: (m, n), in the order of the inputs and the moving states
+    terms: input -> terms of q of degree 2 to `HIGHEST_POLICY`, omitted if q = 0
+    """
+
+    K: np.ndarray = entry(
+        lambda file, name, known: file.array(
+            name, len(known.model.inputs), len(known.model.linear)
+        ),
+        subject="policy",
+    )
+    terms: Mapping[str, Terms] = entry(
+        _read_terms, store=_stored_terms, subject="policy", default_factory=dict
+    )
+
+    def function(self, inputs: Sequence[str]) -> ca.Function:
+        """Return the function from state deviations z (n,) to input deviations (m,).
+
+        inputs: names of the inputs, in order
+        """
+        m, n = self.K.shape
+        z = ca.SX.sym("z", n)
+        deviations = ca.SX.zeros(m)
+        for index, name in enumerate(inputs):
+            total = ca.SX(0)
+            for j in range(n):
+                total -= self.K[index, j] * z[j]
+            for coefficient, powers in self.terms.get(name, ()):
+                factors = [z[j] for j, power in enumerate(powers) for _ in range(power)]
+                total += coefficient * reduce(mul, factors)
+            deviations[index] = total
+        return ca.Function("gain", [z], [ca.densify(deviations)])
+
+
+def _read_policy(file: Fields, name: str, known: Any) -> Gain | ca.Function:
+    """Return the coefficients of a policy, or the user's policy if its digest is stored.
+
+    Raises BadInputError if the digest is that of another policy, or the user gave none.
+    """
+    stated = file.value(name, lambda value: isinstance(value, (str, dict)))
+    if isinstance(stated, dict):
+        return Gain.read(Fields(name, stated), known)
+    own = known.subject.policy
+    if own is None:
+        raise BadInputError(
+            "the certificate is about a policy in a file; give this file with --weights or --policy"
+        )
+    if stated != digest_of(own):
+        raise BadInputError(
+            "the certificate is about another policy; give the file and the options used to "
+            "prove the certificate"
+        )
+    return own
+
+
+def stored_policy(policy: Gain | ca.Function) -> Any:
+    """Return a policy in the form stored in a file: its coefficients, or its digest."""
+    return policy.content() if isinstance(policy, Gain) else digest_of(policy)
+
+
+def _read_disturbances(file: Fields, name: str, known: Any) -> dict[str, float]:
+    """Return disturbance -> its largest absolute value, in the order of the model.
+
+    Raises Malformed unless each value is positive.
+    """
+    names = tuple(known.model.disturbances)
+    sizes = file.numbers(name, names)
+    for each, size in sizes.items():
+        require(size > 0.0, f"disturbances: {each}", size)
+    return {each: sizes[each] for each in names if each in sizes}
 
 
 @dataclass(frozen=True, eq=False)
 class Loop(Plant):
-    """Closed loop x' = f(x, u), u = min(max(u0 + policy(x - x0), low), high).
+    """Closed loop x' = f(x, u, w), u = min(max(u0 + policy(x - x0), low), high).
 
-    policy: state deviations (n,) -> input deviations (m,), with the trim (all states, inputs and
-        parameters) as an optional second argument
+    policy: coefficients of a polynomial, or any function from state deviations (n,) to input
+        deviations (m,), with the trim (all states, inputs and parameters) as an optional second
+        argument
+    disturbances: disturbance w -> bound d > 0 with |w(t)| <= d for any measurable w(t), omitted if
+        w = 0
     """
 
-    policy: ca.Function
+    policy: Gain | ca.Function = entry(_read_policy, store=stored_policy, subject="policy")
+    disturbances: Mapping[str, float] = entry(_read_disturbances, default_factory=dict)
+
+    @property
+    def acting(self) -> tuple[str, ...]:
+        """Names of the inputs and disturbances, in the order used in a certificate.
+
+        A part of the set is defined by one condition for each input (free, at its lowest or at its
+        highest value) and one extreme value for each disturbance.
+        """
+        return (*self.inputs, *self.disturbances)
+
+    @property
+    def gain(self) -> Gain:
+        """Coefficients of the policy. Raises Rejected if the policy is not a polynomial."""
+        if not isinstance(self.policy, Gain):
+            raise Rejected("sums of squares prove regions of polynomial policies only")
+        return self.policy
+
+    @cached_property
+    def function(self) -> ca.Function:
+        """The policy as a function."""
+        policy = self.policy
+        return policy.function(tuple(self.inputs)) if isinstance(policy, Gain) else policy
 
     def rates(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Return the rates of the moving states in the loop, and the outputs that have limits.
@@ -46,51 +178,15 @@ class Loop(Plant):
 
     def deviations(self, z: ca.SX) -> ca.SX:
         """Return the input deviations (m,) that the policy commands at state deviations z (n,)."""
-        if self.policy.n_in() == 1:
-            return self.policy(z)
+        if self.function.n_in() == 1:
+            return self.function(z)
         at_trim = {**self.trim, **self.held}
         states = [at_trim[name] for name in self.model.states]
-        return self.policy(z, ca.DM([*states, *self.inputs.values(), *self.parameters.values()]))
+        numbers = [*states, *self.inputs.values(), *self.parameters.values()]
+        return self.function(z, ca.DM(numbers))
 
     @cached_property
     def closed(self) -> Program:
         """Program x -> rates of the closed loop."""
         x = ca.SX.sym("x", len(self.states))
         return Program(ca.Function("rates", [x], [self.rates(x)[0]]), self.model.name)
-
-
-@dataclass(frozen=True, eq=False)
-class SaturatedLoop(Plant):
-    """Closed loop of a model and a polynomial policy about a trim.
-
-        x' = f(x, u, w),  u = sat(u0 - K (x - x0) + q(x - x0))
-
-    Inputs are saturated at the model's limits. The limits of states and outputs are the model's
-    limits or narrower. The rates are affine in the disturbances.
-
-    K: (m, n), in the order of the inputs and the moving states
-    policy: input -> terms of q of degree 2 to `HIGHEST_POLICY`, omitted if q = 0
-    disturbances: disturbance w -> bound d > 0 with |w(t)| <= d for any measurable w(t), omitted if
-        w = 0
-    """
-
-    K: np.ndarray
-    policy: Mapping[str, Terms] = field(default_factory=dict)
-    disturbances: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def acting(self) -> tuple[str, ...]:
-        """Names of the inputs and disturbances, in the order used in a certificate.
-
-        A part of the set is defined by one condition for each input (free, at its lowest or at its
-        highest value) and one extreme value for each disturbance.
-        """
-        return (*self.inputs, *self.disturbances)
-
-
-#: Entry of an input that is not saturated.
-FREE = "free"
-#: Entry of an input or a disturbance at its lowest value.
-LOWEST = "low"
-#: Entry of an input or a disturbance at its highest value.
-HIGHEST = "high"

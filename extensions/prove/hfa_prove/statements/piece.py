@@ -70,14 +70,16 @@ class Piece(NamedTuple):
     """The set of deviations z with W(y) <= c and |y_i| < 1, y = M z.
 
     M: (n, n)
-    W: polynomial in y without terms of degree 0 and 1, with products of coefficients and powers
-        that are exact in double precision
+    W: polynomial in y without terms of degree 0 and 1
     c: level
+    whole: whether the set is {W(y) <= c} without the condition |y_i| < 1. Otherwise products of
+        coefficients and powers of W are exact in double precision.
     """
 
     M: np.ndarray
     W: Polynomial
     c: float
+    whole: bool = False
 
     @classmethod
     def read(cls, entries: Fields, n: int) -> Piece:
@@ -90,15 +92,17 @@ class Piece(NamedTuple):
         """
         M = entries.array("M", n, n)
         terms = entries.terms("W", n, HIGHEST)
-        for number, (value, powers) in enumerate(terms):
-            require(is_exact(value, powers), f"{entries.where}: W {number}", value)
         c = entries.number("c", above=0.0)
+        whole = entries.flag("whole")
+        for number, (value, powers) in enumerate(terms):
+            require(whole or is_exact(value, powers), f"{entries.where}: W {number}", value)
         entries.close()
-        return cls(M, Polynomial(n, terms), c)
+        return cls(M, Polynomial(n, terms), c, whole)
 
     def content(self) -> dict[str, Any]:
         """Return the piece as stored in a file, in the form that `read` accepts."""
-        return {"M": self.M.tolist(), "W": rows_of(self.W.terms), "c": self.c}
+        rows = rows_of(self.W.terms)
+        return {"M": self.M.tolist(), "W": rows, "c": self.c, "whole": self.whole}
 
     def contains(self, z: np.ndarray) -> np.ndarray:
         """Return the mask (N,) of the state deviations z (N, n) in the set, in double precision."""

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_prove.fields import Fields, Rejected, Terms, require
+from hfa_prove.fields import Fields, Rejected, Stated, entry, require
 from hfa_prove.hfa import aircraft_of
 from hfa_support.errors import BadInputError, shown
+from verification.enclosure.program import LARGEST
 
 #: Largest difference of a trim from the stated one, in nominal values of its unknowns.
 SAME_TRIM = 1e-6
@@ -30,41 +33,153 @@ class Subject(NamedTuple):
     policy: ca.Function | None = None
 
 
-def model_of(name: Any, source: Any, own: Model | None) -> Model:
+def read_model(file: Fields, name: str, known: Any) -> Model:
     """Return the aircraft that a statement concerns.
 
-    This is the flexible aircraft of the paper or the user's model.
+    This is the user's model, or the flexible aircraft of the paper.
 
-    name: name of the dynamics in the statement
-    source: hash of the user's file in the statement, "" for the flexible aircraft
-    own: the user's model, or None
+    file: reader of the object with the entry
+    name: name of the entry, which contains the facts of the model (`facts`)
+    known: namespace with the user's `subject`
 
-    Raises Malformed unless `name` and `source` are strings. Raises BadInputError if the statement
-    concerns another model than the user's, or an aircraft whose file is not given.
+    Raises BadInputError if the statement concerns another model than the user's, or an aircraft
+    whose file is not given. Raises Malformed if another fact differs.
     """
-    require(isinstance(name, str) and isinstance(source, str), "dynamics", name)
-    if own is not None:
-        if (own.name, own.source.digest) != (name, source):
-            raise BadInputError(
-                f"the certificate is about {shown(name)} from another file than the given file "
-                f"of {own.name}; give the aircraft file used to prove the certificate"
-            )
-        return own
-    flexible = None if source else aircraft_of(name)
-    if flexible is None:
+    stated = file.fields(name)
+    dynamics = stated.value("dynamics", lambda value: isinstance(value, str))
+    equations = stated.value("equations", lambda value: isinstance(value, str))
+    own = known.subject.model
+    if own is not None and (own.name, digest_of_equations(own)) != (dynamics, equations):
         raise BadInputError(
-            f"the certificate is about {shown(name)}; give the aircraft file with --aircraft "
+            f"the certificate is about {shown(dynamics)} with other equations than those of the "
+            f"given file of {own.name}; give the aircraft file used to prove the certificate"
+        )
+    model = own or (None if equations else aircraft_of(dynamics))
+    if model is None:
+        raise BadInputError(
+            f"the certificate is about {shown(dynamics)}; give the aircraft file with --aircraft "
             "FILE.py:NAME"
         )
-    return flexible
+    for fact, value in facts(model).items():
+        if fact not in ("dynamics", "equations"):
+            stated.same(fact, value)
+    stated.close()
+    return model
+
+
+def facts(model: Model) -> dict[str, Any]:
+    """Return the entries of a certificate that identify a model.
+
+    dynamics: name of the model
+    equations: digest of the equations, "" for the flexible aircraft of this program
+    states: names of the moving states
+    steady: names of the states whose rates are 0 at a trim
+    schedule, schedule_unit: scheduling variable and its unit in certificates
+    state_units, input_units, disturbance_units: units of the moving states, inputs and disturbances
+    nominal: nominal values of all states and inputs, in which distances of trims are measured
+    """
+    signals = model.signals
+    return {
+        "dynamics": model.name,
+        "equations": digest_of_equations(model),
+        "states": list(model.linear),
+        "steady": list(model.steady),
+        "schedule": model.schedule,
+        "schedule_unit": model.schedule_unit if model.schedule else "",
+        "state_units": list(model.units(model.linear)),
+        "input_units": list(model.units(tuple(model.inputs))),
+        "disturbance_units": list(model.units(tuple(model.disturbances))),
+        "nominal": [signals[name].nominal for name in (*model.states, *model.inputs)],
+    }
+
+
+@lru_cache(maxsize=16)
+def digest_of_equations(model: Model) -> str:
+    """Return the SHA-256 of the graph of a model's equations and of the names of its signals.
+
+    Comments, titles, default values and the order of statements in a file do not change it. The
+    result is "" for the flexible aircraft of this program, which its name identifies.
+    """
+    flexible = aircraft_of(model.name)
+    if flexible is not None and flexible.layout == model.layout:
+        return ""
+    layout = model.layout
+    x, u, p, w = layout.symbols("x", "u", "p", "w")
+    vectors = [ca.vertsplit(each) if each.numel() else [] for each in (x, u, p)]
+    disturbances = ca.vertsplit(w) if w.numel() else []
+    rates, outputs = layout.expressions(vectors, tuple(model.outputs), disturbances)
+    graph = ca.Function("equations", [x, u, p, w], [ca.densify(rates), ca.densify(outputs)])
+    names = repr((layout.names, layout.replaced))
+    return hashlib.sha256(f"{names} {digest_of(graph, model.name)}".encode()).hexdigest()
+
+
+def digest_of(function: ca.Function, what: str = "the policy") -> str:
+    """Return the SHA-256 of a function's instructions and of all digits of its constants.
+
+    Functions that it calls, such as tables, are contained.
+
+    what: name of the function, for the message
+
+    Raises BadInputError if the function has more than `LARGEST` operations.
+    """
+    scalar = function.expand() if function.is_a("MXFunction") else function
+    if scalar.n_instructions() > LARGEST:
+        raise BadInputError(
+            f"{what} has {scalar.n_instructions()} operations, but at most {LARGEST} are "
+            "supported; give a smaller one"
+        )
+    hashed = hashlib.sha256()
+    for index in range(scalar.n_instructions()):
+        code = scalar.instruction_id(index)
+        places = (*scalar.instruction_input(index), -1, *scalar.instruction_output(index))
+        number = float(scalar.instruction_constant(index)).hex() if code == ca.OP_CONST else ""
+        hashed.update(f"{code} {places} {number};".encode())
+    for name in sorted(scalar.get_function()):
+        hashed.update(scalar.get_function(name).serialize().encode())
+    return hashed.hexdigest()
 
 
 #: Lowest and highest value by signal; inf where there is no limit.
 Limits = Mapping[str, tuple[float, float]]
 
 
+def _read_limits(file: Fields, name: str, known: Any) -> Limits:
+    """Return signal -> (lowest, highest), with infinity for null.
+
+    Raises Malformed for the first wrong entry.
+    """
+    model = known.model
+    stated = file.value(name, lambda value: isinstance(value, dict))
+    limits = {}
+    for signal, pair in stated.items():
+        where = f"limits: {signal}"
+        require(signal in (*model.states, *model.inputs, *model.outputs), where)
+        require(isinstance(pair, list) and len(pair) == 2, where, pair)
+        ends = Fields(where, {"low": pair[0], "high": pair[1]})
+        low = -np.inf if pair[0] is None else ends.number("low")
+        high = np.inf if pair[1] is None else ends.number("high")
+        require(low < high, where, pair)
+        limits[signal] = (low, high)
+    return limits
+
+
+def stored_limits(limits: Limits) -> dict[str, list[float | None]]:
+    """Return limits in the form stored in a file, with None for an infinite limit."""
+    return {
+        name: [end if np.isfinite(end) else None for end in ends] for name, ends in limits.items()
+    }
+
+
+def _numbers_of(names: Any) -> Any:
+    """Return the reader of an entry with a number for each signal.
+
+    names: model -> names of the signals
+    """
+    return lambda file, name, known: file.all_numbers(name, tuple(names(known.model)))
+
+
 @dataclass(frozen=True, eq=False)
-class Plant:
+class Plant(Stated):
     """Plant x' = f(x, u) with limited inputs.
 
     model: the equations. The states of the linear model are the moving states.
@@ -75,12 +190,17 @@ class Plant:
     limits: signal -> lowest and highest value
     """
 
-    model: Model
-    parameters: Mapping[str, float]
-    trim: Mapping[str, float]
-    inputs: Mapping[str, float]
-    held: Mapping[str, float]
-    limits: Limits
+    model: Model = entry(read_model, store=facts, subject="aircraft")
+    parameters: Mapping[str, float] = entry(
+        _numbers_of(lambda model: model.parameters), subject="parameters"
+    )
+    trim: Mapping[str, float] = entry(_numbers_of(lambda model: model.linear), subject="trim")
+    inputs: Mapping[str, float] = entry(_numbers_of(lambda model: model.inputs), subject="trim")
+    held: Mapping[str, float] = entry(
+        _numbers_of(lambda model: (name for name in model.states if name not in model.linear)),
+        subject="trim",
+    )
+    limits: Limits = entry(_read_limits, store=stored_limits, subject="limits")
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -91,17 +211,6 @@ class Plant:
     def limited_outputs(self) -> tuple[str, ...]:
         """Names of the outputs that have limits."""
         return tuple(name for name in self.model.outputs if name in self.limits)
-
-    def content(self) -> dict[str, Any]:
-        """Return the plant in the form of a certificate, which `read_plant` accepts."""
-        return {
-            **facts(self.model),
-            "parameters": dict(self.parameters),
-            "trim": dict(self.trim),
-            "inputs": dict(self.inputs),
-            "held": dict(self.held),
-            "limits": {name: pair_of(pair) for name, pair in self.limits.items()},
-        }
 
     @property
     def nominal(self) -> np.ndarray:
@@ -146,80 +255,6 @@ class Plant:
         f, y = self.model.layout.expressions(vectors, self.limited_outputs, w)
         rows = [list(self.model.states).index(name) for name in self.states]
         return ca.densify(f[rows]), ca.densify(y) if self.limited_outputs else ca.SX(0, 1)
-
-
-def read_plant(entries: Fields, content: Any, subject: Subject) -> Plant:
-    """Return the plant stored in a certificate.
-
-    entries: reader of the certificate's entry `statement`
-    content: the same entry as data
-    subject: the user's aircraft
-
-    Raises Malformed for the first wrong entry, and BadInputError if the statement concerns another
-    model.
-    """
-    model = model_of(content.get("dynamics"), content.get("source"), subject.model)
-    for name, fact in facts(model).items():
-        entries.same(name, fact)
-    states = tuple(model.linear)
-    held = tuple(name for name in model.states if name not in states)
-    return Plant(
-        model,
-        entries.all_numbers("parameters", tuple(model.parameters)),
-        entries.all_numbers("trim", states),
-        entries.all_numbers("inputs", tuple(model.inputs)),
-        entries.all_numbers("held", held),
-        _read_limits(entries, model),
-    )
-
-
-def _read_limits(entries: Fields, model: Model) -> Limits:
-    """Return signal -> (lowest, highest) from the entry `limits`, with infinity for null.
-
-    Raises Malformed for the first wrong entry.
-    """
-    stated = entries.value("limits", lambda value: isinstance(value, dict))
-    limits = {}
-    for name, pair in stated.items():
-        where = f"limits: {name}"
-        require(name in (*model.states, *model.inputs, *model.outputs), where)
-        require(isinstance(pair, list) and len(pair) == 2, where, pair)
-        ends = Fields(where, {"low": pair[0], "high": pair[1]})
-        low = -np.inf if pair[0] is None else ends.number("low")
-        high = np.inf if pair[1] is None else ends.number("high")
-        require(low < high, where, pair)
-        limits[name] = (low, high)
-    return limits
-
-
-def terms_by_input(entries: Fields, name: str, plant: Plant, highest: int) -> dict[str, Terms]:
-    """Return the polynomial of each input, input -> terms, read from the entry `name`.
-
-    An input without a polynomial is omitted.
-
-    highest: highest accepted degree
-
-    Raises Malformed for the first wrong term.
-    """
-    rows = entries.fields(name)
-    terms = {}
-    for each in plant.inputs:
-        if rows.has(each):
-            terms[each] = rows.terms(each, len(plant.states), highest)
-    rows.close()
-    return terms
-
-
-def read_extents(entries: Fields, states: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Return state -> lowest and highest deviation, from the entry `extents`.
-
-    Raises Malformed unless every lowest deviation is negative and every highest deviation positive.
-    """
-    listed = entries.fields("extents")
-    extents = {name: listed.pair(name) for name in states}
-    listed.close()
-    require(all(low < 0.0 < high for low, high in extents.values()), "extents", extents)
-    return extents
 
 
 def check_limits_of_model(plant: Plant) -> None:
@@ -269,19 +304,3 @@ def model_limits(
     p = model.layout.record("p", [parameters[name] for name in model.parameters])
     limits |= model.domain.limits_about(x, p)
     return {name: pair for name, pair in limits.items() if np.isfinite(pair).any()}
-
-
-def facts(model: Model) -> dict[str, Any]:
-    """Return entries that identify a model: name, source, moving states and units."""
-    return {
-        "dynamics": model.name,
-        "source": model.source.digest,
-        "states": list(model.linear),
-        "state_units": list(model.units(model.linear)),
-        "input_units": list(model.units(tuple(model.inputs))),
-    }
-
-
-def pair_of(limits: tuple[float, float]) -> list[float | None]:
-    """Return a pair of limits in the form stored in a file, with None for an infinite limit."""
-    return [end if np.isfinite(end) else None for end in limits]

@@ -22,10 +22,10 @@ from hfa_prove.check.cover import Boxes
 from hfa_prove.check.equilibrium import Equilibrium
 from hfa_prove.check.loop_boxes import Decrease, equilibrium_near
 from hfa_prove.check.region_boxes import check_region
-from hfa_prove.statements.loop import Loop
+from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.piece import Piece, Polynomial
-from hfa_prove.statements.plant import Subject
-from hfa_prove.statements.region_boxes import BoxStatement, BoxWitness, Gain, digest_of
+from hfa_prove.statements.plant import Subject, digest_of
+from hfa_prove.statements.region import BoxWitness, RegionStatement
 from hfa_support.errors import BadInputError, NoSolutionError
 
 Content = dict[str, Any]
@@ -71,15 +71,19 @@ def tank() -> Content:
         {"valve": 0.0},
         {"slope": 0.25},
         limits,
-        gain.function(("valve",)),
+        gain,
     )
     piece = Piece(np.eye(2), Polynomial(2, ((1.0, (2, 0)), (1.0, (0, 2)))), 0.81)
-    statement = BoxStatement(loop, gain, at, piece, dict.fromkeys(at, (-0.91, 0.91)))
+    statement = RegionStatement(loop, at, piece, dict.fromkeys(at, (-0.91, 0.91)))
     return {
         **{"schema": SCHEMA, "toolchain": "", "digest": "", "provenance": {}, "checksum": ""},
-        "kind": "region-boxes",
+        "kind": "region",
         "statement": statement.content(),
-        "witness": {"multipliers": np.full((2, 2), 0.55).tolist(), "boxes": 2000},
+        "witness": {
+            "prover": "boxes",
+            "multipliers": np.full((2, 2), 0.55).tolist(),
+            "boxes": 2000,
+        },
     }
 
 
@@ -88,7 +92,7 @@ def checked(content: Content) -> int:
 
 
 def _decrease(
-    statement: BoxStatement, witness: BoxWitness, at: Equilibrium, piece: Piece | None = None
+    statement: RegionStatement, witness: BoxWitness, at: Equilibrium, piece: Piece | None = None
 ) -> Decrease:
     extents = np.array(list(statement.extents.values()))
     return Decrease(statement.loop, at, piece or statement.piece, extents, witness.multipliers)
@@ -114,7 +118,7 @@ def test_the_hole_has_the_expected_half_width() -> None:
     outside the hole is not proved.
     """
     content = tank()
-    content["statement"]["policy"]["terms"] = {"valve": [[146.0, [6, 0]]]}
+    content["statement"]["loop"]["policy"]["terms"] = {"valve": [[146.0, [6, 0]]]}
     statement, witness = read_content(content, Subject(TANK))
     equilibrium = equilibrium_near(statement.loop, np.zeros(2))
     found = _decrease(statement, witness, equilibrium)
@@ -171,6 +175,7 @@ def test_the_equilibrium_is_compared_in_nominal_values() -> None:
     states = {**TANK.states, "level": Signal("m", 0.01)}
     content = tank()
     content["statement"]["equilibrium"]["level"] = 2e-7
+    content["statement"]["loop"]["model"]["nominal"][0] = 0.01
     with pytest.raises(NoSolutionError, match="differs from the stated"):
         check_region(*read_content(content, Subject(replace(TANK, states=states))))
 
@@ -182,7 +187,7 @@ def test_limits_are_proved_about_all_enclosed_equilibria(ends: tuple[float, floa
     For an equilibrium known within 0.001, they are refused.
     """
     content = tank()
-    content["statement"]["limits"]["level"] = list(ends)
+    content["statement"]["loop"]["limits"]["level"] = list(ends)
     statement, witness = read_content(content, Subject(TANK))
     _decrease(statement, witness, Equilibrium(np.zeros(2), np.zeros(2))).check_limits()
     about = Equilibrium(np.zeros(2), np.array([0.001, 0.0]))
@@ -224,9 +229,10 @@ def _about(level: float) -> Callable[[Content], None]:
 
     def change(content: Content) -> None:
         claim = content["statement"]
-        claim["trim"]["level"] = claim["equilibrium"]["level"] = level
-        claim["parameters"]["inflow"] = 0.8
-        claim["inputs"]["valve"] = -0.8 * level
+        loop = claim["loop"]
+        loop["trim"]["level"] = claim["equilibrium"]["level"] = level
+        loop["parameters"]["inflow"] = 0.8
+        loop["inputs"]["valve"] = -0.8 * level
 
     return change
 
@@ -239,31 +245,40 @@ def _witness(**entries: Any) -> Callable[[Content], None]:
 FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "equilibrium": (_put(1.1e-6, "equilibrium", "level"), "differs from the stated"),
     "set through the faces": (_through_the_faces, "inequality"),
-    "peak in the hole": (_put([-999.0, 0.96], "limits", "peak"), "inequality"),
-    "output above its limit": (_put([-3.0, 1.2], "limits", "load"), "inequality"),
-    "output below its limit": (_put([-1.2, 3.0], "limits", "load"), "inequality"),
-    "held above its limits": (_put({"slope": 1.5}, "held"), "slope has the constant value"),
-    "held below its limits": (_put({"slope": -1.5}, "held"), "slope has the constant value"),
-    "state above its limit": (_put([-9.0, 0.9], "limits", "level"), "level is not proved to stay"),
-    "state below its limit": (_put([-0.9, 9.0], "limits", "level"), "level is not proved to stay"),
+    "peak in the hole": (_put([-999.0, 0.96], "loop", "limits", "peak"), "inequality"),
+    "output above its limit": (_put([-3.0, 1.2], "loop", "limits", "load"), "inequality"),
+    "output below its limit": (_put([-1.2, 3.0], "loop", "limits", "load"), "inequality"),
+    "held above its limits": (_put({"slope": 1.5}, "loop", "held"), "slope has the constant value"),
+    "held below its limits": (
+        _put({"slope": -1.5}, "loop", "held"),
+        "slope has the constant value",
+    ),
+    "state above its limit": (
+        _put([-9.0, 0.9], "loop", "limits", "level"),
+        "level is not proved to stay",
+    ),
+    "state below its limit": (
+        _put([-0.9, 9.0], "loop", "limits", "level"),
+        "level is not proved to stay",
+    ),
     "extent as far as a limit": (
-        _put([-9.0, 0.91], "limits", "level"),
+        _put([-9.0, 0.91], "loop", "limits", "level"),
         "level is not proved to stay",
     ),
     "extent as low as a limit": (
-        _put([-0.91, 9.0], "limits", "level"),
+        _put([-0.91, 9.0], "loop", "limits", "level"),
         "level is not proved to stay",
     ),
     "extent above": (_put([-0.91, 0.89], "extents", "level"), "inequality"),
     "extent below": (_put([-0.89, 0.91], "extents", "heat"), "inequality"),
     "extents that do not hold 0": (_put([0.1, 0.91], "extents", "level"), "extents"),
     "extents below 0": (_put([-0.91, -0.1], "extents", "level"), "extents"),
-    "gain of the other sign": (_put([[-2.0, 0.0]], "policy", "K"), "near the equilibrium"),
-    "a gain of nothing": (_put([[0.4, 0.0]], "policy", "K"), "near the equilibrium"),
-    "terms that fill": (_put({"valve": [[9.0, [3, 0]]]}, "policy", "terms"), "inequality"),
+    "gain of the other sign": (_put([[-2.0, 0.0]], "loop", "policy", "K"), "near the equilibrium"),
+    "a gain of nothing": (_put([[0.4, 0.0]], "loop", "policy", "K"), "near the equilibrium"),
+    "terms that fill": (_put({"valve": [[9.0, [3, 0]]]}, "loop", "policy", "terms"), "inequality"),
     "a valve that cannot open more": (_about(0.5), "inequality"),
     "a valve that cannot close more": (_about(-0.5), "inequality"),
-    "more inflow": (_put({"inflow": 1.2}, "parameters"), "inequality"),
+    "more inflow": (_put({"inflow": 1.2}, "loop", "parameters"), "inequality"),
     "W of degree 1": (_put(lambda W: [*W, [1.0, [1, 0]]], "piece", "W"), "W 2"),
     "W twice": (_put(lambda W: [*W, W[0]], "piece", "W"), "W"),
     "W negative": (_put([[-1.0, [2, 0]], [1.0, [0, 2]]], "piece", "W"), "near the"),
@@ -272,26 +287,29 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
         _put([[1.0, 1.0], [1.0, 1.0]], "piece", "M"),
         "coordinates y = M z is singular",
     ),
-    "limits wider": (_put([-2.0, 2.0], "limits", "valve"), "valve beyond or not"),
-    "limits narrower": (_put([-0.9, 1.0], "limits", "valve"), "valve beyond or not"),
-    "limits of an output wider": (_put([-4.0, 3.0], "limits", "load"), "load beyond"),
+    "limits wider": (_put([-2.0, 2.0], "loop", "limits", "valve"), "valve beyond or not"),
+    "limits narrower": (_put([-0.9, 1.0], "loop", "limits", "valve"), "valve beyond or not"),
+    "limits of an output wider": (_put([-4.0, 3.0], "loop", "limits", "load"), "load beyond"),
     "a limit left out": (
-        lambda content: content["statement"]["limits"].pop("peak"),
+        lambda content: content["statement"]["loop"]["limits"].pop("peak"),
         "limits: peak",
     ),
-    "all limits left out": (_put({}, "limits"), "limits: "),
-    "a limit of no signal": (_put([-1.0, 1.0], "limits", "pump"), "limits: pump"),
-    "a limit of three numbers": (_put([-3.0, 3.0, 9.0], "limits", "load"), "limits: load"),
-    "limits exchanged": (_put([3.0, -3.0], "limits", "load"), "limits: load"),
-    "terms of no input": (_put({"pump": [[1.0, [3, 0]]]}, "policy", "terms"), "unknown entry"),
+    "all limits left out": (_put({}, "loop", "limits"), "limits: "),
+    "a limit of no signal": (_put([-1.0, 1.0], "loop", "limits", "pump"), "limits: pump"),
+    "a limit of three numbers": (_put([-3.0, 3.0, 9.0], "loop", "limits", "load"), "limits: load"),
+    "limits exchanged": (_put([3.0, -3.0], "loop", "limits", "load"), "limits: load"),
+    "terms of no input": (
+        _put({"pump": [[1.0, [3, 0]]]}, "loop", "policy", "terms"),
+        "unknown entry",
+    ),
     "extents of no state": (_put([-1.0, 1.0], "extents", "slope"), "unknown entry"),
-    "no policy": (_put("0" * 64, "policy"), "a policy in a file; give this file"),
-    "another model": (_put("van der Pol", "dynamics"), "from another file than"),
-    "another file": (_put("0" * 64, "source"), "from another file than"),
-    "states exchanged": (_put(["heat", "level"], "states"), "states"),
-    "units": (_put(["ft", "K"], "state_units"), "state_units"),
+    "no policy": (_put("0" * 64, "loop", "policy"), "a policy in a file; give this file"),
+    "another model": (_put("van der Pol", "loop", "model", "dynamics"), "with other equations"),
+    "another file": (_put("0" * 64, "loop", "model", "equations"), "with other equations"),
+    "states exchanged": (_put(["heat", "level"], "loop", "model", "states"), "states"),
+    "units": (_put(["ft", "K"], "loop", "model", "state_units"), "state_units"),
     "an unknown entry": (_put("x", "note"), "unknown entry"),
-    "an unknown entry of the policy": (_put("x", "policy", "note"), "unknown entry"),
+    "an unknown entry of the policy": (_put("x", "loop", "policy", "note"), "unknown entry"),
     "an unknown entry of V": (_put("x", "piece", "note"), "unknown entry"),
     "an entry of no claim": (lambda content: content.update(note="x"), "unknown entry"),
     "a negative multiplier": (_witness(multipliers=[[-0.1, 0.5], [0.5, 0.5]]), "multipliers"),

@@ -13,7 +13,7 @@ import pytest
 import scipy.linalg
 
 from hfa_aircraft.model import Model, Signal
-from hfa_prove.certificate import SCHEMA, read_content
+from hfa_prove.certificate import SCHEMA, read_content, read_statement
 from hfa_prove.check.cost import (
     CostInequality,
     Guess,
@@ -179,7 +179,7 @@ def _rates(z: np.ndarray, torque: np.ndarray) -> np.ndarray:
 def content_of(bound: CostBound) -> dict[str, Any]:
     content = {
         **{"schema": SCHEMA, "toolchain": "", "digest": "", "provenance": {}, "checksum": ""},
-        "kind": "cost-boxes",
+        "kind": "cost",
         "statement": bound.statement.content(),
         "witness": {
             "solved": ["angle", "rate"],
@@ -227,17 +227,17 @@ FORGED: dict[str, Any] = {
     "Q indefinite": lambda s, w: s.update(Q=[[1.0, 1.5], [1.5, 1.0]]),
     "R negative": lambda s, w: s.update(R=[[-1.0]]),
     "R smaller": lambda s, w: s.update(R=[[0.8]]),
-    "input wider": lambda s, w: s["limits"].update(torque=[-7.0, 7.0]),
-    "input narrower below": lambda s, w: s["limits"].update(torque=[-0.5, 0.7]),
-    "input narrower above": lambda s, w: s["limits"].update(torque=[-0.7, 0.5]),
-    "input without limits": lambda s, w: s["limits"].pop("torque"),
-    "envelope without the trim": lambda s, w: s["limits"].update(rate=[0.5, 2.0]),
-    "trim": lambda s, w: s["trim"].update(angle=0.01),
+    "input wider": lambda s, w: s["plant"]["limits"].update(torque=[-7.0, 7.0]),
+    "input narrower below": lambda s, w: s["plant"]["limits"].update(torque=[-0.5, 0.7]),
+    "input narrower above": lambda s, w: s["plant"]["limits"].update(torque=[-0.7, 0.5]),
+    "input without limits": lambda s, w: s["plant"]["limits"].pop("torque"),
+    "envelope without the trim": lambda s, w: s["plant"]["limits"].update(rate=[0.5, 2.0]),
+    "trim": lambda s, w: s["plant"]["trim"].update(angle=0.01),
     "equilibrium": lambda s, w: s["equilibrium"].update(angle=0.01),
-    "model": lambda s, w: s.update(dynamics="van der Pol"),
-    "source": lambda s, w: s.update(source="0" * 64),
-    "states": lambda s, w: s.update(states=["rate", "angle"]),
-    "units": lambda s, w: s.update(state_units=["deg", "deg/s"]),
+    "model": lambda s, w: s["plant"]["model"].update(dynamics="van der Pol"),
+    "equations": lambda s, w: s["plant"]["model"].update(equations="0" * 64),
+    "states": lambda s, w: s["plant"]["model"].update(states=["rate", "angle"]),
+    "units": lambda s, w: s["plant"]["model"].update(state_units=["deg", "deg/s"]),
     "more": lambda s, w: s.update(note="x"),
     "boxes": lambda s, w: w.update(boxes=[3] * len(w["boxes"])),
     "boxes missing": lambda s, w: w.update(boxes=w["boxes"][1:]),
@@ -280,10 +280,15 @@ def test_a_limit_of_an_output_is_refused() -> None:
         return {"position": u.speed}, {"load": x.position}
 
     model = replace(CART, equations=loaded, outputs=outputs)
-    content = cart_bound(0.5).content()
-    CostStatement.read(copy.deepcopy(content), Subject(model))
+    bound = cart_bound(0.5)
+    content = replace(bound, plant=replace(bound.plant, model=model)).content()
+    read_statement("cost", copy.deepcopy(content), Subject(model))
     with pytest.raises(NoSolutionError, match="load is an output"):
-        CostStatement.read(content | {"limits": {"load": [-1.0, 1.0]}}, Subject(model))
+        read_statement(
+            "cost",
+            content | {"plant": content["plant"] | {"limits": {"load": [-1.0, 1.0]}}},
+            Subject(model),
+        )
 
 
 def test_unknown_entries_of_certificates_are_refused(proved: CostBound) -> None:
@@ -422,10 +427,10 @@ def test_the_inequality_is_checked_on_both_sides() -> None:
 def test_a_bound_with_gradient_at_trim_is_refused() -> None:
     """A bound W with a nonzero gradient at the trim is refused."""
     content = cart_bound(0.5).content()
-    CostStatement.read(copy.deepcopy(content), Subject(CART))
+    read_statement("cost", copy.deepcopy(content), Subject(CART))
     content["pieces"][0]["W"].append([0.01, [1]])
     with pytest.raises(NoSolutionError, match="W 1"):
-        CostStatement.read(content, Subject(CART))
+        read_statement("cost", content, Subject(CART))
 
 
 def test_the_loss_covers_varying_guesses() -> None:

@@ -16,10 +16,9 @@ from hfa_prove.check.cover import Boxes
 from hfa_prove.check.equilibrium import Equilibrium
 from hfa_prove.check.loop_boxes import Decrease
 from hfa_prove.check.piece import OnPiece
-from hfa_prove.statements.loop import Loop
+from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.plant import Plant
-from hfa_prove.statements.region_boxes import Gain
 from verification.enclosure.taylor import lowest
 
 AT = {"a": 0.0, "b": 0.0}
@@ -189,7 +188,7 @@ def test_the_inequality_is_satisfied_in_the_hole() -> None:
 def _decrease(radius: float) -> Decrease:
     gain = Gain(K, {"u": ((0.25, (2, 0)),)})
     limits = {**ENDS, "load": (-2.0, 3.0)}
-    loop = Loop(MODEL, {}, AT, INPUTS, {}, limits, gain.function(("u", "v")))
+    loop = Loop(MODEL, {}, AT, INPUTS, {}, limits, gain)
     extents = np.array([[-0.7, 0.9], [-0.8, 0.6]])
     multipliers = np.array([[0.5, 0.25], [0.75, 1.0]])
     return Decrease(loop, _equilibrium(radius, 2), PIECE, extents, multipliers)

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from as_proved import as_proved
@@ -13,18 +16,21 @@ from as_proved import as_proved
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
 from hfa_flight.problem import flight_problem
-from hfa_prove.commands.given_region import _same_coefficients, given_on_boxes
-from hfa_prove.commands.region_boxes import ProvedPolicy, _given, loop_of
+from hfa_prove.certificate import read_statement
+from hfa_prove.check.game import SAME_GAIN
+from hfa_prove.commands.given_region import _same_policy, given_by, given_for
+from hfa_prove.commands.region_boxes import ProvedPolicy, loop_of
 from hfa_prove.commands.request import CheckRequest
-from hfa_prove.fields_boxes import COST_FIELDS, FIELDS
+from hfa_prove.fields import Stated
 from hfa_prove.problem import given_of
 from hfa_prove.report_boxes import checked_report
 from hfa_prove.report_cost import checked_bound_report
 from hfa_prove.statements.cost import CostStatement
+from hfa_prove.statements.loop import Gain
 from hfa_prove.statements.piece import Piece, Polynomial
-from hfa_prove.statements.plant import Plant, Subject
-from hfa_prove.statements.region_boxes import BoxStatement, Gain, digest_of
-from hfa_prove.subject import Given, compare, entries_of
+from hfa_prove.statements.plant import Plant, Subject, digest_of
+from hfa_prove.statements.region import RegionStatement
+from hfa_prove.subject import Given, close_to, compare
 from hfa_support.errors import BadInputError, NoSolutionError
 from trim.point.linearize import linearize
 from trim.point.solve import trim
@@ -79,39 +85,56 @@ def _more(value: float) -> float:
     return 1.03 * value + 0.01
 
 
+def _part(name: str, change: Change) -> Change:
+    """Return a function that applies `change` to the entry `name` of an object."""
+    return lambda value: value | {name: change(value[name])}
+
+
+#: Entry of an aircraft -> other values.
 _PLANT: dict[str, list[Change]] = {
-    "dynamics": [lambda name: f"{name}x"],
-    "source": [lambda source: "0" * len(source)],
-    "states": [lambda names: names[::-1]],
-    "state_units": [lambda units: ["ft", *units[1:]]],
-    "input_units": [lambda units: ["lbf"]],
+    "model": [
+        _part("dynamics", lambda name: f"{name}x"),
+        _part("equations", lambda digest: "0" * len(digest)),
+        _part("states", lambda names: names[::-1]),
+        _part("state_units", lambda units: ["ft", *units[1:]]),
+        _part("input_units", lambda units: ["lbf"]),
+        _part("nominal", _first(_more)),
+    ],
     "parameters": [_first(_more)],
     "trim": [_first(_more)],
     "inputs": [_first(_more)],
     "held": [_first(_more)],
 }
+
+
+def _of(holder: str, changes: Mapping[str, list[Change]]) -> dict[str, list[Change]]:
+    """Return changes of entries with the path of the object that contains them."""
+    return {f"{holder}.{name}": each for name, each in changes.items()}
+
+
 PIECE: list[Change] = [
     lambda piece: piece | {"c": 0.9 * piece["c"]},
     lambda piece: piece | {"M": _first(_more)(piece["M"])},
     lambda piece: piece | {"W": [[_more(piece["W"][0][0]), piece["W"][0][1]], *piece["W"][1:]]},
 ]
 #: Path -> other entries of the statement about a region.
-CHANGES: dict[str, list[Change]] = _PLANT | {
-    "limits": [
+CHANGES: dict[str, list[Change]] = {
+    **_of("loop", _PLANT),
+    "loop.limits": [
         lambda limits: limits | {"force": [-2.0, 2.5]},
         lambda limits: limits | {"load": [-8.0, 9.0]},
         lambda limits: limits | {"place": [-8.0, 9.0]},
     ],
-    "policy": [
-        lambda policy: policy | {"K": _first(_more)(policy["K"])},
-        lambda policy: policy | {"terms": {"force": [[-0.2, [3, 0]]]}},
-    ],
+    "loop.policy.K": [_first(_more)],
+    "loop.policy.terms": [lambda terms: {"force": [[-0.2, [3, 0]]]}],
+    "loop.disturbances": [lambda sizes: {"gust": 1.0}],
     "equilibrium": [_first(_more)],
     "piece": PIECE,
     "extents": [_first(_more)],
 }
-COST_CHANGES: dict[str, list[Change]] = _PLANT | {
-    "limits": [
+COST_CHANGES: dict[str, list[Change]] = {
+    **_of("plant", _PLANT),
+    "plant.limits": [
         lambda limits: limits | {"force": [-2.0, 2.5]},
         lambda limits: limits | {"place": [-8.0, 9.0]},
     ],
@@ -128,7 +151,7 @@ def piece(degree: int) -> Piece:
     return Piece(2.0 * np.eye(2), Polynomial(2, terms if degree > 2 else terms[:3]), 0.5)
 
 
-def region(cart: Model, degree: int) -> BoxStatement:
+def region(cart: Model, degree: int) -> RegionStatement:
     """Return the statement of a region, without a proof.
 
     degree: degree of V
@@ -137,60 +160,113 @@ def region(cart: Model, degree: int) -> BoxStatement:
     gain = Gain(K, {"force": ((-0.1, (3, 0)),)})
     loop = loop_of(linear, ProvedPolicy.of_gain(gain, ("force",), "a gain", None))
     ends = dict.fromkeys(loop.states, (-1.0, 1.0))
-    return BoxStatement(loop, gain, dict.fromkeys(loop.states, 0.0), piece(degree), ends)
+    return RegionStatement(loop, dict.fromkeys(loop.states, 0.0), piece(degree), ends)
+
+
+def with_changed(content: dict[str, Any], path: str, change: Change) -> dict[str, Any]:
+    made = copy.deepcopy(content)
+    *parents, last = path.split(".")
+    holder = made
+    for name in parents:
+        holder = holder[name]
+    holder[last] = change(holder[last])
+    return made
 
 
 def assert_walked(
-    content: dict[str, Any],
-    table: Any,
+    statement: Stated,
     given: dict[str, Given],
     changes: dict[str, list[Change]],
-    text_of: Callable[[dict[str, Any]], str],
+    read: Callable[[dict[str, Any]], Any],
+    text_of: Callable[[Any], str],
 ) -> None:
-    """Assert that every change of every field is detected, refused or printed.
+    """Assert that every change of every entry is detected, refused or printed.
 
-    content: the statement
-    table: fields of the statement
-    given: entry -> the user's value, from which a changed entry must differ
-    changes: field -> changes of its value
+    given: path -> the user's value, from which a changed entry must differ
+    changes: path -> changes of the entry
+    read: content of a statement -> the statement
     text_of: statement -> printed report
     """
-    assert set(changes) == {name for name, _ in entries_of(content, table)} == set(table)
-    original = text_of(content)
-    walked = [(name, change) for name in changes for change in changes[name]]
-    for name, change in walked:
-        other = copy.deepcopy(content) | {name: change(copy.deepcopy(content[name]))}
-        assert other != content, name
-        if name in given:
+    assert set(changes) == {path for path, _, _ in statement.entries()}
+    content = statement.content()
+    original = text_of(statement)
+    for path, change in [(each, change) for each in changes for change in changes[each]]:
+        made = with_changed(content, path, change)
+        assert made != content, path
+        try:
+            other = read(made)
+        except (BadInputError, NoSolutionError):
+            continue  # refused for all options
+        if path in given:
             with pytest.raises(
                 NoSolutionError, match="in the certificate differs from the value of"
             ):
-                compare(other, table, given)
-        try:
-            shown = text_of(other)
-        except (BadInputError, NoSolutionError):
-            continue  # refused for all options
-        assert shown != original, name
+                compare(other, given)
+        assert text_of(other) != original, path
 
 
 @pytest.mark.parametrize("degree", [2, 4])
 def test_region_fields_are_compared_or_printed(degree: int, aircraft: str, cart: Model) -> None:
-    """Each field of a region is compared with the user's input or printed."""
+    """Each entry of a region is compared with the user's input or printed."""
 
-    def text_of(content: dict[str, Any]) -> str:
-        statement = BoxStatement.read(content, Subject(cart))
+    def read(content: dict[str, Any]) -> RegionStatement:
+        made: RegionStatement = read_statement("region", content, Subject(cart))
+        return made
+
+    def text_of(statement: RegionStatement) -> str:
         return checked_report(as_proved(statement), "the gain K").text()
 
     request = CheckRequest(model=cart, aircraft=aircraft, typed=frozenset({"aircraft"}))
     statement = region(cart, degree)
-    given = given_on_boxes(statement, request)
-    content = statement.content()
-    given["policy"] = Given(content["policy"], "--weights", _same_coefficients)
-    assert compare(content, FIELDS, given) == []
-    for narrower in CHANGES["limits"][1:]:  # narrower limits imply the model's limits
-        compare(content | {"limits": narrower(content["limits"])}, FIELDS, given)
-    del given["limits"]
-    assert_walked(content, FIELDS, given, CHANGES, text_of)
+    given = given_for(statement, request)
+    gain = statement.loop.gain.content()
+    given["loop.policy.K"] = Given(gain["K"], "--weights", close_to(SAME_GAIN))
+    given["loop.policy.terms"] = Given(gain["terms"], "--weights", _same_policy)
+    assert compare(statement, given) == []
+    for narrower in CHANGES["loop.limits"][1:]:  # narrower limits imply the model's limits
+        compare(read(with_changed(statement.content(), "loop.limits", narrower)), given)
+    del given["loop.limits"]
+    assert_walked(statement, given, CHANGES, read, text_of)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "is_same"),
+    [
+        ("def cart", "# A comment.\ndef cart", True),
+        ("start=0.5", "start=0.6", True),
+        ("push = ", "push = 1e-9 * x.place + ", False),
+        ('"place": Signal("m")', '"place": Signal("ft")', False),
+    ],
+)
+def test_the_graph_of_the_equations_identifies_a_file(
+    old: str, new: str, is_same: bool, cart: Model, tmp_path: Path
+) -> None:
+    """A comment, a title or another default value leaves a certificate valid.
+
+    Other equations or other units of states do not.
+    """
+    assert old in CART
+    text = CART.replace(old, new, 1)
+    file = tmp_path / "cart.py"
+    file.write_text(text)
+    read = load_model(f"{file}:CART")
+    other = replace(read, about=replace(read.about, title="Another title"))
+    content = region(cart, 2).content()
+    if is_same:
+        assert read_statement("region", content, Subject(other)).content() == content
+    else:
+        with pytest.raises((BadInputError, NoSolutionError), match=r"other equations|state_units"):
+            read_statement("region", content, Subject(other))
+
+
+def test_tables_are_in_the_digest() -> None:
+    """Functions that differ in one value of a table have different digests."""
+    z = ca.SX.sym("z")
+    digests = set()
+    for middle in (1.0, 1.0, np.nextafter(1.0, 2.0)):
+        table = ca.interpolant("table", "linear", [[0.0, 1.0, 2.0]], [0.0, middle, 4.0])
+        digests.add(digest_of(ca.Function("f", [z], [table(z)])))
+    assert len(digests) == 2
 
 
 def test_the_digest_of_a_network_is_compared(cart: Model) -> None:
@@ -198,28 +274,30 @@ def test_the_digest_of_a_network_is_compared(cart: Model) -> None:
     linear = linearize(cart, trim(cart))
     gains = [Gain(gain, {}).function(("force",)) for gain in (K, 1.001 * K)]
     loops = [loop_of(linear, ProvedPolicy(gain, "a network")) for gain in gains]
-    statement = BoxStatement(
+    statement = RegionStatement(
         loops[0],
-        digest_of(loops[0].policy),
         {"place": 0.0, "speed": 0.0},
         piece(2),
         dict.fromkeys(("place", "speed"), (-1.0, 1.0)),
     )
     content = statement.content()
-    assert compare(content, FIELDS, _given(loops[0], "the user")) == []
+    assert compare(statement, given_by(loops[0], "the user")) == []
     with pytest.raises(NoSolutionError, match="policy in the certificate differs"):
-        compare(content, FIELDS, _given(loops[1], "the user"))
+        compare(statement, given_by(loops[1], "the user"))
     with pytest.raises(BadInputError, match="another policy"):
-        BoxStatement.read(content, Subject(cart, loops[1].policy))
+        read_statement("region", content, Subject(cart, loops[1].function))
     with pytest.raises(BadInputError, match="is about a policy in a file"):
-        BoxStatement.read(content, Subject(cart))
+        read_statement("region", content, Subject(cart))
 
 
 def test_fields_of_bounds_are_compared_or_printed(cart: Model) -> None:
     """Each field of a cost bound is compared with the user's input or printed."""
 
-    def text_of(content: dict[str, Any]) -> str:
-        statement = CostStatement.read(content, Subject(cart))
+    def read(content: dict[str, Any]) -> CostStatement:
+        made: CostStatement = read_statement("cost", content, Subject(cart))
+        return made
+
+    def text_of(statement: CostStatement) -> str:
         count = len(statement.pieces)
         verified = as_proved(statement, sizes=(1,) * count)
         return checked_bound_report(verified, []).text()
@@ -230,12 +308,13 @@ def test_fields_of_bounds_are_compared_or_printed(cart: Model) -> None:
     limits = {name: ends for name, ends in plant.limits.items() if name != "load"}
     still = dict.fromkeys((*plant.states, "force"), 0.0)
     own = Plant(cart, plant.parameters, plant.trim, plant.inputs, plant.held, limits)
-    content = CostStatement(own, still, np.eye(2), np.eye(1), (piece(4),)).content()
-    assert compare(content, COST_FIELDS, given) == []
-    narrower = COST_CHANGES["limits"][1](content["limits"])
+    statement = CostStatement(own, still, np.eye(2), np.eye(1), (piece(4),))
+    assert compare(statement, given) == []
+    content = with_changed(statement.content(), "plant.limits", COST_CHANGES["plant.limits"][1])
+    narrower = read(content)
     with pytest.raises(
         NoSolutionError, match="limit of place in the certificate differs"
     ):  # a claim about fewer flights
-        compare(content | {"limits": narrower}, COST_FIELDS, given)
-    del given["limits"]
-    assert_walked(content, COST_FIELDS, given, COST_CHANGES, text_of)
+        compare(narrower, given)
+    del given["plant.limits"]
+    assert_walked(statement, given, COST_CHANGES, read, text_of)

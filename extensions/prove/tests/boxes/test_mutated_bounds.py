@@ -41,7 +41,7 @@ def content() -> dict[str, Any]:
     statement = CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, pieces)
     return {
         **{"schema": SCHEMA, "toolchain": "", "digest": "", "provenance": {}, "checksum": ""},
-        "kind": "cost-boxes",
+        "kind": "cost",
         "statement": statement.content(),
         "witness": {"solved": ["speed"], "boxes": [2000, 2000]},
     }

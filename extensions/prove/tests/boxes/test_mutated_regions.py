@@ -14,10 +14,10 @@ from tank import LIMITS, TANK
 
 from hfa_prove.certificate import SCHEMA, read_content
 from hfa_prove.check.region_boxes import check_region
-from hfa_prove.statements.loop import Loop
+from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.plant import Subject
-from hfa_prove.statements.region_boxes import BoxStatement, Gain, digest_of
+from hfa_prove.statements.region import RegionStatement
 from hfa_support.errors import BadInputError, NoSolutionError
 
 SQUARE = Polynomial(1, ((1.0, (2,)),))
@@ -63,20 +63,18 @@ def content(kind: str) -> dict[str, Any]:
     W, c = (QUARTIC, 0.81 + 0.25 * 0.6561) if kind == "quartic" else (SQUARE, 0.81)
     policy = policy_of(kind)
     gain = Gain(np.array([[2.0]]), {"valve": ((-0.25, (3,)),)})
-    function = policy or gain.function(("valve",))
     at = {"level": 0.0}
-    loop = Loop(TANK, {"inflow": 0.5}, at, {"valve": 0.0}, {"slope": 0.25}, LIMITS, function)
-    stated = gain if policy is None else digest_of(policy)
-    statement = BoxStatement(loop, stated, at, Piece(np.eye(1), W, c), {"level": (-0.91, 0.91)})
+    loop = Loop(TANK, {"inflow": 0.5}, at, {"valve": 0.0}, {"slope": 0.25}, LIMITS, policy or gain)
+    statement = RegionStatement(loop, at, Piece(np.eye(1), W, c), {"level": (-0.91, 0.91)})
     return {
         **{"schema": SCHEMA, "toolchain": "", "digest": "", "provenance": {}, "checksum": ""},
-        "kind": "region-boxes",
+        "kind": "region",
         "statement": statement.content(),
-        "witness": {"multipliers": [[0.4, 0.4]], "boxes": 500},
+        "witness": {"prover": "boxes", "multipliers": [[0.4, 0.4]], "boxes": 500},
     }
 
 
-def command(statement: BoxStatement, kind: str, z: np.ndarray) -> np.ndarray:
+def command(statement: RegionStatement, kind: str, z: np.ndarray) -> np.ndarray:
     """Return the command of the statement's policy at deviations z from the trim, (N,), by
     NumPy.
     """
@@ -85,12 +83,14 @@ def command(statement: BoxStatement, kind: str, z: np.ndarray) -> np.ndarray:
     if kind == "deployment":
         level = np.array(statement.loop.trim["level"])
         return np.asarray(deployed(z, level, lambda each: np.clip(-each, -0.75, 0.75)))
-    assert isinstance(statement.policy, Gain)
-    terms = statement.policy.terms.get("valve", ())
-    return -statement.policy.K[0, 0] * z + sum(value * z ** powers[0] for value, powers in terms)
+    assert isinstance(statement.loop.policy, Gain)
+    terms = statement.loop.policy.terms.get("valve", ())
+    return -statement.loop.policy.K[0, 0] * z + sum(
+        value * z ** powers[0] for value, powers in terms
+    )
 
 
-def is_true(statement: BoxStatement, kind: str) -> bool:
+def is_true(statement: RegionStatement, kind: str) -> bool:
     """Return whether the claim of a statement holds on a fine grid of the cube.
 
     Points within 1e-4 of the equilibrium are not compared.

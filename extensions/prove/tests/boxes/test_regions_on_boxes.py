@@ -37,10 +37,10 @@ from hfa_prove.commands.region_boxes import scalars
 from hfa_prove.search.interruption import interruptible
 from hfa_prove.search.region_boxes import RegionSearch
 from hfa_prove.search.shape_boxes import Growth, Shape
-from hfa_prove.statements.loop import Loop
+from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.plant import Subject
-from hfa_prove.statements.region_boxes import BoxStatement, BoxWitness, Gain
+from hfa_prove.statements.region import BoxWitness, RegionStatement
 from hfa_support.errors import BadInputError, NoSolutionError
 from verification.enclosure.program import Program
 from verification.enclosure.taylor import TaylorProgram, lowest
@@ -199,7 +199,7 @@ def test_the_checker_needs_the_users_network(proved: Any) -> None:
     assert main(["prove", *words[-2:]]) == 2
 
 
-def statement_of(policy: ca.Function, rho: float = 0.05) -> tuple[BoxStatement, BoxWitness]:
+def statement_of(policy: ca.Function, rho: float = 0.05) -> tuple[RegionStatement, BoxWitness]:
     """Return the statement that {z'P z <= rho} is a region of the pendulum, and its witness."""
     P = np.array([[2.0, 0.3], [0.3, 0.1]])
     names = ("angle", "rate")
@@ -215,7 +215,7 @@ def statement_of(policy: ca.Function, rho: float = 0.05) -> tuple[BoxStatement, 
         policy,
     )
     extents = {name: (low, high) for name, (low, high) in zip(names, ends.tolist(), strict=True)}
-    statement = BoxStatement(loop, "", dict.fromkeys(names, 0.0), shape.piece(), extents)
+    statement = RegionStatement(loop, dict.fromkeys(names, 0.0), shape.piece(), extents)
     return statement, BoxWitness(multipliers, 10**5)
 
 
@@ -232,7 +232,7 @@ def test_another_digest_of_the_policy_is_refused(proved: Any) -> None:
         check_region(*read_content(copy.deepcopy(content), Subject(model, _same_policy(proved))))
         > 0
     )
-    content["statement"]["policy"] = "0" * 64
+    content["statement"]["loop"]["policy"] = "0" * 64
     with pytest.raises(BadInputError, match="is about another policy"):
         read_content(content, Subject(model, _same_policy(proved)))
 
@@ -312,7 +312,7 @@ def test_a_quartic_must_increase_to_the_faces(quartic: float) -> None:
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {}, none)
     piece = Piece(np.eye(1), Polynomial(1, ((1.0, (2,)), (quartic, (4,)))), 1.0)
-    statement = BoxStatement(loop, "", {"x": 0.0}, piece, {"x": (-1.0, 1.0)})
+    statement = RegionStatement(loop, {"x": 0.0}, piece, {"x": (-1.0, 1.0)})
     witness = BoxWitness(np.zeros((1, 2)), 10**4)
     if quartic > 0.0:
         assert check_region(statement, witness) > 0
@@ -339,7 +339,7 @@ def test_a_margin_of_1e13_decides_a_network(margin: float) -> None:
     )
     loop = Loop(model, {}, {"level": 0.0}, {"valve": 0.0}, {}, {}, network)
     piece = Piece(np.eye(1), Polynomial(1, ((1.0, (2,)),)), 0.81)
-    statement = BoxStatement(loop, "", {"level": 0.0}, piece, {"level": (-0.91, 0.91)})
+    statement = RegionStatement(loop, {"level": 0.0}, piece, {"level": (-0.91, 0.91)})
     witness = BoxWitness(np.full((1, 2), 0.55), 10**6)
     if margin > 0.0:
         assert check_region(statement, witness) > 0
@@ -360,7 +360,7 @@ def test_an_interrupted_search_returns_the_proved_region() -> None:
     gain = Gain(K, {})
     loop = statement_of(gain.function(("torque",)))[0].loop
     with interruptible(interrupt) as progress:
-        search = RegionSearch(loop, gain, [], seconds=30.0, progress=progress, save=saved.append)
+        search = RegionSearch(loop, [], seconds=30.0, progress=progress, save=saved.append)
         found = search.found()
     assert signal.getsignal(signal.SIGINT) is before
     assert found.stopped == "interrupted"
@@ -403,7 +403,7 @@ def test_increase_within_the_hole_is_refused() -> None:
     loop = Loop(model, {}, {"angle": 0.0}, {}, {}, {}, none)
     for reach, rho in ((0.19, 0.03), (1.0, 0.9)):
         piece = Piece(np.eye(1) / reach, Polynomial(1, ((reach**2, (2,)),)), rho)
-        statement = BoxStatement(loop, "", {"angle": 0.0}, piece, {"angle": (-1.1, 1.1)})
+        statement = RegionStatement(loop, {"angle": 0.0}, piece, {"angle": (-1.1, 1.1)})
         witness = BoxWitness(np.zeros((1, 2)), 10**4)
         if rho == 0.9:
             with pytest.raises(NoSolutionError, match="inequality"):
@@ -426,14 +426,14 @@ def test_a_kink_at_the_equilibrium_is_named() -> None:
     none = ca.Function("u", [ca.SX.sym("z", 2)], [ca.SX(0, 1)])
     loop = Loop(model, {}, dict.fromkeys(names, 0.0), {}, {}, {}, none)
     with pytest.raises(NoSolutionError, match="rate of rate has a kink in rate at the equil"):
-        RegionSearch(loop, "", [], seconds=0.2).found()
+        RegionSearch(loop, [], seconds=0.2).found()
 
 
 def test_a_set_beyond_a_limit_is_scaled() -> None:
     """The search scales a set that extends beyond a limit, so that it is just within the limit."""
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {"x": (-1.0, 0.6)}, none)
-    search = RegionSearch(loop, "", [], seconds=1.0)
+    search = RegionSearch(loop, [], seconds=1.0)
     for reach, expected in ((0.7, 0.6), (0.5, 0.5)):
         shape = Shape.of_matrix(np.eye(1) / reach**2, search.J, 2)
         part = search._part(shape, 1.0)
@@ -455,7 +455,7 @@ def test_an_obstacle_in_a_slow_direction_is_found() -> None:
     model = Model("needle", {name: Signal("m") for name in rates}, {}, equations, trim={})
     none = ca.Function("u", [ca.SX.sym("z", 4)], [ca.SX(0, 1)])
     loop = Loop(model, {}, dict.fromkeys(rates, 0.0), {}, {}, {}, none)
-    search = RegionSearch(loop, "", [], seconds=1.0)
+    search = RegionSearch(loop, [], seconds=1.0)
     bound = Shape.of_matrix(np.eye(4), search.J, 2).bound(search.samples, 1.0)
     assert bound.rises
     assert bound.level == pytest.approx(0.25, rel=0.02)
@@ -487,7 +487,7 @@ def test_a_set_grows_from_any_initial_v(weight: float) -> None:
     none = ca.Function("u", [ca.SX.sym("z", 2)], [ca.SX(0, 1)])
     limits = {"slow": (-1.0, 1.0), "fast": (-10.0, 10.0)}
     loop = Loop(model, {}, dict.fromkeys(states, 0.0), {}, {}, limits, none)
-    search = RegionSearch(loop, "", [], seconds=1.0)
+    search = RegionSearch(loop, [], seconds=1.0)
     P = solve_continuous_lyapunov(search.J.T, -np.diag([1.0, weight]))
     shape = Shape.of_matrix(P * np.linalg.inv(P)[0, 0], search.J, 2)
     first = search._good(shape, quick=True)
@@ -529,7 +529,7 @@ def test_a_maximum_of_v_bounds_the_level() -> None:
     """
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {"x": (-2.0, 2.0)}, none)
-    search = RegionSearch(loop, "", [], seconds=1.0)
+    search = RegionSearch(loop, [], seconds=1.0)
     shape = Shape.of_matrix(np.eye(1), search.J, 4)
     crested = replace(shape, coefficients=np.array([1.0, 0.0, -0.3]))
     assert crested.bound(search.samples, 1.5).level == pytest.approx(1.0 / 1.2, rel=0.01)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from contextlib import suppress
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,19 @@ from hfa_prove.certificate import read_statement
 from hfa_prove.check import check_certificate
 from hfa_prove.commands.given import given_for
 from hfa_prove.commands.request import CheckRequest
-from hfa_prove.fields import FIELDS, Field, Malformed
+from hfa_prove.fields import Malformed, Stated, entry
 from hfa_prove.report import checked_report
+from hfa_prove.statements import game
+from hfa_prove.statements.flight import Flight
+from hfa_prove.statements.game import GameStatement, Weights
 from hfa_prove.statements.plant import Subject
-from hfa_prove.subject import Given, compare, entries_of, within
+from hfa_prove.statements.schedule import (
+    Controller,
+    FixedActuators,
+    ScheduleStatement,
+    UncertainActuators,
+)
+from hfa_prove.subject import Given, compare, within
 from hfa_support.errors import NoSolutionError
 
 #: A certificate of each form that a statement may have.
@@ -63,7 +73,8 @@ def request_for(kind: str, folder: Path) -> CheckRequest:
         options |= {"plant": plant, "delta": PLANT.delta}
     else:
         options["dynamics"] = "published"
-        options["at"] = tuple(dict.fromkeys(statement["flight"]["range"]))
+        flight = statement.get("flight") or statement["plant"]
+        options["at"] = tuple(dict.fromkeys(flight["range"]))
     if kind in ("plant", "critic"):
         np.savez(weights, **{name: np.array(part) for name, part in statement["critic"].items()})
     else:
@@ -88,67 +99,85 @@ def test_each_field_is_compared_or_printed(kind: str, tmp_path: Path) -> None:
     """Each field of a statement is compared with the user's value or changes the printed report."""
     made = certificate(kind)
     content = made["statement"]
-    table = FIELDS[made["kind"]]
     statement = read_statement(made["kind"], content, Subject(model_of(kind)))
     given = given_for(statement, request_for(kind, tmp_path))
-    compare(content, table, given)
+    compare(statement, given)
     original = text_of(kind, content)
-    for path, _ in entries_of(content, table):
+    for path, declared, _ in statement.entries():
         other = with_changed(content, path)
-        if path in given:
-            with pytest.raises(
-                NoSolutionError, match="in the certificate differs from the value of"
-            ):
-                compare(other, table, given)
-        if table[path].shown:
-            with suppress(Malformed, BadInputError):  # refused for all options
+        with suppress(Malformed, BadInputError):  # refused for all options
+            changed = read_statement(made["kind"], copy.deepcopy(other), Subject(model_of(kind)))
+            if path in given:
+                with pytest.raises(
+                    NoSolutionError, match="in the certificate differs from the value of"
+                ):
+                    compare(changed, given)
+            if declared.shown:
                 assert text_of(kind, other) != original, path
-        assert path in given or table[path].shown, path
+        assert path in given or declared.shown, path
 
 
 def test_the_test_certificates_contain_every_field() -> None:
-    """The certificates of these tests contain every field of every kind of statement."""
-    for kind, table in FIELDS.items():
-        held = set[str]()
-        for case in (*CASES, "solution"):
-            made = certificate(case)
-            if made["kind"] == kind:
-                held |= {path for path, _ in entries_of(made["statement"], table)}
-        assert held == set(table)
+    """The certificates of these tests contain every entry of statements on schedules and games."""
+
+    def declared(kind: Any) -> set[str]:
+        return {f"{kind.__name__}.{each.name}" for each in fields(kind)}
+
+    def held(value: Any) -> set[str]:
+        if not isinstance(value, Stated):
+            return set()
+        found = set[str]()
+        for each in fields(value):  # type: ignore[arg-type]
+            entry = getattr(value, each.name)
+            if entry is not None:
+                found |= {f"{type(value).__name__}.{each.name}"} | held(entry)
+        return found
+
+    kinds = (
+        *(ScheduleStatement, Controller, FixedActuators, UncertainActuators, Flight),
+        *(GameStatement, game.Plant, Weights),
+    )
+    wanted = set[str]().union(*(declared(kind) for kind in kinds))
+    certificates = [certificate(case) for case in (*CASES, "solution")]
+    statements = [read_statement(made["kind"], made["statement"]) for made in certificates]
+    assert set[str]().union(*(held(statement) for statement in statements)) == wanted
+
+
+@dataclass(frozen=True, eq=False)
+class _Claim(Stated):
+    A: Any = entry(lambda file, name, known: None, subject="plant")
+    K: Any = entry(lambda file, name, known: None, subject="gain")
+    rho: float = entry(lambda file, name, known: None)
 
 
 def test_missing_subjects_are_named() -> None:
     """The comparison returns the names of values that the user did not give, and refuses values
     that differ.
     """
-    table = {"A": Field("plant"), "K": Field("gain"), "rho": Field()}
-    content = {"A": [[1.0]], "K": [[2.0]], "rho": 3.0}
-    assert compare(content, table, {}) == ["plant", "gain"]
-    assert compare(content, table, {"K": Given([[2.0]], "--weights")}) == ["plant"]
+    claim = _Claim([[1.0]], [[2.0]], 3.0)
+    assert compare(claim, {}) == ["plant", "gain"]
+    assert compare(claim, {"K": Given([[2.0]], "--weights")}) == ["plant"]
     with pytest.raises(
         NoSolutionError, match="K in the certificate differs from the value of --weights"
     ):
-        compare(content, table, {"K": Given([[2.0, 0.0]], "--weights")})
+        compare(claim, {"K": Given([[2.0, 0.0]], "--weights")})
     with pytest.raises(BadInputError, match="does not contain"):
-        compare(content, table, {"P": Given([[2.0]], "--weights")})
-    with pytest.raises(LookupError):
-        compare(content | {"note": 1.0}, table, {})
+        compare(claim, {"P": Given([[2.0]], "--weights")})
 
 
 def test_the_error_ignores_tolerated_differences() -> None:
     """The error names the state whose trim differs by more than the tolerance, not the first
     state.
     """
-    stated = {"trim": {"alpha": 0.1, "speed": 50.0, "altitude": 3.0}}
+    stated = _Claim({"alpha": 0.1, "speed": 50.0, "altitude": 3.0}, None, 0.0)
     own = Given(
         {"alpha": 0.1 + 1e-9, "speed": 60.0}, "--at", within({"alpha": 1e-6, "speed": 1e-3})
     )
-    table = {"trim": Field("trim")}
     with pytest.raises(NoSolutionError, match="speed in the certificate differs from the value"):
-        compare(stated, table, {"trim": own})
+        compare(stated, {"A": own})
     missing = own._replace(value={"alpha": 0.1, "speed": 50.0})
     with pytest.raises(NoSolutionError, match="altitude in the certificate differs"):
-        compare(stated, table, {"trim": missing})
+        compare(stated, {"A": missing})
 
 
 def test_options_of_another_kind_are_refused(tmp_path: Path) -> None:

@@ -19,14 +19,15 @@ from flint import arb, arb_series, ctx
 from pendulum_regions import read_and_check
 
 from hfa_aircraft.model import Model, Signal
+from hfa_prove.certificate import read_statement
 from hfa_prove.check.loop_squares import Equilibrium, RegionLoop
 from hfa_prove.check.positivity import check_positive
 from hfa_prove.check.region_squares import _check_extents, check_covered, extents_of, limits_of
 from hfa_prove.fields import Fields, Malformed, Rejected
 from hfa_prove.statements.evidence import Evidence, Square
-from hfa_prove.statements.loop import HIGHEST, LOWEST, SaturatedLoop
+from hfa_prove.statements.loop import HIGHEST, LOWEST, Gain, Loop
 from hfa_prove.statements.plant import Subject, limits_hold
-from hfa_prove.statements.region_squares import RegionStatement, _read_parts
+from hfa_prove.statements.region import RegionStatement, _read_parts
 from hfa_support.errors import BadInputError
 from verification.enclosure.polynomial import Polynomial, key_of
 from verification.enclosure.series import TaylorOnBall
@@ -62,10 +63,11 @@ def circle(smallest: float) -> Content:
         "multipliers": {"level": _square(1, 1, [smallest] * 2)}
     }
     trim = {"x": 0.0, "y": 0.0}
-    loop = SaturatedLoop(OSCILLATOR, {}, trim, {}, {}, {}, np.zeros((0, 2)))
+    loop = Loop(OSCILLATOR, {}, trim, {}, {}, {}, Gain(np.zeros((0, 2))))
     terms = ((1.0, (2, 0)), (1.0, (0, 2)))
-    statement = RegionStatement(loop, terms, 3.0, {"x": (-2.0, 2.0), "y": (-2.0, 2.0)})
+    statement = RegionStatement.of_terms(loop, terms, 3.0, {"x": (-2.0, 2.0), "y": (-2.0, 2.0)})
     witness = {
+        "prover": "squares",
         "T": [[1.04, -1.39], [1.39, 1.04]],
         "order": 4,
         "inside": inside,
@@ -125,10 +127,11 @@ def sink() -> Content:
     }
     decrease = _square(1, 1, [2.0 * SCALE**2 / 3.0] * 2) | {"multipliers": {}}
     limits = {"z": (-1.0, 1.0)}
-    loop = SaturatedLoop(SINK, {}, {"x": 0.0, "y": 0.0}, {}, {"z": 0.5}, limits, np.zeros((0, 2)))
+    loop = Loop(SINK, {}, {"x": 0.0, "y": 0.0}, {}, {"z": 0.5}, limits, Gain(np.zeros((0, 2))))
     terms = ((1.0, (2, 0)), (1.0, (0, 2)))
     ends = {"x": (-1.735, 1.735), "y": (-2.0, 2.0)}
     witness = {
+        "prover": "squares",
         "T": [[SCALE, 0.0], [0.0, SCALE]],
         "order": 3,
         "inside": inside,
@@ -136,13 +139,43 @@ def sink() -> Content:
         "empty": [],
         "extents": {"x": {"low": _end("low"), "high": _end("high")}},
     }
-    statement = RegionStatement(loop, terms, 3.0, ends).content()
+    statement = RegionStatement.of_terms(loop, terms, 3.0, ends).content()
     return {"kind": "region", "statement": statement, "witness": witness}
 
 
 def test_the_true_certificate_is_accepted() -> None:
     """The certificate from which the forgeries are made is accepted, with one part."""
     assert read_and_check(sink(), SINK) == 1
+
+
+def in_coordinates(factor: float) -> Content:
+    """Return the certificate of `sink` with V in y = factor z, for the part with |y_i| < 1.
+
+    factor: a power of 2, so that the coefficients of V are exact
+    """
+    content = sink()
+    piece = content["statement"]["piece"]
+    piece["M"] = [[factor, 0.0], [0.0, factor]]
+    piece["W"] = [[value / factor**2, powers] for value, powers in piece["W"]]
+    piece["whole"] = False
+    return content
+
+
+@pytest.mark.parametrize(("factor", "is_in_cube"), [(0.5, True), (1.0, False), (2.0, False)])
+def test_squares_and_boxes_agree_on_one_statement(factor: float, is_in_cube: bool) -> None:
+    """The region x² + y² <= 3 in |y_i| < 1, y = factor z, is proved by both kinds of evidence.
+
+    For a larger factor, the set exceeds the cube, and both kinds are refused.
+    """
+    content = in_coordinates(factor)
+    boxes = {"prover": "boxes", "multipliers": [[0.3, 0.3]] * 2, "boxes": 10_000}
+    for witness in (content["witness"], boxes):
+        made = copy.deepcopy(content | {"witness": witness})
+        if is_in_cube:
+            assert read_and_check(made, SINK) > 0
+        else:
+            with pytest.raises(Rejected):
+                read_and_check(made, SINK)
 
 
 def _low_by_the_evidence_of_high(content: Content) -> None:
@@ -213,26 +246,35 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     ),
     "ball too small": (_small_ball, "inside"),
     "lower limit of a state": (
-        _put([-1.0, 9.0], "statement", "limits", "x"),
+        _put([-1.0, 9.0], "statement", "loop", "limits", "x"),
         "x is not proved to stay",
     ),
     "upper limit of a state": (
-        _put([-9.0, 1.0], "statement", "limits", "x"),
+        _put([-9.0, 1.0], "statement", "loop", "limits", "x"),
         "x is not proved to stay",
     ),
-    "held above its limits": (_put({"z": 1.5}, "statement", "held"), "z has the constant value"),
-    "held below its limits": (_put({"z": -1.5}, "statement", "held"), "z has the constant value"),
+    "held above its limits": (
+        _put({"z": 1.5}, "statement", "loop", "held"),
+        "z has the constant value",
+    ),
+    "held below its limits": (
+        _put({"z": -1.5}, "statement", "loop", "held"),
+        "z has the constant value",
+    ),
     "lower limit of an output": (
-        _put([-1.0, 9.0], "statement", "limits", "sum"),
+        _put([-1.0, 9.0], "statement", "loop", "limits", "sum"),
         "sum is not proved to stay",
     ),
     "upper limit of an output": (
-        _put([-9.0, 1.0], "statement", "limits", "sum"),
+        _put([-9.0, 1.0], "statement", "loop", "limits", "sum"),
         "sum is not proved to stay",
     ),
-    "a limit wider than the model's": (_put([-2.0, 1.0], "statement", "limits", "z"), "limits: z"),
-    "another trim": (
-        _put({"x": 1e-5, "y": 0.0}, "statement", "trim"),
+    "a limit wider than the model's": (
+        _put([-2.0, 1.0], "statement", "loop", "limits", "z"),
+        "limits: z",
+    ),
+    "another equilibrium": (
+        _put({"x": 1e-5, "y": 0.0}, "statement", "equilibrium"),
         "x at the equilibrium differs",
     ),
     "coordinates in a plane": (
@@ -242,14 +284,17 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "a set said to be empty": (_empty_set_claimed, "empty"),
     "no part": (_put([], "witness", "parts"), "do not cover"),
     "an order below V": (_lower_order, "order"),
-    "V of degree 1": (_put([[1.0, [1, 0]], [1.0, [0, 2]]], "statement", "terms"), "terms"),
+    "V of degree 1": (_put([[1.0, [1, 0]], [1.0, [0, 2]]], "statement", "piece", "W"), "W"),
     "a monomial twice": (
-        _put([[2.0, [2, 0]], [-1.0, [2, 0]], [1.0, [0, 2]]], "statement", "terms"),
-        "terms",
+        _put([[2.0, [2, 0]], [-1.0, [2, 0]], [1.0, [0, 2]]], "statement", "piece", "W"),
+        "W",
     ),
-    "rho of 0": (_put(0.0, "statement", "rho"), "rho"),
+    "rho of 0": (_put(0.0, "statement", "piece", "c"), "c"),
     "ends that do not hold 0": (_put([0.5, 2.0], "statement", "extents", "y"), "extents"),
-    "another unit": (_put(["rad", "1"], "statement", "state_units"), "state_units"),
+    "another unit": (
+        _put(["rad", "1"], "statement", "loop", "model", "state_units"),
+        "state_units",
+    ),
     "lowest degree not whole": (_put([0.5, 1], *_INSIDE, "degrees"), r"invalid entry: .*inside"),
     "highest degree not whole": (_put([0, 1.5], *_INSIDE, "degrees"), r"invalid entry: .*inside"),
     "monomials of degree 13": (_thirteen, r"invalid entry: .*inside"),
@@ -352,12 +397,14 @@ DRIVEN = Model(
 )
 
 
-def _loop(K: float = 2.0, u: float = 0.0, sizes: dict[str, float] | None = None) -> SaturatedLoop:
+def _loop(K: float = 2.0, u: float = 0.0, sizes: dict[str, float] | None = None) -> Loop:
     limits = {"u": (-1.0, 1.0), "bump": (-9.0, 0.5)}
     at = {"x": u}
-    return SaturatedLoop(
-        DRIVEN, {}, at, {"u": u}, {}, limits, np.array([[-K]]), disturbances=sizes or {}
-    )
+    return Loop(DRIVEN, {}, at, {"u": u}, {}, limits, Gain(np.array([[-K]])), sizes or {})
+
+
+#: Policy 2 x + 0.5 x².
+CURVED = Gain(np.array([[-2.0]]), {"u": ((0.5, (2,)),)})
 
 
 def test_an_equilibrium_at_an_input_limit_is_refused() -> None:
@@ -378,7 +425,7 @@ def test_the_jacobian_includes_the_policys_slope() -> None:
 
     The Jacobian of x' = x - u with u = 2 x + 0.5 x² is -1.25 at x = 0.25.
     """
-    equilibrium = Equilibrium(replace(_loop(), policy={"u": ((0.5, (2,)),)}))
+    equilibrium = Equilibrium(replace(_loop(), policy=CURVED))
     (slope,) = equilibrium._jacobian([arb(0.25)]).entries()
     assert slope.contains(arb(-1.25))
     assert equilibrium._inputs([arb(0.25)])[0].contains(arb(0.53125))
@@ -394,8 +441,10 @@ def test_each_input_limit_is_decided_separately(
 
     u = 2 x + 0.5 x² changes by up to 2.5 in the ball.
     """
-    loop = replace(_loop(), limits={"u": ends}, policy={"u": ((0.5, (2,)),)})
-    region = RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
+    loop = replace(_loop(), limits={"u": ends}, policy=CURVED)
+    region = RegionLoop(
+        RegionStatement.of_terms(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3
+    )
     assert region.reaches("u") == reached
 
 
@@ -404,8 +453,10 @@ def test_policies_act_on_deviations_from_the_trim() -> None:
 
     At the equilibrium 2e-7, u = 2 z + 0.5 z² with z = x - 1e-7 has a slope above 2.
     """
-    loop = replace(_loop(), trim={"x": 1e-7}, policy={"u": ((0.5, (2,)),)}, limits={})
-    region = RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
+    loop = replace(_loop(), trim={"x": 1e-7}, policy=CURVED, limits={})
+    region = RegionLoop(
+        RegionStatement.of_terms(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3
+    )
     (slope,) = region.command(0).parts[1].values()
     assert slope > 2
 
@@ -417,11 +468,15 @@ def test_a_disturbance_without_positive_size_is_refused(size: float) -> None:
     Under a negative size every set would be invariant.
     """
     extents = {"x": (-1.0, 1.0)}
-    statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, extents)
+    statement = RegionStatement.of_terms(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, extents)
     stated = statement.content()
-    assert RegionStatement.read(stated, Subject(DRIVEN)).loop.disturbances == {"w": 1.0}
+    assert read_statement("region", stated, Subject(DRIVEN)).loop.disturbances == {"w": 1.0}
     with pytest.raises(Malformed, match="disturbances: w"):
-        RegionStatement.read(stated | {"disturbances": {"w": size}}, Subject(DRIVEN))
+        read_statement(
+            "region",
+            stated | {"loop": stated["loop"] | {"disturbances": {"w": size}}},
+            Subject(DRIVEN),
+        )
 
 
 def test_disturbances_inside_their_range_are_refused() -> None:
@@ -429,7 +484,7 @@ def test_disturbances_inside_their_range_are_refused() -> None:
 
     A part whose disturbance is free is refused.
     """
-    statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, {})
+    statement = RegionStatement.of_terms(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, {})
     evidence = _square(1, 1, [1.0]) | {"multipliers": {}}
     for done, is_valid in ((["free", "low"], True), (["low", "free"], False)):
         entries = Fields("witness", {"parts": [{"inputs": done, "evidence": evidence}]})
@@ -440,7 +495,7 @@ def test_disturbances_inside_their_range_are_refused() -> None:
 
 def test_outputs_are_checked_between_ends_of_disturbances() -> None:
     """An output that exceeds its limit only between the ends of the disturbance is refused."""
-    statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, {})
+    statement = RegionStatement.of_terms(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, {})
     loop = RegionLoop(statement, np.array([[1.0]]), 3)
     with pytest.raises(Rejected, match="bump is not proved to stay"):
         loop.rates({"u": "free", "w": HIGHEST})
@@ -449,7 +504,7 @@ def test_outputs_are_checked_between_ends_of_disturbances() -> None:
 def test_a_saturated_rate_keeps_its_center() -> None:
     """If the input u is at its limit, the rate x' at y = 0 is not 0, and the checker retains it."""
     loop = replace(_loop(), limits={"u": (-1.0, 1.0)})
-    ball = RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
+    ball = RegionLoop(RegionStatement.of_terms(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
     for side, rate in ((LOWEST, 1.0), (HIGHEST, -1.0)):
         assert ball.rates({"u": side})[0].center.contains(arb(rate))
     assert ball.rates({"u": "free"})[0].center == 0
@@ -465,9 +520,9 @@ def test_rates_not_affine_in_disturbance_are_refused() -> None:
         return {"x": -x.x + 1.0 - w.w**2}, {}
 
     model = Model("curved", {"x": Signal()}, {}, curved, disturbances={"w": Signal()}, trim={})
-    loop = SaturatedLoop(model, {}, {"x": 1.0}, {}, {}, {}, np.zeros((0, 1)), {}, {"w": 1.0})
+    loop = Loop(model, {}, {"x": 1.0}, {}, {}, {}, Gain(np.zeros((0, 1))), {"w": 1.0})
     with pytest.raises(BadInputError, match="not affine in w"):
-        RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
+        RegionLoop(RegionStatement.of_terms(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
 
 
 @pytest.mark.parametrize("stated", [(-2.0, 2.0), (-1.0, 3.0)])
@@ -486,16 +541,16 @@ def test_quartic_extents_are_at_most_the_balls() -> None:
 
     The ball has radius 2.
     """
-    loop = RegionStatement.read(sink()["statement"], Subject(SINK)).loop
+    loop = read_statement("region", sink()["statement"], Subject(SINK)).loop
     terms = ((1.0, (4, 0)), (1.0, (0, 2)))
-    statement = RegionStatement(loop, terms, 3.0, {"x": (-1.5, 9.0), "y": (-9.0, 1.5)})
+    statement = RegionStatement.of_terms(loop, terms, 3.0, {"x": (-1.5, 9.0), "y": (-9.0, 1.5)})
     found = extents_of(statement, 2.0 * np.eye(2))
     assert found == {"x": (-1.5, pytest.approx(2.0)), "y": (pytest.approx(-2.0), 1.5)}
 
 
 def test_extents_of_an_ellipsoid_are_rounded_outward() -> None:
     """Extents of an ellipsoid are rounded outward: the extent sqrt(3) is not rounded down."""
-    statement = RegionStatement.read(sink()["statement"], Subject(SINK))
+    statement = read_statement("region", sink()["statement"], Subject(SINK))
     low, high = extents_of(statement, np.eye(2))["x"]
     assert Fraction(high) ** 2 > 3
     assert Fraction(low) ** 2 > 3
@@ -504,7 +559,7 @@ def test_extents_of_an_ellipsoid_are_rounded_outward() -> None:
 def test_an_irrational_equilibrium_is_enclosed() -> None:
     """The equilibrium sqrt(2) of x' = 2 - x² is enclosed, although 192 bits cannot represent it."""
     model = Model("root", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": 2.0 - x.x**2}, {}))
-    loop = SaturatedLoop(model, {}, {"x": 2.0**0.5}, {}, {}, {}, np.zeros((0, 1)))
+    loop = Loop(model, {}, {"x": 2.0**0.5}, {}, {}, {}, Gain(np.zeros((0, 1))))
     (found,) = Equilibrium(loop).x
     with ctx.workprec(400):
         assert found.contains(arb(2).sqrt())
@@ -554,19 +609,18 @@ GLIDER_T = np.array([[0.8, -0.5], [0.4, 0.9]])
 
 
 def _glider_loop() -> RegionLoop:
-    loop = SaturatedLoop(
+    loop = Loop(
         GLIDER,
         {},
         {"a": 0.0, "b": 0.0},
         {"u": 0.0},
         {},
         {"u": (-0.3, 0.5)},
-        np.array([[0.2, 0.6]]),
-        {"u": ((0.1, (2, 0)), (-0.3, (1, 2)))},
+        Gain(np.array([[0.2, 0.6]]), {"u": ((0.1, (2, 0)), (-0.3, (1, 2)))}),
         {"w": 0.05},
     )
     terms = ((1.0, (2, 0)), (0.4, (1, 1)), (1.5, (0, 2)), (0.2, (3, 1)))
-    return RegionLoop(RegionStatement(loop, terms, 2.0, {}), GLIDER_T, 5)
+    return RegionLoop(RegionStatement.of_terms(loop, terms, 2.0, {}), GLIDER_T, 5)
 
 
 def _commanded(z: np.ndarray) -> np.ndarray:

@@ -18,18 +18,17 @@ from hfa.main import main
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.march.ending import Outcome
 from hfa_aircraft.model import Model, Signal
+from hfa_prove.certificate import read_statement
 from hfa_prove.check import check_certificate
 from hfa_prove.check.region_squares import extents_of
 from hfa_prove.commands.given_region import given_for
 from hfa_prove.commands.request import CheckRequest
 from hfa_prove.fields import NOT_PROVED
-from hfa_prove.fields_squares import FIELDS
 from hfa_prove.report_squares import checked_report
 from hfa_prove.search.plant import Plant, outcomes, saturated_loop
-from hfa_prove.statements.loop import SaturatedLoop
+from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.plant import Subject
-from hfa_prove.statements.region_squares import RegionStatement
-from hfa_prove.subject import compare, entries_of
+from hfa_prove.subject import compare
 from hfa_support.errors import BadInputError, NoSolutionError
 
 Content = dict[str, Any]
@@ -57,56 +56,75 @@ def _first(change: Callable[[Any], Any]) -> Callable[[Any], Any]:
     return changed
 
 
-#: Path -> another entry of the pendulum's statement.
-CHANGES: dict[str, Callable[[Any], Any]] = {
-    "dynamics": lambda name: f"{name}x",
-    "source": lambda source: "0" * len(source),
-    "states": lambda names: names[::-1],
-    "state_units": lambda units: ["deg", *units[1:]],
-    "input_units": lambda units: ["lbf ft"],
-    "disturbance_units": lambda units: ["lbf ft"],
-    "parameters": lambda parameters: {"mass": 1.0},
-    "trim": lambda trim: trim | {"angle": np.pi},
-    "inputs": lambda inputs: {"torque": 1e-3},
-    "held": lambda held: {"altitude": 1.0},
-    "limits": lambda limits: {"torque": [-0.6, 0.6]},
-    "K": _first(lambda value: value * 1.001),
-    "policy": lambda policy: {"torque": [[-0.1, [3, 0]]]},
-    "disturbances": lambda sizes: {"push": 0.1},
-    "terms": _first(_first(lambda value: value * 1.01)),
-    "rho": lambda rho: rho * 0.99,
-    "extents": _first(lambda value: value * 1.01),
+def _part(name: str, change: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Return a function that applies `change` to the entry `name` of an object."""
+    return lambda value: value | {name: change(value[name])}
+
+
+#: Path -> other entries of the pendulum's statement.
+CHANGES: dict[str, list[Callable[[Any], Any]]] = {
+    "loop.model": [
+        _part("dynamics", lambda name: f"{name}x"),
+        _part("equations", lambda digest: "0" * len(digest)),
+        _part("states", lambda names: names[::-1]),
+        _part("steady", lambda names: names[:1]),
+        _part("state_units", lambda units: ["deg", *units[1:]]),
+        _part("input_units", lambda units: ["lbf ft"]),
+        _part("disturbance_units", lambda units: ["lbf ft"]),
+        _part("nominal", lambda sizes: [2.0 * size for size in sizes]),
+    ],
+    "loop.parameters": [lambda parameters: {"mass": 1.0}],
+    "loop.trim": [lambda trim: trim | {"angle": np.pi}],
+    "loop.inputs": [lambda inputs: {"torque": 1e-3}],
+    "loop.held": [lambda held: {"altitude": 1.0}],
+    "loop.limits": [lambda limits: {"torque": [-0.6, 0.6]}],
+    "loop.policy.K": [_first(lambda value: value * 1.001)],
+    "loop.policy.terms": [lambda policy: {"torque": [[-0.1, [3, 0]]]}],
+    "loop.disturbances": [lambda sizes: {"push": 0.1}],
+    "equilibrium": [lambda at: at | {"angle": at["angle"] + 1e-7}],
+    "piece": [
+        _part("W", _first(_first(lambda value: value * 1.01))),
+        _part("c", lambda rho: rho * 0.99),
+        _part("M", lambda M: [[2.0, 0.0], [0.0, 1.0]]),
+        _part("whole", lambda whole: not whole),
+    ],
+    "extents": [_first(lambda value: value * 1.01)],
 }
 
 
 def test_each_field_is_compared_or_printed(path: Path, model: Model) -> None:
-    """Each field of a statement is compared with the user's value or changes the printed report."""
+    """Each entry of a statement is compared with the user's value or changes the printed report."""
     verified = check_certificate(path, model=model)
     content = verified.statement.content()
     typed = frozenset({"aircraft", "delta"})
     request = CheckRequest(model=model, aircraft=PENDULUM, delta=np.inf, typed=typed)
     given = given_for(verified.statement, request)
-    assert compare(content, FIELDS, given) == []
+    assert compare(verified.statement, given) == []
     original = checked_report(verified).text()
-    assert set(CHANGES) == {name for name, _ in entries_of(content, FIELDS)} == set(FIELDS)
-    for name, change in CHANGES.items():
+    declared = {name: entry for name, entry, _ in verified.statement.entries()}
+    assert set(CHANGES) == set(declared)
+    for name, change in [(each, change) for each in CHANGES for change in CHANGES[each]]:
         other = copy.deepcopy(content)
-        other[name] = change(other[name])
+        *parents, last = name.split(".")
+        holder = other
+        for each in parents:
+            holder = holder[each]
+        holder[last] = change(holder[last])
         assert other != content, name
+        try:
+            statement = read_statement("region", other, Subject(model))
+        except (*NOT_PROVED, BadInputError):
+            continue  # refused for all options
         if name in given:
             with pytest.raises(
                 NoSolutionError, match="in the certificate differs from the value of"
             ):
-                compare(other, FIELDS, given)
+                compare(statement, given)
         if name == "extents":  # the report shows the extents that the checker computes
             continue
-        try:
-            statement = RegionStatement.read(other, Subject(model))
-        except NOT_PROVED:
-            continue  # refused for all options
         reported = checked_report(as_proved(statement, verified.witness, (3,))).text()
         assert reported.splitlines() != original.splitlines(), name
-        assert name in given or FIELDS[name].shown, name
+        assert name in given or declared[name].shown, name
 
 
 def test_the_first_line_names_missing_subjects(
@@ -171,11 +189,16 @@ def test_other_input_limits_are_refused(path: Path, model: Model) -> None:
     Other input limits would change the saturation. Narrower state limits are accepted.
     """
     content = json.loads(path.read_text())["statement"]
+
+    def limited(limits: dict[str, Any]) -> None:
+        changed = content | {"loop": content["loop"] | {"limits": limits}}
+        read_statement("region", changed, Subject(model))
+
     for limits in ([-0.5, 0.5], [-0.7, 0.6], [None, 0.7], [-0.8, 0.8]):
         with pytest.raises(NOT_PROVED, match="limits: torque"):
-            RegionStatement.read(content | {"limits": {"torque": limits}}, Subject(model))
+            limited({"torque": limits})
     narrower = {"torque": [-0.7, 0.7], "angle": [-1.0, 1.0]}
-    RegionStatement.read(content | {"limits": narrower}, Subject(model))
+    limited(narrower)
 
 
 def test_printed_extents_are_those_of_the_ellipse(path: Path, model: Model) -> None:
@@ -219,7 +242,7 @@ def test_outcomes_of_trajectories_are_distinguished() -> None:
 def test_a_distant_initial_condition_converges() -> None:
     """x' = -x converges from 1e35 nominal values. The distance is not counted as divergence."""
     model = Model("one", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": -x.x}, {}), trim={})
-    loop = SaturatedLoop(model, {}, {"x": 0.0}, {}, {}, {}, np.zeros((0, 1)))
+    loop = Loop(model, {}, {"x": 0.0}, {}, {}, {}, Gain(np.zeros((0, 1))))
     found = outcomes(Plant(loop), np.array([[1e35]]), _is_near, 100.0)
     assert found.tolist() == [Outcome.CONVERGED]
 

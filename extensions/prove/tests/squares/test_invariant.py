@@ -36,9 +36,9 @@ from hfa_prove.search.level import ProvedLevel
 from hfa_prove.search.monomials import PolynomialFunction, edge_points
 from hfa_prove.search.plant import Plant, saturated_loop
 from hfa_prove.search.region_squares import Bounds, Region
-from hfa_prove.statements.loop import HIGHEST, LOWEST
+from hfa_prove.statements.loop import HIGHEST, LOWEST, Gain
 from hfa_prove.statements.plant import Subject
-from hfa_prove.statements.region_squares import RegionStatement
+from hfa_prove.statements.region import RegionStatement
 from hfa_support.errors import NoSolutionError
 from trim.point.linearize import linearize
 from trim.point.solve import trim
@@ -66,7 +66,7 @@ def undisturbed() -> Region:
     linear = linearize(model, trim(model))
     loop = saturated_loop(linear, np.zeros((0, 2)))
     known = PolynomialFunction.quadratic(solve_continuous_lyapunov(linear.A.T, -np.eye(2)))
-    level = ProvedLevel(RegionStatement(loop, known.terms, 1.0, {}), {}, 1)
+    level = ProvedLevel(RegionStatement.of_terms(loop, known.terms, 1.0, {}), {}, 1)
     bounds = Bounds((np.inf, None), {}, ())
     return Region(level, known, "given", bounds, Plant(loop), known.coordinates())
 
@@ -197,7 +197,7 @@ def test_boundary_evidence_without_disturbances_is_refused(certificate: Path, mo
     Such evidence does not prove convergence.
     """
     content = json.loads(certificate.read_text())
-    content["statement"]["disturbances"] = {}
+    content["statement"]["loop"]["disturbances"] = {}
     for part in content["witness"]["parts"]:
         del part["inputs"][-1]
     with pytest.raises((Rejected, NoSolutionError), match="edge"):
@@ -232,7 +232,7 @@ def _loop(folder: Path, name: str, size: float) -> RegionLoop:
 
     size: largest absolute value of the gust
     """
-    from hfa_prove.statements.loop import SaturatedLoop
+    from hfa_prove.statements.loop import Loop
 
     source = folder / "models.py"
     source.write_text(_MODELS)
@@ -241,8 +241,8 @@ def _loop(folder: Path, name: str, size: float) -> RegionLoop:
     if "load" in model.outputs:
         limits["load"] = (-2.0, 2.0)
     K = np.array([[1.0]])
-    loop = SaturatedLoop(model, {}, {"a": 0.0}, {"b": 0.0}, {}, limits, K, {}, {"gust": size})
-    statement = RegionStatement(loop, ((1.0, (2,)),), 1.0, {"a": (-1.1, 1.1)})
+    loop = Loop(model, {}, {"a": 0.0}, {"b": 0.0}, {}, limits, Gain(K), {"gust": size})
+    statement = RegionStatement.of_terms(loop, ((1.0, (2,)),), 1.0, {"a": (-1.1, 1.1)})
     return RegionLoop(statement, np.eye(1), 4)
 
 

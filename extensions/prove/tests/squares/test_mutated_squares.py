@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,9 +16,9 @@ from hfa_prove.check.region_squares import check_region
 from hfa_prove.fields import NOT_PROVED
 from hfa_prove.search.level import LevelSearch, Setting, accepted, holding_ball
 from hfa_prove.search.monomials import PolynomialFunction
-from hfa_prove.statements.loop import SaturatedLoop
+from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.plant import Subject
-from hfa_prove.statements.region_squares import RegionStatement
+from hfa_prove.statements.region import RegionStatement
 
 #: Quadratic and quartic V with the level that is proved.
 FUNCTIONS = {
@@ -34,15 +35,14 @@ def content(kind: str) -> dict[str, Any]:
     kind: kind of V, "quadratic" or "quartic"
     """
     terms, rho, setting = FUNCTIONS[kind]
-    loop = SaturatedLoop(
+    loop = Loop(
         TANK,
         {"inflow": 0.5},
         {"level": 0.0},
         {"valve": 0.0},
         {"slope": 0.25},
         LIMITS,
-        np.array([[2.0]]),
-        {"valve": ((-0.25, (3,)),)},
+        Gain(np.array([[2.0]]), {"valve": ((-0.25, (3,)),)}),
     )
     V = PolynomialFunction.of_terms([(value, powers) for value, powers in terms])
     T = holding_ball(V, rho, V.coordinates())
@@ -78,11 +78,11 @@ def is_true(statement: RegionStatement) -> bool:
     return abs(x - x0) < 1e-5 and bool(np.all(holds[inside]))
 
 
-def _rates(loop: SaturatedLoop, x: np.ndarray) -> np.ndarray:
+def _rates(loop: Loop, x: np.ndarray) -> np.ndarray:
     """Return the rate of the tank's level at levels x."""
     z = x - loop.trim["level"]
-    curved = sum(value * z ** powers[0] for value, powers in loop.policy.get("valve", ()))
-    u = loop.inputs["valve"] - loop.K[0, 0] * z + curved
+    curved = sum(value * z ** powers[0] for value, powers in loop.gain.terms.get("valve", ()))
+    u = loop.inputs["valve"] - loop.gain.K[0, 0] * z + curved
     return np.asarray(loop.parameters["inflow"] * x + np.clip(u, -1.0, 1.0))
 
 
@@ -118,5 +118,8 @@ def test_false_claims_about_the_tank_are_rejected() -> None:
     Levels of V above 1.2 exceed the limits.
     """
     statement, _ = read_content(content("quadratic"), Subject(TANK))
-    for changes in ({"rho": 1.5}, {"extents": {"level": (-0.8, 0.91)}}, {"terms": ((-1.0, (2,)),)}):
-        assert not is_true(RegionStatement(**{**vars(statement), **changes}))
+    piece = statement.piece
+    assert not is_true(replace(statement, piece=piece._replace(c=1.5)))
+    assert not is_true(replace(statement, extents={"level": (-0.8, 0.91)}))
+    negative = piece._replace(W=piece.W._replace(terms=((-1.0, (2,)),)))
+    assert not is_true(replace(statement, piece=negative))

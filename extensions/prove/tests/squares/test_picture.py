@@ -16,7 +16,7 @@ from hfa_prove.search.level import ProvedLevel
 from hfa_prove.search.monomials import PolynomialFunction
 from hfa_prove.search.plant import Plant, saturated_loop
 from hfa_prove.search.region_squares import Bounds, Region
-from hfa_prove.statements.region_squares import RegionStatement
+from hfa_prove.statements.region import RegionStatement
 from trim.point.linearize import linearize
 from trim.point.solve import trim
 
@@ -30,7 +30,9 @@ def region() -> Region:
     model = load_model(PENDULUM)
     loop = saturated_loop(linearize(model, trim(model)), np.array([[2.0, 1.0]]))
     V = PolynomialFunction.quadratic(np.diag([1.0, 1.0 / 36.0]))
-    statement = RegionStatement(loop, V.terms, 0.25, {"angle": (-0.5, 0.5), "rate": (-3.0, 3.0)})
+    statement = RegionStatement.of_terms(
+        loop, V.terms, 0.25, {"angle": (-0.5, 0.5), "rate": (-3.0, 3.0)}
+    )
     bounds = Bounds(
         (0.3, np.array([0.5, 0.0])), {Outcome.DIVERGED: (0.5, np.array([0.6, 1.0]))}, ()
     )

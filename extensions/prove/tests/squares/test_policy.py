@@ -25,6 +25,7 @@ from hfa_prove.commands.given_region import policy_terms
 from hfa_prove.fields import Rejected
 from hfa_prove.search.monomials import PolynomialFunction, edge_points
 from hfa_prove.search.plant import Plant, outcomes
+from hfa_prove.statements.loop import Gain
 from hfa_prove.statements.plant import Subject
 from hfa_support.errors import BadInputError
 from verification.enclosure.polynomial import exponents_of
@@ -51,7 +52,7 @@ def critic_of(basis: str, weights: list[float]) -> Critic:
 def certificate(tmp_path_factory: pytest.TempPathFactory, model: Model) -> Path:
     critic = critic_of(BASIS, WEIGHTS)
     policy = policy_terms(critic, ("torque",))
-    loop = replace(pendulum_loop(model), K=critic.K, policy=policy)
+    loop = replace(pendulum_loop(model), policy=Gain(critic.K, policy))
     return certified(tmp_path_factory.mktemp("policy") / "pendulum.json", loop, 0.9)
 
 
@@ -98,7 +99,7 @@ def test_the_checker_evaluates_the_stated_policy(
 ) -> None:
     """The statement contains the terms of the policy, and the checker evaluates the same policy."""
     statement, witness = read_content(json.loads(certificate.read_text()), Subject(model))
-    assert {powers for _, powers in statement.loop.policy["torque"]} == {(3, 0), (0, 3)}
+    assert {powers for _, powers in statement.loop.gain.terms["torque"]} == {(3, 0), (0, 3)}
     ball = RegionLoop(statement, witness.T, witness.order)
     policy = critic_of(BASIS, WEIGHTS).policy
     for y in np.random.default_rng(0).uniform(-0.7, 0.7, (20, 2)):
@@ -115,7 +116,7 @@ def test_forged_policies_are_refused(certificate: Path, model: Model) -> None:
     """A certificate with changed coefficients, exponents or inputs of the policy is refused."""
     content = json.loads(certificate.read_text())
     assert passes(content, model)
-    policy = content["statement"]["policy"]["torque"]
+    policy = content["statement"]["loop"]["policy"]["terms"]["torque"]
     forgeries = [
         {},
         {"torque": [[-10 * coefficient, powers] for coefficient, powers in policy]},
@@ -129,7 +130,7 @@ def test_forged_policies_are_refused(certificate: Path, model: Model) -> None:
     kept = []
     for forged in forgeries:
         changed = copy.deepcopy(content)
-        changed["statement"]["policy"] = forged
+        changed["statement"]["loop"]["policy"]["terms"] = forged
         if passes(changed, model):
             kept.append(forged)
     assert kept == []
@@ -138,7 +139,7 @@ def test_forged_policies_are_refused(certificate: Path, model: Model) -> None:
 def test_a_destabilizing_policy_is_refused(certificate: Path, model: Model) -> None:
     """A certificate changed to a policy that destabilizes the loop is refused."""
     content = json.loads(certificate.read_text())
-    content["statement"]["policy"] = {"torque": [[40.0, [3, 0]]]}
+    content["statement"]["loop"]["policy"]["terms"] = {"torque": [[40.0, [3, 0]]]}
     with pytest.raises(Rejected):
         check_region(*read_content(content, Subject(model)))
 

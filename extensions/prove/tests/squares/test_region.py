@@ -36,9 +36,9 @@ from hfa_prove.search.level import ProvedLevel
 from hfa_prove.search.monomials import PolynomialFunction
 from hfa_prove.search.plant import Plant, outcomes
 from hfa_prove.search.region_squares import RegionSearch, starts_by_outcome
-from hfa_prove.statements.loop import SaturatedLoop
+from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.plant import Subject
-from hfa_prove.statements.region_squares import RegionStatement
+from hfa_prove.statements.region import RegionStatement
 
 
 def run(*words: str) -> int:
@@ -119,7 +119,7 @@ def test_an_edited_certificate_is_refused(
 ) -> None:
     """A certificate that was edited is refused."""
     edited = tmp_path / "edited.json"
-    edited.write_text(certificate.read_text().replace('"rho": 0', '"rho": 1', 1))
+    edited.write_text(certificate.read_text().replace('"c": 0', '"c": 1', 1))
     assert run("--aircraft", PENDULUM, "--check", str(edited)) == 2
     assert "was edited" in capsys.readouterr().err
 
@@ -168,7 +168,7 @@ def _not_converged(
 def test_a_set_beyond_limits_of_state_is_refused(certificate: Path, model: Model) -> None:
     """A set that exceeds a state limit is refused."""
     content = json.loads(certificate.read_text())
-    content["statement"]["limits"]["angle"] = [-0.1, 0.1]
+    content["statement"]["loop"]["limits"]["angle"] = [-0.1, 0.1]
     with pytest.raises(Rejected, match="angle is not proved to stay within its limits"):
         check_region(*read_content(content, Subject(model)))
 
@@ -196,7 +196,7 @@ def test_a_search_resumes_from_its_certificate(
 def test_an_interrupted_search_reports_its_region() -> None:
     """Ctrl-C ends the search, and the region proved so far is reported."""
     sink = Model("sink", {"x": Signal(min=-1.0, max=1.0)}, {}, _cubic, trim={"x": 0.0})
-    loop = SaturatedLoop(sink, {}, {"x": 0.0}, {}, {}, {"x": (-1.0, 1.0)}, np.zeros((0, 1)))
+    loop = Loop(sink, {}, {"x": 0.0}, {}, {}, {"x": (-1.0, 1.0)}, Gain(np.zeros((0, 1))))
     before = signal.getsignal(signal.SIGINT)
     saved: list[ProvedLevel] = []
 

@@ -14,14 +14,14 @@ from hfa_prove.search.level import Setting, ball_of, proved_level
 from hfa_prove.search.monomials import PolynomialFunction
 from hfa_prove.search.obstacles import first_obstacle
 from hfa_prove.search.plant import Plant, saturated_loop
-from hfa_prove.statements.loop import SaturatedLoop
+from hfa_prove.statements.loop import Loop
 
 F16 = f"{Path(__file__).parents[4] / 'examples' / 'f16_constant.py'}:F16"
 SETTING = Setting(5, 2)
 
 
 @pytest.fixture(scope="module")
-def loop() -> SaturatedLoop:
+def loop() -> Loop:
     """Return the closed loop of the F-16 with constant derivatives and its LQR in nominal units."""
     model = load_model(F16)
     linear = hfa.linearize(model, hfa.trim(model))
@@ -32,14 +32,14 @@ def loop() -> SaturatedLoop:
 
 
 @pytest.fixture(scope="module")
-def V(loop: SaturatedLoop) -> PolynomialFunction:
+def V(loop: Loop) -> PolynomialFunction:
     """Return a Lyapunov function of the linearization, with nominal values as units."""
     plant = Plant(loop)
     Q = np.diag(plant.nominal**-2.0)
     return PolynomialFunction.quadratic(solve_continuous_lyapunov(plant.closed_matrix.T, -Q))
 
 
-def test_constant_derivatives_keep_the_f16s_trim(loop: SaturatedLoop) -> None:
+def test_constant_derivatives_keep_the_f16s_trim(loop: Loop) -> None:
     # Stevens and Lewis, Aircraft Control and Simulation: 502 ft/s at sea level, c.g. at 0.35.
     """The F-16 with constant derivatives has the trim of the F-16 with tables."""
     assert loop.trim["speed"] == pytest.approx(502.0)
@@ -47,7 +47,7 @@ def test_constant_derivatives_keep_the_f16s_trim(loop: SaturatedLoop) -> None:
     assert loop.trim["pitch"] == pytest.approx(loop.trim["alpha"])
 
 
-def test_a_small_level_of_f16_is_proved(loop: SaturatedLoop, V: PolynomialFunction) -> None:
+def test_a_small_level_of_f16_is_proved(loop: Loop, V: PolynomialFunction) -> None:
     """A small level of the F-16 is proved with one part."""
     T = ball_of(V.matrix(), 1.0)
     rho = 1e-3
@@ -57,9 +57,7 @@ def test_a_small_level_of_f16_is_proved(loop: SaturatedLoop, V: PolynomialFuncti
     assert proved.parts == 1  # so small a set does not reach the limits of the inputs
 
 
-def test_largest_level_of_f16_within_limits_is_proved(
-    loop: SaturatedLoop, V: PolynomialFunction
-) -> None:
+def test_largest_level_of_f16_within_limits_is_proved(loop: Loop, V: PolynomialFunction) -> None:
     """The largest level of V for which the set is within the limits of the F-16 is proved.
 
     For four times this level, no higher level is proved.
@@ -78,7 +76,7 @@ def test_largest_level_of_f16_within_limits_is_proved(
     assert beyond is None or beyond.statement.rho <= rho / 0.999
 
 
-def test_an_increasing_function_is_not_proved(loop: SaturatedLoop) -> None:
+def test_an_increasing_function_is_not_proved(loop: Loop) -> None:
     """A function that increases along trajectories is not proved."""
     plant = Plant(loop)
     length = PolynomialFunction.quadratic(np.diag(plant.nominal**-2.0))

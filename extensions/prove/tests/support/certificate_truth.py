@@ -35,8 +35,6 @@ NEAR = 1e-4
 
 def false_claims(statement: Content, kind: str) -> list[str]:
     """Return descriptions of the false claims of a statement, or [] if no false claim is found."""
-    if "errors" in statement:
-        return list(_false_of_models(statement, kind))
     if "critic" in statement:
         return list(_false_of_game(statement, kind))
     return list(_false_of_schedule(statement, kind))
@@ -97,7 +95,7 @@ def _false_of_schedule(statement: Content, kind: str) -> Iterator[str]:
     for value in flight.values():
         A, B = flight.linear(value)
         yield from _false_counts("modes", statement["modes"], np.linalg.eigvals(A), value)
-        if "uncertain_actuators" in statement:
+        if "delay" in statement.get("actuators", {}):
             abscissae = list(_abscissae(statement, A, B, value))
             least = next(run for run in statement["loop"] if run[0] <= value <= run[1])[3]
             if least == 0 and max(abscissae) >= 0.0:
@@ -136,7 +134,7 @@ def _loop_of(statement: Content) -> SimpleNamespace:
     if k == 0:
         numbers["B"] = np.zeros((g, 0, len(numbers["measurements"])))
         numbers["C"] = np.zeros((g, len(numbers["inputs"]), 0))
-    actuators = statement.get("fixed_actuators") or statement.get("uncertain_actuators")
+    actuators = statement.get("actuators")
     held = None
     if actuators is not None:
         held = SimpleNamespace(
@@ -178,7 +176,7 @@ def _abscissae(statement: Content, A: np.ndarray, B: np.ndarray, value: float) -
     """Yield the spectral abscissa of the loop for each combination of ends of the uncertain
     intervals.
     """
-    actuators = statement["uncertain_actuators"]
+    actuators = statement["actuators"]
     loop = _loop_of(statement)
     count = len(loop.controller.inputs)
     lates = (0.0, actuators["delay"])
@@ -187,13 +185,13 @@ def _abscissae(statement: Content, A: np.ndarray, B: np.ndarray, value: float) -
 
 
 def _false_of_game(statement: Content, kind: str) -> Iterator[str]:
-    if "plant" in statement:
+    if "A" in statement["plant"]:
         A = np.array(statement["plant"]["A"])
         B = np.array(statement["plant"]["B"])
     else:
-        flight = FlightInDoubles(statement["flight"], kind)
+        flight = FlightInDoubles(statement["plant"], kind)
         yield from flight.false_claims()
-        A, B = flight.linear(statement["flight"]["range"][0])
+        A, B = flight.linear(statement["plant"]["range"][0])
     weights = {name: np.array(statement["weights"][name]) for name in "QRE"}
     game = Game(A=A, B=B, delta=float(statement["weights"]["delta"]), **weights)
     exact = solve(game)
@@ -228,29 +226,3 @@ def _has_value(game: Game) -> bool:
     except NoSolutionError:
         return False
     return True
-
-
-def _false_of_models(statement: Content, kind: str) -> Iterator[str]:
-    flight = FlightInDoubles(statement["flight"], kind)
-    yield from flight.false_claims()
-    weights = {name: np.array(statement["weights"][name]) for name in "QRE"}
-    places = statement["breakpoints"]
-    ends = flight.flight["range"]
-    if [places[0], places[-1]] != ends:
-        yield "the breakpoints are not those of the interval"
-    names = tuple(flight.model.inputs)
-    nominal = np.array([flight.model.signals[name].nominal for name in names])
-    for value in flight.values():
-        A, B = flight.linear(value)
-        found = flight.named(value)
-        K = solve(Game(A=A, B=B, delta=float(statement["weights"]["delta"]), **weights)).K
-        for name, exact in (("A", A), ("B", B), ("K", K)):
-            table = between(places, statement[name], value)
-            error = np.linalg.norm(exact - table) / np.linalg.norm(exact)
-            if error > statement["errors"][name] + ROUNDING:
-                yield f"the error of {name} is {error} at {value}"
-        table = between(places, statement["inputs"], value).ravel()
-        inputs = np.array([found[name] for name in names])
-        error = np.linalg.norm((inputs - table) / nominal)
-        if error > statement["errors"]["inputs"] + ROUNDING:
-            yield f"the error of the inputs is {error} at {value}"

@@ -26,7 +26,7 @@ def put(value: Any, *path: Any) -> Change:
     def change(content: Content) -> None:
         holder: Any = content
         for key in path[:-1]:
-            holder = holder[key]
+            holder = flight_in(content) if key == "flight" else holder[key]
         if value is None:
             holder.pop(path[-1])
         else:
@@ -54,6 +54,13 @@ FLIGHT = ("statement", "flight")
 CONTROLLER = ("statement", "controller")
 
 
+def flight_in(content: Content) -> Content:
+    """Return the aircraft and its trims in the content of a certificate."""
+    statement = content["statement"]
+    found: Content = statement.get("flight") or statement["plant"]
+    return found
+
+
 def runs_of(least: int, most: int) -> Callable[[Any], Any]:
     return lambda runs: [[low, high, least, most] for low, high, *_ in runs]
 
@@ -64,7 +71,7 @@ def of_flights() -> dict[str, Change]:
 
     def first_trim(function: Callable[[float, float], float]) -> Change:
         def change(content: Content) -> None:
-            unknowns = content["statement"]["flight"]["trims"][0]["unknowns"]
+            unknowns = flight_in(content)["trims"][0]["unknowns"]
             name = sorted(unknowns)[0]
             unknowns[name] = function(unknowns[name], 1.0)
 
@@ -81,7 +88,7 @@ def of_flights() -> dict[str, Change]:
         """
 
         def change(content: Content) -> None:
-            flight = content["statement"]["flight"]
+            flight = flight_in(content)
             for name, value in flight["trims"][0]["unknowns"].items():
                 away = width * (1.0 + abs(value))
                 beyond = [value + away, value + 2 * away]
@@ -94,17 +101,19 @@ def of_flights() -> dict[str, Change]:
         changes[f"limits below the trim by {width}"] = limit(0, width)
 
     def imposed_beyond(content: Content) -> None:
-        flight = content["statement"]["flight"]
+        flight = flight_in(content)
         for name, value in flight["imposed"].items():
             flight["limits"][name] = [value + 1.0, value + 2.0]
 
     def unlimited(content: Content) -> None:
-        content["statement"]["flight"]["limits"] = {}
+        flight_in(content)["limits"] = {}
 
     changes["what is imposed lies beyond its limits"] = imposed_beyond
     changes["no limits"] = unlimited
-    changes["other units"] = put(lambda units: ["furlong", *units[1:]], *FLIGHT, "state_units")
-    changes["another file"] = put("f" * 64, *FLIGHT, "source")
+    changes["other units"] = put(
+        lambda units: ["furlong", *units[1:]], *FLIGHT, "model", "state_units"
+    )
+    changes["another file"] = put("f" * 64, *FLIGHT, "model", "equations")
     return changes
 
 
@@ -137,7 +146,7 @@ def of_schedules(kind: str) -> dict[str, Change]:
             lambda trims: [{"breakpoint": 1.0, "unknowns": {"x": -np.sqrt(2.0)}}], *FLIGHT, "trims"
         )
     if kind == "actuators":
-        actuators = ("statement", "uncertain_actuators")
+        actuators = ("statement", "actuators")
         for name, value in (
             ("bandwidth", [1e-6, 1e6]),
             ("bandwidth", [1e-3, 10.0]),
@@ -149,8 +158,8 @@ def of_schedules(kind: str) -> dict[str, Change]:
         ):
             changes[f"{name} {value}"] = put(value, *actuators, name)
     if kind in ("memory", "second order"):
-        slow = ("statement", "fixed_actuators", "bandwidth")
-        weak = ("statement", "fixed_actuators", "effectiveness")
+        slow = ("statement", "actuators", "bandwidth")
+        weak = ("statement", "actuators", "effectiveness")
         for share in (1e-6, 1e-5):
             changes[f"bandwidths times {share}"] = put(
                 array(lambda x, share=share: share * x), *slow
@@ -253,9 +262,9 @@ def _follows_the_statement(content: Content) -> None:
         if "rate" in box and box in content["witness"].get("loop", []):
             box["rate"] = statement.get("decay_rate", box["rate"])
         if "bandwidth" in box:
-            box["bandwidth"] = statement["uncertain_actuators"]["bandwidth"]
+            box["bandwidth"] = statement["actuators"]["bandwidth"]
         for name, numbers in box.get("trim", {}).items():
-            value = statement["flight"]["trims"][0]["unknowns"].get(name, 0.0)
+            value = flight_in(content)["trims"][0]["unknowns"].get(name, 0.0)
             place = 0 if isinstance(numbers[0], str) else 1
             numbers[place] = repr(value) if place == 0 else value
 

@@ -18,7 +18,7 @@ def forgeries(content: Content, count: int, seed: int = 0) -> Iterator[tuple[str
     count: number of attempts. Attempts that change nothing are left out.
     """
     generator = np.random.default_rng(seed)
-    disturbed = bool(content["statement"]["disturbances"])
+    disturbed = bool(content["statement"]["loop"]["disturbances"])
     kinds = list((KINDS | DISTURBED_KINDS if disturbed else KINDS).items())
     for number in range(count):
         name, forge = kinds[number % len(kinds)]
@@ -29,23 +29,23 @@ def forgeries(content: Content, count: int, seed: int = 0) -> Iterator[tuple[str
 
 
 def _level_beyond(content: Content, generator: np.random.Generator) -> None:
-    content["statement"]["rho"] *= generator.uniform(1.03, 5.0)
+    content["statement"]["piece"]["c"] *= generator.uniform(1.03, 5.0)
 
 
 def _scaled(content: Content, generator: np.random.Generator) -> None:
     factor = generator.uniform(0.2, 0.97)
-    for term in content["statement"]["terms"]:
+    for term in content["statement"]["piece"]["W"]:
         term[0] *= factor
 
 
 def _shifted(content: Content, generator: np.random.Generator) -> None:
-    terms = content["statement"]["terms"]
+    terms = content["statement"]["piece"]["W"]
     term = terms[generator.integers(len(terms))]
     term[0] -= generator.uniform(0.1, 1.0) * max(abs(other[0]) for other in terms)
 
 
 def _exchanged(content: Content, generator: np.random.Generator) -> None:
-    terms = content["statement"]["terms"]
+    terms = content["statement"]["piece"]["W"]
     order = generator.permutation(len(terms))
     coefficients = [terms[index][0] for index in order]
     for term, coefficient in zip(terms, coefficients, strict=True):
@@ -53,23 +53,23 @@ def _exchanged(content: Content, generator: np.random.Generator) -> None:
 
 
 def _linear_term(content: Content, generator: np.random.Generator) -> None:
-    n = len(content["statement"]["states"])
-    content["statement"]["terms"].append([float(generator.normal()), [1] + [0] * (n - 1)])
+    n = len(content["statement"]["piece"]["M"])
+    content["statement"]["piece"]["W"].append([float(generator.normal()), [1] + [0] * (n - 1)])
 
 
 def _gain(content: Content, generator: np.random.Generator) -> None:
-    K = content["statement"]["K"]
+    K = content["statement"]["loop"]["policy"]["K"]
     if not K:
-        content["statement"]["rho"] *= 2.0
+        content["statement"]["piece"]["c"] *= 2.0
         return
     row = generator.integers(len(K))
     K[row] = [-entry * generator.uniform(0.3, 2.0) for entry in K[row]]
 
 
 def _widened(content: Content, generator: np.random.Generator) -> None:
-    limits = content["statement"]["limits"]
+    limits = content["statement"]["loop"]["limits"]
     if not limits:
-        content["statement"]["rho"] *= 2.0
+        content["statement"]["piece"]["c"] *= 2.0
         return
     name = sorted(limits)[generator.integers(len(limits))]
     limits[name] = [
@@ -80,15 +80,15 @@ def _widened(content: Content, generator: np.random.Generator) -> None:
 
 
 def _limit_left_out(content: Content, generator: np.random.Generator) -> None:
-    limits = content["statement"]["limits"]
+    limits = content["statement"]["loop"]["limits"]
     if limits:
         del limits[sorted(limits)[generator.integers(len(limits))]]
     else:
-        content["statement"]["rho"] *= 3.0
+        content["statement"]["piece"]["c"] *= 3.0
 
 
 def _trim_moved(content: Content, generator: np.random.Generator) -> None:
-    trim = content["statement"]["trim"]
+    trim = content["statement"]["loop"]["trim"]
     name = sorted(trim)[generator.integers(len(trim))]
     trim[name] += generator.choice([-1.0, 1.0]) * 10.0 ** generator.uniform(-4.0, 0.0)
 
@@ -194,7 +194,7 @@ def _low_order(content: Content, generator: np.random.Generator) -> None:
 
 def _not_a_number(content: Content, generator: np.random.Generator) -> None:
     value = [float("nan"), float("inf"), "1", None, True][generator.integers(5)]
-    content["statement"]["rho"] = value
+    content["statement"]["piece"]["c"] = value
 
 
 def _unknown_entry(content: Content, generator: np.random.Generator) -> None:
@@ -203,13 +203,13 @@ def _unknown_entry(content: Content, generator: np.random.Generator) -> None:
 
 
 def _disturbance_larger(content: Content, generator: np.random.Generator) -> None:
-    sizes = content["statement"]["disturbances"]
+    sizes = content["statement"]["loop"]["disturbances"]
     for name in sizes:
         sizes[name] *= generator.uniform(1.5, 10.0)
 
 
 def _disturbance_negative(content: Content, generator: np.random.Generator) -> None:
-    sizes = content["statement"]["disturbances"]
+    sizes = content["statement"]["loop"]["disturbances"]
     for name in sizes:
         sizes[name] *= -generator.uniform(0.0, 10.0)
 
@@ -219,7 +219,7 @@ def _disturbance_left_out(content: Content, generator: np.random.Generator) -> N
 
     The certificate then claims convergence of a loop that is disturbed.
     """
-    disturbances = content["statement"]["disturbances"]
+    disturbances = content["statement"]["loop"]["disturbances"]
     count = len(disturbances)
     disturbances.clear()
     for part in (*content["witness"]["parts"], *content["witness"]["empty"]):

@@ -19,14 +19,16 @@ from hfa.main import main
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
 from hfa_prove.certificate import read_content, write_certificate
+from hfa_prove.check.region_boxes import check_region as check_on_boxes
 from hfa_prove.check.region_squares import check_region
 from hfa_prove.fields import NOT_PROVED
 from hfa_prove.search.invariant import EdgeSearch
 from hfa_prove.search.level import LevelSearch, Setting, accepted, holding_ball
 from hfa_prove.search.monomials import PolynomialFunction
 from hfa_prove.search.plant import saturated_loop
-from hfa_prove.statements.loop import SaturatedLoop
+from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.plant import Subject
+from hfa_prove.statements.region import BoxWitness
 
 EXAMPLES = Path(__file__).parents[4] / "examples"
 PENDULUM = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
@@ -58,13 +60,13 @@ def quickly_proved(path: Path, aircraft: str, *words: str) -> str:
     return proved(path, aircraft, "--degree", "2", "--seconds", "0.1", *words)
 
 
-def pendulum_loop(model: Model) -> SaturatedLoop:
+def pendulum_loop(model: Model) -> Loop:
     """Return the closed loop of the pendulum with the LQR that `hfa prove region` uses."""
     linear = hfa.linearize(model, hfa.trim(model))
     return saturated_loop(linear, hfa.solve(nominal_game(linear)).K)
 
 
-def certified(path: Path, loop: SaturatedLoop, rho: float) -> Path:
+def certified(path: Path, loop: Loop, rho: float) -> Path:
     """Write the certificate of one level rho of V, proved without a search, and return its path."""
     search = EdgeSearch if loop.disturbances else LevelSearch
     T = holding_ball(V, rho, V.coordinates())
@@ -83,7 +85,8 @@ def read_and_check(content: dict[str, Any], model: Model) -> int:
     """
     closing = dict.fromkeys(("schema", "toolchain", "digest", "provenance", "checksum"))
     statement, witness = read_content(closing | content, Subject(model))
-    return check_region(statement, witness)
+    check = check_on_boxes if isinstance(witness, BoxWitness) else check_region
+    return check(statement, witness)
 
 
 def passes(content: dict[str, Any], model: Model) -> bool:

@@ -218,7 +218,13 @@ def with_memory(order: int = 1, lag: float = 0.002) -> Loop:
     gains = np.array([exact_gain(angle) for angle in (14.0, 14.125)])
     eye = np.tile(np.eye(6) / lag, (2, 1, 1))
     controller = Controller(
-        np.array([14.0, 14.125]), -eye, eye, -gains, np.zeros((2, 5, 6)), LINEAR_STATES, INPUTS
+        breakpoints=np.array([14.0, 14.125]),
+        inputs=INPUTS,
+        measurements=LINEAR_STATES,
+        A=-eye,
+        B=eye,
+        C=-gains,
+        D=np.zeros((2, 5, 6)),
     )
     ones = np.ones(5)
     return Loop(controller, FixedActuators((order,) * 5, 0.7 * ones, 300.0 * ones, ones))

@@ -16,7 +16,7 @@ from hfa_prove.check import check_certificate
 from hfa_prove.search.invariant import DisturbedPlant
 from hfa_prove.search.monomials import PolynomialFunction
 from hfa_prove.search.plant import Plant
-from hfa_prove.statements.region_squares import RegionStatement
+from hfa_prove.statements.region import RegionStatement
 
 #: Steps per time constant of the fastest mode, and duration in time constants of the slowest mode.
 _STEPS = 4.0

@@ -19,8 +19,8 @@ from hfa_prove.certificate import read_statement
 from hfa_prove.check import trims
 from hfa_prove.fields import Fields, Rejected
 from hfa_prove.report import checked_report
+from hfa_prove.statements.flight import TrimBox
 from hfa_prove.statements.plant import Subject
-from hfa_prove.statements.schedule import TrimBox
 from trim import release
 from trim.hfa.level_flight import LEVEL_FLIGHT
 

@@ -21,12 +21,9 @@ from hfa_prove import Family
 from hfa_prove.certificate import read_statement
 from hfa_prove.check import check_certificate
 from hfa_prove.check.equilibrium import root_offsets
-from hfa_prove.check.game import check_axis, check_gain, distance_bounds, solution_on
+from hfa_prove.check.game import check_axis, check_gain, check_game, distance_bounds, solution_on
 from hfa_prove.check.loop import LoopBox, closed_loop
 from hfa_prove.check.modes import check_motion, check_pieces, least_and_most
-from hfa_prove.check.schedule import (
-    check_game,
-)
 from hfa_prove.check.trims import (
     _check_limits,
     _holds_root,
@@ -35,19 +32,14 @@ from hfa_prove.check.trims import (
     linear_model_on,
 )
 from hfa_prove.fields import Fields, Malformed, Rejected
+from hfa_prove.statements.flight import Line, TrimBox, _read_limits, in_model_unit
+from hfa_prove.statements.game import GameWitness, Plant, SolutionBox, Weights
 from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.schedule import (
     Controller,
     FixedActuators,
-    GameWitness,
-    Line,
     Piece,
-    SolutionBox,
-    TrimBox,
     UncertainActuators,
-    Weights,
-    _read_limits,
-    in_model_unit,
 )
 from verification.enclosure.balls import doubles
 from verification.enclosure.series import TaylorModel
@@ -82,13 +74,13 @@ def _faster(made: Any) -> None:
     """Claim stability with actuators of higher bandwidth, with the evidence for slower
     actuators.
     """
-    made["statement"]["uncertain_actuators"]["bandwidth"][1] = 1e6
+    made["statement"]["actuators"]["bandwidth"][1] = 1e6
     for box in made["witness"]["loop"]:
         box["pieces"][-1]["bandwidth"][1] = 1e6
 
 
 def _slower(made: Any) -> None:
-    made["statement"]["uncertain_actuators"]["bandwidth"][0] = 1e-3
+    made["statement"]["actuators"]["bandwidth"][0] = 1e-3
     for box in made["witness"]["loop"]:
         box["pieces"][0]["bandwidth"][0] = 1e-3
 
@@ -266,7 +258,7 @@ FORGED |= {
     ),
     "effectiveness that varies more": (
         "actuators",
-        put([0.25, 1.25], *CLAIM, "uncertain_actuators", "effectiveness"),
+        put([0.25, 1.25], *CLAIM, "actuators", "effectiveness"),
         "not proved positive definite",
     ),
     "a trim stated within the flights": (
@@ -276,17 +268,17 @@ FORGED |= {
     ),
     "fixed actuators that do little": (
         "memory",
-        put(array(lambda share: 1e-6 * share), *CLAIM, "fixed_actuators", "effectiveness"),
+        put(array(lambda share: 1e-6 * share), *CLAIM, "actuators", "effectiveness"),
         "not proved positive definite",
     ),
     "actuators without bandwidth": (
         "actuators",
-        put([0.0, 10.0], *CLAIM, "uncertain_actuators", "bandwidth"),
-        "uncertain_actuators",
+        put([0.0, 10.0], *CLAIM, "actuators", "bandwidth"),
+        "bandwidth",
     ),
     "a longer delay": (
         "actuators",
-        put(0.1, *CLAIM, "uncertain_actuators", "delay"),
+        put(0.1, *CLAIM, "actuators", "delay"),
         "not proved positive definite",
     ),
 }
@@ -363,13 +355,13 @@ def test_each_actuator_has_its_own_parameters() -> None:
     table = np.zeros((2, 0, 0))
     gains = np.array([[[-1.0], [-3.0]]] * 2)
     controller = Controller(
-        np.array([0.0, 1.0]),
-        table,
-        np.zeros((2, 0, 1)),
-        np.zeros((2, 2, 0)),
-        gains,
-        ("x",),
-        ("u", "v"),
+        breakpoints=np.array([0.0, 1.0]),
+        inputs=("u", "v"),
+        measurements=("x",),
+        A=table,
+        B=np.zeros((2, 0, 1)),
+        C=np.zeros((2, 2, 0)),
+        D=gains,
     )
     numbers = [np.array(pair) for pair in ([0.7, 0.3], [2.0, 5.0], [0.9, 0.4])]
     row = TaylorModel(arb_mat([[arb(7), arb(11)]]))
@@ -451,10 +443,11 @@ def test_a_root_with_inexact_stated_value_is_enclosed() -> None:
 def test_indefinite_weights_are_refused() -> None:
     """Weights with a negative entry of Q, or with R that is not positive definite, are refused."""
     good = {"Q": [[1.0]], "R": [[1.0]], "E": [[1.0]], "delta": 2.0}
-    Weights.read(Fields("weights", good), 1, 1)
+    known = SimpleNamespace(plant=Plant(np.eye(1), np.eye(1)))
+    Weights.read(Fields("weights", good), known)
     for name, value in (("Q", -1e-300), ("R", 0.0), ("R", -1.0)):
         with pytest.raises(Malformed, match=f"{name} is not positive"):
-            Weights.read(Fields("weights", good | {name: [[value]]}), 1, 1)
+            Weights.read(Fields("weights", good | {name: [[value]]}), known)
 
 
 def test_a_determinant_of_one_sign_proves_nothing() -> None:
@@ -472,9 +465,10 @@ def test_a_determinant_of_one_sign_proves_nothing() -> None:
 def test_one_sided_limits_must_be_stated() -> None:
     """A statement without a limit of the model is refused, even if this limit has one side only."""
     model = SimpleNamespace(limits={"speed": (0.0, np.inf)}, disturbances={})
-    assert _read_limits(Fields("flight", {"limits": {"speed": [0.0, 9.0]}}), model)
+    known = SimpleNamespace(model=model)
+    assert _read_limits(Fields("flight", {"limits": {"speed": [0.0, 9.0]}}), "limits", known)
     with pytest.raises(Malformed, match="speed"):
-        _read_limits(Fields("flight", {"limits": {}}), model)
+        _read_limits(Fields("flight", {"limits": {}}), "limits", known)
 
 
 @ctx.workprec(256)
@@ -486,8 +480,8 @@ def test_degrees_are_enclosed_in_radians() -> None:
 def test_the_game_of_the_other_trim_is_refused() -> None:
     """Evidence for the trim -sqrt(2) is refused for a statement about the trim +sqrt(2)."""
     made = copy.deepcopy(of_the_other_trim("one of two"))
-    flight = certificate("one of two")["statement"]["flight"]
-    made["statement"]["flight"]["trims"] = flight["trims"]
+    flight = certificate("one of two")["statement"]["plant"]
+    made["statement"]["plant"]["trims"] = flight["trims"]
     statement = read_statement("game", made["statement"], Subject(two_trims()))
     witness = GameWitness.read(Fields("witness", made["witness"]), statement)
     with pytest.raises(Rejected, match="branch"):

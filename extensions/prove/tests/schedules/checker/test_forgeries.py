@@ -106,8 +106,8 @@ KNOWN: dict[str, tuple[str, Change]] = {
     "actuators that do nothing": (
         "actuators",
         several(
-            put([1e-6, 1e6], *CLAIM, "uncertain_actuators", "bandwidth"),
-            put(np.zeros((11, 5)).tolist(), *CLAIM, "uncertain_actuators", "G"),
+            put([1e-6, 1e6], *CLAIM, "actuators", "bandwidth"),
+            put(np.zeros((11, 5)).tolist(), *CLAIM, "actuators", "G"),
         ),
     ),
     "P that is not symmetric": ("plant", several(not_symmetric)),
@@ -226,7 +226,7 @@ NAMED: dict[str, tuple[str, Change, str]] = {
         "trim",
     ),
     "another kind": ("plant", put("schedule", "kind"), "flight"),
-    "a retired kind": ("plant", put("models", "kind"), "of another version; prove"),
+    "a retired kind": ("plant", put("models", "kind"), "kind"),
 }
 
 

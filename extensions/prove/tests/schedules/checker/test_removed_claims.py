@@ -174,7 +174,7 @@ def test_uncertain_actuators_without_pieces_are_refused(
     value: float, delay: float, share: float, tmp_path: Path
 ) -> None:
     """A claim for uncertain actuators is refused if the evidence contains no pieces."""
-    actuators = (*CLAIM, "uncertain_actuators")
+    actuators = (*CLAIM, "actuators")
     without_pieces = [
         put([], "witness", "loop", i, "pieces")
         for i in range(len(certificate("actuators")["witness"]["loop"]))
