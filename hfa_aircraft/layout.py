@@ -174,12 +174,7 @@ def components(vector: Any) -> list[Any]:
 
 @lru_cache(maxsize=16)
 def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[str, Any]]:
-    """Return the symbols of the vectors, the rates f, and name -> output, as CasADi expressions.
-
-    still: True for disturbances of 0. The symbols are then [x, u, p], otherwise [x, u, p, w].
-
-    Raises BadInputError if the equations are faulty.
-    """
+    """Return the symbols of the vectors, the rates f, and name -> output, as CasADi expressions."""
     if still and not layout.names[3]:
         symbols, f_of_all, seen_of_all = _symbolic(layout, False)
         return symbols[:3], f_of_all, seen_of_all
@@ -197,11 +192,7 @@ def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[
 
 
 def _refuse_other_symbols(layout: Layout, expressions: Any, symbols: Any) -> None:
-    """Raise BadInputError if an expression contains a symbol that the equations did not receive.
-
-    expressions: the rates and outputs
-    symbols: symbols of x, u, p and w
-    """
+    """Raise BadInputError if an expression contains a symbol that the equations did not receive."""
     own = {symbol.element_hash() for symbol in ca.symvar(ca.SX(symbols))}
     for symbol in ca.symvar(ca.SX(expressions)):
         if symbol.element_hash() not in own:
@@ -212,12 +203,7 @@ def _refuse_other_symbols(layout: Layout, expressions: Any, symbols: Any) -> Non
 
 
 def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-    """Return the results of a model's equations, state -> rate and output -> value.
-
-    arguments: x, u, p and w, with fields by name
-
-    Raises BadInputError if the equations fail or do not return exactly the declared names.
-    """
+    """Return the results of a model's equations, state -> rate and output -> value."""
     try:
         with warnings.catch_warnings(action="ignore", category=FutureWarning):
             # CasADi issues a FutureWarning for functions of NumPy.
@@ -248,14 +234,7 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
 
 
 def _scalar(layout: Layout, kind: str, name: str, value: Any) -> ca.SX:
-    """Return a rate or an output as a scalar CasADi expression.
-
-    kind: "rate of" or "output", for messages
-    name: name of the signal, for messages
-    value: the value that the equations returned
-
-    Raises BadInputError if the value is a vector, or not a number or an expression.
-    """
+    """Return a rate or an output as a scalar CasADi expression."""
     try:
         expression = ca.SX(value)
     except (NotImplementedError, TypeError, ValueError) as error:

@@ -95,12 +95,9 @@ class Limits:
         return sentences
 
     def _measure(self, limit: np.ndarray) -> np.ndarray:
-        """Return the scale of the tolerance at each limit, nominal + |limit|, (k,).
-
-        The scale is 0 for a signal without this limit.
-
-        limit: `lowest` or `highest`, (k,)
-        """
+        """Return the scale of the tolerance at each limit, nominal + |limit|, (k,)."""
+        # The scale is 0 for a signal without this limit.
+        # limit (k,)
         nominal = np.array([self.model.signals[name].nominal for name in self.names])
         return np.where(np.isfinite(limit), nominal + np.abs(limit), 0.0)
 
@@ -109,10 +106,8 @@ class Limits:
 def _limits(
     model: Model, names: tuple[str, ...], changes: tuple[tuple[str, float, float], ...]
 ) -> Limits:
-    """Return the limits of the named signals of a model. The results are cached.
-
-    changes: (name, lowest, highest) for signals with other limits than the declared min and max
-    """
+    """Return the limits of the named signals of a model. The results are cached."""
+    # changes (name, lowest, highest)
     changed = {name: (lowest, highest) for name, lowest, highest in changes}
     rows = []
     for name in names:

@@ -137,10 +137,7 @@ def _in_folder(text: str, folder: str) -> str:
 
 
 def _with_files(text: str, change: Callable[[str], str]) -> str:
-    """Return an argument of --aircraft with changed paths. Schemes and modules have no path.
-
-    change: function path -> new path
-    """
+    """Return an argument of --aircraft with changed paths. Schemes and modules have no path."""
     where, _, name = text.rpartition(":")
     if where.endswith(".py"):
         return f"{change(where)}:{name}"
@@ -154,25 +151,13 @@ def _with_files(text: str, change: Callable[[str], str]) -> str:
 
 
 def _loaded_from_data(text: str, kind: str) -> Model:
-    """Return the aircraft in a data file or of a scheme, with its source.
-
-    text: argument of --aircraft
-    kind: its suffix or scheme (`_format_of`)
-
-    Raises BadInputError as `_read` does.
-    """
+    """Return the aircraft in a data file or of a scheme, with its source."""
     model = _read(text, kind)
     return _loaded(model, text, _digest(model, text))
 
 
 def _loaded_from_python(text: str) -> Model:
-    """Return the model that a Python file or module defines, with its source.
-
-    text: `FILE.py:NAME` or `package.module:NAME`
-
-    Raises BadInputError if the text has another form, or if the file or module cannot be read,
-    fails, or contains no model of this name.
-    """
+    """Return the model that a Python file or module defines, with its source."""
     _refuse_unnamed(text)
     where, _, name = text.rpartition(":")
     try:
@@ -215,14 +200,9 @@ def _refuse_unnamed(text: str) -> None:
 
 
 def _loaded(model: Model, text: str, digest: str) -> Model:
-    """Return a loaded model with its source, from which another process can load it again.
-
-    If the same text and digest were loaded before, the equations of the first model are reused,
-    together with their CasADi functions.
-
-    text: argument of --aircraft
-    digest: hash of the source files
-    """
+    """Return a loaded model with its source, from which another process can load it again."""
+    # If the same text and digest were loaded before, the equations of the first model are reused,
+    # together with their CasADi functions.
     source = replace(model.source, text=text, digest=digest, reload=reloaded)
     known = _known_equations(text, digest)
     if not known:
@@ -232,10 +212,8 @@ def _loaded(model: Model, text: str, digest: str) -> Model:
 
 @lru_cache(maxsize=16)
 def _known_equations(text: str, digest: str) -> list[Callable[..., Any]]:
-    """Return a list for the equations loaded from a text with this digest, at first empty.
-
-    Each call with the same arguments returns the same list.
-    """
+    """Return a list for the equations loaded from a text with this digest, at first empty."""
+    # Each call with the same arguments returns the same list.
     return []
 
 
@@ -249,13 +227,9 @@ def forms_of_packages() -> list[str]:
 
 
 def _format_of(text: str) -> str:
-    """Return the scheme or suffix that selects the reader of an aircraft, or "" for Python code.
-
-    It is the scheme, such as "jsbsim" in "jsbsim:737", or else the longest known suffix of the
-    file. Text after a "?" does not affect the choice.
-
-    text: argument of --aircraft
-    """
+    """Return the scheme or suffix that selects the reader of an aircraft, or "" for Python code."""
+    # It is the scheme, such as "jsbsim" in "jsbsim:737", or else the longest known suffix of the
+    # file. Text after a "?" does not affect the choice.
     if text.rpartition(":")[0].endswith(".py"):
         return ""
     scheme = text.partition(":")[0]
@@ -288,14 +262,7 @@ def _reader_of(kind: str) -> AircraftReader:
 
 
 def _read(text: str, kind: str) -> Model:
-    """Return the model that a reader reads, or that a parameter file changes.
-
-    text: argument of --aircraft
-    kind: its suffix or scheme
-
-    Raises BadInputError if the package cannot be imported, the file cannot be read, or the reader
-    does not return a Model.
-    """
+    """Return the model that a reader reads, or that a parameter file changes."""
     if is_parameter_file(text):
         return load_changed(text)
     read = _reader_of(kind)
@@ -309,13 +276,9 @@ def _read(text: str, kind: str) -> Model:
 
 
 def _digest(model: Model, text: str) -> str:
-    """Return the hash of a model that was read from data.
-
-    The result is the hash that the reader computed, if any. Otherwise the result is a hash of the
-    file and the model. If the file does not exist, the text is hashed in place of the file.
-
-    text: argument of --aircraft
-    """
+    """Return the hash of a model that was read from data."""
+    # The result is the hash that the reader computed, if any. Otherwise the result is a hash of the
+    # file and the model. If the file does not exist, the text is hashed in place of the file.
     if model.source.digest:
         return model.source.digest
     path = Path(text.partition("?")[0])
@@ -324,10 +287,8 @@ def _digest(model: Model, text: str) -> str:
 
 
 def _executed(file: str) -> types.ModuleType:
-    """Return the module that results from executing a Python file.
-
-    The file can import modules in its folder, as in `python FILE.py`.
-    """
+    """Return the module that results from executing a Python file."""
+    # The file can import modules in its folder, as in `python FILE.py`.
     content = regular_file(file).read_bytes()
     module = types.ModuleType(f"aircraft_{Path(file).stem}")
     module.__file__ = file  # the module finds its data files with it
@@ -343,12 +304,10 @@ _BESIDE: set[str] = set()
 
 @contextmanager
 def _imports_from(folder: Path) -> Iterator[None]:
-    """Let import statements in the `with` block find the modules in a folder, before others.
-
-    Modules that an earlier block imported from its folder are imported again: a module of the same
-    name in another folder, or a changed file, is another module. The packages of this project keep
-    their names.
-    """
+    """Let import statements in the `with` block find the modules in a folder, before others."""
+    # Modules that an earlier block imported from its folder are imported again: a module of the
+    # same name in another folder, or a changed file, is another module. The packages of this
+    # project keep their names.
     for name in OWN_PACKAGES:
         importlib.import_module(name)
     for name in _BESIDE:
@@ -375,13 +334,8 @@ def _imported(name: str) -> types.ModuleType:
 
 
 def _no_model_message(module: types.ModuleType, name: str, value: Any) -> str:
-    """Return the error message for a name in a Python module that does not refer to a model.
-
-    The message lists the models of the module.
-
-    name: the name
-    value: object of this name, or None if there is none
-    """
+    """Return the error message for a name in a Python module that does not refer to a model."""
+    # The message lists the models of the module.
     what = "does not exist" if value is None else f"is {shown(value)}, not a Model"
     models = [other for other, held in vars(module).items() if isinstance(held, Model)]
     advice = f"use {', '.join(models)}" if models else "define a Model"

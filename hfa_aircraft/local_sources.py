@@ -80,12 +80,8 @@ def hash_of_sources(file: Path, package: str = "") -> str:
 def _local_sources(
     file: Path, package: str, folder: Path, sources: dict[Path, bytes]
 ) -> dict[Path, bytes]:
-    """Return the contents of a Python file and of the local files that it imports, path -> content.
-
-    file: the file
-    package: package of the file, for relative imports
-    folder: folder below which files are local
-    sources: files that are already included; the mapping is extended and returned
+    """Return the contents of a Python file and of the local files that it imports, path ->
+    content.
     """
     sources[file] = file.read_bytes()
     for name in _imported_names(sources[file], package):
@@ -112,13 +108,8 @@ def local_file(name: str, folder: Path) -> Path | None:
 
 
 def _imported_names(text: bytes, package: str) -> set[str]:
-    """Return the names of all modules that the import statements in a file may refer to.
-
-    The packages that contain the modules are included.
-
-    text: content of the file
-    package: package of the file, for relative imports
-    """
+    """Return the names of all modules that the import statements in a file may refer to."""
+    # The packages that contain the modules are included.
     names: set[str] = set()
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):

@@ -153,11 +153,7 @@ class Model(Reported):
             self.layout.refuse_broken()
 
     def _check_signals(self) -> None:
-        """Replace each group of signals by a dictionary, name -> `Signal`.
-
-        Raises BadInputError for an invalid name, a name that is declared twice, and an invalid
-        signal.
-        """
+        """Replace each group of signals by a dictionary, name -> `Signal`."""
         seen: set[str] = set()
         for kind in (*VECTORS.values(), "outputs"):
             signals: Any = getattr(self, kind)
@@ -200,11 +196,7 @@ class Model(Reported):
                 refuse_unknown(f"{self.name}: {meaning}", name, declared)
 
     def _names_of_groups(self, kind: str, groups: Mapping[str, tuple[str, ...]]) -> list[str]:
-        """Return the names of signals in all groups of `modes` or `parts`.
-
-        kind: "modes" or "parts", for messages
-        groups: name of a group -> names in it
-        """
+        """Return the names of signals in all groups of `modes` or `parts`."""
         names: list[str] = []
         for group, members in groups.items():
             names += _names(f"{self.name}: {kind} {shown(group)}", members)
@@ -518,11 +510,10 @@ class Model(Reported):
     def _numbers_at(
         self, x: Sequence[float], u: Sequence[float]
     ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        """Return the rates and the outputs at a state and an input, without disturbance, by name.
-
-        x: state, (n,)
-        u: input, (m,)
+        """Return the rates and the outputs at a state and an input, without disturbance, by
+        name.
         """
+        # x (n,), u (m,)
         numbers = [[float(value) for value in vector] for vector in (x, u, self.p)]
         still_air = [0.0 for _ in self.disturbances]
         records = map(self.layout.record, VECTORS, (*numbers, still_air))
@@ -544,22 +535,14 @@ def _is_identifier(name: Any) -> bool:
 
 
 def _names(what: str, names: Any) -> tuple[str, ...]:
-    """Return a sequence of names as a tuple.
-
-    what: beginning of the message
-
-    Raises BadInputError for a single string, or for another type.
-    """
+    """Return a sequence of names as a tuple."""
     if isinstance(names, str) or not isinstance(names, Sequence):
         raise BadInputError(f"{what} is {shown(names)}; give a tuple of names")
     return tuple(names)
 
 
 def _check_signal(where: str, signal: Signal) -> None:
-    """Raise BadInputError for a signal with an invalid type, unit or number.
-
-    where: beginning of the message
-    """
+    """Raise BadInputError for a signal with an invalid type, unit or number."""
     if not isinstance(signal, Signal):
         raise BadInputError(f"{where} is {shown(signal)}; give a Signal")
     if not isinstance(signal.unit, str):

@@ -42,14 +42,7 @@ class PlantNames(NamedTuple):
 
 
 def _as_many(key: str, texts: tuple[str, ...], usual: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the given names or units, or the default ones if none are given.
-
-    key: name of the list, for messages
-    texts: the given names or units, or () if none are given
-    usual: default names or units, one for each state or input
-
-    Raises BadInputError if the number of given texts is neither 0 nor the number of defaults.
-    """
+    """Return the given names or units, or the default ones if none are given."""
     if not texts:
         return usual
     if len(texts) != len(usual):

@@ -101,8 +101,8 @@ class ParameterFile:
         return replace(changed, source=replace(changed.source, text=self.path, digest=digest))
 
     def _check_bands(self, model: Model) -> None:
-        """Raise BadInputError unless each entry of [bands] is a pair [low, high] that contains the
-        value of a parameter of the model, or of a sensor error of the file.
+        """Raise BadInputError unless each entry of [bands] is a pair [low, high] that contains
+        the value of a parameter of the model, or of a sensor error of the file.
         """
         starts = {name: signal.start for name, signal in model.parameters.items()}
         values = {**starts, **self.sensors}
@@ -122,10 +122,7 @@ class ParameterFile:
 
 
 def _table(path: str, data: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Return the table with the given name from the data of a TOML file, or {} if it is missing.
-
-    Raises BadInputError if the entry is not a table.
-    """
+    """Return the table with the given name from the data of a TOML file, or {} if it is missing."""
     table = data.get(name, {})
     if not isinstance(table, dict):
         raise BadInputError(f"{path}: {name} is {shown(table)}; give a table [{name}]")

@@ -113,10 +113,7 @@ def spread_of_set(known: Any) -> ParameterSpread:
 
 
 def _in_si(spread: ParameterSpread, native: Model) -> ParameterSpread:
-    """Return the uncertain parameters converted to SI units.
-
-    native: model in the units of `spread`
-    """
+    """Return the uncertain parameters converted to SI units."""
     factors = np.array([si_factor(native.unit(name)) for name in spread.values])
     values = {
         name: value * factor

@@ -87,11 +87,7 @@ def _begin_in_si(
     factors: Mapping[str, float],
     imposed: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Return variable -> initial value of a trim search.
-
-    begin: function `Trimming.begin` in the declared units
-    factors: name -> factor from the declared unit to SI
-    """
+    """Return variable -> initial value of a trim search."""
     native = {name: value / factors.get(name, 1.0) for name, value in imposed.items()}
     return {name: value * factors.get(name, 1.0) for name, value in begin(native).items()}
 

@@ -54,10 +54,7 @@ def _with_loads(point: Any, report: Report) -> Report:
 
 
 def _checked_parameters(parameters: Parameters) -> Parameters:
-    """Return the parameters of the aircraft unchanged.
-
-    Raises BadInputError if a parameter is not finite or a size is negative.
-    """
+    """Return the parameters of the aircraft unchanged."""
     for name, value in parameters._asdict().items():
         if not is_finite(value):
             raise BadInputError(f"parameter {name} is {shown(value)}; give a finite number")

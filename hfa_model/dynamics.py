@@ -75,11 +75,7 @@ def _dihedral_acceleration(
     p: Parameters[Quantity],
     variant: Variant,
 ) -> Quantity:
-    """Return the dihedral acceleration η'', rad/s^2.
-
-    speed_rate: V', ft/s^2
-    alpha_rate: α', rad/s
-    """
+    """Return the dihedral acceleration η'', rad/s^2."""
     sin_eta = ca.sin(x.dihedral)
     cos_eta = ca.cos(x.dihedral)
     descent_rate = speed_rate * ca.sin(x.alpha) + x.speed * ca.cos(x.alpha) * alpha_rate

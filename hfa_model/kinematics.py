@@ -218,21 +218,16 @@ def flow_of(forward: Quantity, sideward: Quantity, downward: Quantity) -> Flow:
 
 
 def _is_still(wind: Wind) -> bool:
-    """Return whether all components of a wind are the number 0.
-
-    The result is False for a wind with a CasADi expression.
-    """
+    """Return whether all components of a wind are the number 0."""
+    # The result is False for a wind with a CasADi expression.
     return all(isinstance(part, float) and part == 0.0 for part in wind)
 
 
 def _forward(x: State[Quantity], wind: Wind) -> Quantity:
-    """Return the forward component of the velocity of the center of mass relative to the air, ft/s.
-
-    The component is V cos α - w sin θ + h cos θ in body axes, with the speed V over ground.
-
-    x: states
-    wind: updraft w and headwind h
+    """Return the forward component of the velocity of the center of mass relative to the air,
+    ft/s.
     """
+    # The component is V cos α - w sin θ + h cos θ in body axes, with the speed V over ground.
     return (
         x.speed * ca.cos(x.alpha) - wind.updraft * ca.sin(x.pitch) + wind.headwind * ca.cos(x.pitch)
     )
@@ -241,26 +236,16 @@ def _forward(x: State[Quantity], wind: Wind) -> Quantity:
 def _downward(x: State[Quantity], wind: Wind) -> Quantity:
     """Return the downward component of the velocity of the center of mass relative to the air,
     ft/s.
-
-    The component is V sin α + w cos θ + h sin θ in body axes, with the speed V over ground.
-
-    x: states
-    wind: updraft w and headwind h
     """
+    # The component is V sin α + w cos θ + h sin θ in body axes, with the speed V over ground.
     return (
         x.speed * ca.sin(x.alpha) + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)
     )
 
 
 def _hinge_descent(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> Quantity:
-    """Return the downward component of the velocity of a hinge relative to the air, ft/s.
-
-    In body axes, it is w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ, with the speed V over
-    ground and the span s of a panel.
-
-    x: states
-    p: parameters
-    wind: updraft w and headwind h
-    """
+    """Return the downward component of the velocity of a hinge relative to the air, ft/s."""
+    # In body axes, it is w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ, with the speed V over
+    # ground and the span s of a panel.
     descent = x.speed * ca.sin(x.alpha) + p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate
     return descent + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)

@@ -78,23 +78,20 @@ def outputs_of(moment: Moment) -> dict[str, Quantity]:
 
 def _vertical_acceleration(m: Moment) -> Quantity:
     """Return V (α' - q), ft/s^2, the acceleration of the center of mass normal to its path,
-    positive downward."""
+    positive downward.
+    """
     return m.x.speed * (m.rates.alpha - m.x.pitch_rate)
 
 
 def _load_factor(m: Moment) -> Quantity:
-    """Return n = (L + T sin α) / (m_tot g), the force normal to the path divided by the weight.
-
-    L is the lift, T the thrust, and m_tot the mass of the aircraft.
-    """
+    """Return n = (L + T sin α) / (m_tot g), the force normal to the path divided by the weight."""
+    # L is the lift, T the thrust, and m_tot the mass of the aircraft.
     return (m.loads.lift + m.loads.thrust * ca.sin(m.x.alpha)) / (3 * m.p.panel_mass * m.p.gravity)
 
 
 def _center_load_factor(m: Moment) -> Quantity:
-    """Return the load factor n_c = cos θ - a_z / g of the center panel.
-
-    θ is the pitch angle, and a_z the downward acceleration of the panel in body axes.
-    """
+    """Return the load factor n_c = cos θ - a_z / g of the center panel."""
+    # θ is the pitch angle, and a_z the downward acceleration of the panel in body axes.
     descent = _body_descent(m, center_height(m.x.dihedral, m.p), 1 / 3)
     return ca.cos(m.x.pitch) - descent / m.p.gravity
 
@@ -102,11 +99,10 @@ def _center_load_factor(m: Moment) -> Quantity:
 def _outer_load_factor(m: Moment) -> Quantity:
     """Return the load factor n_o = cos θ cos η - (a_z cos η + a_y sin η) / g normal to an outer
     panel.
-
-    The lateral position of the panel is y = (s/2)(1 + cos η), with the span s of a panel. Therefore
-    a_y = y'' = -(s/2)(sin η η'' + cos η η'²). a_z is the downward acceleration of the panel in body
-    axes.
     """
+    # The lateral position of the panel is y = (s/2)(1 + cos η), with the span s of a panel.
+    # Therefore a_y = y'' = -(s/2)(sin η η'' + cos η η'²). a_z is the downward acceleration of the
+    # panel in body axes.
     sin_eta = ca.sin(m.x.dihedral)
     cos_eta = ca.cos(m.x.dihedral)
     outward = (
@@ -117,14 +113,8 @@ def _outer_load_factor(m: Moment) -> Quantity:
 
 
 def _body_descent(m: Moment, height: Quantity, factor: float) -> Quantity:
-    """Return the downward acceleration of a panel in body axes, ft/s^2.
-
-    a_z = (V sin α)' - q V cos α - q² z + z'',  z = factor s sin η.
-
-    m: state, rates and parameters
-    height: z, distance of the panel below the center of mass, ft
-    factor: 1/3 for the center panel, -1/6 for an outer panel
-    """
+    """Return the downward acceleration of a panel in body axes, ft/s^2."""
+    # a_z = (V sin α)' - q V cos α - q² z + z'', z = factor s sin η.
     sin_eta = ca.sin(m.x.dihedral)
     cos_eta = ca.cos(m.x.dihedral)
     sin_alpha = ca.sin(m.x.alpha)
@@ -139,10 +129,8 @@ def _body_descent(m: Moment, height: Quantity, factor: float) -> Quantity:
 
 
 def _elastic_moment(m: Moment) -> Quantity:
-    """Return H - k_c η' - k_k η, ft lbf, the moment on an outer panel about its hinge.
-
-    Unlike the hinge moment H of the loads, the result includes the damper k_c and the spring k_k.
-    """
+    """Return H - k_c η' - k_k η, ft lbf, the moment on an outer panel about its hinge."""
+    # Unlike the hinge moment H of the loads, the result includes the damper k_c and the spring k_k.
     return (
         m.loads.hinge_moment
         - m.p.hinge_damping * m.x.dihedral_rate

@@ -194,12 +194,7 @@ def load_parameters(name: str | Path) -> ParameterSet:
 
 
 def _read(name: str) -> ParameterSet:
-    """Return a set of parameters of the aircraft, read from its file.
-
-    name: name of a set in the package (`NAMED`), or the path of a file
-
-    Raises BadInputError, which names the file, the entry and the fault, if the set is not valid.
-    """
+    """Return a set of parameters of the aircraft, read from its file."""
     data = read_named("parameters", name, NAMED, "hfa_model", _FILE)
     table = data.pop("covariance", {"names": [], "rows": []})
     names = Parameters._fields
@@ -226,11 +221,9 @@ _packaged = cache(_read)  # read once, because the files do not change
 
 
 def _is_covariance(matrix: np.ndarray, size: int) -> bool:
-    """Return whether a matrix can be the covariance matrix of `size` parameters.
-
-    A covariance matrix is symmetric and finite, and the matrix of its correlations has no negative
-    eigenvalue beyond rounding.
-    """
+    """Return whether a matrix can be the covariance matrix of `size` parameters."""
+    # A covariance matrix is symmetric and finite, and the matrix of its correlations has no
+    # negative eigenvalue beyond rounding.
     if matrix.shape != (size, size) or not np.array_equal(matrix, matrix.T):
         return False
     if not np.all(np.diag(matrix) >= 0):

@@ -69,10 +69,7 @@ def published_models() -> tuple[PublishedModel, ...]:
 
 
 def _model(case: dict[str, Any]) -> PublishedModel:
-    """Return one of the printed linear models, with read-only arrays.
-
-    case: one of the `cases` in `printed_matrices.json`
-    """
+    """Return one of the printed linear models, with read-only arrays."""
     A = np.array(case["A"], dtype=float)
     B = np.array(case["B"], dtype=float)
     decimals = published_data()["printed_decimals"]

@@ -80,10 +80,7 @@ def loads(model: Model, x: ArrayLike, u: ArrayLike) -> Loads:
 
 
 def _loads_in_si(loads: Any) -> Any:
-    """Return the loads in N and N m.
-
-    loads: `Loads` or `PanelLoads` in lbf and ft lbf
-    """
+    """Return the loads in N and N m."""
     converted = {}
     for name, value in loads._asdict().items():
         if isinstance(value, tuple):
@@ -153,13 +150,7 @@ def performance(point: Any) -> dict[str, float]:
 
 
 def _loads(loads: Loads, numbers: dict[str, float], unit: str, moment: str) -> Table:
-    """Return a table of the loads on the aircraft, on its center panel and on one outer panel.
-
-    loads: in the units of the model; the forces on a panel are in panel axes
-    numbers: results of `performance`
-    unit: unit of forces
-    moment: unit of moments
-    """
+    """Return a table of the loads on the aircraft, on its center panel and on one outer panel."""
     center = loads.center
     outer = loads.outer
     weight = numbers["weight"]

@@ -209,13 +209,7 @@ class UnsteadyEquations:
 
 
 def _panel_motion(panel: str, x: Any, p: Any, winds: Winds) -> _PanelMotion:
-    """Return the motion of a panel relative to the air.
-
-    panel: "center" or "outer"
-    x: states
-    p: parameters
-    winds: winds at the center and outer panels
-    """
+    """Return the motion of a panel relative to the air."""
     # Vertical and outward air motion is a gust. Air from ahead counts as motion of the panel.
     calm = Winds(
         winds.center._replace(updraft=0.0, outward=0.0),
@@ -244,10 +238,8 @@ def _aspect_ratio(p: Any) -> Quantity:
 
 
 def _slope_factor(p: Any, aspect_ratio: Quantity) -> Quantity:
-    """Return 1 / (1 + f a / (π Λ)), the factor of a finite span on the lift slope a.
-
-    f is the parameter `finite_span`. Source: Prandtl, for elliptic lift.
-    """
+    """Return 1 / (1 + f a / (π Λ)), the factor of a finite span on the lift slope a."""
+    # f is the parameter `finite_span`. Source: Prandtl, for elliptic lift.
     return 1 / (1 + p.finite_span * p.lift_slope / (math.pi * aspect_ratio))
 
 
@@ -290,18 +282,9 @@ def lag_rates(
 def _lagged_panel(
     motion: _PanelMotion, x: Any, u: Any, p: Any, air: Quantity, ground_drag: bool
 ) -> _LaggedPanel:
-    """Return the loads on a panel with lagged lift, and the rates of the panel's lag states.
-
-    The lift lags behind motion, controls and gusts. The lift is perpendicular to the flow at the
-    lagged angle of attack, because the induced velocity of the wake is part of the flow.
-
-    motion: motion of the panel relative to the air
-    x: states
-    u: inputs
-    p: parameters
-    air: density, slug/ft^3
-    ground_drag: whether the drag uses the speed over ground in place of the airspeed
-    """
+    """Return the loads on a panel with lagged lift, and the rates of the panel's lag states."""
+    # The lift lags behind motion, controls and gusts. The lift is perpendicular to the flow at the
+    # lagged angle of attack, because the induced velocity of the wake is part of the flow.
     aileron = getattr(u, f"aileron_{motion.panel}")
     elevator = getattr(u, f"elevator_{motion.panel}")
     tail_chord = _tail_chord(p)
@@ -344,11 +327,10 @@ def _lagged_panel(
 def _lagged_alpha(
     strip: _Strip, motion: _PanelMotion, x: Any, p: Any
 ) -> tuple[Quantity, dict[str, Quantity]]:
-    """Return the effective angle of attack of a strip, rad, and the rates of its lag states.
-
-    The effective angle is the geometric angle, minus the parts of the angles due to motion, control
-    and gust that have no effect on the lift yet. The geometric angle does not include the control.
-    """
+    """Return the effective angle of attack of a strip, rad, and the rates of its lag states."""
+    # The effective angle is the geometric angle, minus the parts of the angles due to motion,
+    # control and gust that have no effect on the lift yet. The geometric angle does not include the
+    # control.
     moved = p.local_motion * motion.turn * strip.behind
     alpha = ca.atan2(motion.calm[2] + moved, motion.calm[0]) - strip.downwash
     gust = ca.atan2(motion.moving[2] + moved, motion.moving[0]) - strip.downwash - alpha
@@ -366,16 +348,9 @@ def _lagged_alpha(
 def _tip_moment(
     x: Any, p: Any, speed: Quantity, air: Quantity
 ) -> tuple[Quantity, dict[str, Quantity]]:
-    """Return a hinge moment, ft lbf, and the rates of the lag states of the strip "tip", rad/s.
-
-    The hinge moment is that of the lift due to the hinge rate, which varies the angle of attack
-    linearly along an outer wing.
-
-    x: states
-    p: parameters
-    speed: airspeed V of the outer panel without updraft and outward gust, ft/s
-    air: density ρ, slug/ft^3
-    """
+    """Return a hinge moment, ft lbf, and the rates of the lag states of the strip "tip", rad/s."""
+    # The hinge moment is that of the lift due to the hinge rate, which varies the angle of attack
+    # linearly along an outer wing.
     angle = -p.local_motion * x.dihedral_rate * p.panel_span / (2 * speed)
     tip = angle - p.lift_lag * missing("lag", "tip", WAGNER, angle, x)
     slope = _slope_factor(p, _aspect_ratio(p)) * p.lift_slope
@@ -390,16 +365,10 @@ def _with_apparent_mass(
     p: Any,
     air: Quantity,
 ) -> Loads[Quantity]:
-    """Return the loads including the apparent mass of wings and tails.
-
-    The accelerations a = (w_b', q', η''), w_b = V sin α, solve (M + M_a) a = M a_0. M is the
-    inertia of the aircraft, and M_a the inertia of the carried air (`_carried_air`). a_0 are the
-    accelerations due to all loads except -M_a a.
-
-    loads: loads without apparent mass
-    motions: motions of the center panel and of an outer panel
-    air: density, slug/ft^3
-    """
+    """Return the loads including the apparent mass of wings and tails."""
+    # The accelerations a = (w_b', q', η''), w_b = V sin α, solve (M + M_a) a = M a_0. M is the
+    # inertia of the aircraft, and M_a the inertia of the carried air (`_carried_air`). a_0 are the
+    # accelerations due to all loads except -M_a a.
     forward: Quantity = 0.0
     downward: Quantity = 0.0
     pitching_moment = loads.pitching_moment
@@ -439,17 +408,16 @@ def _with_apparent_mass(
 
 
 def _carried_air(plate: _Plate, motion: _PanelMotion, x: Any, p: Any) -> _CarriedAir:
-    """Return the loads of the air carried by a plate of the center panel, or of both outer panels.
-
-    A plate of half chord b rotates at the rate ω about its span. The mid-chord of the plate has the
-    normal velocity w and the forward velocity u. The momentum of the carried air is m w normal to
-    the plate, m = π ρ b² span. The angular momenta are (m b²/8) ω about the span and (m span²/12)
-    η' about the chord. The force is -(m w n)' with the unit normal n. Its components are -m w'
-    normal to the plate, -m w ω forward and m w η' toward the center.
-
-    The moment -m u (b/2) ω of Theodorsen's lift at the three-quarter chord is added here, because
-    the circulatory lift at the quarter chord omits this moment.
+    """Return the loads of the air carried by a plate of the center panel, or of both outer
+    panels.
     """
+    # A plate of half chord b rotates at the rate ω about its span. The mid-chord of the plate has
+    # the normal velocity w and the forward velocity u. The momentum of the carried air is m w
+    # normal to the plate, m = π ρ b² span. The angular momenta are (m b²/8) ω about the span and (m
+    # span²/12) η' about the chord. The force is -(m w n)' with the unit normal n. Its components
+    # are -m w' normal to the plate, -m w ω forward and m w η' toward the center.
+    # The moment -m u (b/2) ω of Theodorsen's lift at the three-quarter chord is added here, because
+    # the circulatory lift at the quarter chord omits this moment.
     is_center = motion.panel == "center"
     sin_eta = ca.sin(x.dihedral)
     cos_eta = ca.cos(x.dihedral)
@@ -507,11 +475,7 @@ def _with_forces(
     pitching_moment: Quantity,
     hinge_moment: Quantity,
 ) -> Loads[Quantity]:
-    """Return the loads with added body-axis forces and replaced moments.
-
-    forward, downward: forces along the x and z axes of the body, lbf, added to lift and drag
-    pitching_moment, hinge_moment: moments, ft lbf, which replace those of `loads`
-    """
+    """Return the loads with added body-axis forces and replaced moments."""
     sin_alpha = ca.sin(x.alpha)
     cos_alpha = ca.cos(x.alpha)
     return loads._replace(
@@ -523,10 +487,7 @@ def _with_forces(
 
 
 def _plates(p: Any, air: Quantity) -> tuple[_Plate, _Plate]:
-    """Return the wing and the tail of a panel as plates that carry air.
-
-    air: density, slug/ft^3
-    """
+    """Return the wing and the tail of a panel as plates that carry air."""
     tail_chord = _tail_chord(p)
     wing_volume = p.chord**2 * p.panel_span
     tail_volume = p.tail_area * tail_chord
@@ -550,11 +511,9 @@ _RIGID = rigid_panels(variant_named("published"), default_parameters().values)
 
 
 def _signals() -> dict[str, Signal]:
-    """Return the parameters of the model, name -> signal.
-
-    The parameters are the identified parameters of the aircraft, the effects with start value 1,
-    and `tail_aspect_ratio` with start value 10.
-    """
+    """Return the parameters of the model, name -> signal."""
+    # The parameters are the identified parameters of the aircraft, the effects with start value 1,
+    # and `tail_aspect_ratio` with start value 10.
     values = default_parameters().values._asdict()
     identified = {
         name: signal._replace(start=float(values[name]))

@@ -69,13 +69,8 @@ def _mismatch(
     named: dict[str, Any],
     error: TypeError,
 ) -> Exception:
-    """Return the BadInputError for a call with missing, unknown or too many arguments.
-
-    name, how: name of the function, and what to write instead, for the message
-    error: TypeError that the call raised
-
-    The result is `error` itself if the arguments match the signature of the function.
-    """
+    """Return the BadInputError for a call with missing, unknown or too many arguments."""
+    # The result is `error` itself if the arguments match the signature of the function.
     signature = inspect.signature(function)
     try:
         signature.bind(*arguments, **named)
@@ -89,11 +84,9 @@ def _mismatch(
 
 
 def _description(value: Any) -> str:
-    """Return a description of a value for messages.
-
-    Numbers, texts and None are shown. An array is described by its shape, another object by its
-    type.
-    """
+    """Return a description of a value for messages."""
+    # Numbers, texts and None are shown. An array is described by its shape, another object by its
+    # type.
     if value is None or isinstance(value, (bool, int, float, complex, str, bytes)):
         return shown(value)
     if isinstance(value, np.ndarray):

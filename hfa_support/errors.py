@@ -237,11 +237,9 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
 
 
 def _faulty_row(rows: Any) -> str:
-    """Return the end of an error message on a list of lists that is not a matrix.
-
-    The text is, for example, "; row 2 has 1 numbers and row 1 has 2", or "" if no faulty row is
-    found.
-    """
+    """Return the end of an error message on a list of lists that is not a matrix."""
+    # The text is, for example, "; row 2 has 1 numbers and row 1 has 2", or "" if no faulty row is
+    # found.
     if not (isinstance(rows, list) and rows and all(isinstance(row, list) for row in rows)):
         return ""
     for number, row in enumerate(rows, 1):

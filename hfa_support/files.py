@@ -88,10 +88,8 @@ def refuse_read(path: Path) -> None:
 
 
 def _identity(path: str | Path) -> tuple[int, int] | None:
-    """Return (device, inode) of a file, which is the same for all its names.
-
-    The result is None if the file does not exist.
-    """
+    """Return (device, inode) of a file, which is the same for all its names."""
+    # The result is None if the file does not exist.
     try:
         status = os.stat(path)
     except (OSError, ValueError):
@@ -157,10 +155,8 @@ def _locked(folder: Path | None) -> Iterator[None]:
 
 @contextmanager
 def _signals_held() -> Iterator[None]:
-    """Delay the handling of Ctrl-C, SIGTERM and SIGHUP until the end of the `with` block.
-
-    The block must be short. Outside of the main thread, signals are not delayed.
-    """
+    """Delay the handling of Ctrl-C, SIGTERM and SIGHUP until the end of the `with` block."""
+    # The block must be short. Outside of the main thread, signals are not delayed.
     held: list[int] = []
     before: dict[int, Any] = {}
     try:
@@ -198,23 +194,15 @@ def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
 
 
 def _temporary_path(folder: Path) -> Path:
-    """Return an unused path in a folder, and register it for removal by `remove_unfinished`.
-
-    The path is registered before the file exists. A signal may end the process at any time.
-    """
+    """Return an unused path in a folder, and register it for removal by `remove_unfinished`."""
+    # The path is registered before the file exists. A signal may end the process at any time.
     path = (folder / f".hfa-{os.urandom(8).hex()}").absolute()
     _UNFINISHED.add(path)
     return path
 
 
 def _new_file(path: Path, target: Path) -> IO[bytes]:
-    """Return a new file that only its owner can access, opened for writing.
-
-    path: the new file
-    target: its final name, for the message
-
-    Raises BadInputError if the file cannot be created.
-    """
+    """Return a new file that only its owner can access, opened for writing."""
     try:
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _BINARY, mode=0o600)
     except OSError as error:

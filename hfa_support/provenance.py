@@ -64,12 +64,11 @@ class Provenance(Result):
     date: str = field(default_factory=lambda: now())
 
     def _largest_changes(self) -> list[str]:
-        """Return texts on the parameters that differ from their identified values, largest change
-        first.
-
-        Changes are relative. At most `_MOST_TOLD` parameters are described. If more differ, the
-        first text contains their number.
+        """Return texts on the parameters that differ from their identified values, largest
+        change first.
         """
+        # Changes are relative. At most `_MOST_TOLD` parameters are described. If more differ, the
+        # first text contains their number.
 
         def relative_size(name: str) -> float:
             change = self.changed[name]

@@ -115,10 +115,7 @@ def _powers(unit: str) -> Counter[str]:
 
 
 def _product(words: Iterator[str]) -> Counter[str]:
-    """Return name -> exponent of the units in a product.
-
-    words: units, exponents, "/" and brackets, in order, which are read up to the closing bracket
-    """
+    """Return name -> exponent of the units in a product."""
     product: Counter[str] = Counter()
     factors: list[tuple[Counter[str], int]] = []
     sign = 1

@@ -86,12 +86,7 @@ def air_at(altitude: Any, system: str = "english") -> Air:
 
 
 def _pressure_ratio(warmth: float, lapse: float, climb: Any) -> Any:
-    """Return the pressure in a layer of the atmosphere, relative to the pressure at its bottom.
-
-    warmth: temperature at the bottom, degrees Rankine
-    lapse: temperature gradient, degrees Rankine per ft
-    climb: height above the bottom, ft
-    """
+    """Return the pressure in a layer of the atmosphere, relative to the pressure at its bottom."""
     if lapse == 0.0:
         return ca.exp(-_STANDARD_GRAVITY * climb / (_GAS_CONSTANT * warmth))
     return (warmth / (warmth + lapse * climb)) ** (_STANDARD_GRAVITY / (_GAS_CONSTANT * lapse))

@@ -85,11 +85,8 @@ def _middle(points: np.ndarray) -> float:
 
 
 def _between(lines: ca.SX, cells: Sequence[tuple[ca.SX, ca.SX]]) -> ca.SX:
-    """Return the interpolated value of a table of lines.
-
-    lines: levels and slopes on each axis, (2, n1 - 1, 2, n2 - 1, ...), in row-major order
-    cells: result of `Interpolator.cell` for each axis
-    """
+    """Return the interpolated value of a table of lines."""
+    # lines (2, n1 - 1, 2, n2 - 1, ...)
     if not cells:
         return lines
     chosen, offset = cells[0]

@@ -36,17 +36,11 @@ def matrices_and_names(files: Mapping[str, Path]) -> dict[str, Any]:
 
 
 def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
-    """Return the matrix in a .csv file, the names of its rows and the names of its columns.
-
-    A first row without a number contains the names of the columns. A first column without a number
-    contains the names of the rows. A list of names is empty if the file has none.
-
-    name: name of the matrix in messages
-    path: the file
-
-    Raises ValueError for rows of different lengths, a file without rows of numbers, and a cell that
-    is not a number.
-    """
+    """Return the matrix in a .csv file, the names of its rows and the names of its columns."""
+    # A first row without a number contains the names of the columns. A first column without a
+    # number contains the names of the rows. A list of names is empty if the file has none.
+    # Raises ValueError for rows of different lengths, a file without rows of numbers, and a cell
+    # that is not a number.
     with regular_file(path).open(encoding="utf-8-sig", newline="") as stream:
         rows = [row for row in csv.reader(stream) if any(cell.strip() for cell in row)]
     column_names: list[str] = []
@@ -71,16 +65,11 @@ def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
 
 
 def _named(sides: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
-    """Return the names and units of the states and inputs that .csv files contain.
-
-    The result has the keys "states", "inputs", "state_units" and "input_units", as far as known.
-    Names of states come from the matrix A and names of inputs from the columns of B. Units are
-    returned only if each state, or each input, has a unit.
-
-    sides: matrix -> names of its rows and of its columns, with units as in "speed [ft/s]"
-
-    Raises ValueError if another matrix names the states in another order.
-    """
+    """Return the names and units of the states and inputs that .csv files contain."""
+    # The result has the keys "states", "inputs", "state_units" and "input_units", as far as known.
+    # Names of states come from the matrix A and names of inputs from the columns of B. Units are
+    # returned only if each state, or each input, has a unit.
+    # Raises ValueError if another matrix names the states in another order.
     parts = {
         name: [
             [re.findall(r"^(.*?)\s*(?:\[(.*)\])?$", word.strip(), re.DOTALL)[0] for word in side]

@@ -43,11 +43,7 @@ def structures(path: Path) -> dict[str, Any]:
 
 
 def _nested(arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """Return name -> array for the output of the child process. A structure is a nested mapping.
-
-    arrays: the arrays "0", "1", ..., and "paths", a JSON text with the list of names that lead to
-        each array
-    """
+    """Return name -> array for the output of the child process. A structure is a nested mapping."""
     entries: dict[str, Any] = {}
     for number, (*outer, name) in enumerate(json.loads(str(arrays["paths"]))):
         inside = entries

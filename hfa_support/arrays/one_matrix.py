@@ -39,12 +39,10 @@ def matrices(path: Path) -> dict[str, Any]:
 
 
 def _matrix_files(path: Path) -> dict[str, Path]:
-    """Return the files of a matrix and of its plant's other matrices, as a map matrix name -> path.
-
-    Only a file named A has other matrices of its plant: those in the same folder.
-
-    Raises BadInputError if the file is named neither A nor after a matrix of a critic.
+    """Return the files of a matrix and of its plant's other matrices, as a map matrix name ->
+    path.
     """
+    # Only a file named A has other matrices of its plant: those in the same folder.
     if path.stem not in (*PLANT[:1], *CRITIC):
         raise BadInputError(
             f"{path}: a plant is read from A{path.suffix} (with B in the same folder), a critic "

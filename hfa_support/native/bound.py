@@ -104,11 +104,9 @@ class RowFunction(threading.local):
         return tables_out
 
     def _together(self, count: int) -> int:
-        """Return the number of rows that are evaluated together, in a call with `count` rows.
-
-        When `_MANY` rows have been evaluated in all calls, the stored blocks are discarded. New
-        blocks are made more slowly and evaluated faster.
-        """
+        """Return the number of rows that are evaluated together, in a call with `count` rows."""
+        # When `_MANY` rows have been evaluated in all calls, the stored blocks are discarded. New
+        # blocks are made more slowly and evaluated faster.
         before = self._rows
         self._rows += count
         if before < _MANY <= self._rows:
@@ -118,11 +116,9 @@ class RowFunction(threading.local):
     def _bind(self, together: int) -> Block:
         """Return the Function for several rows with its memory: (bound Function, arguments,
         results).
-
-        An argument or result is an array (together, entries). The block is stored for later calls.
-
-        together: number of rows
         """
+        # An argument or result is an array (together, entries). The block is stored for later
+        # calls.
         mapped = by_rows
         if self._rows >= _MANY:
             from hfa_support.native.columns import by_columns_or_rows as mapped

@@ -60,9 +60,7 @@ def by_columns(function: ca.Function, rows: int) -> ca.Function | None:
 
 
 def _side_by_side(columns: Sequence[ca.MX], rows: int) -> ca.MX:
-    """Return the dense matrix (rows, k) that consists of k columns.
-
-    columns: (rows, 1) each, or a single number that is repeated in each row
-    """
+    """Return the dense matrix (rows, k) that consists of k columns."""
+    # columns (rows, 1)
     full = [ca.repmat(column, rows // column.numel(), 1) for column in columns]
     return ca.densify(ca.horzcat(ca.MX(rows, 0), *full))

@@ -95,10 +95,8 @@ def _c_text(function: ca.Function, symbol: str) -> str:
 
 
 def _own_folder(folder: Path) -> Path:
-    """Return the cache folder, accessible only to the user, and create it if it does not exist.
-
-    Raises RuntimeError if the folder is a link or belongs to another user.
-    """
+    """Return the cache folder, accessible only to the user, and create it if it does not exist."""
+    # Raises RuntimeError if the folder is a link or belongs to another user.
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if folder.is_symlink():
         raise RuntimeError(f"{folder} is a link; replace the link with a folder")
@@ -122,10 +120,8 @@ def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
 
 
 def _is_own(file: Path, symbol: str) -> bool:
-    """Return whether a library belongs to this user and its content matches the hash in its name.
-
-    file: path of the library
-    symbol: symbol of the library, which contains the hash of its C text
+    """Return whether a library belongs to this user and its content matches the hash in its
+    name.
     """
     status = file.lstat()
     if not stat.S_ISREG(status.st_mode):

@@ -188,11 +188,9 @@ def row_code(function: ca.Function, one_row: bool = False) -> RowCode | RowFunct
 
 
 def _text(function: ca.Function, one_row: bool) -> str:
-    """Return the C source of a function.
-
-    Raises RuntimeError if CasADi cannot expand the function to scalars, and BadInputError if
-    `c_function` does not support an operation.
-    """
+    """Return the C source of a function."""
+    # Raises RuntimeError if CasADi cannot expand the function to scalars, and BadInputError if
+    # `c_function` does not support an operation.
     scalars = function if function.is_a("SXFunction") else function.expand()
     arguments = tuple(f"x{index}" for index in range(function.n_in()))
     results = tuple(f"y{index}" for index in range(function.n_out()))
@@ -227,10 +225,8 @@ def _text(function: ca.Function, one_row: bool) -> str:
 
 
 def _registers() -> tuple[str, int]:
-    """Return a line of C that enables AVX2, and the number of doubles in a register.
-
-    The line is "" if AVX2 is not listed in /proc/cpuinfo.
-    """
+    """Return a line of C that enables AVX2, and the number of doubles in a register."""
+    # The line is "" if AVX2 is not listed in /proc/cpuinfo.
     try:
         features = Path("/proc/cpuinfo").read_text(encoding="utf-8").split()
     except OSError:  # not Linux

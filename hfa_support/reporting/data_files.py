@@ -118,10 +118,8 @@ def _for_matlab(data: Any) -> Any:
 
 
 def _stacked(array: np.ndarray) -> np.ndarray:
-    """Return an array (N, rows, columns) as (rows, columns, N).
-
-    Other arrays are returned unchanged.
-    """
+    """Return an array (N, rows, columns) as (rows, columns, N)."""
+    # Other arrays are returned unchanged.
     return np.moveaxis(array, 0, -1) if array.ndim == 3 else array
 
 
@@ -139,12 +137,8 @@ def _field_name(key: str) -> str:
 
 
 def _csv(records: Table, about: str) -> str:
-    """Return a table as CSV text.
-
-    The last column is called "about", and contains the text `about` in the first row of values.
-
-    records: header and rows, in which floats are written in full precision
-    """
+    """Return a table as CSV text."""
+    # The last column is called "about", and contains the text `about` in the first row of values.
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow((*records.header, "about"))
@@ -158,10 +152,8 @@ def _csv(records: Table, about: str) -> str:
 
 
 def _inert(cell: Any) -> Any:
-    """Return the content of a CSV cell in a form that spreadsheets do not read as a formula.
-
-    A text that looks like a formula gets an apostrophe before the first character.
-    """
+    """Return the content of a CSV cell in a form that spreadsheets do not read as a formula."""
+    # A text that looks like a formula gets an apostrophe before the first character.
     formula = r"[=@\t\r]|\+[^\d.]|\+.*[^\d.]$|-[^\d.]"
     if isinstance(cell, str) and re.match(formula, cell):
         return f"'{cell}"
@@ -169,8 +161,6 @@ def _inert(cell: Any) -> Any:
 
 
 def _digits(value: float | np.floating) -> str:
-    """Return a number as text in full precision.
-
-    The text for nan is "NaN". The library polars does not parse "nan" as a number.
-    """
+    """Return a number as text in full precision."""
+    # The text for nan is "NaN". The library polars does not parse "nan" as a number.
     return "NaN" if np.isnan(value) else repr(float(value))

@@ -53,14 +53,9 @@ def save(figure: Figure, path: Path, source: str = "") -> None:
 
 
 def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any]) -> None:
-    """Write a figure to a stream.
-
-    For a PNG, the layout is computed before saving. Otherwise matplotlib would draw the figure
-    twice.
-
-    kind: "png", "svg" or "pdf"
-    metadata: metadata of the file
-    """
+    """Write a figure to a stream."""
+    # For a PNG, the layout is computed before saving. Otherwise matplotlib would draw the figure
+    # twice.
     _take_literally(figure)
     engine = figure.get_layout_engine()
     if kind == "png" and figure.axes and engine is not None:
@@ -74,9 +69,9 @@ def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any
 def _take_literally(figure: Figure) -> None:
     """Turn off formula typesetting in all texts of a figure, except powers of ten on logarithmic
     axes.
-
-    matplotlib would otherwise typeset text between two dollar signs, for example in a state's name.
     """
+    # matplotlib would otherwise typeset text between two dollar signs, for example in a state's
+    # name.
     from matplotlib.text import Text
     from matplotlib.ticker import LogFormatter
 
@@ -92,10 +87,8 @@ def _take_literally(figure: Figure) -> None:
 
 
 def _caption(figure: Figure, text: str) -> None:
-    """Add small text below the picture of a figure.
-
-    The picture is confined to the area above the text.
-    """
+    """Add small text below the picture of a figure."""
+    # The picture is confined to the area above the text.
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     lines = textwrap.wrap(text, width=int(18 * figure.get_figwidth()))

@@ -69,10 +69,10 @@ def annotation(kind: Any, path: tuple[str, ...]) -> Any:
 
 
 def _annotation(kind: Any, name: str) -> Any:
-    """Return the evaluated annotation of a field or property, of a class or its nearest base class.
-
-    Raises KeyError if no class declares the name.
+    """Return the evaluated annotation of a field or property, of a class or its nearest base
+    class.
     """
+    # Raises KeyError if no class declares the name.
     for ancestor in kind.__mro__:
         written = _written_annotation(ancestor, name)
         if written is not None:
@@ -84,11 +84,9 @@ def _annotation(kind: Any, name: str) -> Any:
 
 
 def _written_annotation(kind: type, name: str) -> Any:
-    """Return the unevaluated annotation of a field or property that a class itself declares.
-
-    The annotation of a property is the return annotation of its function. The result is None if the
-    class does not declare the name.
-    """
+    """Return the unevaluated annotation of a field or property that a class itself declares."""
+    # The annotation of a property is the return annotation of its function. The result is None if
+    # the class does not declare the name.
     getter = getter_of(vars(kind).get(name))
     if getter is not None:
         return getter.__annotations__.get("return")

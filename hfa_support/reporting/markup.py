@@ -104,11 +104,9 @@ def html_table(table: Table) -> str:
 
 
 def _are_words(cells: Sequence[Any]) -> bool:
-    """Return whether a table column consists of words rather than numbers.
-
-    The result is True if fewer than half of the nonempty cells begin with a digit, sign, point or
-    ∞.
-    """
+    """Return whether a table column consists of words rather than numbers."""
+    # The result is True if fewer than half of the nonempty cells begin with a digit, sign, point or
+    # ∞.
     texts = [text for cell in cells if (text := str(cell)) not in ("", "-")]
     return sum(text[0].isdigit() or text[0] in "+-.±∞" for text in texts) * 2 < len(texts)
 

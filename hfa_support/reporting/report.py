@@ -177,11 +177,9 @@ def _text(part: Any, color: bool, width: int | None) -> str:
 
 
 def _of_fields(result: Any) -> Report:
-    """Return a report of a dataclass: summary line, fields, small matrices and checks.
-
-    The summary line is the name of the class and the first line of its docstring. Empty fields and
-    fields with repr=False are omitted.
-    """
+    """Return a report of a dataclass: summary line, fields, small matrices and checks."""
+    # The summary line is the name of the class and the first line of its docstring. Empty fields
+    # and fields with repr=False are omitted.
     held = {field.name: getattr(result, field.name) for field in fields(result) if field.repr}
     lines: list[str] = []
     matrices: list[Part] = []
@@ -202,10 +200,8 @@ def _of_fields(result: Any) -> Report:
 
 
 def _on_one_line(value: Any) -> str:
-    """Return a value as one short line of text, or "-" if it is empty.
-
-    A long array is described by its shape, and another result by its type.
-    """
+    """Return a value as one short line of text, or "-" if it is empty."""
+    # A long array is described by its shape, and another result by its type.
     by_name = value._asdict() if hasattr(value, "_asdict") else value
     if value is None:
         text = ""

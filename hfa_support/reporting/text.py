@@ -219,10 +219,9 @@ def eigenvalue_text(value: complex) -> str:
 
 
 def _entry_text(value: float) -> str:
-    """Return the entry of a matrix as text with four decimals.
-
-    An entry that would be printed as 0 has an exponent instead, unless it is only a rounding error.
-    """
+    """Return the entry of a matrix as text with four decimals."""
+    # An entry that would be printed as 0 has an exponent instead, unless it is only a rounding
+    # error.
     text = four_decimals(value)
     return f"{value:.1e}" if text == "0.0000" and abs(value) > ROUNDING else text
 
@@ -262,14 +261,9 @@ def columns(
 
 
 def _columns_that_fit(widths: list[int], width: int | None) -> list[list[int]]:
-    """Return the indices of the columns in each block of a table.
-
-    Each block contains the first column and as many other columns as fit into the width, at least
-    one.
-
-    widths: width of each column in characters
-    width: width of the terminal in characters, or None for one block
-    """
+    """Return the indices of the columns in each block of a table."""
+    # Each block contains the first column and as many other columns as fit into the width, at least
+    # one.
     if width is None or not widths:
         return [[*range(len(widths))]]
     blocks = [[0]]

@@ -207,16 +207,9 @@ def _compute_chunk(
     function: Callable[..., Mapping[str, Any]],
     arguments: tuple[Any, ...],
 ) -> Mapping[str, Any] | None:
-    """Compute the rows of a chunk in a worker process and write them into the store.
-
-    If `place` has no path, the rows are returned by name of the array instead. Otherwise None is
-    returned.
-
-    place: destination of the chunk
-    rows: row numbers of the chunk
-    names: names of the arrays to keep
-    function, arguments: call that computes the rows
-    """
+    """Compute the rows of a chunk in a worker process and write them into the store."""
+    # If `place` has no path, the rows are returned by name of the array instead. Otherwise None is
+    # returned.
     computed = function(*arguments)
     results = {name: computed[name] for name in names}
     if place.path is None:
@@ -226,10 +219,8 @@ def _compute_chunk(
 
 
 def _write(place: Place, rows: slice, results: Mapping[str, Any]) -> None:
-    """Write the rows of a chunk, then its checksums.
-
-    Other processes may write other chunks at the same time.
-    """
+    """Write the rows of a chunk, then its checksums."""
+    # Other processes may write other chunks at the same time.
     group = _opened(place.path, "r+")
     checksums = []
     for name, values in results.items():
@@ -242,10 +233,8 @@ def _write(place: Place, rows: slice, results: Mapping[str, Any]) -> None:
 
 
 def _zarr() -> ModuleType:
-    """Return Zarr, imported without its environment variables.
-
-    The variables could change the format of a store. All of them are removed from the process.
-    """
+    """Return Zarr, imported without its environment variables."""
+    # The variables could change the format of a store. All of them are removed from the process.
     for name in [name for name in os.environ if name.startswith("ZARR_")]:
         del os.environ[name]
     import zarr
@@ -258,11 +247,9 @@ def _opened(path: Path | None, mode: Literal["r", "r+"]) -> Any:
 
 
 def _checksum(place: Place, name: str, values: np.ndarray) -> int:
-    """Return the first 8 bytes of a SHA-256 as an integer.
-
-    The hash covers the job, the array's name, the chunk's number and its values in little-endian
-    order.
-    """
+    """Return the first 8 bytes of a SHA-256 as an integer."""
+    # The hash covers the job, the array's name, the chunk's number and its values in little-endian
+    # order.
     subject = [place.identity, name, place.number, values.dtype.name, values.shape]
     digest = hashlib.sha256(json.dumps(subject).encode())
     digest.update(values.astype(values.dtype.newbyteorder("<"), copy=False).tobytes())
@@ -270,10 +257,7 @@ def _checksum(place: Place, name: str, values: np.ndarray) -> int:
 
 
 def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> None:
-    """Create a store without results. The store becomes visible when it is complete.
-
-    Raises BadInputError if the path exists.
-    """
+    """Create a store without results. The store becomes visible when it is complete."""
     taken = BadInputError(
         f"{path} already exists; continue this store with --resume, or give another path"
     )
@@ -288,11 +272,9 @@ def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> No
 
 
 def _write_template(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> None:
-    """Write the store of a job without results: metadata, names and units.
-
-    This thread writes all files. A signal that ends the process therefore also ends the writing.
-    Threads of Zarr could create a removed folder again.
-    """
+    """Write the store of a job without results: metadata, names and units."""
+    # This thread writes all files. A signal that ends the process therefore also ends the writing.
+    # Threads of Zarr could create a removed folder again.
     from zarr.codecs import Crc32cCodec, ZstdCodec
     from zarr.storage import MemoryStore
 
@@ -321,10 +303,8 @@ def _write_template(path: Path, job: RowJob, provenance: Mapping[str, Any] | Non
 
 
 def _refuse_another(path: Path, job: RowJob) -> None:
-    """Raise BadInputError unless the store at `path` belongs to this job and this version.
-
-    The metadata are compared with those of a new store before any array is opened.
-    """
+    """Raise BadInputError unless the store at `path` belongs to this job and this version."""
+    # The metadata are compared with those of a new store before any array is opened.
     _require_xarray()
     with temporary_folder() as folder:
         _write_template(folder / "store", job, None)
@@ -373,11 +353,11 @@ def _deciding(attributes: Mapping[str, Any]) -> str:
 
 
 def _metadata(store: Path) -> dict[str, Any]:
-    """Return the metadata of each array of a store by name, and those of the store itself as ".".
-
-    Attributes that differ between runs of a job are removed. Raises OSError, BadInputError,
-    LookupError or TypeError if the metadata cannot be read.
+    """Return the metadata of each array of a store by name, and those of the store itself as
+    ".".
     """
+    # Attributes that differ between runs of a job are removed. Raises OSError, BadInputError,
+    # LookupError or TypeError if the metadata cannot be read.
     found = {}
     for folder in [store, *(entry for entry in store.iterdir() if entry.name != _METADATA)]:
         content = read_json(folder / _METADATA)
@@ -390,13 +370,9 @@ def _metadata(store: Path) -> dict[str, Any]:
 
 
 def _first_difference(path: Path, expected: Mapping[str, Any]) -> str:
-    """Return the path of the first file of a store that is not as expected, or "".
-
-    An unexpected file has other metadata, does not belong to the store, or is a symbolic link. If
-    the metadata cannot be read, the result is "the metadata of an array".
-
-    expected: metadata of a new store, as `_metadata` returns them
-    """
+    """Return the path of the first file of a store that is not as expected, or ""."""
+    # An unexpected file has other metadata, does not belong to the store, or is a symbolic link. If
+    # the metadata cannot be read, the result is "the metadata of an array".
     for folder in (path, *(path / name for name in expected if name != ".")):
         allowed = {_METADATA, *expected} if folder == path else {_METADATA, "c"}
         for entry in sorted(folder.iterdir()) if folder.is_dir() else []:
@@ -432,10 +408,8 @@ def _same_labels(path: Path, row: str, expected: Mapping[str, list[Any]]) -> boo
 
 
 def _missing_chunks(path: Path, job: RowJob) -> list[int]:
-    """Return the numbers of the chunks that are damaged or missing in at least one array.
-
-    A warning states the number of damaged chunks.
-    """
+    """Return the numbers of the chunks that are damaged or missing in at least one array."""
+    # A warning states the number of damaged chunks.
     group = _opened(path, "r")
     missing = []
     damaged = 0
@@ -463,11 +437,7 @@ def _is_intact(group: Any, job: RowJob, place: Place) -> bool:
 
 
 def _is_written(folder: Path, array: Any, number: int) -> bool:
-    """Return whether the file of an array's chunk exists.
-
-    folder: folder of the array
-    number: number of the chunk
-    """
+    """Return whether the file of an array's chunk exists."""
     indices = (number, *(0 for _ in array.shape[1:]))
     return (folder / array.metadata.encode_chunk_key(indices)).is_file()
 

@@ -68,12 +68,7 @@ def _run_in_process(function: Callable[..., Any], tasks: Tasks) -> Iterator[tupl
 def _run_in(
     pool: Executor, in_flight: int, function: Callable[..., Any], tasks: Tasks
 ) -> Iterator[tuple[int, Any]]:
-    """Run tasks in a pool, and yield (key, result) as each task finishes.
-
-    in_flight: largest number of tasks that are submitted and not yet finished
-    function: function that every task calls
-    tasks: pairs (key, arguments of `function`)
-    """
+    """Run tasks in a pool, and yield (key, result) as each task finishes."""
     waiting = iter(tasks)
     keys: dict[Future[Any], int] = {}
 
@@ -91,11 +86,9 @@ def _run_in(
 
 @contextmanager
 def _processes(count: int) -> Iterator[Run]:
-    """Context manager that provides an executor with `count` child processes.
-
-    `ProcessPoolExecutor` is not suitable. This class cannot kill its workers, and its semaphores
-    are reported as leaked if a signal ends this process.
-    """
+    """Context manager that provides an executor with `count` child processes."""
+    # `ProcessPoolExecutor` is not suitable. This class cannot kill its workers, and its semaphores
+    # are reported as leaked if a signal ends this process.
     import multiprocessing
 
     # CasADi and NumPy have threads, which would not work in a forked process.
@@ -139,11 +132,9 @@ def _processes(count: int) -> Iterator[Run]:
 
 @contextmanager
 def _signals_blocked() -> Iterator[None]:
-    """Block SIGINT, SIGTERM and SIGHUP in this thread while the context is open.
-
-    A process that is started in this context inherits the blocked signals permanently. Ctrl-C in a
-    terminal reaches every process, and only the parent process must respond.
-    """
+    """Block SIGINT, SIGTERM and SIGHUP in this thread while the context is open."""
+    # A process that is started in this context inherits the blocked signals permanently. Ctrl-C in
+    # a terminal reaches every process, and only the parent process must respond.
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -160,13 +151,9 @@ def _signals_blocked() -> Iterator[None]:
 
 
 def _serve(connection: Any) -> None:
-    """Evaluate the calls received from the parent process, and send the results.
-
-    A call is (function, arguments). The answer is (result, None) or (None, error). The process ends
-    when its parent process ends for any reason.
-
-    connection: this process's end of the pipe
-    """
+    """Evaluate the calls received from the parent process, and send the results."""
+    # A call is (function, arguments). The answer is (result, None) or (None, error). The process
+    # ends when its parent process ends for any reason.
     import multiprocessing
 
     parent = multiprocessing.parent_process()
@@ -190,11 +177,9 @@ def _serve(connection: Any) -> None:
 
 @contextmanager
 def _cluster(address: str) -> Iterator[Run]:
-    """Context manager that provides an executor of a Dask cluster.
-
-    `address` is the address of the scheduler. Raises BadInputError if Dask is missing, the
-    scheduler does not respond or it has no workers.
-    """
+    """Context manager that provides an executor of a Dask cluster."""
+    # `address` is the address of the scheduler. Raises BadInputError if Dask is missing, the
+    # scheduler does not respond or it has no workers.
     try:
         from dask.distributed import Client
         from distributed.comm import CommClosedError

@@ -137,11 +137,8 @@ def _title(aircraft: Model, point: OperatingPoint, scale: float) -> str:
 
 
 def _draw_force(axes: Axes, place: np.ndarray, arrow: np.ndarray, text: str, color: str) -> None:
-    """Draw an arrow from the point `place`, and a text beyond the end of the arrow.
-
-    place: (2,)
-    arrow: (2,), vector from the start to the end of the arrow
-    """
+    """Draw an arrow from the point `place`, and a text beyond the end of the arrow."""
+    # place (2,), arrow (2,)
     end = place + arrow
     style = {"arrowstyle": "-|>", "color": color, "linewidth": 2.0, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", xy=tuple(end), xytext=tuple(place), arrowprops=style)

@@ -316,11 +316,7 @@ def with_bands(
 
 
 def _trust_in(bands: Bands | None, model: LinearModel, other: LinearModel | None) -> str:
-    """Return sentences on the largest error band and the largest difference from other dynamics.
-
-    bands: bands of the model's entries; None gives a sentence on the missing bands
-    other: the model with the other dynamics at the same condition; None gives no sentence
-    """
+    """Return sentences on the largest error band and the largest difference from other dynamics."""
     sentences = []
     if bands is not None:
         largest = _largest(bands.A, bands.B)
@@ -431,14 +427,9 @@ def entries_at(
 
 @lru_cache(maxsize=16)
 def _derivatives(layout: Layout, free: tuple[int, ...], zero: tuple[int, ...]) -> RowFunction:
-    """Return the Function (v, p) -> e = vec(A, B) of the six states, ∂e/∂v, ∂e/∂p, ∂f/∂v, ∂f/∂p.
-
-    v are the variables of a trim, from which states and inputs follow. f are the rates of all
-    states.
-
-    free: indices of the free variables, with respect to which the derivatives ∂/∂v are taken
-    zero: indices of the variables that are always 0
-    """
+    """Return the Function (v, p) -> e = vec(A, B) of the six states, ∂e/∂v, ∂e/∂p, ∂f/∂v, ∂f/∂p."""
+    # v are the variables of a trim, from which states and inputs follow. f are the rates of all
+    # states.
     (x, u, p), v = layout.symbols("x", "u", "p"), ca.SX.sym("v", len(layout.variables))
     values = {name: ca.SX(0) if i in zero else v[i] for i, name in enumerate(layout.variables)}
     f, _ = layout.expressions(list(map(components, (x, u, p))), ())

@@ -102,22 +102,16 @@ def with_qualities(report: Report, point: OperatingPoint) -> Report:
 
 
 def _eigenvalues(linear: LinearModel, family: str) -> list[complex]:
-    """Return the eigenvalues of all modes with a given name, one for each conjugate pair.
-
-    family: name of the modes, such as "phugoid"; the list is empty if the model has no such mode
-    """
+    """Return the eigenvalues of all modes with a given name, one for each conjugate pair."""
     if family not in linear.model.modes:
         return []
     return [mode.eigenvalue for mode in linear.modes if mode.name.partition(" (")[0] == family]
 
 
 def _real_eigenvalue(linear: LinearModel, family: str) -> float | None:
-    """Return the real eigenvalue of the mode with a declared name, 1/s.
-
-    The result is None unless exactly one mode has this name and the eigenvalue of the mode is real.
-
-    family: declared name, such as "roll"
-    """
+    """Return the real eigenvalue of the mode with a declared name, 1/s."""
+    # The result is None unless exactly one mode has this name and the eigenvalue of the mode is
+    # real.
     values = _eigenvalues(linear, family)
     if len(values) != 1 or values[0].imag:
         return None
@@ -125,13 +119,9 @@ def _real_eigenvalue(linear: LinearModel, family: str) -> float | None:
 
 
 def _oscillation(linear: LinearModel, family: str) -> tuple[float, float] | None:
-    """Return the natural frequency, rad/s, and damping ratio of the mode with a declared name.
-
-    The mode must consist of one conjugate pair, or of two real eigenvalues of the same sign.
-    Otherwise the result is None.
-
-    family: declared name, such as "phugoid"
-    """
+    """Return the natural frequency, rad/s, and damping ratio of the mode with a declared name."""
+    # The mode must consist of one conjugate pair, or of two real eigenvalues of the same sign.
+    # Otherwise the result is None.
     values = _eigenvalues(linear, family)
     if len(values) == 1 and values[0].imag:
         values = [values[0], values[0].conjugate()]
@@ -146,13 +136,9 @@ def _oscillation(linear: LinearModel, family: str) -> tuple[float, float] | None
 
 
 def _anticipation(linear: LinearModel, frequency: float) -> list[Quantity]:
-    """Return two handling qualities of the short period: n/alpha, and the parameter CAP.
-
-    CAP is the control anticipation parameter, and is omitted unless it is positive. The list is
-    empty if n/alpha is unknown or 0.
-
-    frequency: natural frequency of the short period, rad/s
-    """
+    """Return two handling qualities of the short period: n/alpha, and the parameter CAP."""
+    # CAP is the control anticipation parameter, and is omitted unless it is positive. The list is
+    # empty if n/alpha is unknown or 0.
     ratio = _n_per_alpha(linear)
     if not ratio:
         return []
@@ -163,13 +149,11 @@ def _anticipation(linear: LinearModel, frequency: float) -> list[Quantity]:
 
 
 def _n_per_alpha(linear: LinearModel) -> float | None:
-    """Return the steady change of load factor per change of alpha in the short period, 1/rad.
-
-    The result is None
-    - if the load factor is not the only output,
-    - if the short period does not consist of alpha and one other state,
-    - if alpha does not change.
-    """
+    """Return the steady change of load factor per change of alpha in the short period, 1/rad."""
+    # The result is None
+    # - if the load factor is not the only output,
+    # - if the short period does not consist of alpha and one other state,
+    # - if alpha does not change.
     model = linear.model
     family = tuple(name for name in model.modes["short period"] if name in linear.states)
     if linear.outputs != ("load_factor",) or "alpha" not in family or len(family) != 2:

@@ -636,13 +636,9 @@ def linear_model_report(model: LinearModel) -> Report:
 
 
 def _records(model: LinearModel, blocks: list[Block]) -> Table:
-    """Return a table in full precision of the entries and offsets of a linear model.
-
-    Each row is (matrix, row name, column name, value, unit). An offset has "X0" or "U0" in place of
-    a matrix.
-
-    blocks: the reported matrices
-    """
+    """Return a table in full precision of the entries and offsets of a linear model."""
+    # Each row is (matrix, row name, column name, value, unit). An offset has "X0" or "U0" in place
+    # of a matrix.
     rows: list[tuple[Any, ...]] = []
     for block in blocks:
         for i, row in enumerate(block.rows):

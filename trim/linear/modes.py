@@ -151,8 +151,6 @@ def spectrum(A: np.ndarray, size: float = 0.0) -> Spectrum:
 def _distinguished(names: list[str]) -> list[str]:
     """Return names of modes in which equal names are distinguished by "fast" and "slow", or by
     numbers.
-
-    names: names of the modes, fastest first
     """
     different = []
     for index, name in enumerate(names):

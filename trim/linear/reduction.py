@@ -153,16 +153,8 @@ def _reduced(
     kept: _Kept,
     columns: list[int],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return a pair of matrices of the reduced system: A and C, B and D, or E and F.
-
-    The matrices include the effect of the states that follow without delay.
-
-    whole: the system with all states
-    of_rates: A, B or E of this system
-    of_outputs: C, D or F of this system
-    kept: states and outputs that are kept
-    columns: positions of the columns that are kept
-    """
+    """Return a pair of matrices of the reduced system: A and C, B and D, or E and F."""
+    # The matrices include the effect of the states that follow without delay.
     rows, following, outputs = kept
     rates = of_rates[:, columns]
     shown = of_outputs[np.ix_(outputs, columns)]

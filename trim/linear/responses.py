@@ -31,10 +31,7 @@ def response(system: System, kind: str, time: float | ArrayLike | None) -> contr
 
 
 def _checked_time(time: Any) -> Any:
-    """Return the last time as a float, times as an array (N,), or None.
-
-    Raises BadInputError if `time` is neither a positive number nor increasing times.
-    """
+    """Return the last time as a float, times as an array (N,), or None."""
     if time is None:
         return None
     times = numbers_in("time", time)
@@ -105,15 +102,8 @@ def simulated(
 
 
 def _times(system: control.StateSpace, time: Any, dt: float | None, count: int | None) -> Any:
-    """Return the times of a simulation, (N,).
-
-    time: (N,), or the last time; None for the times of a step response
-    dt: sample time, s, or None
-    count: number of given samples of u, or None
-
-    Raises BadInputError if there are fewer than two times, or if samples of u are given with
-    neither `time` nor `dt`.
-    """
+    """Return the times of a simulation, (N,)."""
+    # time (N,)
     import control
 
     time = _checked_time(time)
@@ -130,13 +120,8 @@ def _times(system: control.StateSpace, time: Any, dt: float | None, count: int |
 
 
 def _values(kind: str, named: Mapping[str, Any], names: Sequence[str]) -> list[np.ndarray]:
-    """Return the value of each of `names` as an array. A name without a given value has the value
-    0.
-
-    named: name -> value
-    kind: "input" or "state", for the message
-
-    Raises BadInputError if `named` contains an unknown name.
+    """Return the value of each of `names` as an array. A name without a given value has the
+    value 0.
     """
     for name in named:
         refuse_unknown(f"unknown {kind}", name, names)

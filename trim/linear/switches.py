@@ -77,26 +77,20 @@ def rates_of(layout: Layout) -> ca.Function:
 
 @lru_cache(maxsize=16)
 def _calls_functions(layout: Layout) -> bool:
-    """Return whether the equations call functions whose operations are not visible.
-
-    Such functions are `casadi.interpolant` and functions that are not inlined.
-    """
+    """Return whether the equations call functions whose operations are not visible."""
+    # Such functions are `casadi.interpolant` and functions that are not inlined.
     rates = rates_of(layout)
     return ca.OP_CALL in {rates.instruction_id(k) for k in range(rates.n_instructions())}
 
 
 @lru_cache(maxsize=16)
 def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
-    """Return a function that shows how near points (x, u, p) are to each switch, or None.
-
-    A switch is a zero of an expression s, at which an operation |.|, sign, min, max, comparison or
-    rounding in the equations switches. The arguments and results of the function have one row for
-    each point. For each switch, the function returns |s| - 2 Σ m and the changes m = |∂s/∂(x, u)|
-    steps. Near the switch, |s| - 2 Σ m is not positive. The result is None if the equations have
-    no such operation, or if they call functions.
-
-    steps: finite-difference steps of the states and inputs
-    """
+    """Return a function that shows how near points (x, u, p) are to each switch, or None."""
+    # A switch is a zero of an expression s, at which an operation |.|, sign, min, max, comparison
+    # or rounding in the equations switches. The arguments and results of the function have one row
+    # for each point. For each switch, the function returns |s| - 2 Σ m and the changes m = |∂s/∂(x,
+    # u)| steps. Near the switch, |s| - 2 Σ m is not positive. The result is None if the equations
+    # have no such operation, or if they call functions.
     if _calls_functions(layout):
         return None
     rates = rates_of(layout)

@@ -139,12 +139,12 @@ def transmission_zeros(system: StateSpace) -> tuple[np.ndarray, int]:
 
 
 def _zeros_with_errors(system: StateSpace) -> tuple[Spectrum, int]:
-    """Return the invariant zeros of a system with bounds on their rounding errors, and its normal
-    rank.
-
-    The system is reduced to a system with the same zeros and a square, invertible D (A.
-    Emami-Naeini, P. Van Dooren, Automatica 18, 1982). The zeros are the eigenvalues of A - B D⁻¹ C.
+    """Return the invariant zeros of a system with bounds on their rounding errors, and its
+    normal rank.
     """
+    # The system is reduced to a system with the same zeros and a square, invertible D (A.
+    # Emami-Naeini, P. Van Dooren, Automatica 18, 1982). The zeros are the eigenvalues of A - B D⁻¹
+    # C.
     size = float(np.linalg.norm(np.block([[system.A, system.B], [system.C, system.D]])))
     small = ROUNDING * size
     rows_reduced = _with_full_rows(system, small)
@@ -157,12 +157,8 @@ def _zeros_with_errors(system: StateSpace) -> tuple[Spectrum, int]:
 
 
 def _with_full_rows(system: StateSpace, small: float) -> StateSpace:
-    """Return a system with the same zeros, whose D has linearly independent rows.
-
-    Combinations of states that the outputs measure directly are removed.
-
-    small: singular values up to this limit count as 0
-    """
+    """Return a system with the same zeros, whose D has linearly independent rows."""
+    # Combinations of states that the outputs measure directly are removed.
     A, B, C, D = system
     while len(D):
         turned, sizes, _ = np.linalg.svd(D) if D.size else (np.eye(len(D)), np.zeros(0), None)
@@ -188,10 +184,8 @@ def _with_full_rows(system: StateSpace, small: float) -> StateSpace:
 
 
 def _without_common(zeros: Spectrum, poles: Spectrum) -> tuple[np.ndarray, np.ndarray]:
-    """Return the zeros and poles that remain after cancellation, each fastest first.
-
-    A zero and a pole cancel if they agree within their error bounds.
-    """
+    """Return the zeros and poles that remain after cancellation, each fastest first."""
+    # A zero and a pole cancel if they agree within their error bounds.
     kept_zeros = []
     kept_poles = order_fastest_first(poles.values).tolist()
     for zero in order_fastest_first(zeros.values):

@@ -314,10 +314,7 @@ def release(
 def _values_and_rates(
     model: Model, held: Mapping[str, Any]
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return two mappings from held values: variable or output -> value, and state -> rate.
-
-    held: name -> value, in which the name of a rate is that of its state with the suffix _dot
-    """
+    """Return two mappings from held values: variable or output -> value, and state -> rate."""
     values: dict[str, Any] = {}
     rates: dict[str, Any] = {}
     for name, value in held.items():

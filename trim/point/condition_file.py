@@ -65,12 +65,6 @@ def read_condition(
 def _variable(model: Model, file: str, key: str, *more: str) -> tuple[str, float]:
     """Return the variable of a key in a condition file, and the factor from the file's to the
     model's unit.
-
-    file: name of the file, for messages
-    key: name in the file, possibly with the suffix _deg
-    more: further permitted names
-
-    Raises BadInputError for an unknown name, and for _deg with a variable that is not an angle.
     """
     name = key.removesuffix("_deg")
     model.refuse_unheld(f"{file}: unknown trim variable", name, more)
@@ -83,14 +77,8 @@ def _variable(model: Model, file: str, key: str, *more: str) -> tuple[str, float
 
 
 def _table(model: Model, file: str, key: str, value: Any, factor: float) -> LinearTable:
-    """Return the values of a variable in a condition file, as a table over the scheduling variable.
-
-    file, key: name of the file and of the variable, for messages
-    value: [scheduling value, value] rows; the scheduling value is in degrees if it is an angle
-    factor: factor from the unit in the file to that of the model
-
-    Raises BadInputError if the rows are not pairs of numbers, or the scheduling values do not
-    increase.
+    """Return the values of a variable in a condition file, as a table over the scheduling
+    variable.
     """
     rows = checked(file, value, [[NUMBER]], key)
     if not rows or any(len(row) != 2 for row in rows):

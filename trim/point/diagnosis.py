@@ -66,12 +66,11 @@ def beyond_limits(model: Model, condition: TrimCondition, balancing: Mapping[str
 
 
 def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
-    """Return a text for each equation that does not balance, "speed by 0.3 ft/s^2", largest first.
-
-    Equations with a residual much smaller than the largest are omitted.
-
-    z: scaled unknowns, (k,)
+    """Return a text for each equation that does not balance, "speed by 0.3 ft/s^2", largest
+    first.
     """
+    # Equations with a residual much smaller than the largest are omitted.
+    # z (k,)
     model = problem.model
     scaled = problem.at(z).residual.tolist()
     by_size = sorted(
@@ -87,10 +86,8 @@ def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
 
 
 def _without_effect(problem: TrimProblem, z: np.ndarray) -> list[str]:
-    """Return the names of the free variables that affect no equation.
-
-    z: scaled unknowns, (k,)
-    """
+    """Return the names of the free variables that affect no equation."""
+    # z (k,)
     effects = np.abs(problem.at(z).jacobian).max(axis=0)
     names = [*problem.idle]
     for name, effect in zip(problem.free, effects.tolist(), strict=True):
@@ -100,13 +97,10 @@ def _without_effect(problem: TrimProblem, z: np.ndarray) -> list[str]:
 
 
 def _alike(problem: TrimProblem, z: np.ndarray) -> list[str]:
-    """Return a sentence for each free variable without an effect of its own on the equations.
-
-    The column of such a variable in the Jacobian is a linear combination of the columns of the free
-    variables before it. The list is empty if the Jacobian has full row rank.
-
-    z: scaled unknowns, (k,)
-    """
+    """Return a sentence for each free variable without an effect of its own on the equations."""
+    # The column of such a variable in the Jacobian is a linear combination of the columns of the
+    # free variables before it. The list is empty if the Jacobian has full row rank.
+    # z (k,)
     jacobian = problem.at(z).jacobian
     sentences: list[str] = []
     kept: list[int] = []
@@ -128,14 +122,10 @@ def _alike(problem: TrimProblem, z: np.ndarray) -> list[str]:
 
 
 def _binding(problem: TrimProblem, z: np.ndarray, wanted: np.ndarray) -> list[str]:
-    """Return a sentence for each active limit of a free variable.
-
-    If the equations balance only beyond this limit, the sentence contains the value that balance
-    requires.
-
-    z: scaled unknowns within their limits, (k,)
-    wanted: scaled unknowns for which the equations balance, (k,), or z if none are known
-    """
+    """Return a sentence for each active limit of a free variable."""
+    # If the equations balance only beyond this limit, the sentence contains the value that balance
+    # requires.
+    # z (k,), wanted (k,)
     limits = problem.system.limits
     describe = problem.model.describe
     values = z * problem.system.scales

@@ -53,10 +53,7 @@ def _halved_steps(
     moving: np.ndarray | None = None,
     bounded: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the unknowns (N, k) after Newton's method, and the mask (N,) of converged points.
-
-    system, z, c, moving, bounded: as for `newton`
-    """
+    """Return the unknowns (N, k) after Newton's method, and the mask (N,) of converged points."""
     best = z.copy()
     settled = np.zeros(len(z), dtype=bool)
     residual, jacobian = _moved(system, z, c)
@@ -166,13 +163,11 @@ def newton_step(
 
 
 def _moved(system: TrimSystem, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the residuals r (N, m) and the Jacobians J (N, m, k) of the equations with unknowns.
-
-    Equations that no unknown affects are omitted.
-
-    z: (N, k), unknowns
-    c: (N, ..), constants that differ between the points
+    """Return the residuals r (N, m) and the Jacobians J (N, m, k) of the equations with
+    unknowns.
     """
+    # Equations that no unknown affects are omitted.
+    # z (N, k), c (N, ..)
     residual, jacobian = system.residuals(z, c)
     return residual[:, : system.moved], jacobian
 

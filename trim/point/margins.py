@@ -129,10 +129,8 @@ def all_margins(
 
 
 def _roles(model: Model, condition: TrimCondition, idle: Sequence[str]) -> dict[str, str]:
-    """Return the role of each variable in the trim: "held", "free", or "left" at its initial value.
-
-    condition: condition of the trim
-    idle: names of free variables that are in no equation
+    """Return the role of each variable in the trim: "held", "free", or "left" at its initial
+    value.
     """
     roles = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
     roles |= dict.fromkeys(idle, "left")
@@ -145,15 +143,10 @@ def _roles(model: Model, condition: TrimCondition, idle: Sequence[str]) -> dict[
 def _limits_through(
     model: Model, x: Any, u: Any, state: str, output: str, limits: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the limits of an output y that follow from the limits of the state x that it replaces.
-
-    The output is y = y0 + slope (value - value0), with value0 of the state and y0 at the trim.
-
-    x: state at the trim, by name
-    u: input at the trim, by name
-    state, output: names of the state and of the output
-    limits: lowest and highest value of the state
+    """Return the limits of an output y that follow from the limits of the state x that it
+    replaces.
     """
+    # The output is y = y0 + slope (value - value0), with value0 of the state and y0 at the trim.
     value = getattr(x, state)
     step = model.states[state].nominal
     moved = x._replace(**{state: value + step})

@@ -84,14 +84,11 @@ def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[i
 def _continued(problem: TrimProblem) -> np.ndarray | None:
     """Return the unknowns (k,) found by continuation from the trim that the model declares, or
     None.
-
-    The imposed values change from c0, the declared trim, to c1, the requested values:
-
-    c(s) = c0 + s (c1 - c0), r(z, c(s)) = 0, s from 0 to 1.
-
-    The result is None if the system is not square, the declared trim is not found, Newton's method
-    fails before s = 1, or nothing changes.
     """
+    # The imposed values change from c0, the declared trim, to c1, the requested values:
+    # c(s) = c0 + s (c1 - c0), r(z, c(s)) = 0, s from 0 to 1.
+    # The result is None if the system is not square, the declared trim is not found, Newton's
+    # method fails before s = 1, or nothing changes.
     system = problem.system
     usual = usual_condition(problem.model)
     values = {
@@ -129,10 +126,10 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
 
 
 def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
-    """Return the scaled unknowns (k,) after Newton's method in which unknowns at a limit are fixed.
-
-    z: initial scaled unknowns, (k,). Unknowns beyond a limit are first moved to the limit.
+    """Return the scaled unknowns (k,) after Newton's method in which unknowns at a limit are
+    fixed.
     """
+    # z (k,)
     system = problem.system
     z = problem.clip(z)
     at_lowest = system.limits.at_lowest(z * system.scales)
@@ -146,12 +143,9 @@ def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
 
 
 def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
-    """Return the scaled unknowns (k,) within the limits that minimize |r|².
-
-    Unknowns with equal limits are constant.
-
-    guess: initial point of the search, (k,)
-    """
+    """Return the scaled unknowns (k,) within the limits that minimize |r|²."""
+    # Unknowns with equal limits are constant.
+    # guess (k,)
     from scipy.optimize import least_squares
 
     nearest = problem.clip(guess)
@@ -208,13 +202,9 @@ _IPOPT: dict[str, Any] = {
 
 @lru_cache(maxsize=16)
 def _effort_program(structure: Structure) -> ca.Function:
-    """Return the IPOPT solver for a trim of least effort.
-
-    The effort is the sum of z_i² of the free inputs. All unknowns z are decision variables. The
-    constraints g are the residuals that the unknowns affect, and the watched signals.
-
-    structure: structure of the equations
-    """
+    """Return the IPOPT solver for a trim of least effort."""
+    # The effort is the sum of z_i² of the free inputs. All unknowns z are decision variables. The
+    # constraints g are the residuals that the unknowns affect, and the watched signals.
     e = equations_of(structure)
     inputs = [i for i, name in enumerate(e.unknowns) if name in structure.layout.names[1]]
     scales = ca.DM([signal.scale for signal in structure.watched])
@@ -235,12 +225,10 @@ def _effort_program(structure: Structure) -> ca.Function:
 def _least_effort(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
     """Return the unknowns within the limits with the least effort Σ (u_i / scale_i)² of the free
     inputs.
-
-    The minimum is a local one near the guess. The unknowns are scaled, (k,), and need not be a
-    trim.
-
-    guess: initial point of the search, (k,)
     """
+    # The minimum is a local one near the guess. The unknowns are scaled, (k,), and need not be a
+    # trim.
+    # guess (k,)
     system = problem.system
     balanced = np.zeros(system.moved)
     scales = np.array([signal.scale for signal in system.structure.watched])

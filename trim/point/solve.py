@@ -124,15 +124,11 @@ def trim(
 
 
 def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
-    """Return the first trim that the searches find.
-
-    A trim in which an angle without limits exceeds 90 deg is returned only if no other trim is
-    found.
-
-    guess: initial point of the first search, (k,)
-
-    Raises TrimError if no trim is found.
-    """
+    """Return the first trim that the searches find."""
+    # A trim in which an angle without limits exceeds 90 deg is returned only if no other trim is
+    # found.
+    # Raises TrimError if no trim is found.
+    # guess (k,)
     if not problem.free:  # nothing is free, and the point is an equilibrium
         return OperatingPoint.of(problem, guess, Status.TRIMMED)
     nearest = guess
@@ -167,12 +163,10 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
 def _searched(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
     """Yield (number of the initial point, scaled unknowns (k,)) at the end of each search for a
     trim.
-
-    The first search is Newton's method from the guess, unless there are more unknowns than
-    equations. The searches of `searches.py` follow.
-
-    guess: initial point of the first search, (k,)
     """
+    # The first search is Newton's method from the guess, unless there are more unknowns than
+    # equations. The searches of `searches.py` follow.
+    # guess (k,)
     equations, unknowns = problem.count
     if unknowns <= equations:
         yield 0, problem.newton(guess)

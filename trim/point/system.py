@@ -457,14 +457,10 @@ class TrimSystem:
         return table
 
     def _constant(self, name: str, columns: Mapping[str, np.ndarray]) -> float | np.ndarray:
-        """Return the value of a constant that is not given for each point.
-
-        The result is an array (N,) if the condition has a table over the scheduling variable, and
-        otherwise one number.
-
-        name: name of the constant
-        columns: name -> values (N,), with those of the scheduling variable
-        """
+        """Return the value of a constant that is not given for each point."""
+        # The result is an array (N,) if the condition has a table over the scheduling variable, and
+        # otherwise one number.
+        # columns (N,)
         if name in self.equations.idle:
             return self.begin[name]
         if name in self.model.rates:
@@ -488,9 +484,8 @@ class TrimSystem:
 def _scaled_ends(limits: Limits, equations: Equations) -> tuple[np.ndarray, ...]:
     """Return the limits of the unknowns in scaled units: `lowest`, `highest` and `usual`, (k,)
     each.
-
-    The three arrays are described in `TrimSystem`.
     """
+    # The three arrays are described in `TrimSystem`.
     unlimited = np.isinf(limits.lowest) & np.isinf(limits.highest)
     largest = [_USUAL.get(limits.model.unit(name), math.inf) for name in limits.names]
     ends = (limits.lowest, limits.highest, np.where(unlimited, largest, math.inf))

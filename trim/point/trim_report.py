@@ -164,10 +164,8 @@ def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -
 
 
 def _rank(margin: Margin) -> tuple[bool, bool, bool, float]:
-    """Return the key that sorts limits: those that bind, then declared ones, then assumed ones.
-
-    Variables with only one limit, and thus without a range, come after those with two.
-    """
+    """Return the key that sorts limits: those that bind, then declared ones, then assumed ones."""
+    # Variables with only one limit, and thus without a range, come after those with two.
     has_no_range = math.isinf(margin.highest - margin.lowest)
     return not margin.at_limit, margin.assumed, has_no_range, margin.share
 
@@ -181,10 +179,8 @@ def _outputs_table(outputs: dict[str, float], units: dict[str, str]) -> Table:
 
 
 def _nearest_row(margin: Margin) -> tuple[str, ...]:
-    """Return the table row on the nearer limit of a variable.
-
-    The row contains the limit, the distance, and whether the variable is at the limit.
-    """
+    """Return the table row on the nearer limit of a variable."""
+    # The row contains the limit, the distance, and whether the variable is at the limit.
     verdict: str = "-"
     if margin.at_limit:
         verdict = "held there" if margin.role == "held" else Cell("BINDS", "far")
@@ -199,11 +195,9 @@ def _nearest_row(margin: Margin) -> tuple[str, ...]:
 
 
 def _equations(condition: TrimCondition, point: OperatingPoint) -> dict[str, dict[str, Any]]:
-    """Return data on each equation of a trim, state or output -> data.
-
-    The data are the imposed value, the residual, its tolerance, the unit, and whether the equation
-    balances.
-    """
+    """Return data on each equation of a trim, state or output -> data."""
+    # The data are the imposed value, the residual, its tolerance, the unit, and whether the
+    # equation balances.
     imposed = {**condition.imposed, **condition.rates}
     equations = {}
     for name, residual in point.residuals.items():
@@ -219,12 +213,8 @@ def _equations(condition: TrimCondition, point: OperatingPoint) -> dict[str, dic
 
 
 def _equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]]) -> Table:
-    """Return a table of the equations, with those that do not balance first.
-
-    The column of imposed rates is omitted if all imposed rates are 0.
-
-    equations: result of `_equations`
-    """
+    """Return a table of the equations, with those that do not balance first."""
+    # The column of imposed rates is omitted if all imposed rates are 0.
     states = point.model.states
     with_rates = any(entry["imposed"] for name, entry in equations.items() if name in states)
     scaled = point.scaled_residuals
@@ -273,11 +263,7 @@ def other_trims(condition: TrimCondition, point: OperatingPoint) -> list[Operati
 
 
 def _search(condition: TrimCondition, point: OperatingPoint) -> tuple[dict[str, Any], list[str]]:
-    """Return data on the search for a trim, and sentences on unusual features of the search.
-
-    condition: condition of the trim
-    point: the trim or the nearest point
-    """
+    """Return data on the search for a trim, and sentences on unusual features of the search."""
     problem = point.problem_of(condition)
     equations, unknowns = problem.count
     sentences = []
@@ -319,12 +305,9 @@ def _search(condition: TrimCondition, point: OperatingPoint) -> tuple[dict[str, 
 
 
 def _singular_note(problem: TrimProblem, z: np.ndarray) -> str:
-    """Return a note if a trim is not unique because the Jacobian of its equations is singular.
-
-    The note is "" if the Jacobian is regular, or if the numbers of equations and unknowns differ.
-
-    z: the trim in scaled unknowns, (k,)
-    """
+    """Return a note if a trim is not unique because the Jacobian of its equations is singular."""
+    # The note is "" if the Jacobian is regular, or if the numbers of equations and unknowns differ.
+    # z (k,)
     equations, unknowns = problem.count
     jacobian = problem.at(z).jacobian[:equations]
     if not unknowns or equations != unknowns or np.linalg.cond(jacobian) < _SINGULAR:
@@ -338,10 +321,8 @@ def _singular_note(problem: TrimProblem, z: np.ndarray) -> str:
 
 
 def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoint) -> str:
-    """Return a sentence on another trim of the condition, with an initial point that leads to it.
-
-    point: the trim
-    other: the other trim
+    """Return a sentence on another trim of the condition, with an initial point that leads to
+    it.
     """
     model = problem.model
     apart = np.abs(problem.unknowns(other.values) - problem.unknowns(point.values)) > 1e-3

@@ -115,11 +115,9 @@ class InterpolatedModel:
 
     @cached_property
     def _interpolator(self) -> Any:
-        """SciPy interpolator of X0, U0, A and B over the variables of the sweep.
-
-        It maps points (..., variables) to entries (..., entries). The entries are those of X0, U0,
-        A and B in this order, each row by row.
-        """
+        """SciPy interpolator of X0, U0, A and B over the variables of the sweep."""
+        # It maps points (..., variables) to entries (..., entries). The entries are those of X0,
+        # U0, A and B in this order, each row by row.
         from scipy.interpolate import RegularGridInterpolator
 
         sizes = tuple(len(axis) for axis in self.axes)
@@ -128,11 +126,9 @@ class InterpolatedModel:
 
     @cached_property
     def _tables(self) -> list[np.ndarray]:
-        """Arrays of X0, U0, A and B over the grid of the sweep.
-
-        The first axes are the variables of the sweep, ascending. The last axes are those of X0, U0,
-        A or B.
-        """
+        """Arrays of X0, U0, A and B over the grid of the sweep."""
+        # The first axes are the variables of the sweep, ascending. The last axes are those of X0,
+        # U0, A or B.
         order = np.lexsort(self.sweep.values.T[::-1])
         sizes = tuple(len(axis) for axis in self.axes)
         tables = []
@@ -148,12 +144,8 @@ class InterpolatedModel:
 
 
 def _hat_functions(x: ca.SX, axis: np.ndarray) -> ca.SX:
-    """Return the weight of each breakpoint for linear interpolation at x, as an expression.
-
-    Beyond the first and the last breakpoint, the nearest breakpoint has the weight 1.
-
-    axis: breakpoints, ascending
-    """
+    """Return the weight of each breakpoint for linear interpolation at x, as an expression."""
+    # Beyond the first and the last breakpoint, the nearest breakpoint has the weight 1.
     held = ca.fmin(ca.fmax(x, axis[0]), axis[-1])
     rising = [(held - low) / (high - low) for low, high in pairwise(axis)]
     before = [ca.SX(1), *rising]

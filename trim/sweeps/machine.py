@@ -315,10 +315,6 @@ def compiled_trim(residual: ca.Function, linear: ca.Function) -> CompiledTrim | 
 
 
 def _run(loop: Any, *arrays: np.ndarray) -> None:
-    """Run a compiled loop over the rows of arrays.
-
-    loop: C function
-    arrays: arrays with one row for each point, which the loop reads or writes
-    """
+    """Run a compiled loop over the rows of arrays."""
     rows = [np.ascontiguousarray(array) for array in arrays]
     loop(ctypes.c_longlong(len(rows[0])), *(ctypes.c_void_p(row.ctypes.data) for row in rows))

@@ -102,12 +102,9 @@ def track_modes(
 
 
 def _inverse(right: np.ndarray) -> np.ndarray:
-    """Return the left eigenvectors of N matrices, (N, n, n), as rows.
-
-    If modes of a matrix coincide, the pseudo-inverse of its eigenvectors is returned.
-
-    right: (N, n, n), eigenvectors as columns
-    """
+    """Return the left eigenvectors of N matrices, (N, n, n), as rows."""
+    # If modes of a matrix coincide, the pseudo-inverse of its eigenvectors is returned.
+    # right (N, n, n)
     try:
         left = np.linalg.inv(right)
     except np.linalg.LinAlgError:
@@ -120,19 +117,11 @@ def _inverse(right: np.ndarray) -> np.ndarray:
 def _pair_over_meetings(
     point: int, origin: np.ndarray, order: np.ndarray, modes: _Modes, meeting: np.ndarray
 ) -> None:
-    """Correct the pairing of modes at a point if their eigenvalues coincide at the point before.
-
-    The modes are paired with those at the last earlier point where they are distinct, by their
-    shapes and their eigenvalues. The mean of the coinciding eigenvalues is subtracted. The
-    difference from the mean changes sign at a crossing.
-
-    point: number of the point
-    origin: (N,), the point from which each point is reached, or -1 for the first
-    order: (N, n), index of each mode's eigenvalue at each point; the row of `point` is changed in
-        place
-    modes: modes of all points
-    meeting: (N, n, n), True for two eigenvalues of a point that coincide
-    """
+    """Correct the pairing of modes at a point if their eigenvalues coincide at the point before."""
+    # The modes are paired with those at the last earlier point where they are distinct, by their
+    # shapes and their eigenvalues. The mean of the coinciding eigenvalues is subtracted. The
+    # difference from the mean changes sign at a crossing.
+    # origin (N,), order (N, n), meeting (N, n, n)
     from scipy.optimize import linear_sum_assignment
 
     before = origin[point]
@@ -157,14 +146,10 @@ def _pair_over_meetings(
 
 
 def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
-    """Return pairs of points, (M, 2), that connect all N points of a sweep.
-
-    The result contains the neighbors, and pairs along the path that connect separate groups of
-    neighbors.
-
-    neighbours: (K, 2), pairs of points
-    path: (N - 1, 2), the pairs (0, 1), (1, 2), ...
-    """
+    """Return pairs of points, (M, 2), that connect all N points of a sweep."""
+    # The result contains the neighbors, and pairs along the path that connect separate groups of
+    # neighbors.
+    # neighbours (K, 2), path (N - 1, 2)
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components
 
@@ -177,14 +162,10 @@ def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
 
 
 def _along_tree(pairs: np.ndarray, modes: _Modes) -> Iterator[tuple[int, int, np.ndarray]]:
-    """Yield (point, next point, pairing) along the tree of the most similar neighbors.
-
-    The tree begins at the first point. The pairing (n,) contains, for each eigenvalue of the point,
-    the index of its match at the next point.
-
-    pairs: (M, 2), pairs of neighbors
-    modes: modes of all points
-    """
+    """Yield (point, next point, pairing) along the tree of the most similar neighbors."""
+    # The tree begins at the first point. The pairing (n,) contains, for each eigenvalue of the
+    # point, the index of its match at the next point.
+    # pairs (M, 2)
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
@@ -207,13 +188,10 @@ def _along_tree(pairs: np.ndarray, modes: _Modes) -> Iterator[tuple[int, int, np
 def _pairings(modes: _Modes, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the best pairing of the eigenvalues of each pair of points, (M, n), and its gain,
     (M,).
-
-    The pairing contains, for each eigenvalue of the first point, the index of its match at
-    the second point. The gain is the sum that the pairing maximizes (`track_modes`).
-
-    modes: modes of all points
-    pairs: (M, 2), pairs of points
     """
+    # The pairing contains, for each eigenvalue of the first point, the index of its match at the
+    # second point. The gain is the sum that the pairing maximizes (`track_modes`).
+    # pairs (M, 2)
     matches = np.empty((len(pairs), modes.values.shape[1]), dtype=int)
     sums = np.empty(len(pairs))
     for begin in range(0, len(pairs), _AT_ONCE):
@@ -233,12 +211,9 @@ def _pairings(modes: _Modes, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 def _gain(modes: _Modes, others: _Modes) -> np.ndarray:
     """Return the gain of pairing eigenvalue i of one point with eigenvalue j of another, (.., n,
     n).
-
-    The gain is min(|tr P_i Q_j|, 1) - 2 |λ_i - μ_j| / (|λ_i| + |μ_j|), with the spectral
-    projections P_i and Q_j.
-
-    modes, others: modes of the two points, or of many pairs of points
     """
+    # The gain is min(|tr P_i Q_j|, 1) - 2 |λ_i - μ_j| / (|λ_i| + |μ_j|), with the spectral
+    # projections P_i and Q_j.
     across = (modes.left @ others.right) * (others.left @ modes.right).swapaxes(-1, -2)
     distance = np.abs(modes.values[..., None] - others.values[..., None, :])
     size = np.abs(modes.values)[..., None] + np.abs(others.values)[..., None, :]
@@ -246,14 +221,10 @@ def _gain(modes: _Modes, others: _Modes) -> np.ndarray:
 
 
 def _best_permutation(gain: np.ndarray, values: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Return the pairing of the eigenvalues of two points with the largest gain, (n,).
-
-    Conjugate pairs are kept together. If a pair becomes two real eigenvalues, the member with
-    positive imaginary part matches the lower real eigenvalue.
-
-    gain: (n, n), gain of each pair of eigenvalues
-    values, others: (n,), eigenvalues of both points
-    """
+    """Return the pairing of the eigenvalues of two points with the largest gain, (n,)."""
+    # Conjugate pairs are kept together. If a pair becomes two real eigenvalues, the member with
+    # positive imaginary part matches the lower real eigenvalue.
+    # gain (n, n), values, others (n,)
     from scipy.optimize import linear_sum_assignment
 
     upper = np.flatnonzero(values.imag > 0)

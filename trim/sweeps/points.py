@@ -132,13 +132,10 @@ def trim_points(
 def _resolved(
     variables: tuple[str, ...], values: np.ndarray, condition: TrimCondition
 ) -> tuple[tuple[str, ...], np.ndarray, TrimCondition]:
-    """Return variables, values and condition with alternatives expressed by the first name of their
-    group.
-
-    For example, the speed is imposed in place of kcas (`Trimming`).
-
-    variables, values: as for `trim_points`
+    """Return variables, values and condition with alternatives expressed by the first name of
+    their group.
     """
+    # For example, the speed is imposed in place of kcas (`Trimming`).
     if not condition.model.trimming.alternatives:
         return variables, values, condition
     condition = condition.freed_for(variables)
@@ -205,13 +202,9 @@ _last_system: tuple[tuple[Any, ...], SharedSystem] | None = None
 
 
 def _system(*request: Any) -> SharedSystem:
-    """Return the equations of a trim at many points.
-
-    The last result is returned again for identical arguments, such as in many calls with one point
-    each.
-
-    request: model, condition, variables, start and compile_code, as for `trim_points`
-    """
+    """Return the equations of a trim at many points."""
+    # The last result is returned again for identical arguments, such as in many calls with one
+    # point each.
     global _last_system
     last = _last_system
     if last is not None and all(a is b for a, b in zip(request, last[0], strict=True)):
@@ -229,16 +222,11 @@ def _system(*request: Any) -> SharedSystem:
 def _settled_together(
     system: SharedSystem, variables: tuple[str, ...], values: np.ndarray
 ) -> Points:
-    """Return the trims and linear models that Newton's method finds for all points together.
-
-    - TRIMMED: the equations balance within the limits.
-    - BEYOND_LIMITS: the equations balance only beyond the limits, and all unknowns are inputs.
-    - NO_TRIM, marked in `one_by_one`: all other points, and every point if the system is not
-      square.
-
-    system: equations of the trim
-    variables, values: as for `trim_points`
-    """
+    """Return the trims and linear models that Newton's method finds for all points together."""
+    # - TRIMMED: the equations balance within the limits.
+    # - BEYOND_LIMITS: the equations balance only beyond the limits, and all unknowns are inputs.
+    # - NO_TRIM, marked in `one_by_one`: all other points, and every point if the system is not
+    #   square.
     model = system.model
     n = len(model.states)
     m = len(model.inputs)
@@ -277,18 +265,13 @@ def _starts(
     variables: tuple[str, ...],
     values: np.ndarray,
 ) -> np.ndarray:
-    """Return the initial scaled unknowns of each point, (N, k).
-
-    - `system.start` for every point, if all unknowns are inputs or no variable is given
-    - otherwise a Taylor polynomial about the solution at the center of the point's cell: quadratic
-      for a single variable, linear for several
-
-    The cells divide the space of the variables and are fixed for a model. The result for a point
-    therefore does not depend on the other points. A term that changes an unknown by `_STEEPEST` or
-    more over a cell is omitted, because the search could converge to another solution.
-
-    variables, values: as for `trim_points`
-    """
+    """Return the initial scaled unknowns of each point, (N, k)."""
+    # - `system.start` for every point, if all unknowns are inputs or no variable is given
+    # - otherwise a Taylor polynomial about the solution at the center of the point's cell:
+    #   quadratic for a single variable, linear for several
+    # The cells divide the space of the variables and are fixed for a model. The result for a point
+    # therefore does not depend on the other points. A term that changes an unknown by `_STEEPEST`
+    # or more over a cell is omitted, because the search could converge to another solution.
     if system.only_inputs or not variables:
         return np.tile(system.start, (len(values), 1))
     signals = {**system.model.rates, **system.model.signals}
@@ -325,10 +308,7 @@ def _starts(
 
 
 def _begun(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
-    """Return the initial scaled unknowns that the model computes for given values, (N, k).
-
-    variables, values: as for `trim_points`
-    """
+    """Return the initial scaled unknowns that the model computes for given values, (N, k)."""
     starts = np.tile(system.start, (len(values), 1))
     columns = dict(zip(variables, values.T, strict=True))
     begun = system.model.trimming.initial({**system.condition.imposed, **columns})
@@ -339,10 +319,7 @@ def _begun(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -
 
 
 def _constants(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
-    """Return the constants c of the equations at N points, (N, ..).
-
-    variables, values: as for `trim_points`
-    """
+    """Return the constants c of the equations at N points, (N, ..)."""
     return system.constants(len(values), dict(zip(variables, values.T, strict=True)))
 
 
@@ -351,15 +328,10 @@ def _settle_from_neighbours(
 ) -> None:
     """Repeat Newton's method for unsolved points, each from the solution of its nearest solved
     point.
-
-    The repetition ends after `_ROUNDS` rounds, or if no point has a new neighbor. z and settled are
-    changed in place.
-
-    values: (N, variables), which determine the distances between points
-    z: (N, k), scaled unknowns
-    c: (N, ..), constants of the equations
-    settled: (N,), mask of the solved points
     """
+    # The repetition ends after `_ROUNDS` rounds, or if no point has a new neighbor. z and settled
+    # are changed in place.
+    # values (N, variables), z (N, k), c (N, ..), settled (N,)
     from scipy.spatial import cKDTree
 
     spread = np.ptp(values, axis=0)
@@ -391,15 +363,8 @@ def _settle_alone(
     row: np.ndarray,
     start: OperatingPoint | None,
 ) -> None:
-    """Trim one point by `trim`, and store its result in `points`.
-
-    If there is no trim, the reason is stored in `failures`.
-
-    i: number of the point
-    variables: names of the values
-    row: values at the point
-    start: initial point of the search, or None for the default
-    """
+    """Trim one point by `trim`, and store its result in `points`."""
+    # If there is no trim, the reason is stored in `failures`.
     try:
         model = model_at(system.model, variables, row)
         point = trim(model, condition_at(system.condition, variables, row), start)

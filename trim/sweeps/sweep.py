@@ -290,10 +290,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return np.array(self._draw_locus(pyplot_figure(*_LOCUS_INCHES)).axes)
 
     def _draw_locus(self, figure: Figure) -> Figure:
-        """Draw the root locus of the sweep on an empty figure, and return the figure.
-
-        Raises BadInputError if no point has a trim.
-        """
+        """Draw the root locus of the sweep on an empty figure, and return the figure."""
         if not self.mode_names:
             raise BadInputError(
                 "no point of the sweep has a trim; sweep other values to draw a root locus"
@@ -321,11 +318,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return figure
 
     def _draw(self, axes: Axes, columns: np.ndarray, ends: np.ndarray) -> None:
-        """Draw the paths of some eigenvalues, and mark the first and last values of some paths.
-
-        columns: (k,), mask of the eigenvalues to draw
-        ends: (k,), mask of the eigenvalues whose first and last values are marked
-        """
+        """Draw the paths of some eigenvalues, and mark the first and last values of some paths."""
+        # columns (k,), ends (k,)
         names = list(dict.fromkeys(self.mode_names))
         for column in np.flatnonzero(columns).tolist():
             name = self.mode_names[column]
@@ -358,11 +352,9 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     def _mark_values(self, axes: Axes, columns: np.ndarray) -> None:
         """Mark the direction of the sweep, and values of the last variable, along the paths of
         eigenvalues.
-
-        Only paths in the upper half-plane are marked.
-
-        columns: (k,), mask of the eigenvalues
         """
+        # Only paths in the upper half-plane are marked.
+        # columns (k,)
         names = list(dict.fromkeys(self.mode_names))
         width, height = axes.dataLim.size
         trimmed = np.flatnonzero(self.trimmed)
@@ -441,10 +433,9 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     def _table(self) -> Table:
         """Return a table of the swept values and the eigenvalues of each mode, one row for each
         point.
-
-        If the sweep has more than `_LONGEST` points, the table contains only the first and last
-        rows.
         """
+        # If the sweep has more than `_LONGEST` points, the table contains only the first and last
+        # rows.
         modes = self.modes
         varied = zip(self.variables, self.plan.units, strict=True)
         header = (
@@ -579,10 +570,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return columns
 
     def _lines(self) -> list[slice]:
-        """Return a slice of the points for each line along the last variable.
-
-        Raises BadInputError if the points do not form complete lines.
-        """
+        """Return a slice of the points for each line along the last variable."""
         size = self.plan.sizes[-1]
         if len(self) % size:
             raise BadInputError(
@@ -610,10 +598,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
 
 def _mode_text(eigenvalues: np.ndarray) -> str:
-    """Return the eigenvalues of a mode at one point as text.
-
-    A conjugate pair is printed once with ±, a single member of a pair with its sign.
-    """
+    """Return the eigenvalues of a mode at one point as text."""
+    # A conjugate pair is printed once with ±, a single member of a pair with its sign.
     words = []
     for value in eigenvalues:
         paired = value.imag != 0 and value.conjugate() in eigenvalues
@@ -721,10 +707,7 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
 
 
 def _reasons(plan: SweepPlan, rows: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the reason for a missing trim at each point, or "" at a point with a trim.
-
-    rows: result of `run_points`
-    """
+    """Return the reason for a missing trim at each point, or "" at a point with a trim."""
     reasons = [rows["failures"].get(i, "") for i in range(plan.count)]
     for i in np.flatnonzero(rows["status"] == BEYOND_LIMITS).tolist():
         values = rows["values"][i]
@@ -737,11 +720,8 @@ def _reasons(plan: SweepPlan, rows: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _names_of(eigenvalues: np.ndarray, A: np.ndarray, model: Model) -> tuple[str, ...]:
-    """Return the name of the mode that belongs to each eigenvalue of A, (k,).
-
-    eigenvalues: (k,), eigenvalues of A in any order
-    A: (k, k)
-    """
+    """Return the name of the mode that belongs to each eigenvalue of A, (k,)."""
+    # eigenvalues (k,), A (k, k)
     modes = modes_of(A, model.linear, model.modes)
     names = []
     for value in eigenvalues:
@@ -752,14 +732,10 @@ def _names_of(eigenvalues: np.ndarray, A: np.ndarray, model: Model) -> tuple[str
 
 
 def _neighbours(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:
-    """Return pairs of neighbors among the trimmed points of a grid, (M, 2).
-
-    Neighbors are adjacent along a line of the grid. Points without a trim between them are skipped.
-    The points are numbered among the trimmed points.
-
-    sizes: number of values of each variable
-    trimmed: (N,), mask of the trimmed points
-    """
+    """Return pairs of neighbors among the trimmed points of a grid, (M, 2)."""
+    # Neighbors are adjacent along a line of the grid. Points without a trim between them are
+    # skipped. The points are numbered among the trimmed points.
+    # trimmed (N,)
     numbers = np.cumsum(trimmed) - 1
     index = np.arange(trimmed.size).reshape(sizes)
     pairs = []

@@ -49,19 +49,15 @@ def white_covariance(fit: Fit) -> np.ndarray:
 
 
 def _enlarged(fit: Fit) -> float:
-    """Return the ratio of noise variance to residual variance, N / (N - number of unknowns).
-
-    N is the number of measured samples of all quantities and records.
-    """
+    """Return the ratio of noise variance to residual variance, N / (N - number of unknowns)."""
+    # N is the number of measured samples of all quantities and records.
     samples = int(fit.samples.sum())
     return samples / max(samples - _unknowns(fit), 1)
 
 
 def _unknowns(fit: Fit) -> int:
-    """Return the number of unknowns that the records determine: parameters and initial states.
-
-    All parameters are counted.
-    """
+    """Return the number of unknowns that the records determine: parameters and initial states."""
+    # All parameters are counted.
     starts = [np.linalg.matrix_rank(each.A, tol=1e-6 * np.trace(each.A)) for each in fit.normals]
     return len(fit.theta) + int(sum(starts))
 
@@ -190,13 +186,9 @@ def noise_of(fit: Fit) -> list[dict[int, Noise]]:
 
 
 def _summed(S: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Return the covariance Σ_i Σ_j S_i' r(i - j) S_j of the sum Σ S_i' e_i, (p, p).
-
-    e is the noise of one quantity.
-
-    S: sensitivities of consecutive samples, (N, p)
-    covariance: autocovariance r of the noise at lags 0, 1, ..., and 0 at greater lags
-    """
+    """Return the covariance Σ_i Σ_j S_i' r(i - j) S_j of the sum Σ S_i' e_i, (p, p)."""
+    # e is the noise of one quantity.
+    # S (N, p)
     from scipy.signal import oaconvolve
 
     r = covariance[: len(S)]
@@ -246,24 +238,14 @@ def smooth_autocorrelation(residual: np.ndarray, present: np.ndarray, fitted: fl
 
 
 def _unbiased(total: float, fitted: float, count: int) -> float:
-    """Return the sum of autoregressive coefficients, corrected for bias and at most `_SLOWEST`.
-
-    total: estimated sum
-    fitted: number of fitted unknowns
-    count: number of samples
-    """
+    """Return the sum of autoregressive coefficients, corrected for bias and at most `_SLOWEST`."""
     return min(total + fitted * (1.0 + 3.0 * total) / count, _SLOWEST)
 
 
 def _white_and_slow(seen: np.ndarray, count: int) -> tuple[float, float, float]:
-    """Return (BIC, pole, share) of the best model of white noise plus a first-order process.
-
-    The share is the fraction of the variance due to the first-order process. Pole and share are
-    chosen from fixed values by the largest Whittle likelihood.
-
-    seen: autocorrelation at lags 0, 1, ...
-    count: number of samples
-    """
+    """Return (BIC, pole, share) of the best model of white noise plus a first-order process."""
+    # The share is the fraction of the variance due to the first-order process. Pole and share are
+    # chosen from fixed values by the largest Whittle likelihood.
     lags = np.arange(len(seen))
     decreasing = seen * (1.0 - lags / len(seen))
     power = np.maximum(2.0 * np.fft.rfft(decreasing, 2 * len(seen)).real - decreasing[0], 0.0)
@@ -276,13 +258,9 @@ def _white_and_slow(seen: np.ndarray, count: int) -> tuple[float, float, float]:
 
 @lru_cache(maxsize=4)
 def _slow_spectra(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return properties of the spectra of white noise plus a first-order process.
-
-    The first result contains the means of the logarithms of the spectra, (poles, shares). The
-    second contains the reciprocals of the spectra, (poles, shares, count).
-
-    count: number of frequencies
-    """
+    """Return properties of the spectra of white noise plus a first-order process."""
+    # The first result contains the means of the logarithms of the spectra, (poles, shares). The
+    # second contains the reciprocals of the spectra, (poles, shares, count).
     turns = np.cos(np.pi * np.arange(count) / (count - 1))
     poles = np.array(_POLES)[:, None, None]
     shares = np.array(_SHARES)[:, None]
@@ -292,10 +270,10 @@ def _slow_spectra(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _autocorrelation_of(coefficients: np.ndarray) -> np.ndarray:
-    """Return the autocorrelation of an autoregressive process, up to the last non-negligible lag.
-
-    coefficients: coefficients of the process, (order,)
+    """Return the autocorrelation of an autoregressive process, up to the last non-negligible
+    lag.
     """
+    # coefficients (order,)
     polynomial = np.fft.rfft(np.append(1.0, -coefficients), _LENGTH)
     correlation = np.fft.irfft(1.0 / np.abs(polynomial) ** 2, _LENGTH)[: _LENGTH // 2]
     correlation /= correlation[0]
@@ -366,12 +344,8 @@ def unexplained(fit: Fit) -> np.ndarray:
 
 
 def _samples(fit: Fit, place: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Return the measured samples and the residuals of one quantity, as two lists.
-
-    Each list has an array for each record, without missing samples.
-
-    place: index of the quantity
-    """
+    """Return the measured samples and the residuals of one quantity, as two lists."""
+    # Each list has an array for each record, without missing samples.
     measured, residuals = [], []
     for simulated, residual, present in zip(fit.simulated, fit.residuals, fit.present, strict=True):
         seen = present[:, place]

@@ -125,14 +125,12 @@ def column_errors(search: Search, fit: Fit, half: np.ndarray) -> dict[str, Colum
 
 
 def _estimated(search: Search) -> dict[str, SensorError]:
-    """Return name -> error, for each column error to be estimated after the search.
-
-    These errors are omitted:
-    - an error that the search estimates
-    - an error that the model does not support
-    - the scale error or delay of a constant input
-    - every error of an input that is 0 in all records
-    """
+    """Return name -> error, for each column error to be estimated after the search."""
+    # These errors are omitted:
+    # - an error that the search estimates
+    # - an error that the model does not support
+    # - the scale error or delay of a constant input
+    # - every error of an input that is 0 in all records
     responses = search.responses
     steady = search.steady_inputs()
     columns = (*search.moving_inputs(), *steady, *responses.measured)
@@ -146,35 +144,23 @@ def _estimated(search: Search) -> dict[str, SensorError]:
 
 
 def _summed(one: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the sum of products of two sets of slopes, (c, d).
-
-    The sum is over records, samples and quantities.
-
-    one: array (N, k, c) of each record
-    other: array (N, k, d) of each record
-    """
+    """Return the sum of products of two sets of slopes, (c, d)."""
+    # The sum is over records, samples and quantities.
+    # one (N, k, c), other (N, k, d)
     pairs = zip(one, other, strict=True)
     return np.asarray(sum(np.tensordot(*pair, ((0, 1), (0, 1))) for pair in pairs))
 
 
 def _slopes(search: Search, fit: Fit, number: int, errors: Sequence[SensorError]) -> np.ndarray:
-    """Return the derivatives (N, k, errors) of a record's measured quantities.
-
-    number: index of the record
-    errors: column errors with respect to which the quantities are differentiated
-    """
+    """Return the derivatives (N, k, errors) of a record's measured quantities."""
     return np.stack([_effect(search, fit, number, error) for error in errors], axis=2)
 
 
 def _effect(search: Search, fit: Fit, number: int, error: SensorError) -> np.ndarray:
-    """Return the derivative (N, k) of a record's measured quantities by one column error.
-
-    An error c changes the column by c d, where d is 1 for a bias, the column without its bias for a
-    scale, and minus the column's time derivative for a delay. The correction of an input also
-    changes the simulation. In turbulence the correction of any column changes the predictions.
-
-    number: index of the record
-    """
+    """Return the derivative (N, k) of a record's measured quantities by one column error."""
+    # An error c changes the column by c d, where d is 1 for a bias, the column without its bias for
+    # a scale, and minus the column's time derivative for a delay. The correction of an input also
+    # changes the simulation. In turbulence the correction of any column changes the predictions.
     responses = search.responses
     record = search.records[number]
     y = fit.responses[number].y
@@ -207,15 +193,9 @@ def _effect(search: Search, fit: Fit, number: int, error: SensorError) -> np.nda
 def _variance(
     fit: Fit, effects: list[np.ndarray], value: float, noises: list[dict[int, Noise]]
 ) -> float:
-    """Return the variance of the score of one column error.
-
-    The part that the estimated error explains is subtracted from the residuals.
-
-    effects: sensitivity of the quantities to the error, without the part that a change of the
-        parameters explains, (N, k) of each record
-    value: estimate of the error
-    noises: noise of the quantities of each record
-    """
+    """Return the variance of the score of one column error."""
+    # The part that the estimated error explains is subtracted from the residuals.
+    # effects (N, k)
     total = 0.0
     for effect, residual, present, noise in zip(
         effects, fit.residuals, fit.present, noises, strict=True

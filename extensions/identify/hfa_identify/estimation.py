@@ -156,13 +156,7 @@ def _listed(records: Any) -> list[Any]:
 def _with_given(
     model: Model, given: Mapping[str, float] | Sequence[str]
 ) -> tuple[Model, tuple[str, ...]]:
-    """Return the model with the fixed values of parameters, and the names of these parameters.
-
-    given: names of parameters that keep the model's values, or name -> fixed value
-
-    Raises BadInputError if a parameter is unknown, or a value is not finite or beyond the
-    parameter's limits.
-    """
+    """Return the model with the fixed values of parameters, and the names of these parameters."""
     names = tuple(given)
     for name in names:
         refuse_unknown(f"{model.name} has no parameter", name, tuple(model.parameters))
@@ -181,12 +175,7 @@ def _as_records(
     inputs: str,
     columns: str | Path | None,
 ) -> list[Record]:
-    """Return a `Record` for each path, flight, table, dictionary or record.
-
-    held: input or state without a column -> constant value
-    inputs: "linear" or "steps", the interpolation between samples
-    columns: TOML file that maps fields of PX4 logs to columns
-    """
+    """Return a `Record` for each path, flight, table, dictionary or record."""
     read = []
     for number, each in enumerate(given, start=1):
         if isinstance(each, str | Path):
@@ -211,14 +200,7 @@ def _as_records(
 def _free_names(
     model: Model, free: Sequence[str], given: Sequence[str], measured: Sequence[str]
 ) -> tuple[str, ...]:
-    """Return the parameters and column errors selected by the names and patterns in `free`.
-
-    given: names of fixed parameters
-    measured: names of the measured quantities
-
-    Raises BadInputError if `free` is empty or a single text, a pattern matches nothing, a name is
-    unknown, or a name is also given.
-    """
+    """Return the parameters and column errors selected by the names and patterns in `free`."""
     if isinstance(free, str) or not free:
         if not model.parameters:
             raise BadInputError(
@@ -251,15 +233,10 @@ def _free_names(
 
 
 def _theils(search: Search, records: Sequence[Record], fit: Fit) -> dict[str, float]:
-    """Return Theil's inequality coefficient of each measured quantity, by name.
-
-    The coefficient is rms(z - y) / (rms(z) + rms(y)). z is measured, and y is simulated in calm air
-    with the identified parameters. Only the initial conditions are fitted to these records.
-
-    records: records that were not used for the identification
-
-    Raises NoSolutionError if the simulation of these records diverges.
-    """
+    """Return Theil's inequality coefficient of each measured quantity, by name."""
+    # The coefficient is rms(z - y) / (rms(z) + rms(y)). z is measured, and y is simulated in calm
+    # air with the identified parameters. Only the initial conditions are fitted to these records.
+    # Raises NoSolutionError if the simulation of these records diverges.
     if not records:
         return {}
     responses = search.responses.calm
@@ -293,12 +270,7 @@ def _identified(
     given: Sequence[str],
     progress: Callable[[float, float], None] | None,
 ) -> Identified:
-    """Return the result of an identification, from the best fit.
-
-    other: a second minimum that explains the records equally well, or None
-    theils: quantity -> Theil's coefficient
-    given: names of the parameters with given values
-    """
+    """Return the result of an identification, from the best fit."""
     responses = search.responses
     model = responses.calm.model
     first = responses.turbulent
@@ -364,11 +336,9 @@ def _identified(
 
 
 def _turbulence(responses: Responses, fit: Fit) -> dict[str, float]:
-    """Return disturbed state -> standard deviation of its random change in 1 s.
-
-    States whose turbulence the records do not determine are omitted. The result is empty if
-    turbulence was not estimated.
-    """
+    """Return disturbed state -> standard deviation of its random change in 1 s."""
+    # States whose turbulence the records do not determine are omitted. The result is empty if
+    # turbulence was not estimated.
     if not isinstance(responses, Predictions):
         return {}
     known = np.diag(fit.information) > 1.0
@@ -381,21 +351,16 @@ def _turbulence(responses: Responses, fit: Fit) -> dict[str, float]:
 
 
 def _widest(corrected: np.ndarray, white: np.ndarray) -> float:
-    """Return the largest ratio of a corrected band to the band for white residuals, at least 1.
-
-    corrected, white: half-widths of the bands, (p,)
-    """
+    """Return the largest ratio of a corrected band to the band for white residuals, at least 1."""
+    # corrected, white (p,)
     seen = np.isfinite(white) & (white > 0.0)
     return float(np.max(corrected[seen] / white[seen], initial=1.0))
 
 
 def _correlated(names: Sequence[str], C: np.ndarray) -> Iterator[tuple[str, str, float]]:
-    """Yield (name, name, coefficient) of each pair of strongly correlated estimates.
-
-    The magnitude of the coefficient is greater than `_CORRELATED`.
-
-    C: covariance of the estimates, (p, p)
-    """
+    """Yield (name, name, coefficient) of each pair of strongly correlated estimates."""
+    # The magnitude of the coefficient is greater than `_CORRELATED`.
+    # C (p, p)
     table = correlations(C)
     for i, one in enumerate(names):
         for j in range(i + 1, len(names)):
@@ -406,10 +371,7 @@ def _correlated(names: Sequence[str], C: np.ndarray) -> Iterator[tuple[str, str,
 def _quantities(
     responses: Responses, fit: Fit, theils: Mapping[str, float]
 ) -> dict[str, FittedQuantity]:
-    """Return name -> quality of the fit, for each measured quantity.
-
-    theils: quantity -> Theil's coefficient for records that were not fitted
-    """
+    """Return name -> quality of the fit, for each measured quantity."""
     parts = explained(fit)
     found = {}
     for place, name in enumerate(responses.measured):

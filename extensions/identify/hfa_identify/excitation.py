@@ -60,13 +60,9 @@ def still_quantities(search: Search, parameters: Iterable[str]) -> dict[str, str
 
 
 def _still(search: Search, name: str) -> str:
-    """Return the motionless state or input on which a parameter's effect depends most, or "".
-
-    The dependence is ∂²f/∂θ∂(x, u), relative to nominal values, at the first sample of the first
-    record. The result is "" if the state or input moved in a record, or if the derivative is 0.
-
-    name: name of the parameter θ
-    """
+    """Return the motionless state or input on which a parameter's effect depends most, or ""."""
+    # The dependence is ∂²f/∂θ∂(x, u), relative to nominal values, at the first sample of the first
+    # record. The result is "" if the state or input moved in a record, or if the derivative is 0.
     model = search.responses.calm.model
     x, u, p = model.layout.symbols("x", "u", "p")
     vectors = [components(x), components(u), components(p)]
@@ -84,13 +80,9 @@ def _still(search: Search, name: str) -> str:
 
 
 def _moves(search: Search, quantity: str, size: float) -> bool:
-    """Return whether a state or input moved in any record.
-
-    A state without a sensor is simulated with the initial parameters of the search. If this
-    simulation diverges, the state counts as moved.
-
-    size: nominal value of the quantity
-    """
+    """Return whether a state or input moved in any record."""
+    # A state without a sensor is simulated with the initial parameters of the search. If this
+    # simulation diverges, the state counts as moved.
     calm = search.responses.calm
     model = calm.model
     begin = search.begin[search.responses.turbulent :]

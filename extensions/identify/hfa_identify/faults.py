@@ -213,10 +213,8 @@ def sensor_fault(
 
 
 def _other_inputs(search: Search, fit: Fit) -> Fit:
-    """Return the fit with inputs in steps if they were linear between samples, or vice versa.
-
-    The original fit is returned if the search diverges or does not converge.
-    """
+    """Return the fit with inputs in steps if they were linear between samples, or vice versa."""
+    # The original fit is returned if the search diverges or does not converge.
     records = [replace(record, has_steps=not record.has_steps) for record in search.records]
     try:
         found = Search(search.responses, records, search.held).whole(fit.theta, fit.starts)
@@ -233,15 +231,12 @@ def _with_value(search: Search, name: str, value: float) -> str:
 
 
 def _is_plausible(search: Search, name: str, value: float) -> bool:
-    """Return whether an error of a column may be caused by a sensor.
-
-    The following errors may be caused by a sensor:
-    - a bias smaller than the largest magnitude of the column
-    - a scale error between -0.5 and 1
-    - any delay
-
-    A greater error indicates motion that the model lacks.
-    """
+    """Return whether an error of a column may be caused by a sensor."""
+    # The following errors may be caused by a sensor:
+    # - a bias smaller than the largest magnitude of the column
+    # - a scale error between -0.5 and 1
+    # - any delay
+    # A greater error indicates motion that the model lacks.
     error = sensor_errors(search.responses.model, (name.partition("_")[2],))[name]
     if error.kind == "scale":
         return -0.5 < value < 1.0
@@ -256,15 +251,10 @@ def _is_plausible(search: Search, name: str, value: float) -> bool:
 def _clear(
     search: Search, fit: Fit, names: Sequence[str], tests: int
 ) -> Iterator[tuple[str, _Freed]]:
-    """Yield (name, fit) of each additional unknown with a significant estimate.
-
-    The estimate differs from the initial value of the unknown. The probability that chance causes
-    such a difference in any of `tests` unknowns is at most `_CHANCE`. Nothing is yielded if `fit`
-    did not converge.
-
-    names: unknowns to be added to the fit, one at a time
-    tests: number of unknowns that are tested in total
-    """
+    """Yield (name, fit) of each additional unknown with a significant estimate."""
+    # The estimate differs from the initial value of the unknown. The probability that chance causes
+    # such a difference in any of `tests` unknowns is at most `_CHANCE`. Nothing is yielded if `fit`
+    # did not converge.
     from scipy.special import ndtri
 
     least = -float(ndtri(0.5 * _CHANCE / max(tests, 1)))
@@ -360,13 +350,11 @@ def fault_of_columns(
 def _likeliest(
     search: Search, progress: Callable[[float, float], None] | None
 ) -> list[tuple[_Undone, Search, np.ndarray]]:
-    """Return the corrections with which the model fits the records best, the best first.
-
-    At most `_TRIED` corrections are returned, each with the search on the corrected records and
-    initial unknowns (p,) for this search. The corrections are compared after a few Gauss-Newton
-    steps on short windows of the records. Corrections that move a record far beyond the limits of
-    the model are omitted.
-    """
+    """Return the corrections with which the model fits the records best, the best first."""
+    # At most `_TRIED` corrections are returned, each with the search on the corrected records and
+    # initial unknowns (p,) for this search. The corrections are compared after a few Gauss-Newton
+    # steps on short windows of the records. Corrections that move a record far beyond the limits of
+    # the model are omitted.
     model = search.responses.calm.model
     turbulence = search.begin[: search.responses.turbulent]
     candidates: list[tuple[_Undone, Search]] = []
@@ -391,16 +379,10 @@ def _tried(
     windows: int,
     progress: Callable[[float, float], None] | None,
 ) -> list[tuple[float, _Undone, Search, np.ndarray]]:
-    """Return (level, correction, search, unknowns in calm air) of each candidate.
-
-    The level is the negative log-likelihood L after a few Gauss-Newton steps on short windows, plus
-    a penalty on the change of the parameters. The lowest level is first. Candidates whose
-    simulation diverges are omitted.
-
-    candidates: corrections, each with the search on the corrected records
-    steps: largest number of Gauss-Newton steps
-    windows: approximate largest number of windows
-    """
+    """Return (level, correction, search, unknowns in calm air) of each candidate."""
+    # The level is the negative log-likelihood L after a few Gauss-Newton steps on short windows,
+    # plus a penalty on the change of the parameters. The lowest level is first. Candidates whose
+    # simulation diverges are omitted.
     tried = []
     for number, (undone, corrected) in enumerate(candidates, start=1):
         if progress is not None:
@@ -415,15 +397,11 @@ def _tried(
 
 
 def _suspicious(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) -> bool:
-    """Return whether a faulty column may have caused this fit.
-
-    Any of these conditions is sufficient:
-    - The fit did not converge, or contradicts the measured motion.
-    - Parameters are far from their initial values.
-    - A scale error is significant and too large for a sensor.
-
-    errors: name of a column error -> its estimate by one Newton step from 0
-    """
+    """Return whether a faulty column may have caused this fit."""
+    # Any of these conditions is sufficient:
+    # - The fit did not converge, or contradicts the measured motion.
+    # - Parameters are far from their initial values.
+    # - A scale error is significant and too large for a sensor.
     half = BAND * np.sqrt(np.diag(white_covariance(fit)))
     nearest = np.clip(search.begin, fit.theta - half, fit.theta + half)
     far = _change(search, nearest, _USUAL_CHANGE) > _LARGE_CHANGE**2
@@ -434,14 +412,10 @@ def _suspicious(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) -> 
 
 
 def _change(search: Search, theta: np.ndarray, usual: float = 0.0) -> float:
-    """Return the penalty Σ max(|ln r| - usual, 0)² on the change of the parameters.
-
-    r is the ratio of a parameter to its initial value. If r is negative, the term is at least
-    (ln 100)². Parameters that are or were 0 are omitted.
-
-    theta: unknowns, (p,), or the unknowns in calm air
-    usual: magnitude of ln r without a penalty
-    """
+    """Return the penalty Σ max(|ln r| - usual, 0)² on the change of the parameters."""
+    # r is the ratio of a parameter to its initial value. If r is negative, the term is at least (ln
+    # 100)². Parameters that are or were 0 are omitted.
+    # theta (p,)
     total = 0.0
     # Turbulence and sensor noise come first in the unknowns.
     names, begin = search.responses.free[-len(theta) :], search.begin[-len(theta) :]
@@ -455,11 +429,9 @@ def _change(search: Search, theta: np.ndarray, usual: float = 0.0) -> float:
 
 
 def _compared(search: Search, undone: _Undone, fit: Fit) -> float:
-    """Return the negative log-likelihood L of a fit to corrected records.
-
-    L is converted to the units of the uncorrected records, so that the values of different
-    corrections can be compared.
-    """
+    """Return the negative log-likelihood L of a fit to corrected records."""
+    # L is converted to the units of the uncorrected records, so that the values of different
+    # corrections can be compared.
     if undone.column not in search.responses.measured:
         return fit.likelihood
     place = search.responses.measured.index(undone.column)
@@ -467,12 +439,10 @@ def _compared(search: Search, undone: _Undone, fit: Fit) -> float:
 
 
 def _candidates(search: Search) -> Iterator[_Undone]:
-    """Yield the corrections to be tried, each for one possible fault of the columns.
-
-    - another sign or unit of a column that moves
-    - another unit of the time
-    - the exchange of two inputs, or of two measured quantities
-    """
+    """Yield the corrections to be tried, each for one possible fault of the columns."""
+    # - another sign or unit of a column that moves
+    # - another unit of the time
+    # - the exchange of two inputs, or of two measured quantities
     model = search.responses.model
     for factor, text in _UNITS[model.time_unit].items():
         yield _Undone("time", 1.0 / factor, False, text)

@@ -95,12 +95,8 @@ def gain_with_slopes(
 def _steady(
     A: np.ndarray, C: np.ndarray, W: np.ndarray, R: np.ndarray, interval: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return K (N, n, k), T⁻¹ (N, k, k) and the diagonal of D (N, k) of N steady-state filters.
-
-    A, C, W: matrices of N models
-    R: diagonals of the sensor covariances, (N, k)
-    interval: time between samples, s
-    """
+    """Return K (N, n, k), T⁻¹ (N, k, k) and the diagonal of D (N, k) of N steady-state filters."""
+    # R (N, k)
     Phi, Q = _discrete(A, W, interval)
     P = _predicted_covariance(Phi, C, Q, R)
     P_C = P @ C.transpose(0, 2, 1)
@@ -115,14 +111,9 @@ def _steady(
 
 
 def _discrete(A: np.ndarray, W: np.ndarray, interval: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return Φ and Q between two samples, (N, n, n) each, from series of third order.
-
-    The series are evaluated over short intervals and composed.
-
-    A: (N, n, n)
-    W: power of the turbulence, (N, n, n)
-    interval: time between samples, s
-    """
+    """Return Φ and Q between two samples, (N, n, n) each, from series of third order."""
+    # The series are evaluated over short intervals and composed.
+    # A (N, n, n), W (N, n, n)
     norm = float(np.abs(A).sum(axis=2).max())
     doublings = _HALVINGS + max(0, math.ceil(math.log2(max(norm * interval, 1.0))))
     h = interval / 2.0**doublings
@@ -146,13 +137,9 @@ def _discrete(A: np.ndarray, W: np.ndarray, interval: float) -> tuple[np.ndarray
 def _predicted_covariance(
     Phi: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray
 ) -> np.ndarray:
-    """Return the predicted covariance P after 2^`_DOUBLINGS` samples from P = 0, (N, n, n).
-
-    The result is finite even if a drifting unobservable state has no steady covariance.
-
-    Phi, C, Q: matrices of N models
-    R: diagonals of the sensor covariances, (N, k)
-    """
+    """Return the predicted covariance P after 2^`_DOUBLINGS` samples from P = 0, (N, n, n)."""
+    # The result is finite even if a drifting unobservable state has no steady covariance.
+    # R (N, k)
     A = Phi.transpose(0, 2, 1)
     G = C.transpose(0, 2, 1) @ (C / R[:, :, None])
     H = Q

@@ -240,17 +240,9 @@ class OutputError:
     def _lowered(
         self, found: Fit, undamped: Step, first: int, step: int, is_last: bool
     ) -> tuple[int, Fit | None]:
-        """Return the index and the fit of the first Gauss-Newton trial that does not raise L.
-
-        Each trial, an entry of `_TRIALS`, contains a damping of the normal equations and a factor
-        on the step. The fit is None if every trial raises L or fails.
-
-        found: fit before the step
-        undamped: the step without damping
-        first: index of the first trial
-        step: number of the Gauss-Newton step
-        is_last: whether no sensitivities are needed after the step
-        """
+        """Return the index and the fit of the first Gauss-Newton trial that does not raise L."""
+        # Each trial, an entry of `_TRIALS`, contains a damping of the normal equations and a factor
+        # on the step. The fit is None if every trial raises L or fails.
         for level in range(first, len(_TRIALS)):
             damping, part = _TRIALS[level]
             try:
@@ -308,12 +300,10 @@ class OutputError:
         return np.asarray(np.maximum(total / np.maximum(self._counts, 1), self._least))
 
     def _noise(self, residuals: Sequence[np.ndarray], theta: np.ndarray) -> np.ndarray:
-        """Return the noise variances (k,).
-
-        - with `by_motion`: the variances of the motion
-        - in turbulence: functions of the unknowns
-        - otherwise: estimates from the residuals
-        """
+        """Return the noise variances (k,)."""
+        # - with `by_motion`: the variances of the motion
+        # - in turbulence: functions of the unknowns
+        # - otherwise: estimates from the residuals
         if self._fixed is not None:
             return self._fixed
         known = self.responses.variances(theta)
@@ -325,12 +315,8 @@ class OutputError:
     def _likelihood(
         self, residuals: Sequence[np.ndarray], noise: np.ndarray, starts: Sequence[np.ndarray]
     ) -> float:
-        """Return L, as defined in this module.
-
-        residuals: (N, k) for each record
-        noise: noise variances, (k,)
-        starts: initial state of each record, (n,) each
-        """
+        """Return L, as defined in this module."""
+        # residuals (N, k), noise (k,), starts (n,)
         squares = sum((each**2).sum(axis=0) for each in residuals)
         total = 0.5 * float(np.sum(self._counts * (np.log(noise) - 1.0) + squares / noise))
         for start, guess, prior in zip(starts, self.guesses, self._priors, strict=True):
@@ -361,13 +347,10 @@ class OutputError:
         noise: np.ndarray,
         slopes: np.ndarray,
     ) -> Normal:
-        """Return a record's normal equations, extended by the information in its noise variances.
-
-        number: index of the record
-        residual: (N, k)
-        noise: noise variances, which depend on the unknowns, (k,)
-        slopes: derivatives of their logarithms with respect to the unknowns, (k, p)
+        """Return a record's normal equations, extended by the information in its noise
+        variances.
         """
+        # residual (N, k), noise (k,), slopes (k, p)
         counts = self._present[number].sum(axis=0)
         surplus = (residual**2).sum(axis=0) / noise - counts
         return replace(
@@ -384,16 +367,9 @@ class OutputError:
         noise: np.ndarray,
         pull: np.ndarray,
     ) -> Normal:
-        """Return the normal equations of a record for known noise variances.
-
-        number: index of the record
-        slopes: sensitivities to parameters and initial state, (N, k, p + n)
-        residual: (N, k)
-        noise: noise variances, (k,)
-        pull: contribution of the guess to the right-hand side of the initial state, (n,)
-
-        Raises FloatingPointError if they are not finite.
-        """
+        """Return the normal equations of a record for known noise variances."""
+        # Raises FloatingPointError if they are not finite.
+        # slopes (N, k, p + n), residual (N, k), noise (k,), pull (n,)
         p = len(self.responses.free)
         weights = np.where(self._present[number], 1.0 / np.sqrt(noise), 0.0)
         rows = (slopes * weights[:, :, None]).reshape(-1, slopes.shape[2])
@@ -422,15 +398,12 @@ class OutputError:
         return normal.information
 
     def _solved(self, found: Fit, damping: float) -> Step:
-        """Return the Gauss-Newton step of the parameters (p,), and of the initial states (n,) each.
-
-        A parameter keeps its value in two cases:
-        - The parameter is at a bound and the step points outward.
-        - The records do not determine the parameter within its bounds.
-
-        found: fit before the step
-        damping: Levenberg's factor on the diagonal of the normal equations
+        """Return the Gauss-Newton step of the parameters (p,), and of the initial states (n,)
+        each.
         """
+        # A parameter keeps its value in two cases:
+        # - The parameter is at a bound and the step points outward.
+        # - The records do not determine the parameter within its bounds.
         p = len(found.theta)
         total = np.zeros((p, p))
         right = np.zeros(p)

@@ -175,21 +175,19 @@ class Identified(Result, Reported):
             yield f"{parts} disagree on {self.parts_disagree} beyond the bands"
 
     def _not_determined(self) -> str:
-        """Return the finding on parameters that the records do not determine.
-
-        The finding names the first parameter, its motionless quantity, and the number of further
-        parameters.
-        """
+        """Return the finding on parameters that the records do not determine."""
+        # The finding names the first parameter, its motionless quantity, and the number of further
+        # parameters.
         name, still = next(iter(self.undetermined.items()))
         why = f" ({still} did not move)" if still else ""
         more = len(self.undetermined) - 1
         return f"not determined: {name}{why}" + (f" and {more} more" if more else "")
 
     def _farthest(self) -> tuple[str, float]:
-        """Return the parameter that differs most between both minima, and its value at the second.
-
-        The difference is relative to the width of the parameter's band.
+        """Return the parameter that differs most between both minima, and its value at the
+        second.
         """
+        # The difference is relative to the width of the parameter's band.
 
         def moved(name: str) -> float:
             each = self.parameters[name]
@@ -220,11 +218,11 @@ class Identified(Result, Reported):
 
     @property
     def _stated(self) -> list[str]:
-        """The findings for the first line: the two most important, or one if the line is too long.
-
-        If the records have faults, only faults are listed, because a fault can cause other
-        findings.
+        """The findings for the first line: the two most important, or one if the line is too
+        long.
         """
+        # If the records have faults, only faults are listed, because a fault can cause other
+        # findings.
         findings = list(self.faults[:2]) or list(self.findings)[:2]
         line = f"FAIL: {'; '.join(findings)}"
         return findings if len(line) <= _WIDTH else findings[:1]
@@ -317,10 +315,8 @@ class Identified(Result, Reported):
         )
 
     def _assumed(self) -> list[str]:
-        """Return a list with a sentence on the column errors assumed to be 0, or an empty list.
-
-        The records cannot distinguish these errors from changes of parameters.
-        """
+        """Return a list with a sentence on the column errors assumed to be 0, or an empty list."""
+        # The records cannot distinguish these errors from changes of parameters.
         columns: dict[str, list[str]] = {}
         for name, each in self.column_errors.items():
             kind, _, column = name.partition("_")
@@ -336,10 +332,8 @@ class Identified(Result, Reported):
         return [wrapped(text, _WIDTH)]
 
     def _columns(self) -> list[Any]:
-        """Return a list with a table of the column errors, or an empty list.
-
-        The table contains all delays, and the errors that are assumed to be 0.
-        """
+        """Return a list with a table of the column errors, or an empty list."""
+        # The table contains all delays, and the errors that are assumed to be 0.
         rows = []
         for name, each in self.column_errors.items():
             if not (name.startswith("delay") or each.is_assumed):

@@ -49,10 +49,9 @@ def _far_begins(search: Search, fit: Fit) -> Iterator[tuple[np.ndarray, Sequence
 
 
 def _opposite(search: Search, fit: Fit) -> np.ndarray:
-    """Return the point 2 θ - θ₀ beyond the estimates θ, clipped to the limits, (p,).
-
-    θ₀ are the values at the start of the search. Turbulence and sensor noise keep their estimates.
-    """
+    """Return the point 2 θ - θ₀ beyond the estimates θ, clipped to the limits, (p,)."""
+    # θ₀ are the values at the start of the search. Turbulence and sensor noise keep their
+    # estimates.
     opposite = 2.0 * fit.theta - search.begin
     first = search.responses.turbulent
     opposite[:first] = fit.theta[:first]
@@ -61,16 +60,13 @@ def _opposite(search: Search, fit: Fit) -> np.ndarray:
 
 
 def _far_values(search: Search, fit: Fit) -> list[np.ndarray]:
-    """Return values of the unknowns (p,) near which a second minimum may lie.
-
-    At most `_TRIED` values within the limits are returned, the most promising first. Each differs
-    from the fit in one parameter. The new value of this parameter is one of:
-
-    - a value for which the state derivatives and measured quantities along the simulation are
-      similar
-    - without such a value, the negative of the estimate, if L there rises by less than the fraction
-      `_FALL` of its rise at 0
-    """
+    """Return values of the unknowns (p,) near which a second minimum may lie."""
+    # At most `_TRIED` values within the limits are returned, the most promising first. Each differs
+    # from the fit in one parameter. The new value of this parameter is one of:
+    # - a value for which the state derivatives and measured quantities along the simulation are
+    #   similar
+    # - without such a value, the negative of the estimate, if L there rises by less than the
+    #   fraction `_FALL` of its rise at 0
     least = search.level(fit.theta, fit.starts)
     flown = [
         search.responses.simulated(record, start, fit.theta)
@@ -95,26 +91,17 @@ def _far_values(search: Search, fit: Fit) -> list[np.ndarray]:
 
 
 def _with(fit: Fit, place: int, value: float) -> np.ndarray:
-    """Return the estimates, (p,), with the estimate at one index replaced.
-
-    place: the index
-    value: the new value
-    """
+    """Return the estimates, (p,), with the estimate at one index replaced."""
     theta = fit.theta.copy()
     theta[place] = value
     return theta
 
 
 def _alike(multiples: np.ndarray, different: np.ndarray) -> Iterator[tuple[float, float]]:
-    """Yield (multiple, ratio) for each second minimum of the change of the equations.
-
-    The first minimum is the one nearest to the multiple 1. The ratio is the value at the second
-    minimum divided by the largest value between both. Only minima with a ratio below `_FALL` are
-    yielded.
-
-    multiples: multiples of an estimate
-    different: change of the equations at each multiple (`Responses.differences`)
-    """
+    """Yield (multiple, ratio) for each second minimum of the change of the equations."""
+    # The first minimum is the one nearest to the multiple 1. The ratio is the value at the second
+    # minimum divided by the largest value between both. Only minima with a ratio below `_FALL` are
+    # yielded.
     middle = different[1:-1]
     lowest = 1 + np.flatnonzero((middle <= different[:-2]) & (middle < different[2:]))
     found = int(np.argmin(np.abs(multiples - 1.0)))
@@ -127,15 +114,11 @@ def _alike(multiples: np.ndarray, different: np.ndarray) -> Iterator[tuple[float
 def _searched(
     search: Search, fit: Fit, theta: np.ndarray, starts: Sequence[np.ndarray]
 ) -> Fit | None:
-    """Return the fit found from distant unknowns, or None in these cases:
-
-    - The search diverges or does not converge.
-    - L exceeds that of the original fit by `AS_LIKELY` or more.
-    - Both fits agree.
-
-    theta: unknowns at which the search begins, (p,)
-    starts: initial state of each record, (n,) each
-    """
+    """Return the fit found from distant unknowns, or None in these cases:"""
+    # - The search diverges or does not converge.
+    # - L exceeds that of the original fit by `AS_LIKELY` or more.
+    # - Both fits agree.
+    # theta (p,), starts (n,)
     try:
         other = search.whole(theta, starts)
     except FloatingPointError:
@@ -146,11 +129,7 @@ def _searched(
 
 
 def _is_apart(one: Fit, other: Fit, first: int) -> bool:
-    """Return whether two fits differ by more than `_APART` standard deviations in any unknown.
-
-    other: fit from which the standard deviations are computed
-    first: index of the first unknown that is compared
-    """
+    """Return whether two fits differ by more than `_APART` standard deviations in any unknown."""
     deviations = np.sqrt(np.diag(white_covariance(other)))
     return bool((np.abs(one.theta - other.theta) > _APART * deviations)[first:].any())
 

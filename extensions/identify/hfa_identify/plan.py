@@ -91,10 +91,8 @@ def manoeuvres(search: Search, fit: Fit, model: Model, coloured: float) -> list[
 
 
 def _relative_bands(search: Search, fit: Fit, information: np.ndarray) -> np.ndarray:
-    """Return the half-widths of the bands relative to the estimates, (p,).
-
-    The result is 0 for an error of a column, and inf for a parameter without information.
-    """
+    """Return the half-widths of the bands relative to the estimates, (p,)."""
+    # The result is 0 for an error of a column, and inf for a parameter without information.
     variances = np.diag(inverse(information)).copy()
     variances[np.diag(information) <= 0.0] = np.inf
     parameters = search.responses.model.parameters
@@ -108,11 +106,9 @@ def _relative_bands(search: Search, fit: Fit, information: np.ndarray) -> np.nda
 def _candidates(
     search: Search, fit: Fit, model: Model
 ) -> Iterator[tuple[str, str, float, float, np.ndarray]]:
-    """Yield (kind, input, amplitude, duration, information) of each maneuver.
-
-    The amplitude is halved until no state leaves its limits. Maneuvers that exceed the limits or
-    diverge at every amplitude are omitted.
-    """
+    """Yield (kind, input, amplitude, duration, information) of each maneuver."""
+    # The amplitude is halved until no state leaves its limits. Maneuvers that exceed the limits or
+    # diverge at every amplitude are omitted.
     point = trim(model)
     start = np.array(point.states)
     inputs_at_trim = np.array(point.inputs)
@@ -147,10 +143,8 @@ def _candidates(
 
 
 def _within(model: Model, responses: Responses, y: np.ndarray) -> bool:
-    """Return whether every state stays within its limits.
-
-    y: simulated quantities `responses.measured`, (N, k)
-    """
+    """Return whether every state stays within its limits."""
+    # y (N, k)
     columns = [responses.measured.index(name) for name in model.states]
     states = y[:, columns]
     low = np.array([signal.min for signal in model.states.values()])
@@ -159,12 +153,9 @@ def _within(model: Model, responses: Responses, y: np.ndarray) -> bool:
 
 
 def _shapes(time: np.ndarray) -> Iterator[tuple[str, float, np.ndarray]]:
-    """Yield (kind, duration, shape) of each maneuver.
-
-    The shape (N,) is between -1 and 1.
-
-    time: times of the samples, s, (N,)
-    """
+    """Yield (kind, duration, shape) of each maneuver."""
+    # The shape (N,) is between -1 and 1.
+    # time (N,)
     for unit in _UNITS:
         yield "doublet", unit, _steps(time, unit, (1, 1))
         yield "3-2-1-1", unit, _steps(time, unit, (3, 2, 1, 1))
@@ -176,12 +167,10 @@ def _shapes(time: np.ndarray) -> Iterator[tuple[str, float, np.ndarray]]:
 
 
 def _steps(time: np.ndarray, unit: float, lengths: tuple[int, ...]) -> np.ndarray:
-    """Return a sequence of pulses with the values 1, -1, 1, ..., and 0 before and after it, (N,).
-
-    time: s, (N,)
-    unit: duration of a pulse of length 1, s
-    lengths: length of each pulse, in units of `unit`
+    """Return a sequence of pulses with the values 1, -1, 1, ..., and 0 before and after it,
+    (N,).
     """
+    # time (N,)
     ends = _BEGIN + unit * np.concatenate([[0.0], np.cumsum(lengths)])
     place = np.searchsorted(ends, time, side="right")
     inside = (place > 0) & (place < len(ends))

@@ -89,10 +89,7 @@ class Condition:
 
 
 def _sensor_noise(model: Model, records: Sequence[Record], name: str) -> float:
-    """Return the standard deviation of a sensor's noise, computed from second differences.
-
-    name: name of the measured quantity
-    """
+    """Return the standard deviation of a sensor's noise, computed from second differences."""
     differences = []
     for record in records:
         values = record.measured.get(name, np.empty(0))
@@ -198,12 +195,9 @@ class Predictions(Responses):
         return gain.variances, slopes.logarithms
 
     def _gain(self, theta: np.ndarray) -> tuple[Gain, GainSlopes]:
-        """Return the Kalman gain at the mean flight condition of the records.
-
-        The derivatives of the gain with respect to the unknowns are also returned.
-
-        theta: unknowns, (p,)
-        """
+        """Return the Kalman gain at the mean flight condition of the records."""
+        # The derivatives of the gain with respect to the unknowns are also returned.
+        # theta (p,)
         key = theta.tobytes()
         if self._gains is None or self._gains[0] != key:
             sizes = np.array([each.nominal for each in self.signals.values()])
@@ -215,15 +209,10 @@ class Predictions(Responses):
         return self._gains[1:]
 
     def _linear(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return the matrices A, C, W and the vector R of N linear models for the filter.
-
-        A: (N, n, n)
-        C: (N, k, n)
-        W: power of the turbulence, (N, n, n)
-        R: variances of the sensor noise, (N, k)
-
-        theta: N sets of unknowns, (N, p)
-        """
+        """Return the matrices A, C, W and the vector R of N linear models for the filter."""
+        # A: (N, n, n) C: (N, k, n) W: power of the turbulence, (N, n, n) R: variances of the sensor
+        # noise, (N, k)
+        # theta (N, p)
         n, p, k = self.sizes
         count = len(theta)
         states = np.zeros((count, n))
@@ -242,11 +231,9 @@ class Predictions(Responses):
     # Predictions.
 
     def _correction(self) -> ca.Function:
-        """Return the function that corrects a predicted state x with the measured quantities z.
-
-        The function is (x, inputs, θ, z, present, K) -> (x + K (z - y), z - y), with z - y = 0 for
-        a missing sample.
-        """
+        """Return the function that corrects a predicted state x with the measured quantities z."""
+        # The function is (x, inputs, θ, z, present, K) -> (x + K (z - y), z - y), with z - y = 0
+        # for a missing sample.
         n, _, k = self.sizes
         x = ca.SX.sym("x", n)
         u = ca.SX.sym("u", self._step.numel_in(1))
@@ -260,15 +247,10 @@ class Predictions(Responses):
         return ca.Function("correction", arguments, [ca.densify(corrected), ca.densify(innovation)])
 
     def _advance_samples(self, count: int, intervals: int) -> ca.Function:
-        """Return a function that advances over successive sampling intervals.
-
-        Its arguments are x, the inputs at the start and at the end of the integration steps, the
-        durations of the steps, θ, z, present and K. Its results are x at the next sample, x at the
-        start of the steps, and z - y.
-
-        count: integration steps in each interval
-        intervals: number of intervals
-        """
+        """Return a function that advances over successive sampling intervals."""
+        # Its arguments are x, the inputs at the start and at the end of the integration steps, the
+        # durations of the steps, θ, z, present and K. Its results are x at the next sample, x at
+        # the start of the steps, and z - y.
         n, _, k = self.sizes
         m = self._step.numel_in(1)
         x = ca.MX.sym("x", n)
@@ -379,10 +361,8 @@ class Predictions(Responses):
 
 
 def _moved_states(model: Model, sources: Sequence[str]) -> np.ndarray:
-    """Return a table (sources, n), 1 where a source of white noise drives a state, else 0.
-
-    A noise drives the state of its name, and the rotation of the air that follows this state.
-    """
+    """Return a table (sources, n), 1 where a source of white noise drives a state, else 0."""
+    # A noise drives the state of its name, and the rotation of the air that follows this state.
     states = list(model.states)
     moves = np.zeros((len(sources), len(states)))
     for row, name in zip(moves, sources, strict=True):
@@ -394,12 +374,9 @@ def _moved_states(model: Model, sources: Sequence[str]) -> np.ndarray:
 
 
 def _over_intervals(change: np.ndarray, count: int) -> np.ndarray:
-    """Return sensitivities over intervals of `count` integration steps, (N, n, n + p).
-
-    The derivatives are with respect to the states before the interval and to θ.
-
-    change: sensitivities over single steps, (N count, n, n + p)
-    """
+    """Return sensitivities over intervals of `count` integration steps, (N, n, n + p)."""
+    # The derivatives are with respect to the states before the interval and to θ.
+    # change (N count, n, n + p)
     n = change.shape[1]
     total = change[::count]
     for step in range(1, count):

@@ -197,11 +197,7 @@ def read_record(
 
 
 def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
-    """Return the columns of a CSV file by name, in the model's units, (N,) each.
-
-    Raises BadInputError if the file is not CSV, is empty, or has repeated names, rows of unequal
-    length or cells that are not numbers.
-    """
+    """Return the columns of a CSV file by name, in the model's units, (N,) each."""
     try:
         text = path.read_text("utf-8-sig")
         head = text.lstrip().partition("\n")[0]
@@ -255,12 +251,7 @@ def columns_of_table(table: Any, model: Model, name: str) -> dict[str, np.ndarra
 
 
 def _head(path: str | Path, cell: str, model: Model) -> tuple[str, float]:
-    """Return the name of a column and the factor that converts its values to the model's unit.
-
-    cell: name with or without unit, such as "alpha [deg]"
-
-    Raises BadInputError if the name or unit is unknown.
-    """
+    """Return the name of a column and the factor that converts its values to the model's unit."""
     match = re.fullmatch(r"\s*(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*", cell)
     if match is None:
         raise BadInputError(
@@ -295,10 +286,7 @@ def _cell(path: Path, number: int, name: str, cell: str) -> float:
 
 
 def _numbers(record: str, name: str, values: Any) -> np.ndarray:
-    """Return a column as an array (N,). Raises BadInputError if it is not a sequence of numbers.
-
-    record: name of the record in messages
-    """
+    """Return a column as an array (N,). Raises BadInputError if it is not a sequence of numbers."""
     try:
         column = np.asarray(values, dtype=float)
     except (TypeError, ValueError):
@@ -337,11 +325,9 @@ def _check_inputs(name: str, names: Sequence[str], inputs: Sequence[np.ndarray])
 def _check_measured(
     name: str, column: str, values: np.ndarray, others: Sequence[np.ndarray]
 ) -> None:
-    """Raise BadInputError if a sensor is infinite, has too few values, or is frozen.
-
-    A sensor is frozen if all its values are equal, or if it repeats a value many times while
-    another column moves.
-    """
+    """Raise BadInputError if a sensor is infinite, has too few values, or is frozen."""
+    # A sensor is frozen if all its values are equal, or if it repeats a value many times while
+    # another column moves.
     if np.isinf(values).any():
         raise BadInputError(
             f"{name}: {column} contains infinite values; leave the cells of these samples empty"

@@ -184,10 +184,7 @@ class Responses:
     # Errors of columns.
 
     def _delays(self, columns: list[str]) -> dict[int, int]:
-        """Return the delays that are unknowns, as index in `columns` -> index in θ.
-
-        columns: names of columns of the record
-        """
+        """Return the delays that are unknowns, as index in `columns` -> index in θ."""
         return {
             columns.index(error.column): self.free.index(name)
             for name, error in self._errors.items()
@@ -197,13 +194,8 @@ class Responses:
     def _true_inputs(
         self, recorded: list[ca.SX], slopes: list[ca.SX], symbols: dict[str, ca.SX]
     ) -> list[ca.SX]:
-        """Return the true inputs as expressions of recorded inputs and unknown column errors.
-
-        Bias and scale error are corrected exactly, a delay to first order.
-
-        slopes: time derivatives of the inputs
-        symbols: unknown -> its symbol
-        """
+        """Return the true inputs as expressions of recorded inputs and unknown column errors."""
+        # Bias and scale error are corrected exactly, a delay to first order.
         true = []
         for place, name in enumerate(self.model.inputs):
             value = recorded[place]
@@ -214,11 +206,7 @@ class Responses:
         return true
 
     def _recorded(self, true: list[ca.SX], symbols: dict[str, ca.SX]) -> ca.SX:
-        """Return the measured quantities with their bias and scale error as expressions.
-
-        true: measured quantities without errors
-        symbols: unknown -> its symbol
-        """
+        """Return the measured quantities with their bias and scale error as expressions."""
         rows = [
             (1.0 + self._symbol("scale", name, symbols)) * value
             + self._symbol("bias", name, symbols)
@@ -227,23 +215,15 @@ class Responses:
         return ca.densify(ca.vertcat(ca.SX(0, 1), *rows))
 
     def _symbol(self, kind: str, column: str, symbols: dict[str, ca.SX]) -> ca.SX | float:
-        """Return the symbol of a column error, or 0 if this error is not an unknown.
-
-        kind: "bias", "scale" or "delay"
-        column: name of the column
-        symbols: unknown -> its symbol
-        """
+        """Return the symbol of a column error, or 0 if this error is not an unknown."""
         name = SensorError(kind, column).name
         return symbols[name] if name in self._errors else 0.0
 
     def _driven(self, record: Record, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the inputs of a record without their unknown delays, and the other unknowns.
-
-        The inputs are (N, m), or (N, 2m) with their time derivatives if a delay is an unknown. In
-        the returned unknowns (p,), these delays are 0.
-
-        theta: unknowns, (p,)
-        """
+        """Return the inputs of a record without their unknown delays, and the other unknowns."""
+        # The inputs are (N, m), or (N, 2m) with their time derivatives if a delay is an unknown. In
+        # the returned unknowns (p,), these delays are 0.
+        # theta (p,)
         if not self._late_inputs:
             return record.inputs, theta
         inputs = record.inputs.copy()
@@ -273,11 +253,8 @@ class Responses:
         return rise / interval
 
     def _delayed(self, record: Record, theta: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return the simulated quantities with their delays applied, (N, k).
-
-        theta: unknowns, (p,)
-        y: quantities without delays, (N, k)
-        """
+        """Return the simulated quantities with their delays applied, (N, k)."""
+        # theta (p,), y (N, k)
         from scipy.interpolate import CubicSpline
 
         later = y.copy()
@@ -289,12 +266,10 @@ class Responses:
     def _delay_slopes(
         self, record: Record, theta: np.ndarray, y: np.ndarray, slopes: np.ndarray
     ) -> None:
-        """Shift the sensitivities by the delays, in place, and enter the derivatives by the delays.
-
-        theta: unknowns, (p,)
-        y: quantities without delays, (N, k)
-        slopes: sensitivities without delays, (N, k, p + n)
+        """Shift the sensitivities by the delays, in place, and enter the derivatives by the
+        delays.
         """
+        # theta (p,), y (N, k), slopes (N, k, p + n)
         from scipy.interpolate import CubicSpline
 
         for column, place in self._late_outputs.items():
@@ -347,13 +322,9 @@ class Responses:
         return max(1, int(ROUGH_STEP / max(usual * fastest, 1e-3)))
 
     def _fastest(self, record: Record, start: np.ndarray, theta: np.ndarray) -> float:
-        """Return the largest magnitude of an eigenvalue of ∂f/∂x at the initial state, 1/s.
-
-        The result is 0 if the Jacobian is not finite.
-
-        start: initial state, (n,)
-        theta: unknowns, (p,)
-        """
+        """Return the largest magnitude of an eigenvalue of ∂f/∂x at the initial state, 1/s."""
+        # The result is 0 if the Jacobian is not finite.
+        # start (n,), theta (p,)
         driven, rest = self._driven(record.part(0, 2), theta)
         _, slopes = self._rates_at(start[None], driven[:1], rest[None])
         slope = slopes[0, :, : len(start)]
@@ -433,14 +404,9 @@ class Responses:
         durations: np.ndarray,
         theta: np.ndarray,
     ) -> np.ndarray:
-        """Return the states before the first and after each integration step, (steps + 1, n).
-
-        before, after: inputs at the start and at the end of the steps, (steps, m)
-        durations: durations of the steps, s, (steps,)
-        theta: unknowns, (p,)
-
-        Raises FloatingPointError if a state is not finite.
-        """
+        """Return the states before the first and after each integration step, (steps + 1, n)."""
+        # Raises FloatingPointError if a state is not finite.
+        # before, after (steps, m), durations (steps,), theta (p,)
         advance = self._advance(len(durations))
         unknowns = np.tile(theta, len(durations))
         (moved,) = advance.at(start, before.ravel(), after.ravel(), unknowns, durations)
@@ -450,22 +416,17 @@ class Responses:
         return states
 
     def _advance(self, steps: int) -> BoundFunction:
-        """Return the function from a state to the states after each of several integration steps.
-
-        steps: number of steps
+        """Return the function from a state to the states after each of several integration
+        steps.
         """
         if steps not in self._advances:
             self._advances[steps] = BoundFunction(self._step.mapaccum(steps))
         return self._advances[steps]
 
     def _step_slopes(self, simulated: Simulation, theta: np.ndarray, part: slice) -> np.ndarray:
-        """Return the derivatives of the states after each integration step, (steps, n, n + p).
-
-        The derivatives are with respect to the states before the step and to θ.
-
-        theta: unknowns, (p,)
-        part: slice of the integration steps
-        """
+        """Return the derivatives of the states after each integration step, (steps, n, n + p)."""
+        # The derivatives are with respect to the states before the step and to θ.
+        # theta (p,)
         n, _, _ = self.sizes
         before, after = (inputs[part] for inputs in simulated.inputs)
         durations = simulated.durations[part]
@@ -490,12 +451,8 @@ class Responses:
     def _rates_at(
         self, states: np.ndarray, inputs: np.ndarray, thetas: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the state derivatives x' (N, n), and dx'/d(x, θ) (N, n, n + p).
-
-        states: (N, n)
-        inputs: (N, m)
-        thetas: unknowns, (N, p)
-        """
+        """Return the state derivatives x' (N, n), and dx'/d(x, θ) (N, n, n + p)."""
+        # states (N, n), inputs (N, m), thetas (N, p)
         n, p, _ = self.sizes
         rates, slopes = self._rates(states, inputs, thetas)
         return rates, slopes.reshape(-1, n, n + p)
@@ -524,23 +481,17 @@ class Responses:
             return np.asarray(((moves[1:] - moves[0]) ** 2).sum(axis=1))
 
     def _outputs(self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """Return the measured quantities without delays, (N, k).
-
-        states: (N, n)
-        inputs: (N, m)
-        theta: unknowns, (p,)
-        """
+        """Return the measured quantities without delays, (N, k)."""
+        # states (N, n), inputs (N, m), theta (p,)
         return self._seen(states, inputs, np.tile(theta, (len(states), 1)))[0]
 
     def _observed_slopes(
         self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray
     ) -> np.ndarray:
-        """Return the derivatives of the measured quantities with respect to x and θ, (N, k, n + p).
-
-        states: (N, n)
-        inputs: (N, m)
-        theta: unknowns, (p,)
+        """Return the derivatives of the measured quantities with respect to x and θ, (N, k, n +
+        p).
         """
+        # states (N, n), inputs (N, m), theta (p,)
         n, p, k = self.sizes
         (slopes,) = self._seen_slopes(states, inputs, np.tile(theta, (len(states), 1)))
         return slopes.reshape(-1, k, n + p)
@@ -590,11 +541,8 @@ def carried(change: np.ndarray, count: int, S: np.ndarray) -> np.ndarray:
 
 
 def _products(by_state: np.ndarray, by_theta: np.ndarray, count: int) -> np.ndarray:
-    """Return S⁺ = Φ_x S + Φ_θ at every `count`-th step, from S = (0, I), (N, n, p + n).
-
-    by_state: Φ_x, (steps, n, n)
-    by_theta: Φ_θ, (steps, n, p)
-    """
+    """Return S⁺ = Φ_x S + Φ_θ at every `count`-th step, from S = (0, I), (N, n, p + n)."""
+    # by_state (steps, n, n), by_theta (steps, n, p)
     steps, n, p = by_theta.shape
     length = math.isqrt(steps) + 1
     blocks = math.ceil(steps / length)

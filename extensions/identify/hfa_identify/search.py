@@ -121,10 +121,8 @@ class Search:
 
     @cached_property
     def _thin(self) -> OutputError:
-        """The search on the thinned records or, in turbulence, on the complete records.
-
-        The filter gain in turbulence depends on the sampling interval.
-        """
+        """The search on the thinned records or, in turbulence, on the complete records."""
+        # The filter gain in turbulence depends on the sampling interval.
         if self.responses.turbulent:
             return self._whole
         return OutputError(self.responses, self.thinned, self.bounds, self.guesses)

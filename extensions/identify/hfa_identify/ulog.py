@@ -95,12 +95,7 @@ def ulog_columns(path: Path, table: Path | None, model: Model) -> dict[str, np.n
 
 
 def _listed(table: Path, data: Mapping[str, Any], model: Model) -> list[LoggedColumn]:
-    """Return the columns that a table defines.
-
-    data: content of the table
-
-    Raises BadInputError for an unknown key or column, and for a faulty definition.
-    """
+    """Return the columns that a table defines."""
     for key in data:
         refuse_unknown(f"{table}: unknown key", key, ("columns", "flight"))
     rows = data.get("columns")
@@ -125,10 +120,7 @@ def _listed(table: Path, data: Mapping[str, Any], model: Model) -> list[LoggedCo
 
 
 def _log(path: Path) -> Any:
-    """Return the log as a pyulog object.
-
-    Raises BadInputError if pyulog is missing or the file is not a PX4 log.
-    """
+    """Return the log as a pyulog object."""
     try:
         from pyulog import ULog
     except ModuleNotFoundError as error:
@@ -144,14 +136,7 @@ def _log(path: Path) -> Any:
 
 
 def _series(path: Path, log: Any, column: LoggedColumn) -> tuple[np.ndarray, np.ndarray]:
-    """Return the times, s, and the values of a column in the unit of the model, from a log.
-
-    path: path of the log, for error messages
-    log: the log as a pyulog object
-
-    Raises BadInputError if the log lacks the message, the instance, the field, or the quaternion
-    for an angle.
-    """
+    """Return the times, s, and the values of a column in the unit of the model, from a log."""
     messages = {(each.name, each.multi_id): each.data for each in log.data_list}
     names = sorted({name for name, _ in messages})
     refuse_unknown(f"{path} has no message", column.message, names)
@@ -171,10 +156,7 @@ def _series(path: Path, log: Any, column: LoggedColumn) -> tuple[np.ndarray, np.
 
 
 def _angle(path: Path, column: LoggedColumn, fields: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the roll, pitch or yaw angle computed from the quaternion of a message, rad, (N,).
-
-    Raises BadInputError if the message has no quaternion.
-    """
+    """Return the roll, pitch or yaw angle computed from the quaternion of a message, rad, (N,)."""
     for name in ("q[0]", "q[1]", "q[2]", "q[3]"):
         refuse_unknown(f"{path}: {column.message} has no field", name, sorted(fields))
     w, x, y, z = (np.asarray(fields[f"q[{place}]"], dtype=float) for place in range(4))
@@ -186,14 +168,7 @@ def _angle(path: Path, column: LoggedColumn, fields: Mapping[str, np.ndarray]) -
 
 
 def _cut(table: Path, data: Mapping[str, Any], time: np.ndarray, begin: float) -> np.ndarray:
-    """Return the times inside the interval [flight] of a table.
-
-    data: content of the table
-    time: times of the samples, s
-    begin: time of the start of the log, s
-
-    Raises BadInputError if [flight] is wrong or contains no samples.
-    """
+    """Return the times inside the interval [flight] of a table."""
     flight = data.get("flight", {})
     for key, value in flight.items():
         refuse_unknown(f"{table}: [flight] has the unknown key", key, ("begin", "end"))
@@ -212,26 +187,19 @@ def _cut(table: Path, data: Mapping[str, Any], time: np.ndarray, begin: float) -
 
 
 def _held(time: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the last value at or before each time, NaN before the first sample, (N,).
-
-    time: (N,), s
-    stamps: (k,), times of the samples, increasing, s
-    values: (k,), values of the samples
-    """
+    """Return the last value at or before each time, NaN before the first sample, (N,)."""
+    # time (N,), stamps (k,), values (k,)
     place = np.searchsorted(stamps, time, side="right") - 1
     return np.where(place >= 0, values[np.maximum(place, 0)], np.nan)
 
 
 def _nearest(time: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the value of each sample at the time nearest to the sample, NaN at other times, (N,).
-
-    Samples outside the times by more than half the median interval are omitted. If several samples
-    have the same nearest time, the last of these samples is used.
-
-    time: (N,), increasing, s
-    stamps: (k,), times of the samples, s
-    values: (k,), values of the samples
+    """Return the value of each sample at the time nearest to the sample, NaN at other times,
+    (N,).
     """
+    # Samples outside the times by more than half the median interval are omitted. If several
+    # samples have the same nearest time, the last of these samples is used.
+    # time (N,), stamps (k,), values (k,)
     edges = 0.5 * (time[:-1] + time[1:])
     half = 0.5 * float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     inside = (stamps >= time[0] - half) & (stamps <= time[-1] + half)

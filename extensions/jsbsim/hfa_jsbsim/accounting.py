@@ -107,10 +107,7 @@ def _elements() -> dict[str, Any]:
 
 
 def _left_out(root: Element) -> Iterator[tuple[Element, str]]:
-    """Yield (element, reason) for each element that was not read but may be omitted.
-
-    Raises BadInputError for an unread element that may not be omitted.
-    """
+    """Yield (element, reason) for each element that was not read but may be omitted."""
     pending = [root]
     while pending:
         element = pending.pop()
@@ -125,11 +122,9 @@ def _left_out(root: Element) -> Iterator[tuple[Element, str]]:
 
 
 def _reason(parent: Element, child: Element) -> str:
-    """Return the reason why a child element that was not read may be omitted.
-
-    The reason is "" for descriptive text, such as comments. Raises BadInputError if the child may
-    not be omitted.
-    """
+    """Return the reason why a child element that was not read may be omitted."""
+    # The reason is "" for descriptive text, such as comments. Raises BadInputError if the child may
+    # not be omitted.
     name = child.name
     if name in _TEXT:
         return ""
@@ -201,13 +196,8 @@ def _refuse_readers(equations: Equations) -> None:
 
 
 def _of_writers(equations: Equations) -> list[Note]:
-    """Return notes on built-in JSBSim properties that the files set.
-
-    The notes concern pilot commands that the files also set, and settings without effect.
-
-    Raises BadInputError if a file sets a read-only property, or a property that this package does
-    not allow to be set.
-    """
+    """Return notes on built-in JSBSim properties that the files set."""
+    # The notes concern pilot commands that the files also set, and settings without effect.
     properties = equations.properties
     notes = []
     for name, writers in properties.writers().items():
@@ -244,10 +234,7 @@ def _is_zero(writer: Writer) -> bool:
 
 
 def _of_prefix(name: str, reasons: dict[str, str]) -> str:
-    """Return the reason for the first prefix with which the name of a property begins, or "".
-
-    reasons: prefix -> reason
-    """
+    """Return the reason for the first prefix with which the name of a property begins, or ""."""
     return next((reason for prefix, reason in reasons.items() if name.startswith(prefix)), "")
 
 

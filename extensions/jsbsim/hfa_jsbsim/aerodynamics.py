@@ -94,12 +94,8 @@ class Aerodynamics:
         self._properties.define("aero/stall-hyst-norm", stall)
 
     def _limits(self, kind: str) -> dict[str, float] | None:
-        """Return the limits {"min": value, "max": value} in a child of <aerodynamics>, rad.
-
-        The result is None if there is no such child.
-
-        kind: name of the child
-        """
+        """Return the limits {"min": value, "max": value} in a child of <aerodynamics>, rad."""
+        # The result is None if there is no such child.
         element = self.element.find(kind) if self.element else None
         if element is None:
             return None
@@ -108,11 +104,7 @@ class Aerodynamics:
         return {name: element.need(name).number() * factor for name in ("min", "max")}
 
     def _sum(self, component: int, at_center: bool) -> ca.SX:
-        """Return one component of the aerodynamic force or moment, as the sum of its functions.
-
-        component: 0 to 2 for forces, 3 to 5 for moments
-        at_center: True for functions that act at the center of gravity, False for all others
-        """
+        """Return one component of the aerodynamic force or moment, as the sum of its functions."""
         total = ca.SX(0.0)
         for function in self._functions.get(component, ()):
             if _acts_at_center(function) == at_center:
@@ -120,10 +112,7 @@ class Aerodynamics:
         return total
 
     def _to_body(self, frame: str) -> ca.SX:
-        """Return the rotation matrix (3, 3) from a frame to body axes.
-
-        frame: "WIND" or "STABILITY". Any other frame is BODY
-        """
+        """Return the rotation matrix (3, 3) from a frame to body axes."""
         if frame == "WIND":
             return self._motion.wind_to_body
         if frame == "STABILITY":
@@ -131,13 +120,9 @@ class Aerodynamics:
         return ca.SX.eye(3)
 
     def _force(self, at_center: bool) -> ca.SX:
-        """Return the force at the reference point or at the center of gravity, body axes, lb.
-
-        In every frame except BODY, the first component is positive aft and the third is positive
-        up.
-
-        at_center: True for the force at the center of gravity
-        """
+        """Return the force at the reference point or at the center of gravity, body axes, lb."""
+        # In every frame except BODY, the first component is positive aft and the third is positive
+        # up.
         sums = ca.vertcat(*(self._sum(component, at_center) for component in range(3)))
         if self._force_frame != "BODY":
             sums = ca.vertcat(-sums[0], sums[1], -sums[2])
@@ -151,10 +136,8 @@ class Aerodynamics:
         return -ca.dot(self._motion.wind_to_body[:, 2], force)
 
     def _known_lift(self) -> Any:
-        """Return the lift on which functions of the aerodynamics may depend, lb.
-
-        In a simulation with JSBSim's time steps, this is the lift of the previous step.
-        """
+        """Return the lift on which functions of the aerodynamics may depend, lb."""
+        # In a simulation with JSBSim's time steps, this is the lift of the previous step.
         if self._properties.step:
             return self._properties.remember("lift", self._lift)
         return self._lift()
@@ -183,22 +166,15 @@ def _acts_at_center(function: Element) -> bool:
 
 
 def _frames(element: Element | None) -> tuple[str, str]:
-    """Return the frame of the forces and the frame of the moments.
-
-    The first force axis that defines a frame determines the frame of the forces:
-
-    - DRAG, LIFT: WIND
-    - AXIAL, NORMAL: AXIAL
-    - X, Y, Z: attribute `frame`, by default BODY
-    - SIDE: no frame
-
-    Without such an axis, the frame of the forces is WIND.
-
-    The attribute `frame` of the first moment axis determines the frame of the moments, by default
-    BODY.
-
-    Raises BadInputError if the `frame` of X, Y, Z or a moment axis is not BODY, STABILITY or WIND.
-    """
+    """Return the frame of the forces and the frame of the moments."""
+    # The first force axis that defines a frame determines the frame of the forces:
+    # - DRAG, LIFT: WIND
+    # - AXIAL, NORMAL: AXIAL
+    # - X, Y, Z: attribute `frame`, by default BODY
+    # - SIDE: no frame
+    # Without such an axis, the frame of the forces is WIND.
+    # The attribute `frame` of the first moment axis determines the frame of the moments, by default
+    # BODY.
     chosen = {"force": "", "moment": ""}
     for axis in element.children if element else ():
         if axis.name != "axis":
@@ -217,12 +193,8 @@ def _frames(element: Element | None) -> tuple[str, str]:
 
 
 def _functions_along_axes(element: Element | None) -> dict[int, list[Element]]:
-    """Return index of a component (forces 0 to 2, moments 3 to 5) -> its functions.
-
-    If several axes have the same component, only the last is used.
-
-    Raises BadInputError for an unknown axis.
-    """
+    """Return index of a component (forces 0 to 2, moments 3 to 5) -> its functions."""
+    # If several axes have the same component, only the last is used.
     functions: dict[int, list[Element]] = {}
     if element is None:
         return functions

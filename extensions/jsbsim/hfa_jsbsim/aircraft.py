@@ -319,18 +319,12 @@ class Equations:
         return mass_properties(self.mass)[name]
 
     def _follow(self, name: str, compute: Callable[[], Any]) -> None:
-        """Define a property by a function that is called when the property is first read.
-
-        name: name of the property
-        compute: function without arguments that returns the value
-        """
+        """Define a property by a function that is called when the property is first read."""
         self.properties.compute(name, Writer(compute, "", -1))
 
     def _reference_height(self) -> Any:
-        """Return the height of the aerodynamic reference point, divided by the span.
-
-        The height is above ground at sea level.
-        """
+        """Return the height of the aerodynamic reference point, divided by the span."""
+        # The height is above ground at sea level.
         arm = self.mass.arm(self.reference_point(""))
         height = self.states["altitude"] - ca.dot(self.motion.down, arm)
         return height / self.parts.wings.span
@@ -349,10 +343,8 @@ class Equations:
                 self._follow(name, total)
 
     def _reach_throttles(self) -> None:
-        """Use throttle positions as inputs for engines whose throttle command has no effect.
-
-        A note reports this to the user.
-        """
+        """Use throttle positions as inputs for engines whose throttle command has no effect."""
+        # A note reports this to the user.
         for file in self.parts.engines:
             own_name = f"throttle{file.number}"
             name = own_name if own_name in self.inputs else "throttle"
@@ -374,14 +366,10 @@ class Equations:
                 self._define_function(part, number, self._order_of(section, part))
 
     def _order_of(self, section: Element, function: Element) -> int:
-        """Return the position of a function in JSBSim's order of evaluation.
-
-        In a simulation with JSBSim's frames, functions of a control system precede its components,
-        and aerodynamic functions outside an <axis> precede those in an <axis>. All others have the
-        position AFTER_ALL.
-
-        section: element that contains the function
-        """
+        """Return the position of a function in JSBSim's order of evaluation."""
+        # In a simulation with JSBSim's frames, functions of a control system precede its
+        # components, and aerodynamic functions outside an <axis> precede those in an <axis>. All
+        # others have the position AFTER_ALL.
         if not self.properties.step:
             return AFTER_ALL
         if section.name in SYSTEMS:
@@ -391,15 +379,11 @@ class Equations:
         return AFTER_ALL
 
     def _define_property(self, element: Element, overrides: bool) -> None:
-        """Set the property of a <property> element.
-
-        - A writable built-in property is set if the element has a value, with two exceptions. Pilot
-          commands keep their symbols. A parameter keeps its symbol, and the value becomes its value
-          at the start, except for the levers mixture and advance.
-        - Another property is set if `overrides` is True or the property has no value yet.
-
-        Raises BadInputError for a read-only built-in property.
-        """
+        """Set the property of a <property> element."""
+        # - A writable built-in property is set if the element has a value, with two exceptions.
+        #   Pilot commands keep their symbols. A parameter keeps its symbol, and the value becomes
+        #   its value at the start, except for the levers mixture and advance.
+        # - Another property is set if `overrides` is True or the property has no value yet.
         value = element.as_number(element.attributes.get("value", "0"))
         full_name = plain(element.text)
         rights = access(full_name)
@@ -429,16 +413,11 @@ class Equations:
             self.properties.define_initial(element.text, value)
 
     def _define_function(self, element: Element, number: int | None, order: int) -> None:
-        """Define the property named by a function or a table, to be computed when it is first read.
-
-        The copy of the property named by `copyto` is not supported. Reading it raises
-        BadInputError.
-
-        number: index of the engine that contains the function, or None
-        order: position in JSBSim's order of evaluation
-
-        Raises BadInputError if another function has this name.
+        """Define the property named by a function or a table, to be computed when it is first
+        read.
         """
+        # The copy of the property named by `copyto` is not supported. Reading it raises
+        # BadInputError.
         name = "-".join(element.attributes["name"].split(" "))
         copy = element.attributes.get("copyto")
         if copy:
@@ -476,11 +455,7 @@ class Equations:
         return writer
 
     def _define_sum(self, name: str, kind: str, axis: int) -> None:
-        """Define a property as a component of the force or moment of all engines.
-
-        kind: "force" or "moment"
-        axis: index of the component
-        """
+        """Define a property as a component of the force or moment of all engines."""
 
         def compute() -> Any:
             parts = (getattr(effect, kind)[axis] for effect in self._effects())
@@ -496,12 +471,8 @@ class Equations:
         ]
 
     def _move(self, x: Any, air_force: ca.SX, air_moment: ca.SX, *outside: ca.SX) -> None:
-        """Set the outputs and the time derivatives of all states except filter states.
-
-        x: object with the states as attributes
-        air_force, air_moment: aerodynamic loads, lb and ft lb, body axes, (3,) each
-        outside: force and moment of the external reactions
-        """
+        """Set the outputs and the time derivatives of all states except filter states."""
+        # air_force, air_moment (3,)
         motion = self.motion
         mass = self.mass
         force = sum((effect.force for effect in self.effects), start=air_force + outside[0])
@@ -537,12 +508,8 @@ class Equations:
                 self.outputs[f"spool_error{file.number}"] = error
 
     def _add_filters(self) -> None:
-        """Add the filter states of the control system with their time derivatives.
-
-        Filter states that a derivative requires are added too.
-
-        Raises BadInputError if the output of a filter cannot be computed.
-        """
+        """Add the filter states of the control system with their time derivatives."""
+        # Filter states that a derivative requires are added too.
         done = 0
         while done < len(self.properties.filters):
             state = self.properties.filters[done]
@@ -557,11 +524,9 @@ class Equations:
             done += 1
 
     def _solve_rates_of_angles(self) -> None:
-        """Solve for the time derivatives of alpha and beta, and substitute them.
-
-        Forces may depend on these derivatives. One Newton step is exact for linear equations.
-        Otherwise three steps are made. They suffice for quadratic equations.
-        """
+        """Solve for the time derivatives of alpha and beta, and substitute them."""
+        # Forces may depend on these derivatives. One Newton step is exact for linear equations.
+        # Otherwise three steps are made. They suffice for quadratic equations.
         symbols = ca.vertcat(*self.rate_symbols)
         values = ca.vertcat(*self.rates.values(), *self.outputs.values())
         wanted = ca.vertcat(*self._angle_rates)
@@ -580,11 +545,7 @@ class Equations:
         self._substitute(symbols, angle_rates)
 
     def _blow(self) -> None:
-        """Replace the wind parameters by the sum of wind, gust and turbulence set in the files.
-
-        Raises BadInputError if this sum depends on the states, because the equations assume a
-        steady wind.
-        """
+        """Replace the wind parameters by the sum of wind, gust and turbulence set in the files."""
         for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
             total = ca.SX(0.0)
             for kind in ("wind", "gust", "turb"):
@@ -603,13 +564,9 @@ class Equations:
             self._substitute(symbol, total)
 
     def _stop_clock(self) -> None:
-        """Set the simulation time to 0.
-
-        If the time derivatives depend on the simulation time, but not in steady flight, a note is
-        added.
-
-        Raises BadInputError if the time derivatives depend on the simulation time in steady flight.
-        """
+        """Set the simulation time to 0."""
+        # If the time derivatives depend on the simulation time, but not in steady flight, a note is
+        # added.
         rates = ca.vertcat(*self.rates.values())
         if not ca.depends_on(rates, self._time):
             self._substitute(self._time, ca.SX(0.0))

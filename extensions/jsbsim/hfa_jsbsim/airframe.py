@@ -209,12 +209,8 @@ def _tank(element: Element) -> Tank:
 
 
 def _inertia_of_contents(element: Element, capacity: float) -> Callable[[Any], list[Any]]:
-    """Return a function (contents, lb) -> three moments of inertia, slug ft².
-
-    The formulas are those of `FGTank::CalculateInertias`.
-
-    Raises BadInputError for a grain of an unsupported type or without volume.
-    """
+    """Return a function (contents, lb) -> three moments of inertia, slug ft²."""
+    # The formulas are those of `FGTank::CalculateInertias`.
     radius = element.value_of("radius", 0.0, "IN") / 12.0
     factor = element.value_of("inertia_factor", 1.0)
     grain = element.find("grain_config")
@@ -326,11 +322,9 @@ def mass_in_file(element: Element, tanks: Sequence[Tank], points: Sequence[Point
 
 
 def _inertia(element: Element) -> np.ndarray:
-    """Return the inertia matrix given by ixx ... iyz, slug ft², (3, 3).
-
-    The elements xy and yz are -ixy and -iyz, and xz is ixz. If negated_crossproduct_inertia is
-    "false", these three elements have the opposite signs.
-    """
+    """Return the inertia matrix given by ixx ... iyz, slug ft², (3, 3)."""
+    # The elements xy and yz are -ixy and -iyz, and xz is ixz. If negated_crossproduct_inertia is
+    # "false", these three elements have the opposite signs.
     names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     xx, yy, zz, xy, xz, yz = (element.value_of(name, 0.0, "SLUG*FT2") for name in names)
     sign = -1.0 if element.attributes.get("negated_crossproduct_inertia") != "false" else 1.0
@@ -344,9 +338,8 @@ def _inertia(element: Element) -> np.ndarray:
 
 
 def _point_mass(element: Element) -> PointMass:
-    """Return the point mass of an element, with the inertia of its <form> or given by ixx ... iyz.
-
-    Raises BadInputError for an unknown shape.
+    """Return the point mass of an element, with the inertia of its <form> or given by ixx ...
+    iyz.
     """
     weight = element.need("weight").number("LBS")
     location = element.need("location").vector("IN")

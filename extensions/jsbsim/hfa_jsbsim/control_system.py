@@ -69,16 +69,9 @@ def add_control_systems(
 def _add_component(
     component: Element, properties: Properties, commands: ca.SX, order: int
 ) -> Writer:
-    """Define the properties that a component sets, and return their writer.
-
-    The component's name, its <output> elements and the cases of a distributor name these
-    properties.
-
-    Raises BadInputError for an <output> with a sign.
-
-    commands: symbols of the pilot's commands
-    order: position of the component in JSBSim's order of evaluation
-    """
+    """Define the properties that a component sets, and return their writer."""
+    # The component's name, its <output> elements and the cases of a distributor name these
+    # properties.
     name = component.attributes.get("name", "")
     names = [name if "/" in name else f"fcs/{lower_dashes(name)}"]
     outputs = [child for child in component.children if child.name == "output"]
@@ -109,15 +102,9 @@ def _add_component(
 
 
 def _switch_off(channel: Element, writers: list[Writer], properties: Properties) -> None:
-    """Remove the outputs of a channel whose attribute `execute` names a property equal to 0.
-
-    A removed output that nothing else writes keeps its initial value, by default 0. If the property
-    is not constant, reading one of the outputs raises BadInputError.
-
-    writers: writers of the channel's outputs
-
-    Raises BadInputError if the property is never set.
-    """
+    """Remove the outputs of a channel whose attribute `execute` names a property equal to 0."""
+    # A removed output that nothing else writes keeps its initial value, by default 0. If the
+    # property is not constant, reading one of the outputs raises BadInputError.
     name = channel.attributes["execute"]
     if not properties.is_known(name):
         raise channel.error(
@@ -142,10 +129,8 @@ def _switch_off(channel: Element, writers: list[Writer], properties: Properties)
 
 
 def _join_units(properties: Properties) -> None:
-    """Define surface positions in radians from degrees or vice versa, and their magnitude.
-
-    If a component sets both units, the later one in the order of evaluation is used.
-    """
+    """Define surface positions in radians from degrees or vice versa, and their magnitude."""
+    # If a component sets both units, the later one in the order of evaluation is used.
     for surface in SURFACES:
         in_rad = f"fcs/{surface}-pos-rad"
         in_deg = f"fcs/{surface}-pos-deg"
@@ -179,15 +164,9 @@ def join_surface(
 
 
 def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
-    """Return the output of a component, within its limits.
-
-    - In a simulation with JSBSim's frames: the output of dynamic components in this frame.
-    - Otherwise: the steady-state output, or an expression of filter states.
-
-    Raises BadInputError if the component has no steady-state output.
-
-    commands: symbols of the pilot's commands
-    """
+    """Return the output of a component, within its limits."""
+    # - In a simulation with JSBSim's frames: the output of dynamic components in this frame.
+    # - Otherwise: the steady-state output, or an expression of filter states.
     if properties.step and component.name in WITH_MEMORY:
         value = WITH_MEMORY[component.name](component, properties)
     elif component.name in ("pid", "integrator"):
@@ -206,12 +185,8 @@ def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
 
 
 def _clipped(component: Element, properties: Properties, value: Any) -> Any:
-    """Return a value within the limits of <clipto>.
-
-    As in JSBSim, the limits are ignored if one is missing or if they are exchanged.
-
-    Raises BadInputError for a cyclic <clipto>.
-    """
+    """Return a value within the limits of <clipto>."""
+    # As in JSBSim, the limits are ignored if one is missing or if they are exchanged.
     limits = component.find("clipto")
     if limits is None or limits.find("min") is None or limits.find("max") is None:
         return value
@@ -239,10 +214,9 @@ def _scheduled_gain(component: Element, properties: Properties) -> Any:
 
 
 def _aerosurface_scale(component: Element, properties: Properties) -> Any:
-    """Return the output of an <aerosurface_scale>: its input scaled from <domain> to <range>.
-
-    Positive and negative inputs have separate slopes about 0 unless <zero_centered> is 0 or false.
-    """
+    """Return the output of an <aerosurface_scale>: its input scaled from <domain> to <range>."""
+    # Positive and negative inputs have separate slopes about 0 unless <zero_centered> is 0 or
+    # false.
     domain = component.find("domain")
     lowest, highest = (-1.0, 1.0) if domain is None else ends_of(domain)
     out_lowest, out_highest = ends_of(component.need("range"))
@@ -258,11 +232,9 @@ def _aerosurface_scale(component: Element, properties: Properties) -> Any:
 
 
 def _kinematic(component: Element, properties: Properties) -> Any:
-    """Return the steady-state output of a <kinematic>.
-
-    The output is the input times the last detent, clipped to the first and the last detent. With
-    <noscale> the input is not multiplied.
-    """
+    """Return the steady-state output of a <kinematic>."""
+    # The output is the input times the last detent, clipped to the first and the last detent. With
+    # <noscale> the input is not multiplied.
     lowest, highest = detents(component)
     value = input_of(component, properties)
     if component.find("noscale") is None:
@@ -276,10 +248,8 @@ def _deadband(component: Element, properties: Properties) -> Any:
 
 
 def _actuator(component: Element, properties: Properties) -> Any:
-    """Return the output of an <actuator>: its input after lag, deadband and bias.
-
-    Rate limits and hysteresis are omitted with a note.
-    """
+    """Return the output of an <actuator>: its input after lag, deadband and bias."""
+    # Rate limits and hysteresis are omitted with a note.
     value = _lagged(component, "lag", input_of(component, properties), properties)
     if component.find("rate_limit") is not None:
         properties.leave_out(component, "its rate limit", is_never=True)
@@ -297,15 +267,10 @@ def _actuator(component: Element, properties: Properties) -> Any:
 
 
 def _lagged(component: Element, name: str, value: Any, properties: Properties) -> Any:
-    """Return a value after the first-order lag that a child of a component specifies.
-
-    - The component has no such child: the value.
-    - Filters have no states: the value, with a note that the lag is omitted.
-    - Otherwise: a new state y with y' = rate (value - y).
-
-    name: name of the child. Its text is the rate, 1/s, or names a property
-    value: input of the lag
-    """
+    """Return a value after the first-order lag that a child of a component specifies."""
+    # - The component has no such child: the value.
+    # - Filters have no states: the value, with a note that the lag is omitted.
+    # - Otherwise: a new state y with y' = rate (value - y).
     child = component.find(name)
     if child is None:
         return value
@@ -319,10 +284,7 @@ def _lagged(component: Element, name: str, value: Any, properties: Properties) -
 
 
 def _sensor(component: Element, properties: Properties) -> Any:
-    """Return the output of a <sensor>: its input after lag, gain and bias.
-
-    Raises BadInputError for a sensor with quantization, drift or noise.
-    """
+    """Return the output of a <sensor>: its input after lag, gain and bias."""
     for name in ("quantization", "drift_rate", "noise"):
         child = component.find(name)
         if child is not None:
@@ -340,12 +302,8 @@ def _function(component: Element, properties: Properties) -> Any:
 
 
 def _lag(component: Element, properties: Properties) -> Any:
-    """Return the output of the filter c1 / (s + c1).
-
-    Unless filters are states, the output equals the input.
-
-    Raises BadInputError as `settling` does.
-    """
+    """Return the output of the filter c1 / (s + c1)."""
+    # Unless filters are states, the output equals the input.
     rate = settling(component, properties)
     if not properties.has_filter_states:
         properties.leave_out(component, "its lag is omitted")
@@ -356,12 +314,8 @@ def _lag(component: Element, properties: Properties) -> Any:
 
 
 def _washout(component: Element, properties: Properties) -> Any:
-    """Return the output of the filter s / (s + c1).
-
-    Unless filters are states, the output is 0.
-
-    Raises BadInputError as `settling` does.
-    """
+    """Return the output of the filter s / (s + c1)."""
+    # Unless filters are states, the output is 0.
     rate = settling(component, properties)
     if not properties.has_filter_states:
         properties.leave_out(component, "its output is 0, as for a constant input")
@@ -374,12 +328,8 @@ def _washout(component: Element, properties: Properties) -> Any:
 
 
 def _lead_lag(component: Element, properties: Properties) -> Any:
-    """Return the output of the filter (c1 s + c2) / (c3 s + c4).
-
-    Unless filters are states, the output is c2 / c4 times the input.
-
-    Raises BadInputError if c4 is the constant 0, or if c3 is the constant 0 and filters are states.
-    """
+    """Return the output of the filter (c1 s + c2) / (c3 s + c4)."""
+    # Unless filters are states, the output is c2 / c4 times the input.
     value = input_of(component, properties)
     c1, c2, c3, c4 = coefficients(component, properties, 4)
     if is_constant(c4) and float(c4) == 0.0:
@@ -400,12 +350,8 @@ def _lead_lag(component: Element, properties: Properties) -> Any:
 
 
 def _second_order(component: Element, properties: Properties) -> Any:
-    """Return the output of the filter (c1 s² + c2 s + c3) / (c4 s² + c5 s + c6).
-
-    Unless filters are states, the output is c3 / c6 times the input.
-
-    Raises BadInputError if c6 is the constant 0, or if c4 is the constant 0 and filters are states.
-    """
+    """Return the output of the filter (c1 s² + c2 s + c3) / (c4 s² + c5 s + c6)."""
+    # Unless filters are states, the output is c3 / c6 times the input.
     value = input_of(component, properties)
     c1, c2, c3, c4, c5, c6 = coefficients(component, properties, 6)
     if is_constant(c6) and float(c6) == 0.0:
@@ -429,12 +375,8 @@ def _second_order(component: Element, properties: Properties) -> Any:
 
 
 def _switch(component: Element, properties: Properties) -> Any:
-    """Return the output of a <switch>: the value of the first <test> that is true.
-
-    If no <test> is true, it is the value of <default>, or 0 without <default>.
-
-    Raises BadInputError for a <test> or <default> without a value.
-    """
+    """Return the output of a <switch>: the value of the first <test> that is true."""
+    # If no <test> is true, it is the value of <default>, or 0 without <default>.
     default = component.find("default")
     value: Any = 0.0
     if default is not None:
@@ -470,12 +412,8 @@ _WORDS |= {word.upper(): sign for word, sign in _WORDS.items()}
 
 
 def _holds(test: Element, properties: Properties) -> ca.SX:
-    """Return whether a <test> is true, as a number or an expression.
-
-    All conditions of the <test> must be true, or with logic="OR" at least one.
-
-    Raises BadInputError for a condition that JSBSim does not accept.
-    """
+    """Return whether a <test> is true, as a number or an expression."""
+    # All conditions of the <test> must be true, or with logic="OR" at least one.
     conditions = []
     for line, text in test.lines:
         if "\t" in text:
@@ -511,18 +449,12 @@ def _holds(test: Element, properties: Properties) -> ca.SX:
 
 
 def _controller(component: Element, properties: Properties, commands: ca.SX) -> Any:
-    """Return the output of a <pid> or an <integrator> with the input u (`FGPID`).
-
-    - <pid>: kp u + ki ∫ u dt + kd u'
-    - <pid> of type "standard": kp (u + ki ∫ u dt + kd u')
-    - <integrator>: the formula of a <pid> with ki = c1
-
-    The integral is 0 unless filters are states. u' is <pvdot>, or 0 without it.
-
-    Raises LoopError as `_integral` does.
-
-    commands: symbols of the pilot's commands
-    """
+    """Return the output of a <pid> or an <integrator> with the input u (`FGPID`)."""
+    # - <pid>: kp u + ki ∫ u dt + kd u'
+    # - <pid> of type "standard": kp (u + ki ∫ u dt + kd u')
+    # - <integrator>: the formula of a <pid> with ki = c1
+    # The integral is 0 unless filters are states. u' is <pvdot>, or 0 without it.
+    # Raises LoopError as `_integral` does.
     value = ca.SX(input_of(component, properties))
     integral = component.find("ki") if component.name == "pid" else component.need("c1")
     gain = 0.0 if integral is None else properties.value(integral.text, integral)
@@ -544,15 +476,10 @@ def _controller(component: Element, properties: Properties, commands: ca.SX) -> 
 def _integral(
     component: Element, properties: Properties, value: Any, gain: Any, commands: ca.SX
 ) -> Any:
-    """Return the integral of gain times value, constant while <trigger> is not 0.
-
-    The integral is 0 if filters are not states, or if <trigger> is always negative.
-
-    commands: symbols of the pilot's commands
-
-    Raises LoopError if filters are not states, the value depends on the pilot's commands, and
-    `properties.centered` is False.
-    """
+    """Return the integral of gain times value, constant while <trigger> is not 0."""
+    # The integral is 0 if filters are not states, or if <trigger> is always negative.
+    # Raises LoopError if filters are not states, the value depends on the pilot's commands, and
+    # `properties.centered` is False.
     try:
         trigger = ca.SX(parameter(component, "trigger", properties, 0.0))
     except LoopError:  # it stops the integral while the output is at a limit

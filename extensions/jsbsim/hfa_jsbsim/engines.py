@@ -241,10 +241,7 @@ def running(file: EngineFile, around: Surroundings) -> ca.SX:
 
 
 def _fed(file: EngineFile, around: Surroundings, kind: str) -> ca.SX:
-    """Return whether an open tank that feeds the engine contains usable fuel or oxidizer.
-
-    kind: "FUEL" or "OXIDIZER"
-    """
+    """Return whether an open tank that feeds the engine contains usable fuel or oxidizer."""
     fed = ca.SX(0.0)
     for number in file.feeds:
         tank = around.tanks[number]
@@ -345,12 +342,8 @@ def spool_error(file: EngineFile, around: Surroundings) -> Any:
 
 
 def _windmilling(file: EngineFile, around: Surroundings, name: str) -> Any:
-    """Return the windmilling speed of a turbine's shaft, %.
-
-    The speed is 0 if the property disable-windmill is set.
-
-    name: "n1" or "n2"
-    """
+    """Return the windmilling speed of a turbine's shaft, %."""
+    # The speed is 0 if the property disable-windmill is set.
     if file.engine.value_of("disable-windmill", 0.0):
         return 0.0
     return around.motion.pressure_head / (10.0 if name == "n1" else 15.0)
@@ -384,11 +377,9 @@ def lag_rates(file: EngineFile, around: Surroundings) -> dict[str, Any]:
 
 
 def _limited_throttle(file: EngineFile, around: Surroundings) -> Any:
-    """Return the throttle of a turboprop after its torque limiter (`FGTurboProp::Calculate`).
-
-    The limiter changes the throttle from frame to frame of JSBSim. In steady-state equations, and
-    without limiter or propeller, the throttle is returned unchanged.
-    """
+    """Return the throttle of a turboprop after its torque limiter (`FGTurboProp::Calculate`)."""
+    # The limiter changes the throttle from frame to frame of JSBSim. In steady-state equations, and
+    # without limiter or propeller, the throttle is returned unchanged.
     given = throttle_of(file, around)
     properties = around.properties
     most = file.engine.value_of("ielumaxtorque", 0.0, "FT*LB")
@@ -407,22 +398,15 @@ def _limited_throttle(file: EngineFile, around: Surroundings) -> Any:
 
 
 def _leave_out_spools(file: EngineFile, names: tuple[str, ...]) -> None:
-    """Record that a turbine's spool functions may be omitted, because no force depends on them.
-
-    names: beginnings of the functions' names
-    """
+    """Record that a turbine's spool functions may be omitted, because no force depends on them."""
     for function in file.engine.children:
         if function.attributes.get("name", "").rsplit("/", 1)[-1].startswith(names):
             function.taken = False
 
 
 def _spool_rate(file: EngineFile, around: Surroundings, speed: ca.SX) -> Any:
-    """Return the acceleration of a turbine's n2 shaft, %/s (`FGTurbine::Seek`).
-
-    The acceleration is at a limit until the target can be reached within one frame.
-
-    speed: present speed, %
-    """
+    """Return the acceleration of a turbine's n2 shaft, %/s (`FGTurbine::Seek`)."""
+    # The acceleration is at a limit until the target can be reached within one frame.
     low, high = file.shaft("n2")
     is_on = running(file, around)
     share = ca.fmin((speed - low) / (high - low) + 0.1, 1.0)
@@ -463,11 +447,7 @@ def turbine_thrust(file: EngineFile, around: Surroundings) -> Any:
 def _augmented(
     file: EngineFile, around: Surroundings, dry_and_bled: tuple[Any, Any], shares: dict[str, Any]
 ) -> Any:
-    """Return the thrust of a turbine with its afterburner, lb.
-
-    dry_and_bled: thrust without afterburner, before and after the loss by bleed air
-    shares: name of a thrust function -> its value as a fraction of the rated thrust
-    """
+    """Return the thrust of a turbine with its afterburner, lb."""
     engine = file.engine
     dry, bled = dry_and_bled
     position = throttle_of(file, around)
@@ -498,10 +478,7 @@ def _augmented(
 
 
 def _share(file: EngineFile, around: Surroundings, name: str, default: Any = 0.0) -> Any:
-    """Return the value of an engine function, or `default` if the function does not exist.
-
-    Raises BadInputError if IdleThrust or MilThrust does not exist.
-    """
+    """Return the value of an engine function, or `default` if the function does not exist."""
     names = (name, f"propulsion/engine[#]/{name}", file.full_name(name))
     for function in file.engine.all("function"):
         if function.attributes.get("name", "") in names:
@@ -641,10 +618,8 @@ def add_engine(file: EngineFile, around: Surroundings, compute: Any) -> Writer:
 
 
 def _add_shafts(file: EngineFile, around: Surroundings) -> None:
-    """Define the properties n1 and n2, the speeds of a turbine's shafts, %.
-
-    Reading n1 raises BadInputError if the speed n2 is a state.
-    """
+    """Define the properties n1 and n2, the speeds of a turbine's shafts, %."""
+    # Reading n1 raises BadInputError if the speed n2 is a state.
     for name in ("n1", "n2"):
 
         def speed(name: str = name) -> Any:

@@ -68,11 +68,10 @@ class _FrameEquations(Equations):
         return self.planet_rates
 
     def _move(self, x: Any, air_force: ca.SX, air_moment: ca.SX, *outside: ca.SX) -> None:
-        """Set the total force, moment, mass and inertia, and the derivatives of the engine states.
-
-        air_force, air_moment: aerodynamic loads, lb and ft lb, body axes, (3,) each
-        outside: force and moment of the external reactions
+        """Set the total force, moment, mass and inertia, and the derivatives of the engine
+        states.
         """
+        # air_force, air_moment (3,)
         force = sum((effect.force for effect in self.effects), start=air_force + outside[0])
         moment = sum((effect.moment for effect in self.effects), start=air_moment + outside[1])
         inertia = ca.reshape(self.mass.inertia, 9, 1)
@@ -84,10 +83,8 @@ class _FrameEquations(Equations):
         self.outputs = {}
 
     def _add_filters(self) -> None:
-        """Add the values that components store for the next frame to the results of the frame.
-
-        Stored values on which these values depend are added too.
-        """
+        """Add the values that components store for the next frame to the results of the frame."""
+        # Stored values on which these values depend are added too.
         memories = self.properties.memories
         done = 0
         while done < len(memories):
@@ -194,13 +191,9 @@ class Frames:
         return x.copy()
 
     def _begun(self, values: dict[str, float], wind: np.ndarray) -> np.ndarray:
-        """Return JSBSim's variables of motion at a state over the equator, (_SIZE,).
-
-        All accelerations are 0.
-
-        values: name -> value of each state
-        wind: north, east and down, ft/s, (3,)
-        """
+        """Return JSBSim's variables of motion at a state over the equator, (_SIZE,)."""
+        # All accelerations are 0.
+        # wind (3,)
         planet = self.planet
         turning = np.array([0.0, 0.0, planet.turning])
         position = np.array([planet.semimajor + values["altitude"], 0.0, 0.0])
@@ -222,12 +215,8 @@ class Frames:
         return motion
 
     def _compiled(self, moving: bool) -> ca.Function:
-        """Return the CasADi function (z, u, p) -> (z, x) of one frame.
-
-        z contains the variables of motion, the engine states and the stored values.
-
-        moving: whether the aircraft moves. Otherwise the function returns z alone.
-        """
+        """Return the CasADi function (z, u, p) -> (z, x) of one frame."""
+        # z contains the variables of motion, the engine states and the stored values.
         z = ca.SX.sym("z", _SIZE + len(self._engines) + len(self._memories))
         u = ca.SX.sym("u", len(self._inputs))
         p = ca.SX.sym("p", len(self._parameters))
@@ -258,13 +247,7 @@ class Frames:
         )
 
     def _loads(self, x: ca.SX, u: ca.SX, p: ca.SX, *others: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Return loads, engine states and stored values at the end of the frame.
-
-        x: states, with the engine states of the previous frame
-        u, p: inputs and parameters of the model
-        others: time derivatives of alpha and beta, angular velocity of the earth in body axes,
-            stored values
-        """
+        """Return loads, engine states and stored values at the end of the frame."""
         equations = self._equations
         inputs = {name: each.symbol for name, each in equations.inputs.items()}
         parameters = dict(equations.parameters)
@@ -285,11 +268,9 @@ class Frames:
         return values
 
     def _end_of_frame(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Return loads, engine states and stored values at the end of a frame, as expressions.
-
-        Engine states advance before the thrust is computed, except propeller speeds, which advance
-        afterwards.
-        """
+        """Return loads, engine states and stored values at the end of a frame, as expressions."""
+        # Engine states advance before the thrust is computed, except propeller speeds, which
+        # advance afterwards.
         equations = self._equations
         kept = [f"memory {name}" for name in equations.properties.memories]
         speeds = [name for name in self._engines if name.startswith("rpm")]
@@ -354,11 +335,8 @@ class _View(NamedTuple):
 
 
 def _viewed(parts: dict[str, Any], wind: Any, planet: Planet) -> _View:
-    """Return the quantities derived from the motion on which the forces depend.
-
-    parts: variables of motion, by name
-    wind: north, east and down, ft/s, (3,)
-    """
+    """Return the quantities derived from the motion on which the forces depend."""
+    # wind (3,)
     turning = ca.vertcat(0.0, 0.0, planet.turning)
     to_earth = _turned(parts["earth"])
     to_body = _matrix(parts["attitude"])
@@ -400,11 +378,8 @@ def _viewed(parts: dict[str, Any], wind: Any, planet: Planet) -> _View:
 def _accelerated(
     parts: dict[str, Any], view: _View, loads: ca.SX, planet: Planet
 ) -> dict[str, Any]:
-    """Return the accelerations by name, as `FGAccelerations` computes them.
-
-    parts: variables of motion, by name
-    loads: force, moment, mass and inertia matrix, (16,)
-    """
+    """Return the accelerations by name, as `FGAccelerations` computes them."""
+    # loads (16,)
     force, moment, mass, inertia = ca.vertsplit(loads, [0, 3, 6, 7, 16])
     inertia = ca.reshape(inertia, 3, 3)
     turning = ca.vertcat(0.0, 0.0, planet.turning)
@@ -428,10 +403,7 @@ def _column(values: Iterable[Any]) -> ca.SX:
 
 
 def _split(motion: Any) -> dict[str, Any]:
-    """Return the parts of the vector of motion by name, such as attitude or position.
-
-    motion: variables of motion, (_SIZE,)
-    """
+    """Return the parts of the vector of motion by name, such as attitude or position."""
     parts = {}
     begin = 0
     for name, size in _MOTION.items():
@@ -441,14 +413,9 @@ def _split(motion: Any) -> dict[str, Any]:
 
 
 def _propagated(parts: dict[str, Any], step: float, turning: float) -> dict[str, Any]:
-    """Return the variables of motion after `FGPropagate`, by name.
-
-    Attitude and rotation are integrated with Euler's method, the velocity with the second-order and
-    the position with the third-order method of Adams and Bashforth.
-
-    step: s
-    turning: angular velocity of the earth, rad/s
-    """
+    """Return the variables of motion after `FGPropagate`, by name."""
+    # Attitude and rotation are integrated with Euler's method, the velocity with the second-order
+    # and the position with the third-order method of Adams and Bashforth.
     q0, q1, q2, q3 = ca.vertsplit(parts["attitude"])
     p, q, r = ca.vertsplit(parts["rotation"])
     rate = 0.5 * ca.vertcat(
@@ -475,10 +442,7 @@ def _propagated(parts: dict[str, Any], step: float, turning: float) -> dict[str,
 
 
 def _turned(angle: Any) -> Any:
-    """Return the rotation matrix (3, 3) from inertial axes to axes fixed to the earth.
-
-    angle: rotation angle of the earth, rad
-    """
+    """Return the rotation matrix (3, 3) from inertial axes to axes fixed to the earth."""
     cos = ca.cos(angle)
     sin = ca.sin(angle)
     return ca.vertcat(
@@ -509,15 +473,10 @@ def _matrix(attitude: Any) -> Any:
 
 
 def _local_axes(place: Any, planet: Planet) -> tuple[Any, Any]:
-    """Return the altitude, ft, and the rotation matrix (3, 3) from earth-fixed to local axes.
-
-    The local axes point north, east and down, and are geodetic. The altitude is relative to the
-    ellipsoid's radius at the same geocentric latitude.
-
-    place: position in axes fixed to the earth, ft
-
-    Source: Fukushima, Journal of Geodesy 79, 2006.
-    """
+    """Return the altitude, ft, and the rotation matrix (3, 3) from earth-fixed to local axes."""
+    # The local axes point north, east and down, and are geodetic. The altitude is relative to the
+    # ellipsoid's radius at the same geocentric latitude.
+    # Source: Fukushima, Journal of Geodesy 79, 2006.
     x, y, z = ca.vertsplit(place)
     a = planet.semimajor
     ec = planet.semiminor / a
@@ -549,12 +508,8 @@ def _local_axes(place: Any, planet: Planet) -> tuple[Any, Any]:
 
 
 def _gravity(place: Any, planet: Planet) -> Any:
-    """Return the gravitational acceleration in earth-fixed axes, ft/s², (3,).
-
-    Source: `FGInertial::GetGravityJ2`.
-
-    place: position in axes fixed to the earth, ft
-    """
+    """Return the gravitational acceleration in earth-fixed axes, ft/s², (3,)."""
+    # Source: `FGInertial::GetGravityJ2`.
     radius = ca.norm_2(place)
     sine = place[2] / radius
     share = 1.5 * planet.flattening * (planet.semimajor / radius) ** 2
@@ -565,10 +520,8 @@ def _gravity(place: Any, planet: Planet) -> Any:
 
 
 def _flow(air: Any) -> tuple[Any, Any, Any]:
-    """Return speed, alpha and beta of an aircraft from its velocity.
-
-    air: velocity relative to the air, body axes, (3,)
-    """
+    """Return speed, alpha and beta of an aircraft from its velocity."""
+    # air (3,)
     u, v, w = ca.vertsplit(air)
     in_plane = u * u + w * w
     return ca.sqrt(in_plane + v * v), ca.atan2(w, u), ca.atan2(v, ca.sqrt(in_plane))

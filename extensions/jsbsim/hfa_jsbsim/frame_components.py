@@ -41,21 +41,12 @@ class _Past:
 
 
 def _tustin(rate: Any, step: float) -> tuple[Any, Any]:
-    """Return Tustin's factors (c, d) of a first-order lag, y = c (u + u_last) + d y_last.
-
-    rate: corner frequency, 1/s
-    step: s
-    """
+    """Return Tustin's factors (c, d) of a first-order lag, y = c (u + u_last) + d y_last."""
     return step * rate / (2.0 + step * rate), (2.0 - step * rate) / (2.0 + step * rate)
 
 
 def _lagged(value: Any, rate: Any, past: _Past, step: float, begin: Any = 0.0) -> Any:
-    """Return a value after a first-order lag.
-
-    rate: corner frequency of the lag, 1/s
-    step: s
-    begin: input and output before the first frame
-    """
+    """Return a value after a first-order lag."""
     of_inputs, of_output = _tustin(rate, step)
     last_input = past.unless_first(past.of("lag input", lambda: value), begin)
     last_output = past.unless_first(past.of("lag output", lambda: output), begin)
@@ -122,12 +113,8 @@ def _second_order(component: Element, properties: Properties) -> Any:
 
 
 def _actuator(component: Element, properties: Properties) -> Any:
-    """Return the output of an <actuator>.
-
-    It is the input after lag, rate limits, deadband, hysteresis and bias, in this order.
-
-    Raises BadInputError for an actuator with a delay.
-    """
+    """Return the output of an <actuator>."""
+    # It is the input after lag, rate limits, deadband, hysteresis and bias, in this order.
     _refuse_delay(component)
     value = ca.SX(input_of(component, properties))
     past = _Past(component, properties)
@@ -151,11 +138,7 @@ def _actuator(component: Element, properties: Properties) -> Any:
 
 
 def _slowed(component: Element, value: ca.SX, past: _Past, properties: Properties) -> ca.SX:
-    """Return the input of an actuator within its rate limits.
-
-    value: the input
-    past: stored values of the actuator
-    """
+    """Return the input of an actuator within its rate limits."""
     limits: dict[str, Any] = {}
     for child in component.all("rate_limit"):
         limit = properties.value(child.text, child)
@@ -176,10 +159,7 @@ def _slowed(component: Element, value: ca.SX, past: _Past, properties: Propertie
 
 
 def _sensor(component: Element, properties: Properties) -> Any:
-    """Return the output of a <sensor>: its input after lag, gain and bias.
-
-    Raises BadInputError for a sensor with delay, quantization, drift or noise.
-    """
+    """Return the output of a <sensor>: its input after lag, gain and bias."""
     _refuse_delay(component)
     for name in ("quantization", "drift_rate", "noise"):
         child = component.find(name)
@@ -229,12 +209,8 @@ def _moved(
     step: float,
     sign: float,
 ) -> ca.SX:
-    """Return the position after a step toward `wanted`, upward (sign 1) or downward (sign -1).
-
-    last: position before the step
-    intervals: (low, high, travel time) between detents, in the order of the movement
-    step: s
-    """
+    """Return the position after a step toward `wanted`, upward (sign 1) or downward (sign -1)."""
+    # intervals (low, high, travel time)
     position = last
     left = ca.SX(step)
     for low, high, time in intervals:
@@ -263,16 +239,13 @@ _WEIGHTS = {
 
 
 def _pid(component: Element, properties: Properties) -> Any:
-    """Return the output of a <pid> or an <integrator> with the input u.
-
-    - <pid>: kp u + ki ∫ u dt + kd u'
-    - <pid> of type "standard": kp (u + ki ∫ u dt + kd u')
-    - <integrator>: the formula of a <pid> with ki = c1
-
-    u' is <pvdot>, or without it the difference from the previous frame divided by the frame's
-    duration. The integral follows JSBSim's integration rules. It is constant while <trigger> is
-    positive, and is set to 0 by a negative <trigger>.
-    """
+    """Return the output of a <pid> or an <integrator> with the input u."""
+    # - <pid>: kp u + ki ∫ u dt + kd u'
+    # - <pid> of type "standard": kp (u + ki ∫ u dt + kd u')
+    # - <integrator>: the formula of a <pid> with ki = c1
+    # u' is <pvdot>, or without it the difference from the previous frame divided by the frame's
+    # duration. The integral follows JSBSim's integration rules. It is constant while <trigger> is
+    # positive, and is set to 0 by a negative <trigger>.
     value = ca.SX(input_of(component, properties))
     past = _Past(component, properties)
     trigger = ca.SX(parameter(component, "trigger", properties, 0.0))

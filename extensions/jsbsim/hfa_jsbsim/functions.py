@@ -46,10 +46,8 @@ def _rounded(value: Any) -> Any:
 
 
 def _switch(index: Any, *values: Any) -> Any:
-    """Return the value at the rounded index.
-
-    The result is NaN if the index is negative or has no value. JSBSim stops for such an index.
-    """
+    """Return the value at the rounded index."""
+    # The result is NaN if the index is negative or has no value. JSBSim stops for such an index.
     chosen = ca.SX.nan()
     for number in range(len(values) - 1, -1, -1):
         chosen = ca.if_else(index + 0.5 < number + 1, values[number], chosen)
@@ -57,12 +55,8 @@ def _switch(index: Any, *values: Any) -> Any:
 
 
 def _interpolate1d(argument: Any, *pairs: Any) -> Any:
-    """Return the linear interpolation between points, constant beyond the first and last point.
-
-    As in JSBSim, the interval is found by bisection even if the x do not increase.
-
-    pairs: x1, y1, x2, y2, ...
-    """
+    """Return the linear interpolation between points, constant beyond the first and last point."""
+    # As in JSBSim, the interval is found by bisection even if the x do not increase.
     points = list(zip(pairs[::2], pairs[1::2], strict=True))
 
     def between(first: int, last: int) -> Any:
@@ -81,9 +75,8 @@ def _interpolate1d(argument: Any, *pairs: Any) -> Any:
 
 
 def _where_positive(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Return a logarithm that is minus infinity for arguments that are not positive, as in JSBSim.
-
-    function: the logarithm
+    """Return a logarithm that is minus infinity for arguments that are not positive, as in
+    JSBSim.
     """
 
     def value(argument: Any) -> Any:
@@ -196,10 +189,7 @@ def function_value(element: Element, properties: Properties, number: int | None 
 
 
 def _value(element: Element, properties: Properties, number: int | None) -> Any:
-    """Return the value of an element inside a function: property, number, table or operation.
-
-    Raises BadInputError for an element that is not supported.
-    """
+    """Return the value of an element inside a function: property, number, table or operation."""
     name = element.name
     if name in ("property", "p"):
         if "apply" in element.attributes:
@@ -232,10 +222,8 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
 
 
 def _is_minus_zero(value: Any) -> bool:
-    """Return whether a value is the number -0.
-
-    A CasADi expression does not keep the sign of -0.
-    """
+    """Return whether a value is the number -0."""
+    # A CasADi expression does not keep the sign of -0.
     return isinstance(value, float) and value == 0.0 and math.copysign(1.0, value) < 0.0
 
 
@@ -315,12 +303,8 @@ def read_table(element: Element) -> Table:
 
 
 def _stacked(nested: list[Element]) -> Table:
-    """Return the table that several <tableData> elements form along an additional axis.
-
-    The attribute breakPoint of an element is its breakpoint on this axis.
-
-    Raises BadInputError if the elements have no columns or different numbers of axes.
-    """
+    """Return the table that several <tableData> elements form along an additional axis."""
+    # The attribute breakPoint of an element is its breakpoint on this axis.
     tables = tuple(read_table(child) for child in nested)
     points = np.array([child.as_number(child.attributes.get("breakPoint", "")) for child in nested])
     first = tables[0]
@@ -345,14 +329,10 @@ def _stacked(nested: list[Element]) -> Table:
 
 
 def _rows(data: Element) -> Table:
-    """Return the table in the text of an element.
-
-    - If all rows have two numbers, each is a pair (breakpoint, value).
-    - Otherwise the first row contains the breakpoints of the columns. Each further row contains a
-      breakpoint and the values.
-
-    Raises BadInputError for text that is not a table of finite numbers.
-    """
+    """Return the table in the text of an element."""
+    # - If all rows have two numbers, each is a pair (breakpoint, value).
+    # - Otherwise the first row contains the breakpoints of the columns. Each further row contains a
+    #   breakpoint and the values.
     rows = []
     for line, text in data.lines:
         if "_" in text:

@@ -98,13 +98,8 @@ def piston_power(
 
 
 def _set(file: EngineFile, around: Surroundings, name: str, default: float) -> Any:
-    """Return a number of a piston engine, which the engine's file or a system can set.
-
-    A value that a system sets takes precedence.
-
-    name: name of the number
-    default: value if neither sets the number
-    """
+    """Return a number of a piston engine, which the engine's file or a system can set."""
+    # A value that a system sets takes precedence.
     default_value = file.engine.value_of(name, default)
     return around.properties.read_or(file.full_name(name), default_value, file.mount.where)
 
@@ -146,20 +141,16 @@ class _Breathing:
 
 
 def _consumption(file: EngineFile, around: Surroundings, breathing: _Breathing) -> Any:
-    """Return the brake specific fuel consumption, lb/(hp h).
-
-    The value of a system takes precedence over the file, and the file over the rated power.
-    """
+    """Return the brake specific fuel consumption, lb/(hp h)."""
+    # The value of a system takes precedence over the file, and the file over the rated power.
     name = file.full_name("bsfc-lbs_hphr")
     own_value = _own_consumption(file.engine, breathing)
     return around.properties.read_or(name, own_value, file.mount.where)
 
 
 def _own_consumption(engine: Element, breathing: _Breathing) -> float:
-    """Return the specific fuel consumption, lb/(hp h), from the engine's file.
-
-    Without an entry in the file, it follows from the rated power.
-    """
+    """Return the specific fuel consumption, lb/(hp h), from the engine's file."""
+    # Without an entry in the file, it follows from the rated power.
     stated = engine.value_of("bsfc", -1.0, "LBS/HP*HR")
     if stated >= 0.0:
         return stated
@@ -176,10 +167,7 @@ def _own_consumption(engine: Element, breathing: _Breathing) -> float:
 
 
 def _mixture_efficiency(engine: Element, around: Surroundings, fuel_share: Any) -> Any:
-    """Return the fraction of the power that is available at a fuel-air ratio.
-
-    fuel_share: fuel-air ratio
-    """
+    """Return the fraction of the power that is available at a fuel-air ratio."""
     for table in engine.all("table"):
         if table.attributes.get("name") == "MIXTURE":
             return internal_table(table, around, [fuel_share])
@@ -190,15 +178,9 @@ def _mixture_efficiency(engine: Element, around: Surroundings, fuel_share: Any) 
 def _boosted(
     file: EngineFile, around: Surroundings, throttled: Any, ambient: Any, speed: Any
 ) -> Any:
-    """Return the manifold pressure behind the supercharger, Pa.
-
-    An engine without supercharger returns `throttled`. The gear of the supercharger depends on the
-    ambient pressure, or on the boost lever if boostmanual is 1.
-
-    throttled: pressure behind the throttle, Pa
-    ambient: ambient pressure, Pa
-    speed: engine speed, rpm
-    """
+    """Return the manifold pressure behind the supercharger, Pa."""
+    # An engine without supercharger returns `throttled`. The gear of the supercharger depends on
+    # the ambient pressure, or on the boost lever if boostmanual is 1.
     gears = _gears(file.engine)
     if not gears:
         return throttled
@@ -233,13 +215,11 @@ def _boosted(
 
 
 def _gears(engine: Element) -> list[tuple[float, float, float, float]]:
-    """Return (multiplier, rated speed, rated pressure, switch pressure) of each gear.
-
-    The speed is in rpm and the pressures are in Pa. The next gear is used if the ambient pressure
-    is more than 1000 Pa below the switch pressure. If a gear is invalid, the number of gears is
-    reduced by one, and those from the invalid one on have the multiplier 1. The list is empty
-    without a supercharger.
-    """
+    """Return (multiplier, rated speed, rated pressure, switch pressure) of each gear."""
+    # The speed is in rpm and the pressures are in Pa. The next gear is used if the ambient pressure
+    # is more than 1000 Pa below the switch pressure. If a gear is invalid, the number of gears is
+    # reduced by one, and those from the invalid one on have the multiplier 1. The list is empty
+    # without a supercharger.
     count = int(engine.value_of("numboostspeeds", 0.0))
     gears: list[tuple[float, float, float, float]] = []
     last_altitude = 0.0
@@ -263,20 +243,13 @@ def _gears(engine: Element) -> list[tuple[float, float, float, float]]:
 
 
 def _standard_pressure(altitude: float) -> float:
-    """Return the pressure of the standard atmosphere, lb/ft² (`FGPiston::GetStdPressure100K`).
-
-    altitude: ft
-    """
+    """Return the pressure of the standard atmosphere, lb/ft² (`FGPiston::GetStdPressure100K`)."""
     factors = (2116.217, -7.648932746e-2, 1.0925498604e-6, -7.1135726027e-12, 1.7470331356e-17)
     return sum(factor * altitude**power for power, factor in enumerate(factors))
 
 
 def _boost_loss(engine: Element, throttled: Any, manifold: Any, volume_flow: Any) -> Any:
-    """Return the power consumed by the supercharger, hp.
-
-    throttled, manifold: pressures before and behind the supercharger, Pa
-    volume_flow: m³/s
-    """
+    """Return the power consumed by the supercharger, hp."""
     factor = engine.value_of("boost-loss-factor", 0.0)
     if factor <= 0.0:
         return 0.0

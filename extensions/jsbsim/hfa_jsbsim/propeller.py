@@ -84,13 +84,13 @@ def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effe
 
 
 def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]:
-    """Return the blade angle of a propeller, deg, and its time derivative as {state: derivative}.
-
-    The dictionary is empty if no governor changes the angle. A governor changes the angle by 1
-    deg/s for each rpm above the commanded speed. If the propeller is feathered, the angle
-    approaches `maxpitch`, by the share `_FEATHERING` of the remaining difference in each frame. A
-    step that would exceed a limit of the angle ends at the limit.
+    """Return the blade angle of a propeller, deg, and its time derivative as {state:
+    derivative}.
     """
+    # The dictionary is empty if no governor changes the angle. A governor changes the angle by 1
+    # deg/s for each rpm above the commanded speed. If the propeller is feathered, the angle
+    # approaches `maxpitch`, by the share `_FEATHERING` of the remaining difference in each frame. A
+    # step that would exceed a limit of the angle ends at the limit.
     prop = file.thruster
     lowest = prop.value_of("minpitch", 0.0)
     highest = prop.value_of("maxpitch", 0.0)
@@ -116,12 +116,8 @@ def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]
 def _coefficient(
     file: EngineFile, around: Surroundings, name: str, arguments: list[Any], tip_mach: Any
 ) -> Any:
-    """Return C_T or C_P with its factor and its correction for the Mach number of the blade tips.
-
-    name: "C_THRUST" or "C_POWER"
-    arguments: advance ratio J and blade angle, deg
-
-    Raises BadInputError if the propeller has no such table.
+    """Return C_T or C_P with its factor and its correction for the Mach number of the blade
+    tips.
     """
     prop = file.thruster
     tables = {table.attributes.get("name", ""): table for table in prop.all("table")}
@@ -137,13 +133,7 @@ def _coefficient(
 
 
 def _induced_velocity(speed: Any, thrust: Any, density: Any, diameter: float) -> Any:
-    """Return the induced velocity according to momentum theory, ft/s.
-
-    speed: axial airspeed, ft/s
-    thrust: lb
-    density: slug/ft³
-    diameter: ft
-    """
+    """Return the induced velocity according to momentum theory, ft/s."""
     area = 0.25 * math.pi * diameter**2
     squared = speed * ca.fabs(speed) + 2.0 * thrust / (density * area)
     root = ca.sqrt(ca.fmax(ca.fabs(squared), 1e-12))
@@ -153,15 +143,9 @@ def _induced_velocity(speed: Any, thrust: Any, density: Any, diameter: float) ->
 def _acting_location(
     file: EngineFile, location: ca.SX, local: Any, induced: Any, sense: float
 ) -> Any:
-    """Return the point where the thrust acts, inches.
-
-    The P-factor displaces this point with the flow angle.
-
-    location: location of the propeller, inches
-    local: airspeed in the axes of the thruster, ft/s, (3,)
-    induced: induced velocity, ft/s
-    sense: 1 or -1, the direction of rotation
-    """
+    """Return the point where the thrust acts, inches."""
+    # The P-factor displaces this point with the flow angle.
+    # local (3,)
     factor = file.thruster_mount.value_of("p_factor", 0.0)
     if factor <= 0.0001:
         return location

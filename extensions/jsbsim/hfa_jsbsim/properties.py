@@ -292,13 +292,8 @@ class Properties:
         return self.value_of(before[-1] if before else writers[-1], key, where)
 
     def _is_late(self, key: str, before: list[Writer]) -> bool:
-        """Return whether a component reads the value of a property from the previous frame.
-
-        The component is the one that is evaluated now.
-
-        key: name of the property
-        before: writers of the property that precede the component
-        """
+        """Return whether a component reads the value of a property from the previous frame."""
+        # The component is the one that is evaluated now.
         if self._order == BEFORE_AIR:
             return key in _SET_IN_AIR
         if not 0 <= self._order < BEFORE_AIR:

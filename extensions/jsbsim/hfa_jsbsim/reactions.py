@@ -33,13 +33,9 @@ class Reactions:
             self._define(moment, "lmn")
 
     def _begin(self, names: list[str], vector: np.ndarray | None) -> None:
-        """Set the initial values of three properties to the components of a vector.
-
-        If `vector` is None, a property without a value is set to 0.
-
-        names: names of the properties
-        vector: (3,), or None
-        """
+        """Set the initial values of three properties to the components of a vector."""
+        # If `vector` is None, a property without a value is set to 0.
+        # vector (3,)
         values = np.zeros(3) if vector is None else vector
         for name, value in zip(names, values, strict=True):
             self._own[name] = value
@@ -47,10 +43,7 @@ class Reactions:
                 self._properties.define_initial(name, value)
 
     def _define(self, element: Element, axes: str) -> None:
-        """Define the properties for the magnitude and direction of a force or moment.
-
-        axes: "xyz" for a force, "lmn" for a moment
-        """
+        """Define the properties for the magnitude and direction of a force or moment."""
         # Marks it as read; it is used only if the magnitude is not 0.
         element.attributes.get("frame")
         magnitude = f"{_base(element)}/{_magnitude(element)}"
@@ -75,10 +68,7 @@ class Reactions:
         return total, moment
 
     def _vector(self, element: Element, axes: str, motion: Motion) -> ca.SX:
-        """Return an external force, lb, or moment, ft lb, in body axes, (3,).
-
-        axes: "xyz" for a force, "lmn" for a moment
-        """
+        """Return an external force, lb, or moment, ft lb, in body axes, (3,)."""
         names = [f"{_base(element)}/{axis}" for axis in axes]
         self._properties.asked.update(names)
         magnitude = self._size(element)
@@ -128,10 +118,8 @@ def _direction(element: Element) -> np.ndarray | None:
 
 
 def _to_body(element: Element, motion: Motion) -> ca.SX:
-    """Return the rotation matrix (3, 3) from the frame of a force to body axes.
-
-    As in JSBSim, an unknown frame means body axes. Raises BadInputError for the frame INERTIAL.
-    """
+    """Return the rotation matrix (3, 3) from the frame of a force to body axes."""
+    # As in JSBSim, an unknown frame means body axes. Raises BadInputError for the frame INERTIAL.
     frame = element.attributes.get("frame", "BODY")
     if frame == "LOCAL":
         return motion.to_body

@@ -115,10 +115,7 @@ _CHOICES = {
 
 
 def _choices(text: str, partial: bool) -> Choices:
-    """Return the options in the text after a question mark.
-
-    Raises BadInputError for an unknown option.
-    """
+    """Return the options in the text after a question mark."""
     made: dict[str, Any] = {"partial": partial}
     for word in text.split("&") if text else []:
         name, _, value = word.partition("=")
@@ -136,9 +133,8 @@ def _choices(text: str, partial: bool) -> Choices:
 
 
 def _find(text: str) -> tuple[Path, Folders]:
-    """Return the path of an aircraft's file, and the folders that are searched for further files.
-
-    text: "jsbsim:NAME" or a path
+    """Return the path of an aircraft's file, and the folders that are searched for further
+    files.
     """
     root = data_folder()
     if text.startswith("jsbsim:"):
@@ -153,12 +149,7 @@ def _find(text: str) -> tuple[Path, Folders]:
 
 
 def _in_data(name: str, root: Path | None) -> Path:
-    """Return the path of the file of an aircraft that is included with JSBSim.
-
-    root: folder of JSBSim's data
-
-    Raises BadInputError if JSBSim is not installed or has no aircraft of this name.
-    """
+    """Return the path of the file of an aircraft that is included with JSBSim."""
     if root is None:
         raise BadInputError(
             f"jsbsim:{shortened(name)}: JSBSim is not installed; type"
@@ -273,10 +264,9 @@ class _Declaration:
         )
 
     def _own_aliases(self) -> dict[str, str]:
-        """Return JSBSim's names of signals, as JSBSim's name -> signal.
-
-        The signals are parameters of tanks, point masses and wind, and inputs that the user chose.
-        """
+        """Return JSBSim's names of signals, as JSBSim's name -> signal."""
+        # The signals are parameters of tanks, point masses and wind, and inputs that the user
+        # chose.
         names = dict(self.equations.chosen)
         for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
             names[f"atmosphere/wind-{axis}-fps"] = name
@@ -319,11 +309,7 @@ class _Declaration:
         return ordered | dict.fromkeys(filters, Signal())
 
     def _rpm(self, file: EngineFile, is_alone: bool) -> Signal:
-        """Return the signal of a propeller's speed. No speed is too high.
-
-        is_alone: whether the aircraft has no other engine. Otherwise the lowest speed is 0, because
-            the engine may be off.
-        """
+        """Return the signal of a propeller's speed. No speed is too high."""
         lowest = 10.0 if is_alone else 0.0
         if is_alone and file.kind == "piston_engine":
             lowest = 0.8 * file.engine.value_of("idlerpm", 600.0) / file.gear_ratio
@@ -342,10 +328,7 @@ class _Declaration:
         return signals
 
     def _behind(self, name: str) -> str:
-        """Return a note on each <kinematic> that takes time to follow an input, or "".
-
-        name: name of the input
-        """
+        """Return a note on each <kinematic> that takes time to follow an input, or ""."""
         symbol = self.inputs[name].symbol
         components = [
             component
@@ -359,10 +342,7 @@ class _Declaration:
         return f"{what}; --method jsbsim includes the travel time"
 
     def _left_out(self, throttle: str) -> str:
-        """Return a note on engines that follow a throttle without their lag, or "".
-
-        throttle: name of the input
-        """
+        """Return a note on engines that follow a throttle without their lag, or ""."""
         number = throttle.removeprefix("throttle")
         lags = [file.lag for file in self.parts.engines if number in ("", str(file.number))]
         left_out = [lag for lag in lags if lag and lag not in self.equations.states]
@@ -400,10 +380,8 @@ class _Declaration:
         return signals
 
     def _outputs(self) -> dict[str, Signal]:
-        """Return the signals of the outputs, by name.
-
-        Positions of surfaces that pilot commands move are added to the outputs.
-        """
+        """Return the signals of the outputs, by name."""
+        # Positions of surfaces that pilot commands move are added to the outputs.
         signals_by_name = {
             "kcas": Signal("kt", 100.0),
             "mach": Signal("1", 0.5),
@@ -427,14 +405,10 @@ class _Declaration:
         return signals
 
     def _of_stopped_engines(self, values: Mapping[str, Any]) -> dict[str, float]:
-        """Return initial values of propeller speeds and blade angles of engines that do not run.
-
-        The values are by name. An engine does not run if it is off or without fuel. The initial
-        speed is the windmilling speed, or 0. If `values` contains an array of several airspeeds,
-        the result is empty.
-
-        values: name -> initial or imposed value
-        """
+        """Return initial values of propeller speeds and blade angles of engines that do not run."""
+        # The values are by name. An engine does not run if it is off or without fuel. The initial
+        # speed is the windmilling speed, or 0. If `values` contains an array of several airspeeds,
+        # the result is empty.
         dead = [
             file
             for file in self.parts.engines
@@ -453,13 +427,9 @@ class _Declaration:
         return ends
 
     def _equilibrium_speed(self, file: EngineFile, values: Mapping[str, Any]) -> float:
-        """Return the highest equilibrium speed of a propeller, rpm, or 0 if none exists.
-
-        Speeds up to `_FASTEST` times the initial speed are searched. If the propeller does not slow
-        down at this limit, the limit is returned.
-
-        values: name -> value. Other variables have their declared initial values
-        """
+        """Return the highest equilibrium speed of a propeller, rpm, or 0 if none exists."""
+        # Speeds up to `_FASTEST` times the initial speed are searched. If the propeller does not
+        # slow down at this limit, the limit is returned.
         name = f"rpm{file.number}"
         signals = (self._states(), self._inputs(), self._parameters())
         columns = [[values.get(key, each[key].start) for key in each] for each in signals]
@@ -508,14 +478,9 @@ class _Declaration:
     def _function(
         self, equations: Equations, outputs: list[str], gusts: list[ca.SX] | None = None
     ) -> ca.Function:
-        """Return a CasADi function (x, u, p) or (x, u, p, gusts) -> (time derivatives, outputs).
-
-        Inputs and parameters without an effect are replaced by constants. Commands that surface
-        positions replace as inputs are 0 in the filters that they still reach.
-
-        outputs: names of the outputs
-        gusts: symbols of the gusts, or None for a function without gusts
-        """
+        """Return a CasADi function (x, u, p) or (x, u, p, gusts) -> (time derivatives, outputs)."""
+        # Inputs and parameters without an effect are replaced by constants. Commands that surface
+        # positions replace as inputs are 0 in the filters that they still reach.
         rates = ca.vertcat(*equations.rates.values())
         others = ca.vertcat(*(equations.outputs[name] for name in outputs))
         inputs = {name: each.symbol for name, each in equations.inputs.items()}
@@ -542,12 +507,10 @@ class _Declaration:
         return ca.Function("jsbsim", arguments, values)
 
     def _trim(self) -> dict[str, float]:
-        """Return the default trim condition, straight level flight, as name -> imposed value.
-
-        - The flight path angle is free if there is no throttle or no engine has fuel.
-        - Without fuel, all throttles are 0. Otherwise all throttles except the first are `_HALF`.
-        - The sideslip is free unless both aileron and rudder are inputs.
-        """
+        """Return the default trim condition, straight level flight, as name -> imposed value."""
+        # - The flight path angle is free if there is no throttle or no engine has fuel.
+        # - Without fuel, all throttles are 0. Otherwise all throttles except the first are `_HALF`.
+        # - The sideslip is free unless both aileron and rudder are inputs.
         imposed = {"speed": self.usual_speed, "altitude": 5000.0, "yaw": 0.0, "turn_rate": 0.0}
         throttles = [name for name in self.inputs if name.startswith("throttle")]
         if all(file.dry_of for file in self.parts.engines):
@@ -576,11 +539,9 @@ class _Declaration:
         return modes
 
     def _beginning(self) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:
-        """Return a function from the imposed values to the initial values of a trim search.
-
-        Both are mappings by name. The angle of attack follows from the lift coefficient of level
-        flight. Propellers begin at a typical advance ratio.
-        """
+        """Return a function from the imposed values to the initial values of a trim search."""
+        # Both are mappings by name. The angle of attack follows from the lift coefficient of level
+        # flight. Propellers begin at a typical advance ratio.
         usual_speed = self.usual_speed
         propellers = [
             file for file in self.parts.engines if file.has_propeller and not file.governed
@@ -642,16 +603,10 @@ def _stated_speed(file: EngineFile) -> float:
 
 
 def _advancing(file: EngineFile, speed: Any) -> Any:
-    """Return the speed of a propeller, rpm, at the advance ratio `_ADVANCE_RATIO`.
-
-    speed: airspeed, ft/s
-    """
+    """Return the speed of a propeller, rpm, at the advance ratio `_ADVANCE_RATIO`."""
     return 60.0 * speed / (_ADVANCE_RATIO * file.thruster.value_of("diameter", 0.001, "FT"))
 
 
 def _with_short_names(aliases: Mapping[str, str]) -> dict[str, str]:
-    """Return aliases extended by JSBSim's names without their folder, such as vc-kts.
-
-    aliases: JSBSim's property name -> name in the model
-    """
+    """Return aliases extended by JSBSim's names without their folder, such as vc-kts."""
     return {name.rpartition("/")[2]: short for name, short in aliases.items()} | dict(aliases)

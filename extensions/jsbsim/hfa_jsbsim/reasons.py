@@ -48,10 +48,7 @@ def explain(
 
 
 def _of_engines(parts: Parts, imposed: Mapping[str, float], solve: Solve) -> Iterator[str]:
-    """Yield a sentence on the thrust missing at full throttle, or on the excess thrust at idle.
-
-    imposed, solve: as for `explain`
-    """
+    """Yield a sentence on the thrust missing at full throttle, or on the excess thrust at idle."""
     full = None
     if parts.engines and "throttle" not in imposed:
         full = solve({"throttle": 1.0}, ("speed_dot",))
@@ -80,10 +77,7 @@ def _is_power(name: str) -> bool:
 
 
 def _of_lift(solve: Solve) -> Iterator[str]:
-    """Yield a sentence on the greatest lift if it is less than the weight.
-
-    solve: as for `explain`
-    """
+    """Yield a sentence on the greatest lift if it is less than the weight."""
     greatest: tuple[float, float] | None = None
     for alpha in _ANGLES.tolist():
         values = solve({"alpha": alpha, "throttle": 0.5}, ("alpha_dot", "speed_dot"))
@@ -98,10 +92,7 @@ def _of_lift(solve: Solve) -> Iterator[str]:
 
 
 def _of_moments(solve: Solve) -> Iterator[str]:
-    """Yield a sentence on the unbalanced pitching moment if all other equations have a solution.
-
-    solve: as for `explain`
-    """
+    """Yield a sentence on the unbalanced pitching moment if all other equations have a solution."""
     for free in (("pitch_rate_dot",), ("pitch_rate_dot", "speed_dot")):
         values = solve({}, free)
         if values is not None:
@@ -121,11 +112,9 @@ def of_files(parts: Parts) -> Iterator[str]:
 
 
 def _of_engine(file: EngineFile) -> Iterator[str]:
-    """Yield sentences on facts in an engine's file that may explain missing power.
-
-    The facts are an empty tank, solid fuel, a turbine engine on a propeller, and an implausible
-    propeller diameter.
-    """
+    """Yield sentences on facts in an engine's file that may explain missing power."""
+    # The facts are an empty tank, solid fuel, a turbine engine on a propeller, and an implausible
+    # propeller diameter.
     name = file.engine.attributes.get("name", "") or file.mount.attributes.get("file", "an engine")
     if file.dry_of:
         yield f"the {file.dry_of} tank of {name} is empty; the trim is a glide"

@@ -38,11 +38,9 @@ def speed_and_density(imposed: Mapping[str, Any], altitude: Any) -> tuple[Any, A
 
 @lru_cache
 def _functions() -> dict[str, ca.Function]:
-    """Return two CasADi functions of (calibrated airspeed in kt, altitude in ft).
-
-    - "subsonic": Mach number if it is below 1, speed of sound, ft/s, and density, slug/ft³
-    - "mach": Mach number, also above 1
-    """
+    """Return two CasADi functions of (calibrated airspeed in kt, altitude in ft)."""
+    # - "subsonic": Mach number if it is below 1, speed of sound, ft/s, and density, slug/ft³
+    # - "mach": Mach number, also above 1
     speed = ca.SX.sym("speed")
     altitude = ca.SX.sym("altitude")
     air = air_at(altitude)
@@ -55,12 +53,7 @@ def _functions() -> dict[str, ca.Function]:
 
 
 def _at(name: str, speed: Any, altitude: Any) -> list[Any]:
-    """Return the values of a function of `_functions`, as numbers or arrays of a common length.
-
-    name: "subsonic" or "mach"
-    speed: calibrated airspeed, kt
-    altitude: ft
-    """
+    """Return the values of a function of `_functions`, as numbers or arrays of a common length."""
     speeds, altitudes = np.broadcast_arrays(np.atleast_2d(speed), np.atleast_2d(altitude))
     results = _functions()[name].map(speeds.size).call([speeds, altitudes])
     arrays = [result.full().ravel() for result in results]

@@ -81,10 +81,8 @@ def cut_surfaces(
 
 
 def _surface(name: str) -> str:
-    """Return the surface in the name of a property.
-
-    For example, it is "elevator" for fcs/mag-elevator-pos-rad.
-    """
+    """Return the surface in the name of a property."""
+    # For example, it is "elevator" for fcs/mag-elevator-pos-rad.
     surface = name.rsplit("/", 1)[-1].removeprefix("mag-")
     for ending in _ENDINGS:
         if surface.endswith(ending):
@@ -93,14 +91,8 @@ def _surface(name: str) -> str:
 
 
 def _limits(name: str, surface: str, properties: Properties, sign: float) -> tuple[float, float]:
-    """Return the limits of a surface input, as given by the component that sets the surface.
-
-    Unknown limits are infinite. The limits of an angle are in rad.
-
-    name: property that is read
-    surface: name of the surface
-    sign: 1, or -1 if the surface moves opposite to its input
-    """
+    """Return the limits of a surface input, as given by the component that sets the surface."""
+    # Unknown limits are infinite. The limits of an angle are in rad.
     for source in (name, f"fcs/{surface}-pos-rad", f"fcs/{surface}-pos-deg"):
         writer = properties.writer(source)
         if writer is not None and writer.component is not None:
@@ -113,12 +105,7 @@ def _limits(name: str, surface: str, properties: Properties, sign: float) -> tup
 
 
 def _set_surface(name: str, surface: str, properties: Properties, value: ca.SX) -> None:
-    """Set the properties of a surface position in all its units, and of its magnitude.
-
-    name: property that is read
-    surface: name of the surface
-    value: position, rad for an angle
-    """
+    """Set the properties of a surface position in all its units, and of its magnitude."""
     if not name.endswith(("-rad", "-deg")):
         properties.replace(name, value)
         return

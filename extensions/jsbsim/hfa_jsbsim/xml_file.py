@@ -278,10 +278,8 @@ def parsed(text: bytes, file: str) -> Element:
 
 
 def _strip(element: Element) -> None:
-    """Join the pieces of text on each line of an element, and of all elements inside it.
-
-    White space around lines and empty lines are removed.
-    """
+    """Join the pieces of text on each line of an element, and of all elements inside it."""
+    # White space around lines and empty lines are removed.
     lines: dict[int, list[str]] = {}
     for number, text in element.lines:
         lines.setdefault(number, []).append(text)
@@ -363,14 +361,8 @@ class Folders:
         return Element(element.name, attributes, document.file, document.line, element.parent, both)
 
     def _found(self, element: Element, name: str) -> Path:
-        """Return the path of the file that an element names.
-
-        The same folders are searched as in JSBSim.
-
-        name: name in the element
-
-        Raises BadInputError if the file does not exist or is outside these folders.
-        """
+        """Return the path of the file that an element names."""
+        # The same folders are searched as in JSBSim.
         relative = Path(name if name.endswith(".xml") else f"{name}.xml")
         own_folders = [self.aircraft]
         kind = "engine" if element.name in ("engine", "thruster") else "systems"

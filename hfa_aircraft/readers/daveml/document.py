@@ -227,12 +227,7 @@ class _Reader:
         return document
 
     def _by_key(self, kind: str, values: Iterable[tuple[str, _T]]) -> dict[str, _T]:
-        """Return pairs (key, value) as a dictionary.
-
-        kind: noun for the values in the message, such as "variable"
-
-        Raises BadInputError if a key occurs twice.
-        """
+        """Return pairs (key, value) as a dictionary."""
         by_key: dict[str, _T] = {}
         for key, value in values:
             if key in by_key:
@@ -308,14 +303,8 @@ class _Reader:
     def _function_of_points(
         self, points: list[ElementTree.Element], values: ElementTree.Element | None, name: str
     ) -> Function:
-        """Return the function whose breakpoints and values its own elements contain.
-
-        The values are in the order of a gridded table: those of the last argument vary fastest.
-
-        points: <independentVarPts> of each argument
-        values: <dependentVarPts>, or None if it is missing
-        name: name of the function, for the message
-        """
+        """Return the function whose breakpoints and values its own elements contain."""
+        # The values are in the order of a gridded table: those of the last argument vary fastest.
         if values is None or not points:
             tag = "independentVarPts" if values is not None else "dependentVarPts"
             raise self._error(f"function {name}", f"<{tag}> is missing; add <{tag}>")
@@ -348,11 +337,9 @@ class _Reader:
         )
 
     def _table_of(self, definition: ElementTree.Element) -> ElementTree.Element | None:
-        """Return the table element of a function, or None if the function has no defined table.
-
-        The table is a child element or is referenced by its ID. Version 1 names the child element
-        `griddedTable` or `ungriddedTable`.
-        """
+        """Return the table element of a function, or None if the function has no defined table."""
+        # The table is a child element or is referenced by its ID. Version 1 names the child element
+        # `griddedTable` or `ungriddedTable`.
         for kind, key in (("gridded", "gtID"), ("ungridded", "utID")):
             for tag in (f"{kind}TableDef", f"{kind}Table"):
                 own = definition.find(tag)
@@ -366,14 +353,8 @@ class _Reader:
     def _ungridded(
         self, element: ElementTree.Element, result: str
     ) -> GriddedTable | UngriddedTable:
-        """Return the table given by the <dataPoint> elements of an ungridded table.
-
-        Each <dataPoint> contains one or two arguments and a value.
-
-        result: varID of the variable that the table defines
-
-        Raises BadInputError if the numbers of arguments differ, or if the points define no table.
-        """
+        """Return the table given by the <dataPoint> elements of an ungridded table."""
+        # Each <dataPoint> contains one or two arguments and a value.
         place = f"function for {result}"
         rows = [self._numbers_in(each, place) for each in element.iterfind("dataPoint")]
         for index, row in enumerate(rows):
@@ -406,15 +387,7 @@ class _Reader:
     def _table_on_grid(
         self, breakpoints: Sequence[tuple[str, np.ndarray]], values: np.ndarray, place: str
     ) -> GriddedTable:
-        """Return a table on a grid.
-
-        breakpoints: name and breakpoints of each argument
-        values: values in row-major order
-        place: place in the file, for the message
-
-        Raises BadInputError if the breakpoints do not increase, or if the number of values is
-        wrong.
-        """
+        """Return a table on a grid."""
         for key, points in breakpoints:
             if points.size < 2 or not (np.diff(points) > 0.0).all():
                 raise self._error(
@@ -456,11 +429,9 @@ class _Reader:
             yield Signal(name, texts.get("signalUnits", ""), value, tolerance)
 
     def _numbers(self, element: ElementTree.Element, tag: str) -> np.ndarray:
-        """Return the numbers in the child element `tag`, separated by commas or blanks.
-
-        XML comments are skipped. Raises BadInputError if there is no such child, or if a word in
-        the child is not a finite number.
-        """
+        """Return the numbers in the child element `tag`, separated by commas or blanks."""
+        # XML comments are skipped. Raises BadInputError if there is no such child, or if a word in
+        # the child is not a finite number.
         child = element.find(tag)
         place = f"<{element.tag}> {element.get('bpID') or element.get('gtID') or ''}".rstrip()
         if child is None:
@@ -468,12 +439,7 @@ class _Reader:
         return self._numbers_in(child, place)
 
     def _numbers_in(self, child: ElementTree.Element, place: str) -> np.ndarray:
-        """Return the numbers in an element, separated by commas or blanks.
-
-        place: place in the file, for the message
-
-        Raises BadInputError if a word in the element is not a finite number.
-        """
+        """Return the numbers in an element, separated by commas or blanks."""
         words = [word for word in re.split(r"[,\s]+", "".join(child.itertext())) if word]
         try:
             values = np.array([float(word) for word in words])

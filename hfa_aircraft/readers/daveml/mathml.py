@@ -100,13 +100,7 @@ def _finite(operator: ElementTree.Element, arguments: list[Any]) -> Any:
 
 
 def _applied(operator: ElementTree.Element, arguments: list[Any]) -> Any:
-    """Return the result of an operator applied to arguments.
-
-    operator: XML element named after the operator, or <csymbol> with the name of the operator as
-        text
-
-    Raises BadInputError if the operator is not supported with this number of arguments.
-    """
+    """Return the result of an operator applied to arguments."""
     name = operator.tag
     if name == "csymbol":
         name = (operator.text or "").strip()
@@ -132,11 +126,9 @@ def _applied(operator: ElementTree.Element, arguments: list[Any]) -> Any:
 
 
 def _number(element: ElementTree.Element) -> float:
-    """Return the number in a <cn> element.
-
-    A number of the type `e-notation` consists of mantissa and exponent. Raises BadInputError if the
-    text of the element is not a number.
-    """
+    """Return the number in a <cn> element."""
+    # A number of the type `e-notation` consists of mantissa and exponent. Raises BadInputError if
+    # the text of the element is not a number.
     try:
         if element.get("type") == "e-notation":
             mantissa = (element.text or "").strip()
@@ -150,11 +142,9 @@ def _number(element: ElementTree.Element) -> float:
 
 
 def _piecewise(element: ElementTree.Element, value_of: Callable[[str], Any]) -> Any:
-    """Return the value of a <piecewise> element: the first piece whose condition is true.
-
-    If no condition is true, the value of <otherwise> is returned. Raises BadInputError if
-    <otherwise>, or the value or condition of a piece, is missing.
-    """
+    """Return the value of a <piecewise> element: the first piece whose condition is true."""
+    # If no condition is true, the value of <otherwise> is returned. Raises BadInputError if
+    # <otherwise>, or the value or condition of a piece, is missing.
     otherwise = element.find("otherwise")
     if otherwise is None or len(otherwise) != 1:
         raise BadInputError(

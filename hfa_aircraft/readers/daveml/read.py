@@ -158,10 +158,7 @@ class _Files:
         )
 
     def _refuse_not_positive(self, constants: Callable[[str], Any]) -> None:
-        """Raise BadInputError if a mass, moment of inertia or reference length is not positive.
-
-        constants: name of an output -> its value
-        """
+        """Raise BadInputError if a mass, moment of inertia or reference length is not positive."""
         for name in names.POSITIVE:
             size = _number(constants(name))
             if not size > 0.0:
@@ -171,12 +168,8 @@ class _Files:
                 )
 
     def _usual_speed(self, constants: Callable[[str], Any]) -> float:
-        """Return the speed at which lift equals weight at sea level and angle of attack `_ALPHA`,
-        ft/s.
-
-        constants: name of an output -> its value in the motion of `_standing`
-
-        Raises BadInputError if the aerodynamic force at this angle of attack is not upward.
+        """Return the speed at which lift equals weight at sea level and angle of attack
+        `_ALPHA`, ft/s.
         """
         upward = -_number(self._coefficients(constants, _ALPHA)[2])
         if not upward > 0.0:
@@ -190,13 +183,8 @@ class _Files:
         return math.sqrt(2.0 * weight / (SEA_LEVEL.density * area * upward))
 
     def _range(self, name: str, widest: float) -> tuple[float, float]:
-        """Return the lower and upper limit of an angle in the model, rad.
-
-        The angle is within ± widest and within the range of every table that depends on it.
-
-        name: standard name of the angle
-        widest: rad
-        """
+        """Return the lower and upper limit of an angle in the model, rad."""
+        # The angle is within ± widest and within the range of every table that depends on it.
         low = -widest
         high = widest
         for document in self._documents:
@@ -211,11 +199,10 @@ class _Files:
     def _signal(self, document: Document, variable: Variable) -> Signal:
         """Return the unit, nominal value, limits and initial value of a variable in the model's
         units.
-
-        The limits are the narrower of the variable's own limits and the ranges of the tables that
-        depend on the variable. The nominal value is 0.1 for an angle or a number without unit, and
-        max(|initial value|, 1) otherwise.
         """
+        # The limits are the narrower of the variable's own limits and the ranges of the tables that
+        # depend on the variable. The nominal value is 0.1 for an angle or a number without unit,
+        # and max(|initial value|, 1) otherwise.
         unit, factor = _unit(document, variable)
         least, most = document.range_of_tables(variable)
         low = factor * max(variable.least, least)
@@ -253,13 +240,8 @@ class _Files:
         )
 
     def _coefficients(self, value: Callable[[str], Any], alpha: Any) -> Any:
-        """Return the coefficients (C_X, C_Y, C_Z) of the aerodynamic force in body axes, (3,).
-
-        If no file defines C_X, C_X and C_Z are computed from lift and drag.
-
-        value: function from the name of an output to its value
-        alpha: angle of attack, rad
-        """
+        """Return the coefficients (C_X, C_Y, C_Z) of the aerodynamic force in body axes, (3,)."""
+        # If no file defines C_X, C_X and C_Z are computed from lift and drag.
         side = value(names.FORCES[1])
         if names.FORCES[0] in self._outputs:
             return ca.vertcat(value(names.FORCES[0]), side, value(names.FORCES[2]))
@@ -267,21 +249,13 @@ class _Files:
         return ca.mtimes(wind_axes(alpha, 0.0), along)
 
     def _vector(self, value: Callable[[str], Any], three: Sequence[str]) -> Any:
-        """Return the values of three outputs as a vector, (3,), with 0 for an output that no file
-        defines.
-
-        value: function from the name of an output to its value
-        three: names of the outputs
+        """Return the values of three outputs as a vector, (3,), with 0 for an output that no
+        file defines.
         """
         return ca.vertcat(*(value(name) if name in self._outputs else 0.0 for name in three))
 
     def _values(self, motion: Mapping[str, Any], u: Any, p: Any) -> Callable[[str], Any]:
-        """Return a function from the name of an output to its value in the units of the model.
-
-        motion: values of motion and air, by the names to which `names.MOTION` maps standard names
-        u: inputs of the model
-        p: parameters of the model
-        """
+        """Return a function from the name of an output to its value in the units of the model."""
         table = Interpolator()
         made: dict[str, Expressions] = {}
 
@@ -316,11 +290,9 @@ def _number(expression: Any) -> float:
 
 
 def _standing() -> dict[str, float]:
-    """Return the motion at which constant outputs, such as the mass, are evaluated.
-
-    The speed is 300 ft/s, the angle of attack is `_ALPHA`, and the air density is that of sea
-    level. All other quantities of the motion are 0.
-    """
+    """Return the motion at which constant outputs, such as the mass, are evaluated."""
+    # The speed is 300 ft/s, the angle of attack is `_ALPHA`, and the air density is that of sea
+    # level. All other quantities of the motion are 0.
     motion = dict.fromkeys(names.MOTION.values(), 0.0)
     return motion | {"alpha": _ALPHA, "speed": 300.0, "density": float(SEA_LEVEL.density)}
 
@@ -334,9 +306,8 @@ def _start(document: Document, variable: Variable) -> float:
 
 
 def _unit(document: Document, variable: Variable) -> tuple[str, float]:
-    """Return the model's unit for a variable, and the factor from the file's unit to the model's.
-
-    Raises BadInputError if the unit is unknown or measures another quantity, such as a mass in ft.
+    """Return the model's unit for a variable, and the factor from the file's unit to the
+    model's.
     """
     place = f"variable {variable.key}"
     known = names.model_unit(variable.units)

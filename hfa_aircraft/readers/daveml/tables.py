@@ -83,10 +83,8 @@ class UngriddedTable:
         return value
 
     def _on_the_border(self, place: Any) -> Any:
-        """Return the value at the point of the border that is nearest to a given point.
-
-        place: the given point, (2,)
-        """
+        """Return the value at the point of the border that is nearest to a given point."""
+        # place (2,)
         value: Any = 0.0
         least: Any = np.inf
         for first, second in self.border:

@@ -98,10 +98,8 @@ def _model(table: Table) -> Model:
 
 
 def _turns_both_ways(table: Table) -> bool:
-    """Return whether two or more control surfaces have a derivative of the roll or yaw moment.
-
-    If so, a trim can impose the sideslip.
-    """
+    """Return whether two or more control surfaces have a derivative of the roll or yaw moment."""
+    # If so, a trim can impose the sideslip.
     lateral = {
         meaning.argument
         for meaning in table.meanings.values()
@@ -178,15 +176,11 @@ class _Equations:
         return state_rates, outputs | coefficients
 
     def _arguments(self, x: Any, u: Any, rates: Any, mach: Any) -> dict[str, Any]:
-        """Return the variables that the derivatives multiply, suffix of the derivatives -> value.
-
-        The variable of the suffix alphadot is not included.
-
-        x: states
-        u: inputs
-        rates: angular rates about the axes of the coefficients, (3,), rad/s
-        mach: Mach number minus the Mach number of the reference condition
+        """Return the variables that the derivatives multiply, suffix of the derivatives ->
+        value.
         """
+        # The variable of the suffix alphadot is not included.
+        # rates (3,)
         sizes = self._table.values
         half_span = sizes["span"] / (2.0 * x.speed)
         half_chord = sizes["chord"] / (2.0 * x.speed)
@@ -203,11 +197,8 @@ class _Equations:
         }
 
     def _coefficient(self, name: str, p: Any, arguments: Mapping[str, Any]) -> Any:
-        """Return an aerodynamic coefficient, the sum of its derivatives times the given variables.
-
-        name: the coefficient, such as CL
-        p: parameters, with the derivatives
-        arguments: suffix of the derivatives -> value of the variable
+        """Return an aerodynamic coefficient, the sum of its derivatives times the given
+        variables.
         """
         total: Any = 0.0
         for derivative, meaning in self._table.meanings.items():
@@ -220,13 +211,10 @@ class _Equations:
         return getattr(p, name) if name in self._table.derivatives else 0.0
 
     def _alpha_rate(self, x: Any, p: Any, motion: Motion, specific: Any) -> Any:
-        """Return the rate of alpha, rad/s, including the lift due to this rate.
-
-        The derivative of this lift is CL_alphadot. The drag and the side force due to the rate of
-        alpha do not change this rate.
-
-        specific: force per mass without the forces that depend on the rate of alpha, (3,)
-        """
+        """Return the rate of alpha, rad/s, including the lift due to this rate."""
+        # The derivative of this lift is CL_alphadot. The drag and the side force due to the rate of
+        # alpha do not change this rate.
+        # specific (3,)
         sizes = self._table.values
         forward, _, down = ca.vertsplit(motion.velocity)
         free = motion.acceleration(specific)

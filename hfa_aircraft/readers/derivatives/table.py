@@ -110,10 +110,7 @@ def _of_toml(path: str) -> dict[str, Entry]:
 
 
 def _flat(values: Mapping[str, Any], where: str) -> Iterator[tuple[str, Entry]]:
-    """Yield name and entry for each value of a dictionary and of its inner dictionaries.
-
-    Raises BadInputError if a name occurs twice.
-    """
+    """Yield name and entry for each value of a dictionary and of its inner dictionaries."""
     seen: set[str] = set()
     for key, value in values.items():
         inner = value if isinstance(value, Mapping) else {key: value}
@@ -128,13 +125,8 @@ def _flat(values: Mapping[str, Any], where: str) -> Iterator[tuple[str, Entry]]:
 
 
 def _rows(path: str, content: bytes) -> dict[str, Entry]:
-    """Return name -> entry of a CSV file with the columns name, value and unit.
-
-    The limits of an input are written low:high.
-
-    Raises BadInputError if a value is missing, a name occurs twice, or the file is not a CSV file
-    in UTF-8.
-    """
+    """Return name -> entry of a CSV file with the columns name, value and unit."""
+    # The limits of an input are written low:high.
     try:
         rows = list(csv.reader(io.StringIO(content.decode("utf-8-sig"))))
     except (UnicodeDecodeError, csv.Error) as error:
@@ -158,13 +150,7 @@ def _rows(path: str, content: bytes) -> dict[str, Entry]:
 
 
 def _checked(entries: dict[str, Entry], source: Source, stem: str) -> Table:
-    """Return the table of the entries after checks of names, units, limits and required entries.
-
-    source: path and hash of the file
-    stem: name of the aircraft if the table gives none
-
-    Raises BadInputError for the first fault found.
-    """
+    """Return the table of the entries after checks of names, units, limits and required entries."""
     texts = {name: _text(name, entries) for name in _TEXTS}
     system = texts["units"] or "si"
     pairs = {name: each for name, each in entries.items() if isinstance(each.value, list | tuple)}
@@ -198,10 +184,7 @@ def _checked(entries: dict[str, Entry], source: Source, stem: str) -> Table:
 
 
 def _text(name: str, entries: Mapping[str, Entry]) -> str:
-    """Return the text of an entry, or "" if the table does not contain it.
-
-    Raises BadInputError if the value is not a permitted text.
-    """
+    """Return the text of an entry, or "" if the table does not contain it."""
     if name not in entries:
         return ""
     entry = entries[name]
@@ -215,15 +198,8 @@ def _text(name: str, entries: Mapping[str, Entry]) -> str:
 
 
 def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
-    """Return the lowest and highest value of an input.
-
-    The values of a control surface are in rad, and those of the thrust in lbf or N.
-
-    Raises BadInputError in these cases:
-    - The name is not a valid name of an input.
-    - The entry does not have exactly two values.
-    - The lower limit is not below the upper limit.
-    """
+    """Return the lowest and highest value of an input."""
+    # The values of a control surface are in rad, and those of the thrust in lbf or N.
     unit = "rad"
     if name == THRUST_INPUT:
         unit = "lbf" if system == "english" else "N"
@@ -241,12 +217,7 @@ def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
 
 
 def _number(name: str, entry: Entry, unit: str, plain: float = 1.0) -> float:
-    """Return the value of an entry, converted to `unit`.
-
-    plain: factor of a number without a unit
-
-    Raises BadInputError if the value is not a finite number or its unit cannot be converted.
-    """
+    """Return the value of an entry, converted to `unit`."""
     value: Any = entry.value
     stated = ""
     if isinstance(value, str):
@@ -269,10 +240,7 @@ def _float(text: str) -> float:
 
 
 def _factor(name: str, entry: Entry, stated: str, unit: str) -> float:
-    """Return the factor from the stated unit to `unit`.
-
-    Raises BadInputError if the unit cannot be converted.
-    """
+    """Return the factor from the stated unit to `unit`."""
     factor = conversion(stated, unit)
     if factor is None:
         other = unit.replace("rad", "deg") if "rad" in unit else si_unit(unit)
@@ -310,10 +278,7 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
 def _refuse_missing(
     values: Mapping[str, float], derivatives: Mapping[str, float], where: str
 ) -> None:
-    """Raise BadInputError with the names of all required entries that are missing.
-
-    where: file or table, for the message
-    """
+    """Raise BadInputError with the names of all required entries that are missing."""
     missing = [name for name in REQUIRED if name not in values and name not in derivatives]
     if "mass" not in values and "weight" not in values:
         missing.append("mass")
@@ -322,12 +287,10 @@ def _refuse_missing(
 
 
 def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> None:
-    """Raise BadInputError for impossible or conflicting data of an aircraft.
-
-    - a size, mass, weight, moment of inertia or speed that is not positive
-    - mass and weight both given
-    - Ixx Izz <= Ixz²
-    """
+    """Raise BadInputError for impossible or conflicting data of an aircraft."""
+    # - a size, mass, weight, moment of inertia or speed that is not positive
+    # - mass and weight both given
+    # - Ixx Izz <= Ixz²
     positive = ("wing_area", "span", "chord", "mass", "weight", "Ixx", "Iyy", "Izz", "speed")
     for name in positive:
         if name in values and values[name] <= 0.0:
@@ -341,11 +304,7 @@ def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> 
 
 
 def _refuse_altitude(altitude: float, entries: Mapping[str, Entry], system: str) -> None:
-    """Raise BadInputError if aircraft cannot have the reference altitude.
-
-    altitude: reference altitude, in ft or m
-    system: system of units, english or si
-    """
+    """Raise BadInputError if aircraft cannot have the reference altitude."""
     foot = 1.0 if system == "english" else FT_TO_M
     low, high = (foot * end for end in ALTITUDES)
     if not low <= altitude <= high:

@@ -30,25 +30,13 @@ def _names(text: str) -> tuple[str, ...]:
 
 
 def _held(model: Model, name: str, text: str) -> float:
-    """Return the value typed for an input or an initial state, in the model's units.
-
-    name: the input or state
-    text: the typed number
-
-    Raises BadInputError if the model has no such input or state.
-    """
+    """Return the value typed for an input or an initial state, in the model's units."""
     refuse_unknown("names the unknown input or state", name, (*model.inputs, *model.states))
     return quantity(model, name, text)
 
 
 def _given(model: Model, name: str, text: str) -> float:
-    """Return the value typed for a parameter, in the model's units.
-
-    name: the parameter
-    text: the typed number
-
-    Raises BadInputError if the model has no such parameter.
-    """
+    """Return the value typed for a parameter, in the model's units."""
     refuse_unknown("names the unknown parameter", name, tuple(model.parameters))
     return quantity(model, name, text)
 
