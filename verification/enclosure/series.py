@@ -179,6 +179,10 @@ class Taylor(ABC):
             rest = rest * self._reach()
         return self._like(total.polynomial, _sum([total.remainder, rest]))
 
+    def tanh(self) -> Self:
+        """Return the enclosure of tanh g."""
+        return self.through(tanh_of_series)
+
 
 def _product(a: Any, b: Any) -> Any:
     return None if a is None or b is None else a * b
@@ -186,7 +190,6 @@ def _product(a: Any, b: Any) -> Any:
 
 for _name in ("sqrt", "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan"):
     setattr(Taylor, _name, lambda self, _name=_name: self.through(getattr(arb_series, _name)))
-Taylor.tanh = lambda self: self.through(tanh_of_series)
 
 
 class TaylorOnBall(Taylor):
