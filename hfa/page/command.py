@@ -18,7 +18,7 @@ from hfa.options.request import Request, command
 from hfa.options.trim import Trim, scheduled
 from hfa.page.claims import load_claims
 from hfa.page.flights import load_flights
-from hfa.page.job_report import main_report, page, plotly_script
+from hfa.page.job_report import critic_picture, main_report, page, plotly_script
 from hfa.page.main_job import ASKED, MOST_ASKED, MOST_SWEPT, SWEEP, MainJob, main_job
 from hfa_model.outputs import OUTPUTS
 from hfa_model.vectors import STATES
@@ -148,11 +148,26 @@ def _written(job: MainJob, report: Report, place: Path, provenance: Provenance) 
         write_text(place, html)
         return f"wrote {printable(place)}"
     pictures = list(report.pictures())
+    earlier = _pictures_of_angles(place / "numbers.json")
     numbers = json.dumps(jsonable(report.data), allow_nan=False) + "\n"
     with all_or_none(folder=place):
         for picture in pictures:
             save(picture.draw(), place / picture.name, report.source)
         write_text(place / "numbers.json", numbers)
         write_text(place / "report.html", html)
+    for name in earlier - {picture.name for picture in pictures}:
+        (place / name).unlink(missing_ok=True)
     names = ", ".join(picture.name for picture in pictures)
     return f"wrote {printable(place / 'report.html')}, numbers.json, {names}"
+
+
+def _pictures_of_angles(numbers: Path) -> set[str]:
+    """Return the names of the pictures at the angles of an earlier report, or none.
+
+    numbers: numbers.json of the earlier report
+    """
+    try:
+        data = json.loads(numbers.read_text("utf-8"))
+        return {critic_picture(angle["dihedral_deg"]) for angle in data["angles"]}
+    except (OSError, ValueError, TypeError, KeyError):
+        return set()  # no report, or a file of another program

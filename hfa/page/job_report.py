@@ -132,6 +132,11 @@ def stored_flights_section(job: MainJob) -> Report | None:
     return flights_section(job.flights, linear)
 
 
+def critic_picture(degrees: float) -> str:
+    """Return the name of the picture of the learned critic at a dihedral angle, deg."""
+    return f"critic-{degrees:g}.png"
+
+
 def angle_report(job: MainJob, angle: Angle) -> Report:
     """Return the section on a requested angle: linear model, game solution and learned critic.
 
@@ -151,7 +156,7 @@ def angle_report(job: MainJob, angle: Angle) -> Report:
     if angle.check is not None:
         judged = angle.check.report()
         picture = Picture(
-            f"critic-{angle.dihedral_deg:g}.png",
+            critic_picture(angle.dihedral_deg),
             f"P learned, P exact and their difference at {angle.dihedral_deg:g} deg; "
             "residual and error over time",
             partial(verdict_figure, angle.check),

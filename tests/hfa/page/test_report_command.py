@@ -49,6 +49,16 @@ def written_report(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Pa
     return hfa("report", *words), folder
 
 
+def test_a_report_replaces_the_pictures_of_an_earlier_one(folder: Path) -> None:
+    """A report with other angles removes the pictures of the earlier report, and nothing else."""
+    words = ("report", "-o", "pages", "--sweep", "5:15:10", "--dihedral")
+    assert hfa(*words, "5").code == DONE
+    Path("pages", "critic-7.png").write_bytes(b"of the user")
+    assert hfa(*words, "15").code == DONE
+    critics = {path.name for path in Path("pages").glob("critic-*.png")}
+    assert critics == {"critic-15.png", "critic-7.png"}
+
+
 def test_the_folder_contains_page_pictures_and_numbers(written_report: tuple[Result, Path]) -> None:
     """The folder contains the page, pictures and numbers. The numbers equal those of other
     commands.
