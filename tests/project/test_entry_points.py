@@ -239,14 +239,18 @@ WITHOUT_EXTRAS = """
 import sys
 for name in "cvxpy distributed flint gymnasium jsbsim onnx plotly pyulog xarray zarr".split():
     sys.modules[name] = None
+import hfa
 from hfa.entry_points import commands
 for entry in commands().values():
     entry.load()
+for name in ("assess", "fly", "identify", "optimize", "sweep", "verify"):
+    getattr(hfa, name)
 """
 
 
 def test_commands_load_without_packages_of_extras() -> None:
-    """Every command prints its help if no optional package is installed.
+    """Every command prints its help if no optional package is installed, and the functions that do
+    not prove are available.
 
     A command that requires an optional package names the package in one line.
     """

@@ -17,8 +17,8 @@ from hfa_optimal.best_flight import (
 from hfa_optimal.bracket import Bracket, bracket_sentence, bracket_table
 from hfa_optimal.pilots import Pilot
 from hfa_optimal.search import AFTER, MESHES_AGREE, BestFlights
-from hfa_prove.search.interruption import interruption
 from hfa_support.errors import NoSolutionError
+from hfa_support.interruption import interruption
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import UNSTORED, Result, stored, stored_parts

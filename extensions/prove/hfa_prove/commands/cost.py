@@ -167,7 +167,7 @@ def _prove(request: CostRequest) -> int:
     from hfa_prove.certificate import write_certificate
     from hfa_prove.report_cost import found_bound_report
     from hfa_prove.search.cost import bound_search
-    from hfa_prove.search.interruption import interruptible
+    from hfa_support.interruption import interruptible
 
     problem = request.problem()
     origin = request.provenance.to_dict()

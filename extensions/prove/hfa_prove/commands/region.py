@@ -132,12 +132,12 @@ def _prove(request: RegionRequest) -> int:
     from hfa_prove.commands.given_region import loop_of
     from hfa_prove.commands.region_boxes import better_on_boxes, prove_gain_on_boxes
     from hfa_prove.report_squares import region_report
-    from hfa_prove.search.interruption import interruptible
     from hfa_prove.search.invariant import invariant_region
     from hfa_prove.search.level import ProvedLevel
     from hfa_prove.search.plant import saturated_loop
     from hfa_prove.search.region_squares import RegionSearch
     from hfa_prove.statements.loop import Gain
+    from hfa_support.interruption import interruptible
 
     linear, K, P, policy = loop_of(request)
     loop = saturated_loop(linear, K, policy)

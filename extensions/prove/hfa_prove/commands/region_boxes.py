@@ -18,13 +18,13 @@ from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_prove.certificate import write_certificate
 from hfa_prove.check import check_certificate
 from hfa_prove.report_boxes import NOT_COVERED, found_report
-from hfa_prove.search.interruption import interruptible
 from hfa_prove.search.region_boxes import BoxRegion, RegionSearch, flight_outcome
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.plant import model_limits
 from hfa_prove.statements.region import RegionStatement
 from hfa_support.errors import BadInputError, prefix_errors
 from hfa_support.files import forget_read
+from hfa_support.interruption import interruptible
 from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:

@@ -36,9 +36,9 @@ def with_region(
     from hfa_prove.commands.given_region import policy_terms
     from hfa_prove.report_squares import region_report
     from hfa_prove.results import NothingProved
-    from hfa_prove.search.interruption import interruptible
     from hfa_prove.search.plant import saturated_loop
     from hfa_prove.search.region_squares import RegionSearch
+    from hfa_support.interruption import interruptible
     from verification.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()

@@ -34,7 +34,6 @@ from hfa_prove.check.equilibrium import Equilibrium, zero_near
 from hfa_prove.check.loop_boxes import Decrease
 from hfa_prove.check.region_boxes import check_region
 from hfa_prove.commands.region_boxes import scalars
-from hfa_prove.search.interruption import interruptible
 from hfa_prove.search.region_boxes import RegionSearch
 from hfa_prove.search.shape_boxes import Growth, Shape
 from hfa_prove.statements.loop import Gain, Loop
@@ -42,6 +41,7 @@ from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.region import BoxWitness, RegionStatement
 from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.interruption import interruptible
 from verification.enclosure.program import Program
 from verification.enclosure.taylor import TaylorProgram, lowest
 

@@ -31,7 +31,6 @@ from hfa_prove.check import check_certificate
 from hfa_prove.check.region_squares import check_region
 from hfa_prove.fields import Rejected
 from hfa_prove.report_squares import region_report
-from hfa_prove.search.interruption import interruptible
 from hfa_prove.search.level import ProvedLevel
 from hfa_prove.search.monomials import PolynomialFunction
 from hfa_prove.search.plant import Plant, outcomes
@@ -39,6 +38,7 @@ from hfa_prove.search.region_squares import RegionSearch, starts_by_outcome
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.region import RegionStatement
+from hfa_support.interruption import interruptible
 
 
 def run(*words: str) -> int:
