@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -40,6 +40,20 @@ def weights_line(
         texts["N"] = matrix_text(N)
     whose = whose or dict.fromkeys(texts, "of the game")
     return ", ".join(f"{name} {text} ({whose[name]})" for name, text in texts.items())
+
+
+def cost_text(model: Model, names: Sequence[str], Q: np.ndarray, R: np.ndarray) -> str:
+    """Return Q and R as one line of text, marked as "default" where they equal 1/nominal².
+
+    The text is, for example, "Q diag(1, 2), R diag(1) (default 1/nominal^2)".
+
+    names: states of Q, then inputs of R
+    """
+    parts = []
+    for name, weight, signals in (("Q", Q, names[: len(Q)]), ("R", R, names[len(Q) :])):
+        is_usual = np.allclose(weight, nominal_weights(model, signals), rtol=1e-12, atol=0.0)
+        parts.append(f"{name} {matrix_text(weight)}" + " (default 1/nominal^2)" * is_usual)
+    return ", ".join(parts)
 
 
 def matrix_text(matrix: np.ndarray) -> str:

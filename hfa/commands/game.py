@@ -146,10 +146,10 @@ def solve(request: SolveRequest) -> int:
 
 def _solve_discrete(request: SolveRequest, named: NamedGame, problem: DiscreteGame) -> int:
     """Solve a game in discrete time and return the exit code."""
-    from controller.discrete.solution import solve_discrete
+    from controller.discrete.report import analyse_discrete, discrete_report
 
     request.refuse(("draws",), CONTINUOUS)
-    report = solve_discrete(problem, ProgressLine("solve")).report()
+    report = discrete_report(analyse_discrete(problem, ProgressLine("solve")))
     request.show(report.with_data(**named.as_data()), notes=named.warnings)
     return 0
 

@@ -8,7 +8,6 @@ page of formats are derived from these declarations.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields
 from enum import Enum
@@ -17,7 +16,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 
-from hfa_support.reporting.data_files import jsonable
+from hfa_support.reporting.data_files import finite_or_none, jsonable
 
 #: Arrays with one, two and three axes.
 Vector = Annotated[np.ndarray, 1]
@@ -147,9 +146,7 @@ def plain(value: Any) -> Any:
         return [value.real, value.imag]
     if isinstance(value, Enum):
         return value.value
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+    return finite_or_none(value) if isinstance(value, float) else value
 
 
 def _is_empty(value: Any) -> bool:

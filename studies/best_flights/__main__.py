@@ -20,7 +20,6 @@ from hfa.page.flights import flights_table, limits_in_words
 from hfa.page.results import FlightsData
 from hfa_flight.problem import FlightProblem, flight_problem
 from hfa_optimal.best_flight import BestFlight
-from hfa_optimal.pilots import gain_pilot
 from hfa_optimal.search import AFTER, BestFlights
 from hfa_support.files import write_text
 from hfa_support.reporting.data_files import json_text
@@ -71,9 +70,8 @@ def best_flight_and_policies(
     }
     flown = []
     for name, K in gains.items():
-        pilot = gain_pilot(search.flights, name, K)
         seconds = (1.0 + AFTER) * found.seconds
-        flown.append(pilot.fly(search.flights, start, seconds))
+        flown.append(search.flights.fly(search.flights.of_gain(name, K), start, seconds))
     return BestFlight(problem, found, tuple(flown))
 
 

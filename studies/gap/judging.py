@@ -10,11 +10,9 @@ import numpy as np
 
 import hfa
 from hfa_flight.initial_box import drawn_starts, start_box
-from hfa_flight.policies.deployment.policy import flown_deployment, sampled_scenario
+from hfa_flight.policies.deployment.policy import flown_deployment
 from hfa_flight.problem import flight_problem
-from hfa_flight.scenario import Scenario
-from hfa_optimal.flights import Flights, SimulatedFlight
-from hfa_optimal.pilots import Pilot, deployed_pilot, gain_pilot
+from hfa_optimal.flights import SimulatedFlight
 from hfa_optimal.search import AFTER, BestFlights
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
@@ -56,7 +54,8 @@ def flight_results(
     search = BestFlights(problem, STARTS)
     flights = search.flights
     starts = drawn_starts(problem, STARTS, SEED, start_box(point.model, point))
-    pilots = [gain_pilot(flights, "LQR", problem.K), *(_pilot(flights, run, point) for run in runs)]
+    policies = [flown_deployment(deployment_of(point, run.policy), point) for run in runs]
+    loops = [flights.of_gain("LQR", problem.K), *map(flights.of_deployed, policies)]
     best: list[float | None] = []
     refused: list[str] = []
     rows: list[list[Outcome]] = []
@@ -69,7 +68,7 @@ def flight_results(
         except NoSolutionError as error:
             best.append(None)
             refused.append(str(error))
-        flown = [pilot.fly(flights, start, (1.0 + AFTER) * seconds) for pilot in pilots]
+        flown = [flights.fly(loop, start, (1.0 + AFTER) * seconds) for loop in loops]
         rows.append([_outcome(each) for each in flown])
         if progress is not None:
             progress(number, STARTS)
@@ -91,14 +90,6 @@ def flight_results(
             for run, column in zip(runs, columns[1:], strict=True)
         ],
     }
-
-
-def _pilot(flights: Flights, run: Run, point: OperatingPoint) -> Pilot:
-    policy = flown_deployment(deployment_of(point, run.policy), point)
-    calm = Scenario(
-        flights.tick, flights.step, flights.tick, initial=np.zeros(len(point.model.states))
-    )
-    return deployed_pilot(flights, run.name, policy, sampled_scenario(policy, calm, point))
 
 
 def _outcome(flown: SimulatedFlight) -> Outcome:

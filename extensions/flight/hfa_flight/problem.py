@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from controller.game.linear_game import game
-from controller.game.weights import nominal_weights
+from controller.game.weights import cost_text, nominal_weights
 from controller.riccati.gare import unconfirmed_solution
 from hfa_aircraft.layout import components
 from hfa_aircraft.limits import Limits
@@ -272,6 +272,12 @@ class OfProblem:
     def model(self) -> Model:
         """Model of the aircraft."""
         return self.problem.model
+
+    def weights_text(self) -> str:
+        """Return Q and R as text, marked where they are the default 1/nominal²."""
+        problem = self.problem
+        signals = (*problem.states, *problem.inputs)
+        return f"cost: {cost_text(self.model, signals, self.Q, self.R)}"
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Return the values of a state, an input or an output during the flight, (N,), not as

@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
-
-from hfa_aircraft.signals import StatesAndInputs
-from hfa_flight.envelope import limits_text
-from hfa_flight.problem import FlightProblem, OfProblem
-from hfa_optimal.bracket import Bracket, bracket_sentence, deviations_in_words
+from hfa_flight.problem import FlightProblem
+from hfa_optimal.bracket import Bracket, bracket_sentence
+from hfa_optimal.collocation import Proposal
 from hfa_optimal.flights import SimulatedFlight
+from hfa_optimal.found_flight import FoundFlight, limits_table, line_with_ratios
 from hfa_optimal.search import MESHES_AGREE, Found
 from hfa_optimal.smooth import has_kinks
-from hfa_support.reporting.named import with_names
 from hfa_support.reporting.parts import Picture
-from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import UNSTORED, Matrix, Result, Vector, stored, stored_parts
-from hfa_support.reporting.text import Table, shown_unit
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from hfa_prove.statements.cost import CostStatement
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.results import UNSTORED, Result, stored, stored_parts
+from hfa_support.reporting.text import Table
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +60,7 @@ class PolicyFlight(Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
+class BestFlight(FoundFlight):
     """Best flight found from an initial condition to a trim within limits.
 
     The cost of the simulated flight is an upper bound of the least cost. A cheaper flight may
@@ -105,13 +97,6 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     @stored()
-    def start(self) -> Mapping[str, float]:
-        """Initial deviations from the trim by name of the state, without deviations of 0."""
-        pairs = zip(self.problem.states, self._z0.tolist(), strict=True)
-        return {name: value for name, value in pairs if value}
-
-    @property
-    @stored()
     def cost(self) -> float:
         """Cost of the simulated flight, ∫ z'Qz + v'Rv dt, plus the linear cost after its end.
 
@@ -120,19 +105,24 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return self.found.flown.cost
 
     @property
-    @stored()
-    def source(self) -> str:
-        """Name of the flight whose cost is reported: the best flight found, or a policy."""
-        return self.found.flown.name
+    def flown(self) -> SimulatedFlight:
+        """The simulated flight."""
+        return self.found.flown
 
     @property
-    @stored()
-    def reason(self) -> str | None:
-        """Reason why the simulation confirms no proposal of the optimizer, or None if it does.
+    def proposal(self) -> Proposal | None:
+        """Proposal of the optimizer that the flight confirms, or None."""
+        return self.found.proposal
 
-        With a reason, the flight is only the cheapest of the simulated flights.
-        """
-        return self.found.reason or None
+    @property
+    def why_refused(self) -> str:
+        """Reason why the simulation confirms no proposal, or "" with a proposal."""
+        return self.found.reason
+
+    @property
+    def drawn_seconds(self) -> float:
+        """End of the time axis of the figure, s."""
+        return self.seconds
 
     @property
     @stored()
@@ -149,21 +139,13 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return None if self.found.proposal is None else self.found.spread
 
     @property
-    def _z0(self) -> np.ndarray:
-        """Initial deviations of the linear states from the trim, (k,)."""
-        if self.found.proposal is not None:
-            return self.found.proposal.start
-        places = self.problem.places
-        return (self.found.flown.states[0] - np.array(self.point.states))[places]
-
-    @property
     @stored()
     def linear_cost(self) -> float:
         """Least cost z'Pz of the linear model without limits, for the initial deviations z.
 
         The least cost of the aircraft may differ.
         """
-        return float(self._z0 @ self.problem.P @ self._z0)
+        return float(self.initial_deviations @ self.problem.P @ self.initial_deviations)
 
     @property
     @stored()
@@ -172,33 +154,6 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         aircraft.
         """
         return self.found.seconds
-
-    @property
-    @stored()
-    def saturated(self) -> Sequence[str]:
-        """Names of the inputs that reach a limit during the flight."""
-        return list(self.found.flown.saturated)
-
-    @property
-    def time(self) -> Vector:
-        """Times of the flight, s, (N,)."""
-        return self.found.flown.times
-
-    @property
-    def states(self) -> Matrix:
-        """Absolute states, (N, n), with the columns `state_names`."""
-        return with_names(self.found.flown.states, (), self.state_names)
-
-    @property
-    def inputs(self) -> Matrix:
-        """Absolute inputs, (N, m), with the columns `input_names`."""
-        return with_names(self.found.flown.inputs, (), self.input_names)
-
-    @property
-    @stored()
-    def envelope(self) -> Mapping[str, Vector]:
-        """Lowest and highest permitted value of each state."""
-        return envelope_pairs(self.problem)
 
     @property
     @stored()
@@ -242,32 +197,29 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
             self._checked(),
             table,
             tuple(lines),
+            self.weights_text(),
             limits_table(self.problem),
             f"{self._bracket()} The linear model without limits gives {self.linear_cost:.6g}, "
             "which is not a cost of the aircraft.",
             Picture("flight", "The best flight found and the policies", self.figure),
         )
-        return Report(self.title(), parts, data=self.as_data(), records=self._records())
+        return Report(self.title(), parts, data=self.as_data(), records=self.records())
 
     def title(self) -> str:
-        """Return the first lines of the report: aircraft, cost, policies and initial condition."""
-        place = self.point.at_scheduled
-        whose = f"{self.model.title} {place}".strip()
-        first = f"Best flight, {whose}: found, cost {self.cost:.6g}"
-        if self.reason is not None:
-            first = f"Best flight, {whose}: upper bound of the cost {self.cost:.6g}"
+        """Return the first lines of the report: cost, ratios of the policies, initial condition."""
+        most = "" if self.reason is None else "at most "
+        ratios = [(each.policy, each.over_best) for each in self.policies]
+        begin = f"Best flight: cost {most}{self.cost:.6g}"
         if self.bracket is not None and self.over_bound is not None:
-            first += f", {bracket_sentence([(self.bracket, self.cost)])}"
-        elif self.reason is None and self.found.spread_of_guesses > MESHES_AGREE:
-            first += f", guesses differ by {100 * self.found.spread_of_guesses:.2g} %"
-        lines = [first]
-        if self.reason is not None:
-            lines += [f"source: {self.source}, simulated; no proposal is confirmed:", self.reason]
+            begin += f", {bracket_sentence([(self.bracket, self.cost)])}"
+        lines = [line_with_ratios(begin, ratios), self.destination(), *self.source_lines()]
+        if self.reason is None and self.found.spread_of_guesses > MESHES_AGREE:
+            lines.append(f"guesses differ by {100 * self.found.spread_of_guesses:.2g} %")
         for flown, policy in zip(self.compared, self.policies, strict=True):
             says = [] if policy.over_best is None else [f"{policy.over_best:.4g} x the best found"]
             says += [flown.ending] if flown.lost else []
             lines.append(f"{policy.policy}: {', '.join(says)}")
-        return "\n".join([*lines, f"from {deviations_in_words(self.model, self.start)}"])
+        return "\n".join(lines)
 
     def _bracket(self) -> str:
         """Return sentences on the least cost.
@@ -308,69 +260,14 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
             )
         return " ".join(lines)
 
-    def _records(self) -> Table:
-        rows = np.column_stack([self.time, self.states, self.inputs]).tolist()
-        return Table(("time", *self.state_names, *self.input_names), [tuple(row) for row in rows])
-
-    def plot(self) -> np.ndarray:
-        """Draw the best flight and the flights of policies in a pyplot figure, and return its
-        Axes.
-        """
-        from matplotlib import pyplot
-
-        return np.array(self._drawn(pyplot.figure(layout="constrained")).axes)
-
-    def figure(self) -> Figure:
-        """Return a new figure with the best flight and the flights of policies."""
-        from hfa_support.reporting.figure import new_figure
-
-        return self._drawn(new_figure(10.0, 8.0))
-
-    def _drawn(self, figure: Figure) -> Figure:
-        from hfa_optimal.picture import drawn
-
-        flights = [(self.found.flown, f"best flight found: {self.cost:.5g}")]
+    def labeled(self) -> list[tuple[SimulatedFlight, str]]:
+        """Return the flights of the figure with their labels, the best flight first."""
+        flights = [(self.flown, f"best flight found: {self.cost:.5g}")]
         for flown in self.compared:
             cost = f"{flown.cost:.5g}" if flown.converges else "does not converge"
             flights.append((flown, f"{flown.name}: {cost}"))
-        return drawn(figure, self.problem, flights, self.seconds, self.title())
-
-
-def bracket_of(
-    bound: CostStatement, z: np.ndarray, start: Mapping[str, float], cost: float | None
-) -> Bracket:
-    """Return the lower and upper bound of the least cost from an initial condition.
-
-    bound: statement of a certificate, from which the lower bound is computed
-    z: initial deviations from the trim, (k,)
-    start: the same deviations by name of the state
-    cost: cost of the best flight found, which is the upper bound, or None if none was found
-    """
-    lower = float(bound.bound(z[None])[0])
-    return Bracket(start, lower, cost, None, lower >= bound.level)
+        return flights
 
 
 def _saturated(flight: str, names: Sequence[str]) -> str:
     return f"{flight}: {', '.join(names) or 'no input'} saturated"
-
-
-def envelope_pairs(problem: FlightProblem) -> dict[str, np.ndarray]:
-    """Return the lowest and highest permitted value of each state, by name."""
-    pairs = np.column_stack([problem.envelope.lowest, problem.envelope.highest])
-    return dict(zip(problem.envelope.names, pairs, strict=True))
-
-
-def limits_table(problem: FlightProblem) -> Table:
-    """Return a table of the limits of all states and of the moving inputs."""
-    model = problem.model
-    pairs: dict[str, Any] = envelope_pairs(problem)
-    signals = model.inputs
-    pairs |= {name: (signals[name].min, signals[name].max) for name in problem.inputs}
-    rows = []
-    assumed = dict(zip(problem.envelope.names, problem.envelope.assumed.tolist(), strict=True))
-    for name, (lowest, highest) in pairs.items():
-        unit = model.unit(name)
-        is_assumed = assumed.get(name, model.signals[name].assumed)
-        text = limits_text(float(lowest), float(highest), unit, is_assumed)
-        rows.append((name, text, shown_unit(unit)))
-    return Table(("limits of flights", "from, to", "unit"), rows)

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
+
+if TYPE_CHECKING:
+    from hfa_prove.statements.cost import CostStatement
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +33,20 @@ class Bracket(Result):
     best: float | None
     policy: float | None
     beyond: bool = False
+
+
+def bracket_of(
+    bound: CostStatement, z: np.ndarray, start: Mapping[str, float], cost: float | None
+) -> Bracket:
+    """Return the lower and upper bound of the least cost from an initial condition.
+
+    bound: statement of a certificate, from which the lower bound is computed
+    z: initial deviations from the trim, (k,)
+    start: the same deviations by name of the state
+    cost: cost of the best flight found, which is the upper bound, or None if none was found
+    """
+    lower = float(bound.bound(z[None])[0])
+    return Bracket(start, lower, cost, None, lower >= bound.level)
 
 
 def bracket_sentence(costs: Iterable[tuple[Bracket, float | None]]) -> str:

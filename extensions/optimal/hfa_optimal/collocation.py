@@ -50,6 +50,13 @@ _EVEN = 1e-3
 #: for the HFA.
 _KINKS = 3.0
 _POWER = 0.5
+#: Weights of the inputs and of their steps, relative to their ranges, in a program of least time.
+#: Of several inputs with equal times, the smallest and smoothest are proposed.
+_SMALL_INPUTS = 1e-4
+_SMALL_STEPS = 3e-4
+#: Shortest and longest time of a program of least time, relative to that of the guess.
+_SHORTEST = 1e-3
+_LONGEST = 20.0
 #: Largest violation of the collocation equations of a feasible proposal, in nominal values.
 FEASIBLE = 1e-6
 
@@ -61,8 +68,8 @@ class Proposal(NamedTuple):
     start: initial deviations z, (k,)
     z: deviations of the followed states at the collocation points, (N, DEGREE, followed)
     v: deviations of the inputs at the ends of the intervals, linear between them, (N + 1, m)
-    cost: cost by quadrature at the collocation points, plus the tail. For a proposal of a
-        `TimeProgram`, duration of the flight, s.
+    cost: cost by quadrature at the collocation points, plus the tail. For a proposal of least time,
+        duration of the flight, s.
     tail: linear cost after the last interval
     feasible: whether all unknowns are finite and satisfy the collocation equations
     """
@@ -282,18 +289,27 @@ class Equations(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Transcription:
-    """Nonlinear program of a problem with a given number of intervals.
+    """Nonlinear program of a problem with a given number of intervals, of least cost or least time.
 
-    The Jacobian and Hessian are assembled from derivatives of the equations at single points. This
+    The unknowns are the states and inputs, and the factor theta by which all intervals are longer
+    than those of the guess. The objective is quadratic in states and inputs:
+
+    - least cost: quadrature of z'Qz + v'Rv, plus z'Pz at the end; theta = 1
+    - least time: theta, plus small multiples of the squares of the inputs and of their steps; z = 0
+      at the end
+
+    Its Jacobian and Hessian are assembled from derivatives of the equations at single points. This
     is faster than differentiation of the entire program.
 
     intervals: number N of intervals
     equations: equations of the problem at one point, with their derivatives
+    is_of_time: True for least time, False for least cost
     """
 
     problem: FlightProblem
     intervals: int
     equations: Equations
+    is_of_time: bool = False
 
     def solve(
         self,
@@ -307,44 +323,67 @@ class Transcription:
         """Return the proposal that IPOPT finds from a guess. The proposal may be infeasible.
 
         start: initial deviations z, (k,)
-        lengths: lengths of the intervals, s, (N,)
+        lengths: lengths of the intervals of the guess, s, (N,)
         z: guess at the collocation points, (N DEGREE, k) or (N DEGREE, followed)
         v: guess at the ends of the intervals, (N + 1, m)
-        margin: fraction by which the limits of the states are narrowed, as in `inner_limits`
+        margin: fraction by which the limits of the states are narrowed, as in `inner_limits`, and
+            for least time also those of the inputs
         price: factor on R, also in the cost of the proposal
         """
         problem = self.problem
         of_states, of_inputs = problem.sizes
         z = problem.padded(z)
         begin = problem.padded(start)
-        limits = problem.inner_limits(begin, margin)
-        below, above = (
-            unknowns_in_order(
-                np.tile(of_z / of_states, (len(z), 1)), np.tile(of_v / of_inputs, (len(v), 1))
-            )
-            for of_z, of_v in zip(limits, problem.input_limits, strict=True)
-        )
+        below, above = self._bounds(begin, margin)
         guess = unknowns_in_order(z / of_states, v / of_inputs)
         scale = 1.0 / max(float(start @ problem.P @ start), 1e-12)
         parameters = np.concatenate([begin / of_states, lengths, [scale, price]])
         solved = solved_by(
-            self._solver, x0=np.clip(guess, below, above), p=parameters, lbx=below, ubx=above
+            self._solver,
+            x0=np.append(np.clip(guess, below[:-1], above[:-1]), 1.0),
+            p=parameters,
+            lbx=below,
+            ubx=above,
         )
-        row = np.array(solved["x"]).ravel()
+        *row, longer = np.array(solved["x"]).ravel()
         m = len(problem.inputs)
-        inner = row[m:].reshape(self.intervals, -1)
+        inner = np.array(row[m:]).reshape(self.intervals, -1)
         z = inner[:, :-m].reshape(self.intervals, DEGREE, -1) * of_states
         violation = np.abs(np.array(solved["g"])).max()
         end = z[-1, -1, : len(start)]
+        seconds = longer * lengths
+        cost = float(seconds.sum()) if self.is_of_time else float(solved["f"]) / scale
         return Proposal(
-            lengths=lengths,
+            lengths=seconds,
             start=start,
             z=z,
             v=np.vstack([row[:m], inner[:, -m:]]) * of_inputs,
-            cost=float(solved["f"]) / scale,
+            cost=cost,
             tail=float(end @ problem.P @ end),
             feasible=bool(np.isfinite(row).all() and violation <= FEASIBLE),
         )
+
+    def _bounds(self, begin: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return lower and upper bounds of the unknowns.
+
+        begin: initial deviations of the followed states, (followed,)
+        margin: as in `solve`
+        """
+        problem = self.problem
+        of_states, of_inputs = problem.sizes
+        points = self.intervals * DEGREE
+        of_v = 1.0 - margin if self.is_of_time else 1.0
+        bounds = []
+        sides = zip(problem.inner_limits(begin, margin), problem.input_limits, strict=True)
+        for limit_z, limit_v in sides:
+            z = np.tile(limit_z / of_states, (points, 1))
+            if self.is_of_time:
+                z[-1, : len(problem.states)] = 0.0
+            v = np.tile(of_v * limit_v / of_inputs, (self.intervals + 1, 1))
+            bounds.append(unknowns_in_order(z, v))
+        shortest, longest = (_SHORTEST, _LONGEST) if self.is_of_time else (1.0, 1.0)
+        below, above = bounds
+        return np.append(below, shortest), np.append(above, longest)
 
     @cached_property
     def _solver(self) -> ca.Function:
@@ -360,56 +399,104 @@ class Transcription:
         points = N * DEGREE
         chosen = points_of_unknowns(k, both - k, N)
         w = ca.MX.sym("w", chosen.columns())
+        theta = ca.MX.sym("theta")
+        x = ca.vertcat(w, theta)
         p = ca.MX.sym("p", k + N + 2)
         start, lengths, scale, price = ca.vertsplit(p, [0, k, k + N, k + N + 1, k + N + 2])
-        Q, R, P = problem.scaled_weights()
-        weight = ca.diagcat(ca.DM(Q), price * ca.DM(R))
         rows = ca.reshape(ca.mtimes(chosen, w), both, points)
         z = rows[:k, :]
         begins = ca.horzcat(start, z[:, DEGREE - 1 : points - 1 : DEGREE])
-        derivatives, _, quadrature = ca.collocation_coeff(collocation_points()[1:].tolist())
-        seconds = ca.reshape(ca.repmat(lengths.T, DEGREE, 1), 1, points)
-        shares = seconds * ca.repmat(ca.DM(quadrature).T, 1, N)
+        derivatives, _, _ = ca.collocation_coeff(collocation_points()[1:].tolist())
+        guessed = ca.reshape(ca.repmat(lengths.T, DEGREE, 1), 1, points)
+        seconds = theta * guessed
         unit = ca.DM.eye(N)
         slopes = ca.mtimes(z, ca.kron(unit, derivatives[1:, :]))
         slopes += ca.mtimes(begins, ca.kron(unit, derivatives[0, :]))
         equations = self.equations
-        g = ca.vec(slopes - ca.repmat(seconds, k, 1) * equations.rates.map(points)(rows))
+        rates = equations.rates.map(points)(rows)
+        g = ca.vec(slopes - ca.repmat(seconds, k, 1) * rates)
+        shares, weight, further = self._objective(chosen, guessed, scale, price)
         running = ca.dot(ca.repmat(shares, both, 1) * rows, ca.mtimes(weight, rows))
-        f = scale * (running + ca.bilin(ca.DM(P), z[:, -1], z[:, -1]))
+        objective = running + ca.bilin(further, w, w) + (theta if self.is_of_time else 0.0)
 
         constant = ca.evalf(_without_symbols(ca.jacobian(ca.vec(slopes), w), [w, p]))
-        of_rates = equations.slopes.map(points)(rows) * ca.repmat(
+        along = equations.slopes.map(points)(rows)
+        of_rates = along * ca.repmat(
             ca.reshape(ca.repmat(seconds, both, 1), 1, points * both), k, 1
         )
-        jacobian = constant - ca.mtimes(_blocks(of_rates, points, k, both), chosen)
+        of_w = constant - ca.mtimes(_blocks(of_rates, points, k, both), chosen)
 
-        of_cost = ca.MX.sym("of_cost")
+        of_objective = ca.MX.sym("of_objective")
         of_equations = ca.MX.sym("of_equations", points * k)
-        weighed = ca.reshape(of_equations, k, points) * ca.repmat(seconds, k, 1)
-        bent = 2.0 * of_cost * scale * ca.kron(shares, weight) - equations.curvature.map(points)(
-            rows, weighed
+        multipliers = ca.reshape(of_equations, k, points)
+        weighed = multipliers * ca.repmat(seconds, k, 1)
+        bent = 2.0 * of_objective * ca.kron(shares, weight)
+        at_points = _blocks(
+            bent - equations.curvature.map(points)(rows, weighed), points, both, both
         )
-        at_points = _blocks(bent, points, both, both)
-        before = chosen.columns() - both
-        last = ca.diagcat(ca.DM(before, before), ca.DM(P), ca.DM(both - k, both - k))
         of_unknowns = ca.mtimes(chosen.T, ca.mtimes(at_points, chosen))
-        hessian = ca.triu(of_unknowns + 2.0 * of_cost * scale * last)
+        of_unknowns += 2.0 * of_objective * further
+        of_theta = ca.MX(points * k, 1)
+        mixed = ca.MX(chosen.columns(), 1)
+        if self.is_of_time:  # otherwise theta is fixed
+            of_theta = -ca.vec(ca.repmat(guessed, k, 1) * rates)
+            turned = ca.vec(multipliers * ca.repmat(guessed, k, 1))
+            mixed = -ca.mtimes(ca.mtimes(_blocks(along, points, k, both), chosen).T, turned)
+        jacobian = ca.horzcat(of_w, of_theta)
+        whole = ca.blockcat([[of_unknowns, mixed], [mixed.T, ca.MX(1, 1)]])
 
         options = {
             **OPTIONS,
             "ipopt.mu_strategy": "adaptive" if N >= _LARGE else "monotone",
-            "jac_g": ca.Function("jac_g", [w, p], [g, jacobian], ["x", "p"], ["g", "jac:g:x"]),
+            "jac_g": ca.Function("jac_g", [x, p], [g, jacobian], ["x", "p"], ["g", "jac:g:x"]),
             "hess_lag": ca.Function(
                 "hess_lag",
-                [w, p, of_cost, of_equations],
-                [hessian],
+                [x, p, of_objective, of_equations],
+                [ca.triu(whole)],
                 ["x", "p", "lam:f", "lam:g"],
                 ["triu:hess:gamma:x:x"],
             ),
         }
-        program: dict[str, Any] = {"x": w, "p": p, "f": f, "g": g}
+        program: dict[str, Any] = {"x": x, "p": p, "f": objective, "g": g}
         return ca.nlpsol("flight", "ipopt", program, options)
+
+    def _objective(
+        self, chosen: ca.DM, lengths: ca.MX, scale: ca.MX, price: ca.MX
+    ) -> tuple[ca.MX, ca.MX, ca.MX]:
+        """Return shares, W and F of the quadratic part sum_i shares_i r_i'W r_i + w'F w.
+
+        w are the unknowns, and r_i are states and inputs at the collocation point i.
+
+        chosen: result of `points_of_unknowns`
+        lengths: length of the interval of each collocation point, (1, N DEGREE)
+        scale: factor on the cost
+        price: factor on R
+        """
+        problem = self.problem
+        k = len(problem.followed)
+        m = len(problem.inputs)
+        points = self.intervals * DEGREE
+        if self.is_of_time:
+            _, of_inputs = problem.sizes
+            lowest, highest = problem.input_limits
+            ranges = np.where(np.isfinite(highest - lowest), highest - lowest, of_inputs)
+            share = ca.diag(ca.DM((of_inputs / ranges) ** 2))
+            ends = np.array([0, *range(DEGREE - 1, points, DEGREE)]) * (k + m)
+            v = chosen[np.add.outer(ends, np.arange(k, k + m)).ravel().tolist(), :]
+            steps = v[m:, :] - v[:-m, :]
+            smooth = ca.mtimes(steps.T, ca.mtimes(ca.kron(ca.DM.eye(self.intervals), share), steps))
+            weight = ca.diagcat(ca.DM(k, k), _SMALL_INPUTS * share)
+            return (
+                ca.MX(ca.DM.ones(1, points) / points),
+                ca.MX(weight),
+                ca.MX(_SMALL_STEPS * smooth),
+            )
+        Q, R, P = problem.scaled_weights()
+        _, _, quadrature = ca.collocation_coeff(collocation_points()[1:].tolist())
+        shares = scale * lengths * ca.repmat(ca.DM(quadrature).T, 1, self.intervals)
+        before = chosen.columns() - k - m
+        last = ca.diagcat(ca.DM(before, before), ca.DM(P), ca.DM(m, m))
+        return shares, ca.diagcat(ca.DM(Q), price * ca.DM(R)), scale * last
 
 
 def _without_symbols(expression: ca.MX, symbols: list[ca.MX]) -> ca.MX:

@@ -10,12 +10,14 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from controller.critic.critic import Critic
 from hfa_aircraft.march.cost import Cost
 from hfa_aircraft.march.ending import FAR, OF_COST, EndRule, Outcome, has_decayed
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.envelope import Departure, departure
 from hfa_flight.history import Deviations
-from hfa_flight.policies.policy import FunctionPolicy, Policy
+from hfa_flight.policies.deployment.policy import DeployedPolicy, sampled_scenario
+from hfa_flight.policies.policy import FunctionPolicy, Policy, function_policy
 from hfa_flight.problem import FlightProblem
 from hfa_flight.scenario import Scenario
 from hfa_flight.simulation import CompiledLoop
@@ -127,32 +129,37 @@ class Flights:
 
     @cached_property
     def _linear(self) -> CompiledLoop:
-        return self.compiled(self.gain_policy("linear optimum, saturated", self.problem.K))
+        return self.of_gain("linear optimum, saturated", self.problem.K)
 
-    def gain_policy(self, name: str, K: np.ndarray) -> FunctionPolicy:
-        """Return the policy v = -K z, saturated at the input limits. Inputs that do not move are
-        constant.
+    def of_gain(self, name: str, K: np.ndarray) -> CompiledLoop:
+        """Return the compiled loop of v = -K z, saturated at the input limits. Inputs that do not
+        move are constant.
 
-        name: name of the policy
+        name: name of the policy in reports
         K: gain, (m, k)
         """
         problem = self.problem
         z = ca.SX.sym("z", len(problem.states))
         u = ca.SX.zeros(len(problem.model.inputs))
         u[problem.moved] = -ca.mtimes(ca.DM(K), z)
-        return self.function_policy(name, ca.Function("gain", [z], [u]))
-
-    def function_policy(self, name: str, function: ca.Function) -> FunctionPolicy:
-        """Return the policy given by a function, saturated at the input limits.
-
-        name: name of the policy
-        function: CasADi function from z, (k,), to the deviations of all inputs
-        """
-        problem = self.problem
         limits = [np.zeros(len(problem.model.inputs)) for _ in range(2)]
         for whole, moved in zip(limits, problem.input_limits, strict=True):
             whole[problem.moved] = moved
-        return FunctionPolicy(name, function, *limits)
+        return self.compiled(FunctionPolicy(name, ca.Function("gain", [z], [u]), *limits))
+
+    def of_critic(self, name: str, critic: Critic) -> CompiledLoop:
+        """Return the compiled loop of a critic's policy, saturated at the limits of the inputs.
+
+        name: name of the policy in reports
+        """
+        if critic.linear:
+            return self.of_gain(name, critic.K)
+        return self.compiled(function_policy(name, critic.policy, self.problem.point))
+
+    def of_deployed(self, policy: DeployedPolicy) -> CompiledLoop:
+        """Return the compiled loop of a deployed policy, with its sampling and delays."""
+        calm = self.scenario(self.tick)
+        return self.compiled(policy, sampled_scenario(policy, calm, self.problem.point))
 
     def compiled(self, policy: Policy, scenario: Scenario | None = None) -> CompiledLoop:
         """Return the compiled closed loop of a policy and the aircraft at the trim.

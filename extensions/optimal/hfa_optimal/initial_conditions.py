@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hfa_flight.problem import FlightProblem, OfProblem
-from hfa_optimal.best_flight import (
-    PolicyFlight,
-    bracket_of,
-    limits_table,
-)
-from hfa_optimal.bracket import Bracket, bracket_sentence, bracket_table
-from hfa_optimal.pilots import Pilot
+from hfa_flight.simulation import CompiledLoop
+from hfa_optimal.best_flight import PolicyFlight
+from hfa_optimal.bracket import Bracket, bracket_of, bracket_sentence, bracket_table
+from hfa_optimal.found_flight import limits_table, line_with_ratios
 from hfa_optimal.search import AFTER, MESHES_AGREE, BestFlights
 from hfa_support.errors import NoSolutionError
 from hfa_support.interruption import interruption
@@ -145,21 +142,7 @@ class StartsTable(OfProblem, Result, Reported):
 
     def report(self) -> Report:
         """Return the report: flights found, cost ratios of policies, refused flights, limits."""
-        whose = f"{self.problem.model.title} {self.point.at_scheduled}".strip()
-        found = f"found from {self.found}" if self.found else "none found from 0"
-        title = f"Best flights, {whose}: {found} of {self.starts}"
         brackets = self._bounded
-        if not brackets:
-            title += " initial conditions"
-        if self.upper_bounds:
-            title += f" ({self.upper_bounds} only as the cheapest simulated flight)"
-        if self.starts < self.asked:
-            title += f" (interrupted; {self.asked} requested)"
-        if brackets:
-            title += f", {bracket_sentence((each, each.best) for each in brackets)}"
-        spread = max((each.spread for each in self.flights if each.spread is not None), default=0.0)
-        if spread > MESHES_AGREE:
-            title += f"\nguesses differ by up to {100 * spread:.2g} %"
         rows = []
         for each in self.policies:
             numbers = [_number(value) for value in (each.median, each.high, each.worst)]
@@ -172,13 +155,34 @@ class StartsTable(OfProblem, Result, Reported):
             median, high = (f"{np.quantile(self.over_bound, q):.4g}" for q in (0.5, 0.9))
             worst = f"{max(self.over_bound):.4g}"
             rows.append(("best found over the proved bound", "", "", median, high, worst))
-        parts = [Table(header, rows)]
+        parts: list[Any] = [Table(header, rows)]
         if refused:
             parts.append(Table(("no proposal confirmed", "initial conditions"), refused))
-        parts.append(limits_table(self.problem))
+        parts += [self.weights_text(), limits_table(self.problem)]
         if brackets:
             parts.append(bracket_table(self.problem.model, self._bounded))
-        return Report(title, parts, data=self.as_data(), records=self._records())
+        return Report(
+            "\n".join(self._title_lines()), parts, data=self.as_data(), records=self._records()
+        )
+
+    def _title_lines(self) -> list[str]:
+        """Return the first lines: flights found, median cost ratios, and what limits the result."""
+        count = f"found from {self.found} of {self.starts}"
+        if self.starts < self.asked:
+            count += f" (interrupted; {self.asked} requested)"
+        ratios = [(each.policy, each.median) for each in self.policies]
+        begin = f"Best flights: {count} initial conditions"
+        if self._bounded:
+            bound = bracket_sentence((each, each.best) for each in self._bounded)
+            begin = f"Best flights: {count}, {bound}"
+        lines = [line_with_ratios(begin, ratios)]
+        lines.append(f"to {self.problem.model.title} {self.point.at_scheduled}".strip())
+        if self.upper_bounds:
+            lines.append(f"{self.upper_bounds} only as the cheapest simulated flight")
+        spread = max((each.spread for each in self.flights if each.spread is not None), default=0.0)
+        if spread > MESHES_AGREE:
+            lines.append(f"guesses differ by up to {100 * spread:.2g} %")
+        return lines
 
     def _records(self) -> Table:
         states = self.problem.states
@@ -223,7 +227,7 @@ def _number(value: float | None) -> str:
 def starts_table(
     search: BestFlights,
     starts: np.ndarray,
-    pilots: Sequence[Pilot] = (),
+    loops: Sequence[CompiledLoop] = (),
     progress: Progress | None = None,
     bound: CostStatement | None = None,
     *,
@@ -234,14 +238,14 @@ def starts_table(
     After Ctrl-C the table contains only the finished initial conditions.
 
     starts: initial deviations, (N, k)
-    pilots: policies that are compared with the saturated linear optimum and the best flight
+    loops: loops of the policies that are compared with the linear optimum and the best flight
     bound: lower bound of the cost, or None
     searched: False to simulate only the policies, without a search for best flights
     """
     done: list[StartFlights] = []
     with interruption() as asked:
         for start in starts:
-            flights = flights_from(search, start, pilots, searched)
+            flights = flights_from(search, start, loops, searched)
             if bound is not None:
                 bracket = bracket_of(bound, start, flights.start, flights.cost)
                 flights = replace(flights, bracket=bracket)
@@ -254,14 +258,14 @@ def starts_table(
 
 
 def flights_from(
-    search: BestFlights, start: np.ndarray, pilots: Sequence[Pilot], searched: bool
+    search: BestFlights, start: np.ndarray, loops: Sequence[CompiledLoop], searched: bool
 ) -> StartFlights:
     """Return the best flight and the flights of the policies from an initial condition.
 
     The policies are simulated even if no best flight is found.
 
     start: initial deviations z, (k,)
-    pilots: policies, simulated after the saturated linear optimum
+    loops: loops of the policies, simulated after the saturated linear optimum
     searched: whether a best flight is searched
     """
     problem = search.problem
@@ -281,6 +285,6 @@ def flights_from(
             reason = str(error).removeprefix("no flight found: ")
     if linear is None:
         linear = search.flights.linear(start, seconds)
-    flown = [linear, *(pilot.fly(search.flights, start, seconds) for pilot in pilots)]
+    flown = [linear, *(search.flights.fly(loop, start, seconds) for loop in loops)]
     policies = [PolicyFlight.of(each, cost) for each in flown]
     return StartFlights(by_name, cost, reason, spread, linear_cost, policies)

@@ -9,7 +9,8 @@ from typing import Any, Literal, overload
 
 from hfa_aircraft.model import Model
 from hfa_flight.problem import flight_problem
-from hfa_optimal.best_flight import BestFlight, bracket_of
+from hfa_optimal.best_flight import BestFlight
+from hfa_optimal.bracket import bracket_of
 from hfa_optimal.quickest import QuickestFlight, quickest_to
 from hfa_optimal.search import BestFlights
 from hfa_support.arguments import ArrayLike, checks_arguments, need

@@ -60,12 +60,12 @@ _FIRST_TAIL = 3e-4
 #: Factor by which a horizon is extended, and largest number of extensions.
 _LONGER = 1.6
 _EXTENSIONS = 5
-_NONE_WITHIN = (
+NONE_WITHIN = (
     "IPOPT finds no flight within the limits from any initial guess, possibly because of "
     "tables or kinks; such a flight may exist"
 )
 #: Name of a flight that follows a proposal that it does not confirm.
-_REFUSED = "flight that follows a refused proposal"
+REFUSED = "flight that follows a refused proposal"
 #: Duration of the linear policy after the horizon, relative to the horizon.
 AFTER = 0.25
 
@@ -164,14 +164,14 @@ class BestFlights:
         except NoSolutionError as error:
             reason = str(error).removeprefix("no flight found: ")
             horizon = self.horizon(start) if seconds is None else seconds
-            linear = self._converging_linear(start, horizon)
+            linear = self.converging_linear(start, horizon)
             within = [flown for flown in (linear, *simulated) if not flown.lost]
             if not within:
                 raise
             cheapest = min(within, key=lambda flown: flown.cost)
             return Found(cheapest, None, horizon, {}, {}, linear, reason)
 
-    def _converging_linear(self, start: np.ndarray, horizon: float) -> SimulatedFlight:
+    def converging_linear(self, start: np.ndarray, horizon: float) -> SimulatedFlight:
         """Return the flight of the linear optimum, simulated longer until it converges.
 
         start: initial deviations z, (k,)
@@ -271,7 +271,7 @@ class BestFlights:
             proposal = self._finer(2 * INTERVALS, proposals[name], MARGIN)
             if proposal.feasible:
                 finer[name] = proposal
-        reason = _NONE_WITHIN
+        reason = NONE_WITHIN
         guesses = {name: each.cost for name, each in (dict(proposals) | finer).items()}
         for name in _cheapest_first(finer):
             meshes = {INTERVALS: proposals[name].cost, 2 * INTERVALS: finer[name].cost}
@@ -310,7 +310,7 @@ class BestFlights:
             reason = f"two meshes differ by {100 * change:.2g} %{alternating}"
             if change <= MESHES_AGREE:
                 flown, followed = self._simulated(best, seconds, _TIGHTER)
-                simulated.append(flown._replace(name=_REFUSED))
+                simulated.append(flown._replace(name=REFUSED))
                 reason = refutation(flown, followed)
                 if not reason:
                     return flown, followed, meshes
@@ -327,7 +327,7 @@ class BestFlights:
             meshes = {**meshes, intervals: best.cost}
         if agreed is not None:
             flown, followed = self._simulated(agreed[0], seconds, _TIGHTEST)
-            simulated.append(flown._replace(name=_REFUSED))
+            simulated.append(flown._replace(name=REFUSED))
             if not refutation(flown, followed):
                 return flown, followed, agreed[1]
         raise NoSolutionError(reason)
@@ -407,7 +407,7 @@ class BestFlights:
         costly = {_COSTLY: first["linear loop"]}
         proposals |= self._solved(start, seconds, costly, [], _COSTLY_PRICE)
         if not proposals:
-            raise NoSolutionError(f"no flight found: {_NONE_WITHIN}")
+            raise NoSolutionError(f"no flight found: {NONE_WITHIN}")
         return proposals
 
     def _solved(
@@ -436,7 +436,7 @@ class BestFlights:
         coarsest = self._transcription(INTERVALS)
         proposals = {}
         for name, guess in guesses.items():
-            rough = coarsest.solve(start, lengths, *_sampled(guess, lengths), price=price)
+            rough = coarsest.solve(start, lengths, *sampled(guess, lengths), price=price)
             if not rough.feasible:
                 continue
             proposal = next((each for known, each in adapted if _equal(known, rough)), None)
@@ -458,7 +458,7 @@ class BestFlights:
         """
         adapted = adapted_mesh(guess, intervals, self.flights.step, self._weights)
         for lengths in (adapted, self._mesh(float(guess.lengths.sum()), intervals)):
-            z, v = _sampled(guess.at, lengths)
+            z, v = sampled(guess.at, lengths)
             proposal = self._transcription(intervals).solve(guess.start, lengths, z, v, margin)
             if proposal.feasible:
                 break
@@ -546,7 +546,7 @@ def _distinct(proposals: Mapping[str, Proposal]) -> list[str]:
     return chosen
 
 
-def _sampled(guess: Guess, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def sampled(guess: Guess, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return a guess's z at the collocation points and its v at the ends of the intervals.
 
     guess: function from times, s, to (z, v)

@@ -13,7 +13,7 @@ from nominal import nominal_game
 from scipy.integrate import solve_ivp
 
 import hfa
-from hfa_flight.problem import MARGIN
+from hfa_flight.problem import MARGIN, flight_problem
 from hfa_optimal.collocation import DEGREE, Equations, Transcription
 from hfa_optimal.search import BestFlights, refutation
 
@@ -152,6 +152,33 @@ def test_a_proposal_on_a_coarse_mesh_is_refuted(gtm: hfa.BestFlight) -> None:
     assert "off the proposed" in refutation(search.flights.follow(proposal, gtm.seconds), proposal)
 
 
+@pytest.mark.parametrize("is_of_time", [False, True])
+def test_the_assembled_derivatives_are_those_of_casadi(is_of_time: bool) -> None:
+    """Jacobian and Hessian of both programs equal the automatic derivatives of the whole program."""
+    model = hfa.load_model(GTM)
+    problem = flight_problem(model, hfa.trim(model))
+    program = Transcription(problem, 4, Equations.of(problem), is_of_time)
+    solver = program._solver
+    whole = solver.oracle()
+    rng = np.random.default_rng(1)
+    x, p, multipliers = (
+        rng.uniform(0.5, 1.0, size)
+        for size in (whole.numel_in("x"), whole.numel_in("p"), whole.numel_out("g"))
+    )
+    jacobian = whole.factory("jacobian", ["x", "p"], ["jac:g:x"])(x, p)
+    _, assembled = solver.get_function("nlp_jac_g")(x, p)
+    used = np.ones(len(x), dtype=bool)
+    used[-1] = is_of_time  # the factor on the intervals is fixed for least cost
+    np.testing.assert_allclose((assembled - jacobian).full()[:, used], 0.0, atol=1e-9)
+    of_lagrangian = whole.factory(
+        "hessian", ["x", "p", "lam:f", "lam:g"], ["triu:hess:gamma:x:x"], {"gamma": ["f", "g"]}
+    )
+    hessian = of_lagrangian(x, p, 0.7, multipliers)
+    assembled = solver.get_function("nlp_hess_l")(x, p, 0.7, multipliers)
+    difference = (assembled - hessian).full()[used][:, used]
+    np.testing.assert_allclose(difference, 0.0, atol=1e-9)
+
+
 def test_a_cart_too_fast_to_stop_is_refused() -> None:
     """A cart that needs 18 m to stop has no flight within the limits if only 5 m are left."""
     with pytest.raises(hfa.NoSolutionError, match="finds no flight within the limits"):
@@ -229,7 +256,9 @@ def test_unusable_arguments_are_refused(
 def test_the_report_distinguishes_the_linear_cost(gtm: hfa.BestFlight) -> None:
     """The report states that the linear cost is not a cost of the aircraft."""
     text = gtm.report().text()
-    assert text.startswith("Best flight, GTM")
+    ratio = gtm.found.linear.cost / gtm.cost
+    assert text.startswith(f"Best flight: cost {gtm.cost:.6g}; linear optimum {ratio:.4g}x")
+    assert text.splitlines()[1].startswith("to GTM")
     assert "which is not a cost of the aircraft" in text
     data = gtm.to_dict()
     assert data["policies"][0]["over_best"] == pytest.approx(gtm.found.linear.cost / gtm.cost)

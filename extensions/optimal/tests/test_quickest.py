@@ -78,6 +78,32 @@ def test_a_missed_target_is_detected(cart_flight: QuickestFlight) -> None:
     assert not not_arrived(cart_flight.problem, cart_flight.flown, cart_flight.proposal)
 
 
+def test_the_first_simulated_arrival_is_an_upper_bound(
+    cart_flight: QuickestFlight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If no proposal is confirmed, the time of the saturated LQR is reported with the reason.
+
+    The LQR is not quicker than the quickest flight, and stays in its arrival box.
+    """
+
+    def none(*_: object) -> None:
+        raise hfa.NoSolutionError("no flight found: planted")
+
+    monkeypatch.setattr("hfa_optimal.quickest._from_guesses", none)
+    model = cart()
+    begin = hfa.trim(model, hold={"position": 8.0})
+    best = hfa.optimize(model, hfa.trim(model), begin, minimize="time")
+    assert best.reason == "planted"
+    assert best.source == "linear optimum, saturated"
+    assert cart_flight.seconds < best.seconds < np.inf
+    after = best.states[best.time >= best.seconds]
+    assert (np.abs(after) <= list(best.box.values())).all()
+    first, _, source, reason = best.report().title.splitlines()
+    assert first == f"Quickest flight: at most {best.seconds:.4g} s"
+    assert (best.source in source, reason) == (True, "planted")
+    assert best.to_dict()["spread"] is None
+
+
 def test_optimize_finds_the_quickest_dihedral_change(capsys: pytest.CaptureFixture[str]) -> None:
     """`hfa optimize --minimize time` finds a flight that increases the dihedral by 1 deg.
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.weights import matrix_text
+from controller.game.weights import cost_text
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_optimal.bracket import bracket_table
 from hfa_policy.assessed_point import AssessedPoint, scheduled_value
@@ -42,11 +42,12 @@ def report_parts(
 
 
 def _weights_text(deployed: Deployed, point: AssessedPoint) -> str:
-    """Return the weights of the cost as text, with their source."""
-    Q, R = (matrix_text(weight) for weight in weights_at(deployed, point.point))
+    """Return the weights of the cost as text."""
+    signals = (*deployed.model.linear, *deployed.commanded)
+    text = cost_text(deployed.model, signals, *weights_at(deployed, point.point))
     if deployed.deployment.cost is None:
-        return f"cost: Q {Q}, R {R} (default 1/nominal^2; the deployment has no [cost])"
-    return f"cost: Q {Q}, R {R} (of the deployment)"
+        return f"cost: {text}; the deployment has no [cost]"
+    return f"cost: {text}"
 
 
 def loop_table(points: Sequence[AssessedPoint]) -> Table:

@@ -13,12 +13,10 @@ import numpy as np
 
 from hfa_flight.initial_box import drawn_starts
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_flight.policies.deployment.policy import policy_about, sampled_scenario
+from hfa_flight.policies.deployment.policy import policy_about
 from hfa_flight.problem import flight_problem
-from hfa_flight.scenario import Scenario
 from hfa_optimal.bracket import Bracket, bracket_sentence
 from hfa_optimal.initial_conditions import starts_table
-from hfa_optimal.pilots import Pilot
 from hfa_optimal.search import BestFlights
 from hfa_policy.cost_above_optimum import weights_at
 from hfa_policy.outcomes import Place
@@ -193,15 +191,9 @@ def flight_costs(
 
         bound = lower_bound(certificate, problem, progress, deployed.deployment.origin)
     search = BestFlights(problem, count)
-    flights = search.flights
-    policy = policy_about(deployed, point, "policy")
-    calm = Scenario(
-        flights.tick, flights.step, flights.tick, initial=np.zeros(len(point.model.states))
-    )
-    loop = flights.compiled(policy, sampled_scenario(policy, calm, point))
+    loop = search.flights.of_deployed(policy_about(deployed, point, "policy"))
     starts = drawn_starts(problem, count, seed, place.box)
-    pilots = [Pilot("policy", loop)]
-    table = starts_table(search, starts, pilots, progress, bound, searched=searched)
+    table = starts_table(search, starts, [loop], progress, bound, searched=searched)
     compared = [each for each in table.flights if each.cost is not None or not searched]
     linear, flown = ([each.policies[index] for each in compared] for index in range(2))
     both = [(one.cost, other.cost) for one, other in zip(flown, linear, strict=True)]

@@ -23,7 +23,7 @@ from trim.point.linearize import linearize
 
 if TYPE_CHECKING:
     from controller.game.zero_sum import Game
-    from hfa_optimal.pilots import Pilot
+    from hfa_flight.simulation import CompiledLoop
     from hfa_optimal.search import BestFlights
     from hfa_prove.statements.cost import CostStatement
     from trim.point.operating_point import OperatingPoint
@@ -132,8 +132,8 @@ class OptimizeRequest(Request):
             return self.trim.point()
         return self.deviations
 
-    def pilots(self, search: BestFlights, game: Game) -> list[Pilot]:
-        """Return the policies to compare with the best flight.
+    def loops(self, search: BestFlights, game: Game) -> list[CompiledLoop]:
+        """Return the loops of the policies to compare with the best flight.
 
         - the exact game policy, unless δ is infinite
         - the policy of the critic in --weights
@@ -145,21 +145,22 @@ class OptimizeRequest(Request):
         from controller.critic.critic_file import critic_in
         from controller.critic.reading import Reading
         from controller.riccati.gare import unconfirmed_solution
-        from hfa_optimal.pilots import critic_pilot, deployment_pilot, gain_pilot
+        from hfa_flight.policies.deployment.policy import flown_deployment
 
         flights = search.flights
-        pilots = []
+        loops = []
         if np.isfinite(game.delta):
-            pilots.append(
-                gain_pilot(flights, "exact game policy, saturated", unconfirmed_solution(game).K)
-            )
+            exact = unconfirmed_solution(game).K
+            loops.append(flights.of_gain("exact game policy, saturated", exact))
         if self.weights is not None:
             with prefix_errors(self.weights):
                 critic = critic_in(self.weights, game, Reading())
-            pilots.append(critic_pilot(flights, f"critic of {self.weights}", critic))
+            loops.append(flights.of_critic(f"critic of {self.weights}", critic))
         if self.policy is not None:
-            pilots.append(deployment_pilot(flights, self.policy))
-        return pilots
+            policy = flown_deployment(self.policy, search.problem.point)
+            named = replace(policy, name=f"policy of {self.policy}")
+            loops.append(flights.of_deployed(named))
+        return loops
 
 
 @command(OptimizeRequest)
@@ -189,11 +190,11 @@ def optimize(request: OptimizeRequest) -> int:
             "applies only to a single flight; remove this option or --starts",
         )
     search, game = request.search()
-    pilots = request.pilots(search, game)
+    loops = request.loops(search, game)
     bound = None if request.bound is None else _bound(request.bound, search)
     if request.starts is not None:
-        return _table(request, search, pilots, bound)
-    return _one(request, search, pilots, bound)
+        return _table(request, search, loops, bound)
+    return _one(request, search, loops, bound)
 
 
 def _quickest(request: OptimizeRequest) -> int:
@@ -223,20 +224,21 @@ def _bound(path: Path, search: BestFlights) -> CostStatement:
 def _one(
     request: OptimizeRequest,
     search: BestFlights,
-    pilots: list[Pilot],
+    loops: list[CompiledLoop],
     bound: CostStatement | None,
 ) -> int:
     """Search for the best flight from one initial condition, and print its report.
 
     Returns the exit code 0.
     """
-    from hfa_optimal.best_flight import BestFlight, bracket_of
+    from hfa_optimal.best_flight import BestFlight
+    from hfa_optimal.bracket import bracket_of
     from hfa_optimal.search import AFTER
 
     start = search.problem.deviations(request.begin())
     best = BestFlight(search.problem, search.found(start, request.seconds))
     seconds = (1.0 + AFTER) * best.seconds
-    others = tuple(pilot.fly(search.flights, start, seconds) for pilot in pilots)
+    others = tuple(search.flights.fly(loop, start, seconds) for loop in loops)
     best = replace(best, others=others)
     if bound is not None:
         best = replace(best, bracket=bracket_of(bound, start, best.start, best.cost))
@@ -248,7 +250,7 @@ def _one(
 def _table(
     request: OptimizeRequest,
     search: BestFlights,
-    pilots: list[Pilot],
+    loops: list[CompiledLoop],
     bound: CostStatement | None,
 ) -> int:
     """Search for the best flights from many initial conditions and print a table.
@@ -260,6 +262,6 @@ def _table(
 
     assert request.starts is not None
     starts = drawn_starts(search.problem, request.starts, request.seed)
-    table = starts_table(search, starts, pilots, ProgressLine("optimize"), bound)
+    table = starts_table(search, starts, loops, ProgressLine("optimize"), bound)
     request.show(table.report())
     return 0 if table.found else 1

@@ -15,7 +15,6 @@ from hfa.options.output import ProgressLine
 from hfa_flight.initial_box import drawn_starts
 from hfa_flight.problem import flight_problem
 from hfa_optimal.initial_conditions import starts_table
-from hfa_optimal.pilots import critic_pilot, gain_pilot
 from hfa_optimal.search import BestFlights
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
@@ -52,12 +51,12 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
     game.refuse_cross_weights("the cost of --flights")
     problem = flight_problem(point.model, point, game.Q, game.R)
     search = BestFlights(problem, count)
-    pilots = [critic_pilot(search.flights, "this critic, saturated", verdicts[0].critic)]
+    loops = [search.flights.of_critic("this critic, saturated", verdicts[0].critic)]
     if np.isfinite(game.delta):
         exact = unconfirmed_solution(game).K
-        pilots.append(gain_pilot(search.flights, "exact game policy, saturated", exact))
+        loops.append(search.flights.of_gain("exact game policy, saturated", exact))
     starts = drawn_starts(problem, count, _SEED)
-    table = starts_table(search, starts, pilots, ProgressLine("flights"))
+    table = starts_table(search, starts, loops, ProgressLine("flights"))
     section = table.report()
     lost = [f"{each.policy.removesuffix(', saturated')} {each.lost}" for each in table.policies]
     line = f"nonlinear flights that leave the envelope or do not converge, of {table.found}: "
