@@ -38,10 +38,17 @@ pictures: .venv/ready
 	chromium --headless --no-sandbox --hide-scrollbars --window-size=1400,900 --virtual-time-budget=10000 \
 		--screenshot=docs/pictures/page.png file://$(CURDIR)/report/report.html
 
-# The documentation as a site of HTML pages; opens without a network.
-docs: .venv/ready
+.venv-docs/ready: pyproject.toml requirements-docs.lock
+	@echo "Installing the $$(grep -c == requirements-docs.lock) packages that the documents need into .venv-docs"
+	$(PYTHON) -m venv .venv-docs
+	.venv-docs/bin/python -m pip install --disable-pip-version-check --require-hashes -r requirements-docs.lock
+	.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@touch $@
+
+# The documentation as a site of HTML pages; opens without a network. Its environment is .venv-docs: .venv stays as it is.
+docs: .venv-docs/ready
 	@echo "Writing the pages of commands, formats and public names, then the site: a minute or two"
-	$(BIN)/python -m sphinx -W -n -q docs site
+	.venv-docs/bin/python -m sphinx -W -n -q docs site
 	@echo "wrote site/index.html"
 
 # Every study of the folder studies/, one after the other; results go to out/NAME.
@@ -86,16 +93,17 @@ notebooks: .venv/ready
 	$(BIN)/python -c "$(EXECUTE)" examples/*.ipynb
 
 # Rewrites the exact versions, with the hashes of their files, from the lower bounds in pyproject.toml: of everything, then
-# of what tests and the report need. Takes minutes.
+# of what documents, tests and the report need. Takes minutes.
 COMPILE = .venv-lock/bin/pip-compile --quiet --generate-hashes --allow-unsafe --strip-extras --no-header --no-annotate \
 	--no-emit-index-url --no-emit-trusted-host --no-emit-find-links --build-deps-for wheel
 lock:
 	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
 	.venv-lock/bin/python -m pip install --quiet --disable-pip-version-check pip-tools
-	$(COMPILE) --upgrade --extra dev --extra test -o requirements.lock pyproject.toml
+	$(COMPILE) --upgrade --extra dev --extra docs --extra test -o requirements.lock pyproject.toml
+	$(COMPILE) --upgrade -c requirements.lock --extra docs -o requirements-docs.lock pyproject.toml
 	$(COMPILE) --upgrade -c requirements.lock --extra test -o requirements-test.lock pyproject.toml
 	$(COMPILE) --upgrade -c requirements.lock --extra page -o requirements-report.lock pyproject.toml
 	rm -rf .venv-lock
 
 clean:
-	rm -rf .venv report site docs/generated
+	rm -rf .venv .venv-docs report site docs/generated

@@ -117,7 +117,7 @@ COMMANDS = {
         results=(
             "controller.riccati.gare:Solution hfa.options.game:NamedGame"
             " controller.expansion.expansion:Expansion? hfa.options.reference:Tracked?",
-            "controller.discrete.report:AnalysedDiscreteGame hfa.options.game:NamedGame",
+            "controller.discrete.solution:DiscreteSolution hfa.options.game:NamedGame",
         ),
     ),
     "learn": CommandEntry(

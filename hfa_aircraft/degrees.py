@@ -41,7 +41,7 @@ def _angles_in_degrees(layout: Layout, names: tuple[str, ...]) -> tuple[tuple[st
     # The functions are the sine, cosine and tangent of the signal, or of a sum or difference with
     # it.
     vectors = layout.symbols("x", "u", "p")
-    f, y = layout.expressions([components(vector) for vector in vectors], layout.names[4])
+    f, y = layout.expressions([components(vector) for vector in vectors], layout.names.outputs)
     program = ca.Function("equations", vectors, [f, y])
     found: dict[tuple[str, str], None] = {}
     #: Index in memory -> signals in degrees whose sum or difference is stored there.

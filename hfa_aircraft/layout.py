@@ -28,12 +28,27 @@ _FAILURES = (
 )
 
 
+class SignalNames(NamedTuple):
+    """Names of the signals of a model, each group in order."""
+
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    disturbances: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    def of(self, vector: str) -> tuple[str, ...]:
+        """Return the names of the components of a vector, "x", "u", "p" or "w"."""
+        names: tuple[str, ...] = getattr(self, VECTORS[vector])
+        return names
+
+
 class Layout(NamedTuple):
     """Equations and signal names of a model, without the values of its parameters.
 
     name: name of the model
     equations: equations of the `Model`
-    names: five tuples with the names of states, inputs, parameters, disturbances and outputs
+    names: names of the signals
     replaced: pairs (state, output) of the `Model`: the output is a variable of a trim in place of
         the state
     linear: names of the states of linear models
@@ -41,7 +56,7 @@ class Layout(NamedTuple):
 
     name: str
     equations: Callable[..., Any]
-    names: tuple[tuple[str, ...], ...]
+    names: SignalNames
     replaced: tuple[tuple[str, str], ...]
     linear: tuple[str, ...]
 
@@ -49,7 +64,7 @@ class Layout(NamedTuple):
     def variables(self) -> tuple[str, ...]:
         """Names of the variables of a trim: states, or outputs that replace them, then inputs."""
         instead = dict(self.replaced)
-        return (*(instead.get(name, name) for name in self.names[0]), *self.names[1])
+        return (*(instead.get(name, name) for name in self.names.states), *self.names.inputs)
 
     @property
     def has_nan(self) -> bool:
@@ -92,17 +107,14 @@ class Layout(NamedTuple):
         vector: "x", "u", "p" or "w"
         values: values of the components, in order
         """
-        return record(self._names_of(vector))(*values)
+        return record(self.names.of(vector))(*values)
 
     def symbols(self, *vectors: str) -> list[ca.SX]:
         """Return new CasADi symbols, one column for each of the given vectors.
 
         vectors: "x", "u", "p" or "w"
         """
-        return [ca.SX.sym(vector, len(self._names_of(vector))) for vector in vectors]
-
-    def _names_of(self, vector: str) -> tuple[str, ...]:
-        return self.names[list(VECTORS).index(vector)]
+        return [ca.SX.sym(vector, len(self.names.of(vector))) for vector in vectors]
 
     def expressions(
         self, vectors: Sequence[Any], outputs: Sequence[str], w: Any = None
@@ -116,7 +128,7 @@ class Layout(NamedTuple):
         Raises BadInputError if the equations are faulty.
         """
         symbols, f, output_expressions = _symbolic(self, w is None)
-        states = self.names[0]
+        states = self.names.states
         chosen = [
             symbols[0][states.index(name)] if name in states else output_expressions[name]
             for name in outputs
@@ -143,8 +155,8 @@ class Layout(NamedTuple):
         Raises BadInputError if a replacing output does not depend on its state in an affine way.
         """
         unknown = {state: ca.SX.sym(state) for state, _ in self.replaced}
-        x: list[Any] = [unknown.get(name, values.get(name)) for name in self.names[0]]
-        u = [values[name] for name in self.names[1]]
+        x: list[Any] = [unknown.get(name, values.get(name)) for name in self.names.states]
+        u = [values[name] for name in self.names.inputs]
         replacing = [output for _, output in self.replaced]
         f, seen = self.expressions((x, u, components(p)), (*outputs, *replacing))
         y = seen[: len(outputs)]
@@ -175,18 +187,18 @@ def components(vector: Any) -> list[Any]:
 @lru_cache(maxsize=16)
 def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[str, Any]]:
     """Return the symbols of the vectors, the rates f, and name -> output, as CasADi expressions."""
-    if still and not layout.names[3]:
+    if still and not layout.names.disturbances:
         symbols, f_of_all, seen_of_all = _symbolic(layout, False)
         return symbols[:3], f_of_all, seen_of_all
     names = list(VECTORS)
     symbols = layout.symbols(*(names[:3] if still else names))
     values = [components(vector) for vector in symbols]
     if still:
-        values.append([0.0 for _ in layout.names[3]])
+        values.append([0.0 for _ in layout.names.disturbances])
     arguments = [layout.record(name, vector) for name, vector in zip(names, values, strict=True)]
     rates, outputs = _called(layout, arguments)
-    f = [_scalar(layout, "rate of", name, rates[name]) for name in layout.names[0]]
-    seen = {name: _scalar(layout, "output", name, outputs[name]) for name in layout.names[4]}
+    f = [_scalar(layout, "rate of", name, rates[name]) for name in layout.names.states]
+    seen = {name: _scalar(layout, "output", name, outputs[name]) for name in layout.names.outputs}
     _refuse_other_symbols(layout, ca.vertcat(*f, *seen.values()), ca.vertcat(*symbols))
     return symbols, ca.densify(ca.SX(ca.vertcat(*f))), seen
 
@@ -218,8 +230,8 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
         )
     rates, outputs = returned
     for kind, values, names in (
-        ("rate of", rates, layout.names[0]),
-        ("output", outputs, layout.names[4]),
+        ("rate of", rates, layout.names.states),
+        ("output", outputs, layout.names.outputs),
     ):
         for name in names:
             if name not in values:

@@ -48,18 +48,18 @@ def linearized(
     x, u, p = layout.symbols("x", "u", "p")
     w = ca.SX.sym("w", len(disturbances))
     for name in disturbances:
-        refuse_unknown("unknown disturbance", name, layout.names[3])
+        refuse_unknown("unknown disturbance", name, layout.names.disturbances)
     vectors = [components(vector) for vector in (x, u, p)]
     f, y = layout.expressions(vectors, outputs)
     A = ca.jacobian(f, x)
     B = ca.jacobian(f, u)
-    columns = [layout.names[0].index(name) for name in layout.linear]
+    columns = [layout.names.states.index(name) for name in layout.linear]
     layout.refuse_steps(A[:, columns], layout.linear)
-    layout.refuse_steps(B, layout.names[1])
+    layout.refuse_steps(B, layout.names.inputs)
     parts = [f, y, A, B, ca.jacobian(y, x), ca.jacobian(y, u)]
     if disturbances:
         winds = dict(zip(disturbances, ca.vertsplit(w), strict=True))
-        every_wind = [winds.get(name, 0.0) for name in layout.names[3]]
+        every_wind = [winds.get(name, 0.0) for name in layout.names.disturbances]
         for expression in layout.expressions(vectors, outputs, every_wind):
             parts.append(ca.substitute(ca.jacobian(expression, w), w, 0))
     else:

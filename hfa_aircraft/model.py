@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.domain import Domain
-from hfa_aircraft.layout import Layout, components
+from hfa_aircraft.layout import Layout, SignalNames, components
 from hfa_aircraft.signals import VECTORS, Signal, remember_record
 from hfa_aircraft.source import About, Source
 from hfa_aircraft.trimming import Trimming
@@ -426,7 +426,8 @@ class Model(Reported):
     @cached_property
     def layout(self) -> Layout:
         """Equations and signal names of the model, without the values of its parameters."""
-        names = tuple(tuple(getattr(self, kind)) for kind in (*VECTORS.values(), "outputs"))
+        groups = (self.states, self.inputs, self.parameters, self.disturbances, self.outputs)
+        names = SignalNames(*map(tuple, groups))
         return Layout(self.name, self.equations, names, tuple(self.replaced.items()), self.linear)
 
     def functions(

@@ -109,7 +109,8 @@ class ParameterFile:
         for name, band in self.bands.items():
             refuse_unknown(f"{self.path}: [bands] has the unknown parameter", name, values)
             stated = f"the band of {name} is {shown(band)}"
-            if not _is_pair(band):
+            kinds = [type(end) for end in band] if isinstance(band, list) else []
+            if len(kinds) != 2 or not {*kinds} <= {int, float}:
                 raise BadInputError(f"{self.path}: {stated}; give [low, high]")
             low, high = band
             if not low <= high:
@@ -127,8 +128,3 @@ def _table(path: str, data: Mapping[str, Any], name: str) -> dict[str, Any]:
     if not isinstance(table, dict):
         raise BadInputError(f"{path}: {name} is {shown(table)}; give a table [{name}]")
     return table
-
-
-def _is_pair(band: Any) -> bool:
-    """Return whether `band` is a list of two numbers of type int or float (not bool)."""
-    return isinstance(band, list) and [type(end) in (int, float) for end in band] == [True, True]

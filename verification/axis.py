@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-import warnings
+import math
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic
 from controller.game.zero_sum import Game
-from hfa_support.native.bound import BoundFunction
+from hfa_aircraft.march.ending import FAR_OF_VALUE, OF_EXACT, OF_VALUE, EndRule, has_decayed
+from hfa_aircraft.march.march import Free, march
+from hfa_aircraft.march.steppers import Adaptive, Recurrence, Stepper
 from hfa_support.reporting.checks import Check
 from verification.critic_errors import Exact
 from verification.scope import NonlinearPlant
 from verification.verdict import Section
+
+if TYPE_CHECKING:
+    from controller.discrete.solution import DiscreteSolution
 
 #: A simulation ends when the exact loop has decayed to exp(-`DECAY`).
 DECAY = 5.0
@@ -27,11 +32,8 @@ SLOWEST = 100.0
 STEPS = 20_000
 FEW_STEPS = 1000
 MOST_STEPS = 20_000
-#: The loop has converged if V* has decreased to this fraction.
-RETURNED = 0.05
-#: A loop diverges if V* exceeds this multiple of a bound on V* in the box. Its simulation ends
-#: there.
-FAR = 1e12
+#: Number of steps of a discrete loop that are computed together.
+_PER_TICK = 100
 #: Largest number of Newton steps to an equilibrium, and its largest distance, in boxes.
 _NEWTON_STEPS = 30
 _FARTHEST_REST = 100.0
@@ -198,147 +200,135 @@ def cost_of(
     return cost
 
 
-class _DivergedError(Exception):
-    """Error for a simulation that is far outside the box, or not finite."""
+class SimulatedLoop:
+    """Closed loop of z and of its cost, which converges if V* = z'Pz decreases to `OF_VALUE`.
 
-
-class FlowLoop:
-    """Closed loop z' = rates(z), cost' = running(z), integrated with LSODA.
-
-    rates and running are CasADi expressions of z (n,).
-
-    exact: exact solution, whose P measures convergence
-    time: duration of a simulation, s
-    b: half-widths of the box of states, (n,)
-    equilibrium: equilibrium near z = 0, or None if none is found
-    """
-
-    def __init__(self, z: ca.SX, rates: ca.SX, exact: Exact, time: float, b: np.ndarray) -> None:
-        self._z = z
-        self._rates = rates
-        self._P = exact.P
-        self._value = ca.bilin(ca.DM(exact.P), z, z)
-        self._largest_value = FAR * float(b @ np.abs(exact.P) @ b)
-        self._time = time
-        self.most_steps = STEPS if isinstance(rates, ca.SX) else FEW_STEPS
-        self.equilibrium = newton_equilibrium(z, rates, b)
-        self._bound = self._slopes_of(0.0)
-
-    def with_cost(self, running: Expression) -> FlowLoop:
-        """Set the running cost and return the loop.
-
-        running: z -> cost rate, 0 at the equilibrium
-        """
-        self._bound = self._slopes_of(running(self._z))
-        return self
-
-    def _slopes_of(self, running: ca.SX | float) -> BoundFunction:
-        slopes = ca.densify(ca.vertcat(self._rates, running))
-        return BoundFunction(ca.Function("slopes", [self._z], [slopes, self._value]))
-
-    def _slopes(self, y: np.ndarray, _: float) -> np.ndarray:
-        self._bound.inputs[0][:] = y[:-1]
-        self._bound()
-        slopes, value = self._bound.results
-        if not value[0] <= self._largest_value:
-            raise _DivergedError
-        return slopes
-
-    def simulate(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
-        """Simulate the loop from the initial state `start` (n,).
-
-        Returns the end state minus the equilibrium, and the cost. The result is None in these
-        cases:
-        - The loop has no equilibrium near z = 0.
-        - V* about the equilibrium does not decrease to `RETURNED` times its initial value.
-        - V* exceeds `FAR` times its bound in the box, or the integration fails.
-        """
-        from scipy.integrate import odeint
-
-        if self.equilibrium is None:
-            return None
-        tolerances = {"rtol": 1e-7, "atol": 1e-9 * np.abs(start).max(), "mxstep": self.most_steps}
-        with (
-            np.errstate(all="ignore"),
-            warnings.catch_warnings(action="ignore"),
-        ):  # warnings of LSODA when it fails
-            try:
-                (_, end), outcome = odeint(
-                    self._slopes,
-                    np.append(start, 0.0),
-                    [0.0, self._time],
-                    full_output=True,
-                    **tolerances,
-                )
-            except _DivergedError:
-                return None
-        if outcome["message"] != "Integration successful." or not np.all(np.isfinite(end)):
-            return None
-        z = end[:-1] - self.equilibrium
-        begin = start - self.equilibrium
-        if z @ self._P @ z > RETURNED * (begin @ self._P @ begin):
-            return None
-        return z, float(end[-1])
-
-
-class StepLoop:
-    """Closed loop x⁺ = after(x) with cost Σ αᵏ paid(x_k).
-
-    expressions: symbols x (n,), after and paid
+    stepper: integration of [z; cost; further states]
+    steps: number of steps
+    first: initial cost and further states
     P: matrix of V*, (n, n)
-    sums: discount factor α and number of steps
-    by_exact: state-transition matrix of the exact loop over all steps, (n, n)
-    equilibrium: equilibrium near x = 0, or None if none is found
-    largest_value: V* above which the loop diverges
+    equilibrium: equilibrium near z = 0, or None if none is found
+    largest: V* above which the loop diverges
+    by_exact: state-transition matrix of the exact loop in discrete time, (n, n), or None. V* may
+        also decrease to `OF_EXACT` times that of the exact loop
     """
 
     def __init__(
         self,
-        expressions: tuple[ca.SX, ca.SX, ca.SX],
+        stepper: Stepper,
+        steps: int,
+        first: tuple[float, ...],
         P: np.ndarray,
-        sums: tuple[float, int],
         equilibrium: np.ndarray | None,
-        by_exact: np.ndarray,
-        largest_value: float,
+        largest: float,
+        by_exact: np.ndarray | None = None,
     ) -> None:
-        x, after, paid = expressions
-        discount, steps = sums
-        cost = type(x).sym("cost", 2)  # the sum so far, and αᵏ
-        total = ca.vertcat(cost[0] + cost[1] * paid, discount * cost[1])
-        before = ca.vertcat(x, cost)
-        value = ca.bilin(ca.DM(P), x, x)
-        step = ca.Function("step", [before], [ca.densify(ca.vertcat(after, total)), value])
-        self._step = BoundFunction(step)
-        self._steps = steps
-        self._P = P
-        self._largest_value = largest_value
-        self._by_exact = by_exact
         self.equilibrium = equilibrium
+        self._stepper = stepper
+        self._steps = steps
+        self._first = first
+        self._P = P
+        self._by_exact = by_exact
+        self._rule = EndRule(np.finfo(float).max, lambda x: self._values(x) <= largest)
 
     def simulate(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
         """Simulate the loop from the initial state `start` (n,).
 
-        Returns the end state minus the equilibrium, and the cost, or None if the loop does not
-        converge. The loop converges if V* about the equilibrium decreases to `RETURNED` times its
-        initial value, or to twice the final V* of the exact loop.
+        Returns the end state minus the equilibrium, and the cost, or None if the loop has no
+        equilibrium, diverges or does not converge, or if the integration fails.
         """
         if self.equilibrium is None:
             return None
-        end = np.concatenate([start, [0.0, 1.0]])
-        for _ in range(self._steps):
-            self._step.inputs[0][:] = end
-            self._step()
-            after, value = self._step.results
-            if not (np.isfinite(after).all() and value[0] <= self._largest_value):
-                return None
-            end = after.copy()
-        x = end[:-2] - self.equilibrium
-        begin = start - self.equilibrium
-        by_exact = self._by_exact @ begin
-        allowed = max(RETURNED * (begin @ self._P @ begin), 2.0 * (by_exact @ self._P @ by_exact))
-        if x @ self._P @ x > allowed:
+        n = len(start)
+        loop = Free(self._stepper, np.append(start, self._first)[None])
+        with np.errstate(all="ignore"):
+            ticks = math.ceil(self._steps / self._stepper.steps)
+            flown, ends = march(loop, ticks, over=self._rule.over)
+        final = flown.states[0, min(ends[0], self._steps)]
+        if self._rule.is_over(final[None])[0]:
             return None
-        return x, float(end[-2])
+        z = final[:n] - self.equilibrium
+        begin = start - self.equilibrium
+        value, initial = self._values(np.vstack([z, begin]))
+        converges = has_decayed(value, initial, OF_VALUE)
+        if self._by_exact is not None:
+            exact = self._values((self._by_exact @ begin)[None])[0]
+            converges |= has_decayed(value, exact, OF_EXACT)
+        return (z, float(final[n])) if converges else None
+
+    def _values(self, states: np.ndarray) -> np.ndarray:
+        """Return V* of each of the states (N, n and more), (N,)."""
+        z = states[:, : len(self._P)]
+        return np.asarray(np.einsum("ki,ij,kj->k", z, self._P, z))
+
+
+def flow_loop(
+    z: ca.SX,
+    rates: ca.SX,
+    exact: Exact,
+    time: float,
+    b: np.ndarray,
+    running: Callable[[np.ndarray], Expression] | None = None,
+    *,
+    is_slow: bool = False,
+) -> SimulatedLoop:
+    """Return the closed loop z' = rates(z), cost' = running(z), integrated with LSODA.
+
+    exact: exact solution, whose P measures convergence
+    time: duration of a simulation, s
+    b: half-widths of the box of states, (n,)
+    running: equilibrium -> function z -> cost rate, 0 at the equilibrium, or None without a cost
+    is_slow: whether the rates are slow to evaluate
+    """
+    equilibrium = newton_equilibrium(z, rates, b)
+    cost = type(z)(0.0)
+    if running is not None and equilibrium is not None:
+        cost = running(equilibrium)(z)
+    value = ca.bilin(ca.DM(exact.P), z, z)
+    slopes = ca.Function("slopes", [z], [ca.densify(ca.vertcat(rates, cost)), value])
+    both = type(z).sym("both", z.numel() + 1)
+    rate = ca.Function("rate", [both], list(slopes(both[: z.numel()])))
+    largest = FAR_OF_VALUE * float(b @ np.abs(exact.P) @ b)
+    most_steps = FEW_STEPS if is_slow or not isinstance(rates, ca.SX) else STEPS
+    stepper = Adaptive(rate, time, largest=largest, most_steps=most_steps)
+    return SimulatedLoop(stepper, 1, (0.0,), exact.P, equilibrium, largest)
+
+
+def step_loop(
+    x: ca.SX,
+    after: ca.SX,
+    exact: DiscreteSolution,
+    by_exact: np.ndarray,
+    steps: int,
+    b: np.ndarray,
+    running: Callable[[np.ndarray], Expression],
+) -> SimulatedLoop:
+    """Return the closed loop x⁺ = after(x) with cost Σ αᵏ running(x_k).
+
+    exact: exact solution, with P and the discount factor α
+    by_exact: A - B K* of the exact loop, (n, n)
+    steps: number of steps
+    b: half-widths of the box of states, (n,)
+    running: equilibrium -> function x -> cost of a step
+    """
+    equilibrium = newton_equilibrium(x, after - x, b)
+    paid = type(x)(0.0) if equilibrium is None else running(equilibrium)(x)
+    n = x.numel()
+    step = ca.Function("step", [x], [ca.densify(after), ca.densify(paid)])
+    state = type(x).sym("state", n + 2)  # x, the sum so far, and αᵏ
+    x_after, cost = step(state[:n])
+    total, weight = state[n] + state[n + 1] * cost, exact.discount * state[n + 1]
+    later = ca.Function("later", [state], [ca.vertcat(x_after, total, weight)])
+    stepper = Recurrence(later, 1 if isinstance(x, ca.MX) else min(steps, _PER_TICK))
+    return SimulatedLoop(
+        stepper,
+        steps,
+        (0.0, 1.0),
+        exact.P,
+        equilibrium,
+        FAR_OF_VALUE * float(b @ np.abs(exact.P) @ b),
+        np.linalg.matrix_power(by_exact, steps),
+    )
 
 
 def newton_equilibrium(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | None:

@@ -18,6 +18,7 @@ from hfa_support.reporting.text import Cell, Table, entry_rows
 from verification.box import Box
 from verification.critic_errors import Exact
 from verification.error_table import ErrorTable, shown_number
+from verification.nonlinear_game import NonlinearComparison
 
 
 class Proved(Protocol):
@@ -125,6 +126,7 @@ class Verdict(Checked, Result, Reported):
     proof: the proved bound on the errors in the box, or None.
     sections: further findings.
     table: errors over time of a history or a training run, or None.
+    nonlinear: comparison of a critic that is not quadratic with the nonlinear game, or None.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
@@ -151,6 +153,17 @@ class Verdict(Checked, Result, Reported):
     proof: Proved | None = field(default=None, metadata=UNSTORED)
     sections: tuple[Section, ...] = field(default=(), metadata=UNSTORED)
     table: ErrorTable | None = field(default=None, metadata=UNSTORED)
+    nonlinear: NonlinearComparison | None = None
+
+    @property
+    @stored()
+    def ok(self) -> bool:
+        """True if every check passes, or if the critic passes on the nonlinear game."""
+        return self._passes_checks or (self.nonlinear is not None and self.nonlinear.ok)
+
+    @property
+    def _passes_checks(self) -> bool:
+        return all(check.ok for check in self.checks)
 
     def value_of(self, name: str) -> float:
         """Return the measured value of a check with this name, or nan if there is no such check."""
@@ -200,19 +213,20 @@ class Verdict(Checked, Result, Reported):
     @property
     @stored()
     def grade(self) -> Grade:
-        """Grade of the critic: "exact", "near" or "fail".
+        """Grade of the critic on the game of the first line: "exact", "near" or "fail".
 
         - "exact": every check passes.
         - "near": the only failed checks are those of errors, the equilibrium is at the trim
           (`AT_TRIM`), and the cost is at most `NEAR` percent above the optimum.
         - "fail": all other cases.
         """
-        if self.ok:
+        if self._passes_checks:
             return "exact"
         for check in self.checks:
             if not (check.ok or check.kind in ("error", "rest")):
                 return "fail"
-        return "near" if self.holds(limit_cost=NEAR) else "fail"
+        is_near = self.cost_lost <= NEAR and self._rests_at_trim
+        return "near" if is_near else "fail"
 
     def headline(self, limit_cost: float | None = None) -> str:
         """Return the first line of the report: the grade, the game, the box, the number of
@@ -247,14 +261,19 @@ class Verdict(Checked, Result, Reported):
         gain = next((check for check in self.checks if check.kind == "gain"), None)
         if gain is not None and math.isfinite(gain.value):
             facts.append(f"L2 gain {gain.value:.4g} (delta {gain.limit:g})")
-        line = f"{self.grade_text(limit_cost)} {where}: {facts.pop(0)}"
+        line = f"{self._grade_text(limit_cost)} {where}: {facts.pop(0)}"
         if len(line) + len(facts[0]) + 2 <= _FIRST_LINE:
             line += f", {facts.pop(0)}"
         if limit_cost is not None:
             facts.insert(0, f"decided by the cost limit {limit_cost:g} %")
         elif failed and not any(check.kind in _IN_THE_FACTS for check in failed):
             facts.insert(0, f"decided by {failed[0].name}")
-        return [line, *facts]
+        if self.nonlinear is None:
+            return [line, *facts]
+        grade = verdict_text(self.nonlinear.ok)
+        own = self._grade_text(limit_cost)
+        both = f"{grade} on the nonlinear game near the trim, {own} on the {self.game}"
+        return [both, f"Nonlinear game: {self.nonlinear.sentence}", line, *facts]
 
     def _cost_text(self) -> str:
         """Return the cost of the critic relative to the optimum, as text."""
@@ -270,8 +289,16 @@ class Verdict(Checked, Result, Reported):
         limit_cost: limit of the cost above the optimum, percent, or None. With a limit, the text is
             PASS or FAIL.
         """
+        if limit_cost is None and self.ok:
+            return verdict_text(True)
+        return self._grade_text(limit_cost)
+
+    def _grade_text(self, limit_cost: float | None) -> str:
+        """Return the grade on the game of the first line as text."""
         if limit_cost is None and self.grade == "near":
             return Cell("NEAR", "bad")
+        if limit_cost is None:
+            return verdict_text(self._passes_checks)
         return verdict_text(self.holds(limit_cost))
 
     def _exactness(self, failed: Sequence[Check]) -> str:
@@ -335,12 +362,13 @@ class Verdict(Checked, Result, Reported):
         heading = [f"{critic} on {names.origin}, against the exact {self.solution}"]
         heading += about or (self.weights,)
         if self.reason:
-            heading.append(f"Reason: {self.reason}")
+            where = "" if self.nonlinear is None else f", on the {self.game}"
+            heading.append(f"Reason{where}: {self.reason}")
         return Report(
             "\n".join(self._first_lines(limit_cost)),
             [
                 tuple(heading),
-                checks_block(self.checks) if self.ok else _failures(self.checks),
+                checks_block(self.checks) if self._passes_checks else _failures(self.checks),
                 *(section.part for section in self.sections),
                 self._farthest_entries(entries, names.states),
             ],

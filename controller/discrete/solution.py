@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -29,13 +30,15 @@ from controller.riccati.existence import existence
 from controller.riccati.normal_form import RANK
 from controller.riccati.reach import loses_rank
 from controller.riccati.smallest_delta import TOLERANCE, DeltaMin, dependence
+from controller.riccati.solution_report import sensitivity_warning
 from hfa_aircraft.names import PlantNames
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError, refuse_unless_positive
 from hfa_support.progress import Progress
-from hfa_support.reporting.checks import Check, at_least, at_most, below
-from hfa_support.reporting.report import Reported
-from hfa_support.reporting.results import Matrix
+from hfa_support.reporting.checks import Check, at_least, at_most, below, checks_block
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import Matrix, Result, Roots, stored, stored_as, stored_parts
+from hfa_support.reporting.text import controller_tables, matrix_table
 
 #: Lower bound of the smallest eigenvalue of I - E'P E/δ².
 SADDLE = 1e-12
@@ -44,7 +47,7 @@ FAINT_REACH = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DiscreteSolution(Reported):
+class DiscreteSolution(Result, Reported):
     """Certified solution of a discrete-time game.
 
     P: matrix of the value x'P x, (n, n)
@@ -57,13 +60,20 @@ class DiscreteSolution(Reported):
         is below 1.
     """
 
+    schema = "hfa.discrete-solution/1"
+    made_by = "hfa solve, of a plant in discrete time"
+
     P: Matrix
     K: Matrix
     disturbance_gain: Matrix
-    problem: DiscreteGame
+    problem: DiscreteGame = field(
+        metadata=stored_parts(
+            states="names.states", inputs="names.inputs", delta="step.delta", discount="discount"
+        )
+    )
     certificate: Certificate
-    radius: float
-    discounted_radius: float
+    radius: float = field(metadata=stored_as("spectral_radius"))
+    discounted_radius: float = field(metadata=stored_as("discounted_spectral_radius"))
 
     @property
     def game(self) -> Game:
@@ -80,15 +90,59 @@ class DiscreteSolution(Reported):
         """Discount α of one step."""
         return self.problem.discount
 
-    def has_finite_cost(self, printed: dict[str, np.ndarray]) -> bool:
+    def _has_finite_cost(self, printed: dict[str, np.ndarray]) -> bool:
         """Return whether a printed gain "K" gives sqrt(discount) (A - B K) a radius below 1."""
         loop = self.game.A - self.game.B @ printed["K"]
         return math.sqrt(self.discount) * _radius(loop) < 1.0
 
     @property
+    @stored()
     def H(self) -> Matrix:
         """Matrix of the Q-function over (x, u, w), or over (x, u) if delta = inf."""
         return self.problem.q_function(self.P)
+
+    @property
+    @stored()
+    def closed_loop_eigenvalues(self) -> Roots:
+        """Eigenvalues of A - B K, (n,), in discrete time."""
+        return np.linalg.eigvals(self.game.A - self.game.B @ self.K)
+
+    @cached_property
+    def smallest(self) -> DeltaMin:
+        """Bounds of the smallest delta that has a solution."""
+        return minimum_delta_discrete(self.problem)
+
+    @property
+    @stored()
+    def delta_min(self) -> float:
+        """Smallest delta found to have a solution, an upper bound of the exact delta_min."""
+        return self.smallest.value
+
+    @property
+    @stored()
+    def delta_margin(self) -> float:
+        """Ratio delta / delta_min, or inf if delta_min is 0."""
+        return self.smallest.margin(self.game.delta)
+
+    def report(self) -> Report:
+        """Return a report of the solution: P, K, spectral radii, checks and delta_min."""
+        states = self.names.states
+        inputs = self.names.inputs
+        stabilizes = "stabilizes" if self.radius < 1.0 else "does NOT stabilize"
+        return Report(
+            title=f"Exact game solution in discrete time for {self.names.origin}: certified\n"
+            f"delta {self.game.delta:.6g}, smallest possible {self.delta_min:.7g}, "
+            f"margin {self.delta_margin:.4g}, discount {self.discount:g} a step",
+            parts=(
+                matrix_table("P", states, states, self.P),
+                *controller_tables({"K": (inputs, states, self.K)}, self._has_finite_cost),
+                f"u = -K x {stabilizes}: A - B K has the spectral radius {self.radius:.7g},"
+                f" sqrt(discount) (A - B K) {self.discounted_radius:.7g}",
+                *sensitivity_warning(self.certificate),
+                checks_block(self.certificate.checks),
+            ),
+            data=self.as_data(),
+        )
 
 
 @checks_arguments

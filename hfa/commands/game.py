@@ -146,10 +146,10 @@ def solve(request: SolveRequest) -> int:
 
 def _solve_discrete(request: SolveRequest, named: NamedGame, problem: DiscreteGame) -> int:
     """Solve a game in discrete time and return the exit code."""
-    from controller.discrete.report import analyse_discrete, discrete_report
+    from controller.discrete.solution import solve_discrete
 
     request.refuse(("draws",), CONTINUOUS)
-    report = discrete_report(analyse_discrete(problem, ProgressLine("solve")))
+    report = solve_discrete(problem, ProgressLine("solve")).report()
     request.show(report.with_data(**named.as_data()), notes=named.warnings)
     return 0
 

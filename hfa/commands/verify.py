@@ -165,7 +165,9 @@ def verify(request: VerifyRequest) -> int:
         progress(0, len(paths))
     for path in with_progress(paths, progress):
         with named.asking_for_time():
-            verdicts[str(path)] = _check_file(path, request, named, game, scope)
+            verdicts[str(path)] = _check_file(
+                path, request, named, game, scope, alone=len(paths) == 1
+            )
     cost = request.limit_cost
     judged = list(verdicts.values())
     origin = named.game.names.origin
@@ -298,6 +300,8 @@ def _check_file(
     named: NamedGame,
     game: Game | DiscreteGame,
     scope: Scope,
+    *,
+    alone: bool,
 ) -> Verdict:
     """Return the verdict on the critic in a file.
 
@@ -308,6 +312,7 @@ def _check_file(
     named: the game of the request, with its plant
     game: the game whose solution the critic approximates
     scope: data for the checks, without the nonlinear plant
+    alone: whether it is the only critic, which is then also compared with the nonlinear game
 
     Raises BadInputError if --set predefined_time is given for a critic without time.
     """
@@ -329,4 +334,5 @@ def _check_file(
             limit=request.limit_error,
             scope=scope,
             predefined_time=predefined_time,
+            linear=named.linear if alone else None,
         )

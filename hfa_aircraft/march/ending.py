@@ -34,6 +34,8 @@ OF_COST = 0.05
 OF_VALUE = 0.05
 OF_LEAST_COST = 0.02
 OF_EXPANSION = 1e-2
+#: A loop in discrete time also converges to this multiple of the cost-to-go of the exact loop.
+OF_EXACT = 2.0
 #: A flight of a region is at another equilibrium if it would move by fewer nominal values in the
 #: same time again.
 RESTS = 1e-2

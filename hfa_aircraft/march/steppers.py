@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import warnings
 from collections.abc import Callable
 from typing import Any, Protocol
 
@@ -58,29 +60,24 @@ class Stepper(Protocol):
         """Return the values observed at a time, (N, k)."""
 
 
-class RungeKutta:
-    """Stepper of one flight by the classical Runge-Kutta method, as one compiled function.
+class _OneFlight:
+    """Stepper of one flight by one compiled function of all steps in a tick.
 
-    rate: (t, x, held) -> x'
+    one: ([t; x], held) -> [t; x] after a step, and values observed before it
     observed: (t, x, held) -> observed values, (k,)
-    parts: number of substeps in a step
     is_long: whether compilation to machine code saves time
     """
 
     def __init__(
-        self,
-        rate: ca.Function,
-        observed: ca.Function,
-        step: float,
-        steps: int,
-        *,
-        parts: int = 1,
-        is_long: bool = False,
+        self, one: ca.Function, observed: ca.Function, step: float, steps: int, *, is_long: bool
     ) -> None:
         self.step = step
         self.steps = steps
-        self.sizes = rate.numel_in(1), observed.numel_out(0)
-        tick = _tick(rate, observed, step, steps, parts)
+        self.sizes = one.numel_in(0) - 1, observed.numel_out(0)
+        now = ca.MX.sym("x", one.numel_in(0))
+        p = ca.MX.sym("p", one.numel_in(1))
+        many = one.mapaccum("steps", steps)
+        tick = ca.Function("tick", [now, p], list(many(now, ca.repmat(p, 1, steps))))
         self._observed = observed
         self._tick = BoundFunction(machine_code(tick) if is_long else tick)
         self._now, self._held = self._tick.inputs
@@ -101,6 +98,96 @@ class RungeKutta:
     def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
         """Return the values observed at a time, (1, k)."""
         return np.array(self._observed(time, state[0], held[0])).reshape(1, -1)
+
+
+class RungeKutta(_OneFlight):
+    """Stepper of one flight by the classical Runge-Kutta method.
+
+    rate: (t, x, held) -> x'
+    observed: (t, x, held) -> observed values, (k,)
+    parts: number of substeps in a step
+    is_long: whether compilation to machine code saves time
+    """
+
+    def __init__(
+        self,
+        rate: ca.Function,
+        observed: ca.Function,
+        step: float,
+        steps: int,
+        *,
+        parts: int = 1,
+        is_long: bool = False,
+    ) -> None:
+        one = _step(rate, observed, step, parts)
+        super().__init__(one, observed, step, steps, is_long=is_long)
+
+
+class Recurrence(_OneFlight):
+    """Stepper of one flight x⁺ = F(x) in discrete time. Nothing is observed, and nothing held.
+
+    after: x -> x⁺
+    """
+
+    def __init__(self, after: ca.Function, steps: int) -> None:
+        now = ca.MX.sym("now", 1 + after.numel_in(0))
+        t, x, held = ca.MX.sym("t"), ca.MX.sym("x", after.numel_in(0)), ca.MX.sym("held", 0)
+        later = ca.vertcat(now[0] + 1.0, after(now[1:]))
+        one = ca.Function("step", [now, held], [ca.densify(later), ca.DM(0, 1)])
+        observed = ca.Function("observed", [t, x, held], [ca.DM(0, 1)])
+        super().__init__(one, observed, 1.0, steps, is_long=False)
+
+
+class Adaptive:
+    """Stepper of one flight x' = f(x) by LSODA with error control, in one step a tick.
+
+    The states are not numbers where the flight diverges or the integration fails.
+
+    rate: x -> (x', size of x)
+    largest: size above which a flight diverges
+    most_steps: largest number of LSODA's own steps in a tick
+    """
+
+    steps = 1
+
+    def __init__(self, rate: ca.Function, step: float, *, largest: float, most_steps: int) -> None:
+        self.step = step
+        self.sizes = rate.numel_in(0), 0
+        self._rate = BoundFunction(rate)
+        self._largest = largest
+        self._most_steps = most_steps
+
+    def __call__(
+        self, time: float, state: np.ndarray, held: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the states at the end of the tick, (1, 1, n). Nothing else is observed."""
+        from scipy.integrate import odeint
+
+        tolerances = {"rtol": 1e-7, "atol": 1e-9 * np.abs(state).max(), "mxstep": self._most_steps}
+        after = np.full((1, 1, state.shape[1]), np.nan)
+        with (
+            contextlib.suppress(FloatingPointError),
+            warnings.catch_warnings(action="ignore"),  # of LSODA when it fails
+        ):
+            ends, outcome = odeint(
+                self._slopes, state[0], [0.0, self.step], full_output=True, **tolerances
+            )
+            if outcome["message"] == "Integration successful.":
+                after[0, 0] = ends[-1]
+        return after, self.observed(time, state, held)[:, None]
+
+    def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """Return an array (1, 0)."""
+        return np.empty((1, 0))
+
+    def _slopes(self, x: np.ndarray, _: float) -> np.ndarray:
+        """Return x'. Raises FloatingPointError where the flight diverges."""
+        self._rate.inputs[0][:] = x
+        self._rate()
+        slopes, size = self._rate.results
+        if not size[0] <= self._largest:
+            raise FloatingPointError
+        return slopes
 
 
 class Ticks:
@@ -129,13 +216,10 @@ class Ticks:
         return np.empty((len(state), 0))
 
 
-def _tick(
-    rate: ca.Function, observed: ca.Function, step: float, count: int, parts: int
-) -> ca.Function:
-    """Return the function from [t; x] and the held inputs to [t; x] after each step and the values
+def _step(rate: ca.Function, observed: ca.Function, step: float, parts: int) -> ca.Function:
+    """Return the function from [t; x] and the held inputs to [t; x] after a step and the values
     observed before it.
 
-    count: number of steps
     parts: number of substeps in a step
     """
     now = ca.SX.sym("now", 1 + rate.numel_in(1))
@@ -143,15 +227,12 @@ def _tick(
     t = now[0]
     h = step / parts
     later = ca.vertcat(t + h, rk4(lambda x, c: rate(t + c * h, x, held), now[1:], h))
-    x = ca.MX.sym("x", now.numel())
-    p = ca.MX.sym("p", held.numel())
     if parts == 1:
         columns = ca.densify(observed(now[0], now[1:], held))
-        one = ca.Function("step", [now, held], [ca.densify(later), columns], {"cse": True})
-    else:
-        both = ca.vertcat(now, held)
-        part = ca.Function("part", [both], [ca.densify(ca.vertcat(later, held))], {"cse": True})
-        moved = part.fold(parts)(ca.vertcat(x, p))[: now.numel()]
-        one = ca.Function("step", [x, p], [moved, observed(x[0], x[1:], p)])
-    many = one.mapaccum("steps", count)
-    return ca.Function("tick", [x, p], list(many(x, ca.repmat(p, 1, count))))
+        return ca.Function("step", [now, held], [ca.densify(later), columns], {"cse": True})
+    both = ca.vertcat(now, held)
+    part = ca.Function("part", [both], [ca.densify(ca.vertcat(later, held))], {"cse": True})
+    x = ca.MX.sym("x", now.numel())
+    p = ca.MX.sym("p", held.numel())
+    moved = part.fold(parts)(ca.vertcat(x, p))[: now.numel()]
+    return ca.Function("step", [x, p], [moved, observed(x[0], x[1:], p)])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import inspect
 import re
-import sys
 import types
 import typing
 from collections.abc import Iterator, Mapping, Sequence
@@ -76,7 +75,7 @@ def _annotation(kind: Any, name: str) -> Any:
     for ancestor in kind.__mro__:
         written = _written_annotation(ancestor, name)
         if written is not None:
-            module = sys.modules[ancestor.__module__]
+            module = import_module(ancestor.__module__)
             known = _imported_for_type_checkers(module, str(written)) | vars(module)
             holder = types.SimpleNamespace(__annotations__={name: written})
             return typing.get_type_hints(holder, known, include_extras=True)[name]

@@ -99,8 +99,10 @@ class ByName(tuple[Named, ...]):
         import pandas
 
         rows = [
-            {name: value for name, value in _fields(entry).items() if not isinstance(value, dict)}
-            for entry in self
+            {name: value for name, value in fields.items() if not isinstance(value, dict)}
+            for fields in (
+                entry._asdict() if hasattr(entry, "_asdict") else vars(entry) for entry in self
+            )
         ]
         return pandas.DataFrame(rows).set_index("name")
 
@@ -109,8 +111,3 @@ class ByName(tuple[Named, ...]):
         if not self or find_spec("pandas") is None:
             return None
         return str(self.to_pandas().to_html())
-
-
-def _fields(entry: Any) -> dict[str, Any]:
-    """Return the fields of an entry, name -> value."""
-    return dict(entry._asdict() if hasattr(entry, "_asdict") else vars(entry))

@@ -8,6 +8,7 @@ page of formats are derived from these declarations.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields
 from enum import Enum
@@ -16,7 +17,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 
-from hfa_support.reporting.data_files import finite_or_none, jsonable
+from hfa_support.reporting.data_files import jsonable
 
 #: Arrays with one, two and three axes.
 Vector = Annotated[np.ndarray, 1]
@@ -146,7 +147,9 @@ def plain(value: Any) -> Any:
         return [value.real, value.imag]
     if isinstance(value, Enum):
         return value.value
-    return finite_or_none(value) if isinstance(value, float) else value
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
 
 
 def _is_empty(value: Any) -> bool:

@@ -113,7 +113,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "verify(game, K)": (
         lambda: hfa.verify(plant()["game"], plant()["solution"].K),
-        "give hfa.from_gain(game, K), hfa.from_value(game, P), hfa.from_weights(game, W, basis=...)",
+        "hfa.from_gain(game, K), hfa.from_value(game, P), hfa.from_weights(game, W, basis=...)",
     ),
     "solve(model)": (
         lambda: hfa.solve(plant()["model"]),

@@ -380,6 +380,15 @@ def test_an_outdated_picture_is_detected() -> None:
     assert not looks_like(modes, PICTURES / "root_locus.png")
 
 
+def test_only_digits_of_rounding_are_not_compared() -> None:
+    """Numbers below 1e-11 are equal, also if their widths differ. Larger numbers are not."""
+    shown = "residual  3.45e-15  1e-06"
+    for same in ("residual  2e-16  1e-06", "residual -1.1e-12  1e-06", "residual  0.00e+00  1e-06"):
+        assert not difference(shown, same)
+    for other in ("residual  3.45e-10  1e-06", "residual  3.45e-15  1e-07", "residual  3.45e-15"):
+        assert difference(shown, other)
+
+
 def test_dots_match_any_number_of_lines() -> None:
     """A line "..." matches any number of lines. All other lines must be equal."""
     for expected in ("...", "...\nb\n...", "a\n...\nc", "a\n...\nb\nc", "...\n..."):

@@ -31,7 +31,12 @@ def without(pythons: str) -> list[str]:
     return [python for python in PYTHONS if not SpecifierSet(pythons).contains(python)]
 
 
-LOCKS = ("requirements-report.lock", "requirements-test.lock", "requirements.lock")
+LOCKS = (
+    "requirements-report.lock",
+    "requirements-docs.lock",
+    "requirements-test.lock",
+    "requirements.lock",
+)
 
 
 @pytest.mark.parametrize("lock", LOCKS)
@@ -59,17 +64,18 @@ def test_locked_packages_support_every_supported_python(lock: str) -> None:
     assert excluded == {}
 
 
-def test_each_lock_extends_the_previous_one() -> None:
-    """Each lock file contains the pins of the previous one and all packages of its extra."""
+def test_each_lock_extends_the_smaller_ones() -> None:
+    """Each lock file contains the packages of its extra and the pins of the report, and the last
+    one all pins.
+    """
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     extras = project["optional-dependencies"]
-    needed = {"requirements-report.lock": extras["page"], "requirements-test.lock": extras["test"]}
-    needed["requirements.lock"] = [*extras["dev"], *extras["test"]]
-    smaller: set[str] = set()
+    names = ("page", "docs", "test", "dev")
+    needed = dict(zip(LOCKS, (extras[name] for name in names), strict=True))
+    of_report, whole = ({str(pin) for pin in pins(lock)} for lock in (LOCKS[0], LOCKS[-1]))
     for lock in LOCKS:
         pinned = {str(pin) for pin in pins(lock)}
-        assert smaller <= pinned, lock
-        smaller = pinned
+        assert of_report <= pinned <= whole, lock
         versions = {canonicalize_name(pin.name): pin for pin in pins(lock)}
         for line in (*project["dependencies"], *needed[lock]):
             wanted = Requirement(line)

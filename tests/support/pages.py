@@ -16,6 +16,10 @@ _FENCE = re.compile(r"^```(\w*)( slow)?\n(.*?)^```$", re.M | re.S)
 COMMAND = re.compile(r"^\$ ((?:.*\\\n)*.*?)(?:\s+# exit (\d+))?\n((?:(?!\$ ).*\n)*)", re.M)
 
 
+#: A number below 1e-11, with the blanks before it.
+_ROUNDING = re.compile(r" +[-+]?(?:\d(?:\.\d+)?e-(?:1[1-9]|[2-9]\d)|0\.00e\+00)\b")
+
+
 class Block(NamedTuple):
     """A fenced code block in a document.
 
@@ -41,8 +45,10 @@ def blocks_of(document: str) -> list[Block]:
 def difference(expected: str, actual: str) -> str:
     """Return a diff of an expected and an actual output, or "" if they are equal.
 
-    A line "..." in the expected output matches any number of lines.
+    A line "..." in the expected output matches any number of lines. Numbers below 1e-11 are
+    rounding, and their digits are not compared.
     """
+    expected, actual = (_ROUNDING.sub(" ~0", text) for text in (expected, actual))
     lines = [line.rstrip() for line in expected.strip("\n").splitlines()]
     pattern = "".join(r"(?:.*\n)*?" if line == "..." else re.escape(line) + r"\n" for line in lines)
     output = "".join(f"{line.rstrip()}\n" for line in actual.strip("\n").splitlines())

@@ -206,7 +206,7 @@ def _effort_program(structure: Structure) -> ca.Function:
     # The effort is the sum of z_i² of the free inputs. All unknowns z are decision variables. The
     # constraints g are the residuals that the unknowns affect, and the watched signals.
     e = equations_of(structure)
-    inputs = [i for i, name in enumerate(e.unknowns) if name in structure.layout.names[1]]
+    inputs = [i for i, name in enumerate(e.unknowns) if name in structure.layout.names.inputs]
     scales = ca.DM([signal.scale for signal in structure.watched])
     program = {
         "x": e.z,

@@ -250,7 +250,7 @@ def equations(structure: Structure) -> Equations:
     outputs = [row.name for row in structure.rows if not row.is_rate]
     watched = [signal.name for signal in structure.watched]
     x, u, f, seen = layout.in_variables(values, p, (*outputs, *watched))
-    rates = dict(zip(layout.names[0], components(f), strict=True))
+    rates = dict(zip(layout.names.states, components(f), strict=True))
     seen_by_name = dict(zip((*outputs, *watched), components(seen), strict=True))
 
     residuals = []

@@ -56,8 +56,11 @@ class InterpolatedModel:
                 )
         for values, reason in zip(self.sweep.values, self.sweep.reasons, strict=True):
             if reason:
+                describe = self.sweep.model.describe
+                pairs = zip(self.sweep.variables, values, strict=True)
+                place = ", ".join(f"{name} {describe(name, value)}" for name, value in pairs)
                 raise BadInputError(
-                    f"the sweep has no trim at {self._describe(values)} "
+                    f"the sweep has no trim at {place} "
                     f"({reason.removeprefix('no trim: ')}); sweep a grid with a trim at every point"
                 )
 
@@ -136,11 +139,6 @@ class InterpolatedModel:
             rows = getattr(self.sweep, name)[order]
             tables.append(rows.reshape(*sizes, *rows.shape[1:]))
         return tables
-
-    def _describe(self, values: np.ndarray) -> str:
-        describe = self.sweep.model.describe
-        pairs = zip(self.sweep.variables, values, strict=True)
-        return ", ".join(f"{name} {describe(name, value)}" for name, value in pairs)
 
 
 def _hat_functions(x: ca.SX, axis: np.ndarray) -> ca.SX:

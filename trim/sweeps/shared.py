@@ -4,12 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from hfa_support.native.bound import RowFunction
 from trim.point.system import Equations, RowsOf, TrimSystem
+
+
+class _Shared(NamedTuple):
+    """Functions of rows in which terms without unknowns are computed beforehand.
+
+    constants: constants -> constants and these terms
+    residual, linear: `residual_rows` and `linear_rows` of these
+    """
+
+    constants: RowFunction
+    residual: RowFunction
+    linear: RowFunction
 
 
 class SharedSystem(TrimSystem):
@@ -20,18 +33,18 @@ class SharedSystem(TrimSystem):
     """
 
     @cached_property
-    def _shared(self) -> tuple[RowFunction, ...]:
+    def _shared(self) -> _Shared:
         return _shared_rows(self.equations)
 
     @property
     def residual_rows(self) -> RowsOf:
         """Function of rows (z, c) that returns the residuals r and their Jacobian J."""
-        return super().residual_rows if self.is_quick else self._shared[1]
+        return super().residual_rows if self.is_quick else self._shared.residual
 
     @property
     def linear_rows(self) -> RowsOf:
         """Function of rows (z, c) that returns x, u, watched signals, A, B and the residuals."""
-        return self.equations.linear_rows if self.is_quick else self._shared[2]
+        return self.equations.linear_rows if self.is_quick else self._shared.linear
 
     def linear(
         self, z: np.ndarray, c: np.ndarray
@@ -60,14 +73,14 @@ class SharedSystem(TrimSystem):
         """
         c = super().constants(count, columns)
         if not self.is_quick:
-            (c,) = self._shared[0](c)
+            (c,) = self._shared.constants(c)
         return c
 
 
 @lru_cache(maxsize=16)
-def _shared_rows(equations: Equations) -> tuple[RowFunction, ...]:
+def _shared_rows(equations: Equations) -> _Shared:
     functions = (equations.residual_rows.function, equations.linear_rows.function)
-    return tuple(map(RowFunction, without_shared(*functions)))
+    return _Shared(*map(RowFunction, without_shared(*functions)))
 
 
 def without_shared(*functions: ca.Function) -> list[ca.Function]:

@@ -32,7 +32,9 @@ from verification.scope import LIMIT, Scope
 from verification.verdict import Details, Section, Verdict, explained
 
 if TYPE_CHECKING:
+    from trim.linear.linear_model import LinearModel
     from verification.network.search import Findings
+    from verification.nonlinear_game import NonlinearComparison
 
 #: What is given as a critic.
 _CRITICS = (
@@ -49,6 +51,7 @@ def verify(
     limit: float = LIMIT,
     scope: Scope | None = None,
     predefined_time: float | None = None,
+    linear: LinearModel | None = None,
 ) -> Verdict:
     """Return the verdict on a critic, compared with the exact solution of its game.
 
@@ -67,6 +70,9 @@ def verify(
     A - B K and √α (A - B K) must be stable: if the exact policy does not stabilize, the exact
     critic fails.
 
+    With the linear model of an aircraft, a critic that is not quadratic is also compared with the
+    nonlinear game, coefficient by coefficient up to its degree. If it passes there, it passes.
+
     game: the game, in continuous or in discrete time
     critic: the critic, from `hfa.from_gain`, `from_value`, `from_weights`, `from_network` or
         `hfa.read_critic`; or critics over time, from `critics_over_time`; or a solution, or a
@@ -75,6 +81,7 @@ def verify(
     scope: further data for the checks; by default `Scope()`
     predefined_time: T_w, s; all errors of a history must be within the limit from T_w on. None for
         no such check.
+    linear: the linear model of the game at a trim of an aircraft, or None
 
     Raises NoSolutionError if the game has no certified solution, and BadInputError if `game` is not
     a game, `critic` is not a critic, or the limit is not positive.
@@ -96,7 +103,7 @@ def verify(
     errors_of = partial(_errors, axis, box.half_widths, limit)
 
     errors = errors_of(last)
-    linear = axis.linear_loop(last, all(check.ok for check in errors))
+    loop = axis.linear_loop(last, all(check.ok for check in errors))
     found = None if last.is_quadratic else _searched(axis, last, box.half_widths, limit, scope)
     over_time = _NO_TIME
     if isinstance(critic, TrainingRun):
@@ -109,14 +116,16 @@ def verify(
             "predefined_time applies to critics over time; create them with critics_over_time"
         )
 
-    checks = [*errors, *linear.checks]
+    checks = [*errors, *loop.checks]
     if last.P is not None and last.finite:
         checks += axis.value_checks(last.P, limit)
-    sections = [Section((f"Box of states: {box.about}",), Details(box=box)), linear.section]
+    sections = [Section((f"Box of states: {box.about}",), Details(box=box)), loop.section]
+    nonlinear = None
     if found is not None:
         errors = [*errors, *found.errors]
         checks += found.checks
         sections.append(found.section)
+        nonlinear = None if linear is None else _nonlinear(last, linear, axis, limit, sections)
     elif last.is_layer:
         sections.append(_polynomial_section(last))
     checks += over_time.checks
@@ -130,7 +139,7 @@ def verify(
         explained(checks, reason),
         limit,
         reason,
-        linear.cost_lost if found is None else found.flown.cost_lost_flown_percent,
+        loop.cost_lost if found is None else found.flown.cost_lost_flown_percent,
         axis.name,
         axis.solution,
         weights_line(axis.step.Q, axis.step.R, axis.step.delta, N=axis.step.N),
@@ -140,6 +149,7 @@ def verify(
         proof=None if found is None else found.proof,
         sections=tuple(sections),
         table=over_time.table,
+        nonlinear=nonlinear,
     )
 
 
@@ -184,6 +194,27 @@ def _searched(
     from verification.network.search import findings_of
 
     return findings_of(axis, critic, box, limit, scope)
+
+
+def _nonlinear(
+    critic: Critic, linear: LinearModel, axis: TimeAxis, limit: float, sections: list[Section]
+) -> NonlinearComparison | None:
+    """Return the comparison with the nonlinear game, and add its section.
+
+    The result is None if the game has no power series at the trim; the section says why.
+    """
+    from verification.nonlinear_game import compare_with_nonlinear
+
+    if not isinstance(axis.exact, Solution):
+        sections.append(Section(("Nonlinear game: not compared in discrete time",), Details()))
+        return None
+    try:
+        compared = compare_with_nonlinear(critic, linear, axis.exact, limit)
+    except (BadInputError, NoSolutionError) as error:
+        sections.append(Section((f"Nonlinear game: not compared: {error}",), Details()))
+        return None
+    sections.append(Section(compared.part(), Details()))
+    return compared
 
 
 def axis_of(game: Game | DiscreteGame) -> TimeAxis:

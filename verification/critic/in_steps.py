@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -19,14 +20,12 @@ from hfa_support.matrices import checked_matrix, shape_text
 from hfa_support.reporting.checks import Check, at_most, below
 from verification.axis import (
     DECAY,
-    FAR,
     MOST_STEPS,
     LinearLoop,
     Loop,
-    StepLoop,
     cost_of,
-    newton_equilibrium,
     quadratic_at,
+    step_loop,
 )
 from verification.critic_errors import error_check, relative_error
 from verification.scope import NonlinearPlant
@@ -205,18 +204,12 @@ class InSteps:
         x = symbols_for([policy], len(b))
         B = self.step.B
         after = ca.DM(A) @ x + ca.DM(B) @ policy(x)
-        equilibrium = newton_equilibrium(x, after - x, b)
-        paid = type(x)(0.0)
-        if equilibrium is not None:
-            paid = cost_of(policy, self.exact.K, price, equilibrium)(x)
         slowest = max(self.exact.radius, _radius(A - B @ critic.K), 1e-3)
         decay = -math.log(min(slowest, 1.0 - 1e-12))
         steps = min(math.ceil(DECAY / decay), MOST_STEPS)
-        by_exact = np.linalg.matrix_power(A - B @ self.exact.K, steps)
-        P = self.exact.P
-        largest = FAR * float(b @ np.abs(P) @ b)
-        sums = self.problem.discount, steps
-        return StepLoop((x, after, paid), P, sums, equilibrium, by_exact, largest)
+        by_exact = A - B @ self.exact.K
+        running = partial(cost_of, policy, self.exact.K, price)
+        return step_loop(x, after, self.exact, by_exact, steps, b, running)
 
     def plant_loop(self, plant: NonlinearPlant, critic: Critic | None, b: np.ndarray) -> None:
         """Return None: the nonlinear plant is simulated in continuous time alone."""

@@ -22,12 +22,12 @@ from hfa_support.reporting.checks import Check, at_least, at_most, below
 from hfa_support.reporting.text import Table
 from verification.axis import (
     DECAY,
-    FEW_STEPS,
     SLOWEST,
-    FlowLoop,
+    Expression,
     LinearLoop,
     Loop,
     cost_of,
+    flow_loop,
     quadratic_at,
 )
 from verification.critic_errors import disturbance_errors
@@ -166,7 +166,7 @@ class InTime:
         z = critic.symbols
         rates = ca.DM(self.step.A) @ z + ca.DM(self.step.B) @ critic.policy(z)
         duration = self.duration(self.step.A - self.step.B @ critic.K)
-        return FlowLoop(z, rates, self.exact, duration, b)
+        return flow_loop(z, rates, self.exact, duration, b)
 
     def plant_loop(
         self, plant: NonlinearPlant, critic: Critic | None, b: np.ndarray
@@ -178,9 +178,8 @@ class InTime:
         """
         z = ca.SX.sym("z", len(b)) if critic is None else critic.symbols
         u = -ca.DM(self.exact.K) @ z if critic is None else critic.policy(z)
-        loop = FlowLoop(z, plant.closed(z, u), self.exact, self.duration(), b)
-        loop.most_steps = FEW_STEPS
-        return loop
+        rates = plant.closed(z, u)
+        return flow_loop(z, rates, self.exact, self.duration(), b, is_slow=True)
 
     def worst_loop(self, critic: Critic, b: np.ndarray, X: np.ndarray) -> Loop:
         """Return the closed loop under d = d* + δ⁻² E'X z.
@@ -194,15 +193,16 @@ class InTime:
         plant = game.A + game.E @ (self.exact.disturbance_gain + more)
         rates = ca.DM(plant) @ z + ca.DM(game.B) @ critic.policy(z)
         duration = self.duration(game.A - game.B @ critic.K, plant - game.B @ critic.K)
-        loop = FlowLoop(z, rates, self.exact, duration, b)
-        if loop.equilibrium is None:
-            return loop
-        paid = cost_of(critic.policy, self.exact.K, self.price, loop.equilibrium)
-        if not math.isfinite(game.delta):
-            return loop.with_cost(paid)
-        gained = ca.DM(game.delta * more)
-        rest = ca.DM(loop.equilibrium)
-        return loop.with_cost(lambda z: paid(z) - ca.sumsqr(gained @ (z - rest)))
+
+        def running(equilibrium: np.ndarray) -> Expression:
+            paid = cost_of(critic.policy, self.exact.K, self.price, equilibrium)
+            if not math.isfinite(game.delta):
+                return paid
+            gained = ca.DM(game.delta * more)
+            rest = ca.DM(equilibrium)
+            return lambda z: paid(z) - ca.sumsqr(gained @ (z - rest))
+
+        return flow_loop(z, rates, self.exact, duration, b, running)
 
 
 def _smallest_eigenvalue(P: np.ndarray) -> float:

@@ -45,15 +45,15 @@ def step_of_integration(
     linear: states to whose rates d is added
     winds: disturbances w
     """
-    states = layout.names[0]
-    inputs = layout.names[1]
-    parameters = layout.names[2]
+    states = layout.names.states
+    inputs = layout.names.inputs
+    parameters = layout.names.parameters
     sizes = (len(states), len(inputs), len(linear) + len(winds), len(parameters))
     X, U, push, p = (ca.SX.sym("x", size) for size in sizes)
     every_wind = None
     if winds:
         wind = dict(zip(winds, ca.vertsplit(push)[len(linear) :], strict=True))
-        every_wind = [wind.get(name, 0.0) for name in layout.names[3]]
+        every_wind = [wind.get(name, 0.0) for name in layout.names.disturbances]
     rates, _ = layout.expressions([components(vector) for vector in (X, U, p)], (), every_wind)
     pushed = [
         rate + (push[linear.index(name)] if name in linear else 0.0)

@@ -85,7 +85,10 @@ def column_errors(search: Search, fit: Fit, half: np.ndarray) -> dict[str, Colum
     if not known:
         return {}
     errors = list(known.values())
-    slopes = [_slopes(search, fit, number, errors) for number in range(len(fit.responses))]
+    slopes = [
+        np.stack([_effect(search, fit, number, error) for error in errors], axis=2)
+        for number in range(len(fit.responses))
+    ]
     beyond = fit.beyond_starts(slopes)
     weighted = [
         each * np.where(present, 1.0 / fit.noise, 0.0)[:, :, None]
@@ -149,11 +152,6 @@ def _summed(one: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> np.ndarra
     # one (N, k, c), other (N, k, d)
     pairs = zip(one, other, strict=True)
     return np.asarray(sum(np.tensordot(*pair, ((0, 1), (0, 1))) for pair in pairs))
-
-
-def _slopes(search: Search, fit: Fit, number: int, errors: Sequence[SensorError]) -> np.ndarray:
-    """Return the derivatives (N, k, errors) of a record's measured quantities."""
-    return np.stack([_effect(search, fit, number, error) for error in errors], axis=2)
 
 
 def _effect(search: Search, fit: Fit, number: int, error: SensorError) -> np.ndarray:

@@ -299,12 +299,9 @@ class _Undone:
         if self.other:
             changed = {self.column: columns[self.other], self.other: values}
         else:
-            changed = {self.column: self._corrected(values)}
+            first = values[np.isfinite(values)][0] if self.is_about_first else 0.0
+            changed = {self.column: first + self.factor * (values - first)}
         return with_columns(model, record, changed)
-
-    def _corrected(self, values: np.ndarray) -> np.ndarray:
-        first = values[np.isfinite(values)][0] if self.is_about_first else 0.0
-        return np.asarray(first + self.factor * (values - first))
 
 
 def fault_of_columns(

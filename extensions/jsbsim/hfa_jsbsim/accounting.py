@@ -207,7 +207,8 @@ def _of_writers(equations: Equations) -> list[Note]:
             continue
         if rights == "R":
             raise _refusal(mine[-1], f"{shortened(name)} is a read-only JSBSim property")
-        reason = _of_prefix(without_numbers(name), _NOTED)
+        plain = without_numbers(name)
+        reason = next((why for prefix, why in _NOTED.items() if plain.startswith(prefix)), "")
         if reason:
             notes.append(Note(f"set {reason}", shortened(name), mine[-1].where, MOTION))
             continue
@@ -231,11 +232,6 @@ def _is_zero(writer: Writer) -> bool:
     """Return whether a writer sets the constant 0 and therefore has no effect."""
     value = writer.compute()
     return is_constant(value) and float(value) == 0.0
-
-
-def _of_prefix(name: str, reasons: dict[str, str]) -> str:
-    """Return the reason for the first prefix with which the name of a property begins, or ""."""
-    return next((reason for prefix, reason in reasons.items() if name.startswith(prefix)), "")
 
 
 def _refusal(writer: Writer, fault: str) -> BadInputError:

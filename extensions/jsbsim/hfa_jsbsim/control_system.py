@@ -12,6 +12,7 @@ from typing import Any
 
 import casadi as ca
 
+from hfa_aircraft.march.march import saturated
 from hfa_jsbsim.component_parts import (
     beyond,
     coefficients,
@@ -193,7 +194,7 @@ def _clipped(component: Element, properties: Properties, value: Any) -> Any:
     if limits.attributes.get("type") == "cyclic":
         raise limits.error("a cyclic <clipto> has no steady-state value; remove this <clipto>")
     low, high = (parameter(limits, name, properties, 0.0) for name in ("min", "max"))
-    clipped = ca.fmin(ca.fmax(ca.SX(value), low), high)
+    clipped = saturated(ca.SX(value), low, high)
     if is_constant(low) and is_constant(high):
         return clipped if float(low) <= float(high) else value
     # JSBSim does not clip if the limits are exchanged.
@@ -239,7 +240,7 @@ def _kinematic(component: Element, properties: Properties) -> Any:
     value = input_of(component, properties)
     if component.find("noscale") is None:
         value = value * highest
-    return ca.fmin(ca.fmax(ca.SX(value), lowest), highest)
+    return saturated(ca.SX(value), lowest, highest)
 
 
 def _deadband(component: Element, properties: Properties) -> Any:

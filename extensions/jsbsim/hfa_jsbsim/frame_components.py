@@ -10,6 +10,7 @@ from typing import Any
 
 import casadi as ca
 
+from hfa_aircraft.march.march import saturated
 from hfa_jsbsim.component_parts import beyond, coefficients, detents, input_of, parameter
 from hfa_jsbsim.properties import Properties
 from hfa_jsbsim.xml_file import Element
@@ -190,7 +191,7 @@ def _kinematic(component: Element, properties: Properties) -> Any:
     wanted = ca.SX(input_of(component, properties))
     if component.find("noscale") is None:
         wanted = wanted * positions[-1]
-    wanted = ca.fmin(ca.fmax(wanted, positions[0]), positions[-1])
+    wanted = saturated(wanted, positions[0], positions[-1])
     last = _Past(component, properties).of("position", lambda: position)
     intervals = [
         (low, high, time)

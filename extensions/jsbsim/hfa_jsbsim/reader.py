@@ -488,7 +488,7 @@ class _Declaration:
         parameters = dict(equations.parameters)
         kept_parameters = [parameters.pop(name) for name in self.parameters]
         left_out = [*inputs.values(), *parameters.values()]
-        constants = [_usual(name, self.parts) for name in (*inputs, *parameters)]
+        constants = [1.0 if name.startswith("engine") else 0.0 for name in (*inputs, *parameters)]
         zeros = [*equations.rate_symbols, *equations.replaced_commands]
         left_out += zeros
         constants += [0.0] * len(zeros)
@@ -580,11 +580,6 @@ def _positions(equations: Equations, inputs: Mapping[str, PilotInput]) -> Iterat
             continue
         if key in inputs and inputs[key].unit == "1":
             yield name
-
-
-def _usual(name: str, parts: Parts) -> float:
-    """Return the value of an input or parameter without effect: 1 for an engine, else 0."""
-    return 1.0 if name.startswith("engine") else 0.0
 
 
 def _lag(file: EngineFile) -> Signal:

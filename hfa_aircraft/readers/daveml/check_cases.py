@@ -96,7 +96,13 @@ class CheckedDocument(Result, Reported):
         if not self.outputs:
             first = "FAIL: the file has no check case; nothing is verified"
         wrong = [
-            (output.case, output.output, *_texts(output))
+            (
+                output.case,
+                output.output,
+                f"{output.printed:.10g}",
+                f"{output.computed:.10g}",
+                f"{output.tolerance:.3g}",
+            )
             for output in self.outputs
             if not output.ok
         ]
@@ -115,10 +121,6 @@ class CheckedDocument(Result, Reported):
             if self.unchecked:
                 parts.append(f"Outputs without a check case: {', '.join(self.unchecked)}.")
         return Report(first, parts, data=self.as_data())
-
-
-def _texts(output: CheckedOutput) -> tuple[str, str, str]:
-    return f"{output.printed:.10g}", f"{output.computed:.10g}", f"{output.tolerance:.3g}"
 
 
 def checked_document(document: Document) -> CheckedDocument:

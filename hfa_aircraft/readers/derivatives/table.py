@@ -92,7 +92,8 @@ def read_table(path: str) -> Table:
     """
     with file_faults(path):
         content = regular_file(path).read_bytes()
-        entries = _rows(path, content) if path.endswith(".csv") else _of_toml(path)
+        is_csv = path.endswith(".csv")
+        entries = _rows(path, content) if is_csv else dict(_flat(read_toml(path), path))
     return _checked(entries, Source(path, hashlib.sha256(content).hexdigest()), Path(path).stem)
 
 
@@ -102,11 +103,6 @@ def table_of(values: Mapping[str, Any]) -> Table:
     Raises BadInputError if an entry is missing, unknown or invalid.
     """
     return _checked(dict(_flat(values, "the table")), Source(), "aircraft")
-
-
-def _of_toml(path: str) -> dict[str, Entry]:
-    """Return name -> entry of a TOML file, including the entries of its groups."""
-    return dict(_flat(read_toml(path), path))
 
 
 def _flat(values: Mapping[str, Any], where: str) -> Iterator[tuple[str, Entry]]:

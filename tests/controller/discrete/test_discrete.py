@@ -16,7 +16,6 @@ from reference_steps import reference_step_value
 from tolerances import FEW_ROUNDINGS, SAME_SOLUTION
 
 from controller import minimum_delta
-from controller.discrete.report import analyse_discrete, discrete_report
 from controller.discrete.solution import (
     DiscreteSolution,
     minimum_delta_discrete,
@@ -409,9 +408,8 @@ def test_a_gain_in_discrete_time_without_reliable_digits_is_refused() -> None:
     moved = solve_discrete(replace(problem, step=replace(problem.step, A=A)))
     change = relative_error(moved.K, solution.K)
     assert change < _gain_change(solution) < 10.0 * change
-    assert "WARNING" in str(discrete_report(analyse_discrete(problem)))
-    usual = DiscreteGame(_game())
-    assert "WARNING" not in str(discrete_report(analyse_discrete(usual)))
+    assert "WARNING" in str(solution.report())
+    assert "WARNING" not in str(solve_discrete(DiscreteGame(_game())).report())
 
 
 def _gain_change(solution: DiscreteSolution) -> float:
@@ -530,9 +528,9 @@ def test_the_printed_gain_stabilizes(slow, is_refined):
     A = modes @ np.diag([1e3, slow]) @ modes.T
     B = modes @ [[1.0], [1.0]]
     step = Game(A, B, np.zeros((2, 1)), 1e-12 * np.eye(2), np.eye(1), np.inf)
-    analysed = analyse_discrete(DiscreteGame(step))
-    printed = printed_matrices(discrete_report(analysed))["K"]
-    four_decimals = analysed.solution.K.round(4)
+    solution = solve_discrete(DiscreteGame(step))
+    printed = printed_matrices(solution.report())["K"]
+    four_decimals = solution.K.round(4)
     assert np.abs(np.linalg.eigvals(A - B @ printed)).max() < 1.0
     assert (np.abs(np.linalg.eigvals(A - B @ four_decimals)).max() > 1.0) == is_refined
     assert np.array_equal(printed, four_decimals) != is_refined

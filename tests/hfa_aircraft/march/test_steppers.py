@@ -1,4 +1,4 @@
-"""The Runge-Kutta method: its order, linear loops and the energy of a pendulum."""
+"""Steppers: order of Runge-Kutta, linear loops, energy of a pendulum, LSODA, recurrences."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from hfa_aircraft.march.steppers import rk4
+from hfa_aircraft.march.march import Free, march
+from hfa_aircraft.march.steppers import Adaptive, Recurrence, Ticks, rk4
 
 START = np.array([2.5, 0.0])
 SECONDS = 6.0
@@ -99,3 +100,30 @@ def test_expressions_and_arrays_have_equal_bits() -> None:
     step = ca.Function("step", [x], [after])
     for start in np.random.default_rng(0).normal(size=(50, 2)):
         np.testing.assert_array_equal(np.array(step(start)).ravel(), rk4(pendulum, start, 0.1))
+
+
+def test_lsoda_follows_the_pendulum_and_stops_where_it_diverges() -> None:
+    """The pendulum ends where Runge-Kutta steps end. x' = x², infinite at t = 1, diverges."""
+    x = ca.SX.sym("x", 2)
+    rate = ca.Function("rate", [x], [ca.vertcat(x[1], -ca.sin(x[0])), ca.sumsqr(x)])
+    stepper = Adaptive(rate, SECONDS, largest=1e3, most_steps=10_000)
+    (flown, _) = march(Free(stepper, START[None]), 1)
+    np.testing.assert_allclose(flown.states[0, -1], swung(rk4, 2000), atol=1e-5)
+    y = ca.SX.sym("y")
+    explosion = ca.Function("rate", [y], [y**2, y])
+    for seconds, largest, ends in ((0.9, 1e6, 10.0), (0.9, 5.0, np.nan), (1.1, 1e6, np.nan)):
+        stepper = Adaptive(explosion, seconds, largest=largest, most_steps=10_000)
+        (flown, _) = march(Free(stepper, np.ones((1, 1))), 1)
+        np.testing.assert_allclose(flown.states[0, -1], ends, rtol=1e-4)
+
+
+def test_a_recurrence_and_ticks_have_the_powers_of_a_matrix() -> None:
+    """x⁺ = A x has the states A^k x, by a recurrence and by rows with what is held in addition."""
+    A = np.array([[0.9, 0.2], [-0.1, 0.95]])
+    x, u = ca.SX.sym("x", 2), ca.SX.sym("u", 0)
+    by_power = [np.linalg.matrix_power(A, k) @ START for k in range(13)]
+    one = Recurrence(ca.Function("after", [x], [ca.DM(A) @ x]), steps=4)
+    rows = Ticks(ca.Function("after", [x, u], [ca.DM(A) @ x]), 0.1)
+    for stepper, ticks in ((one, 3), (rows, 12)):
+        (flown, _) = march(Free(stepper, START[None]), ticks)
+        np.testing.assert_allclose(flown.states[0], by_power, rtol=1e-13)

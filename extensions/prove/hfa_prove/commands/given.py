@@ -8,15 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.critic.critic_file import entries_in, single_parts
-from controller.game.basis import basis
-from controller.hfa_game import usual_game
 from hfa.inherited import OF_THE_TRIM
 from hfa.options.trim import called_at
 from hfa_aircraft.names import UNNAMED, PlantNames
-from hfa_prove.check.game import matrix_of_weights
 from hfa_prove.commands.options import family_of, loop_of_file
-from hfa_prove.search.loops import Intervals
 from hfa_prove.statements.flight import Flight
 from hfa_prove.statements.game import GameStatement
 from hfa_prove.statements.schedule import (
@@ -29,6 +24,7 @@ from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 if TYPE_CHECKING:
     from hfa.inherited import PlantOptions
     from hfa_prove.commands.request import CheckRequest
+    from hfa_prove.search.loops import Intervals
 
 #: Options that name an aircraft.
 _OF_THE_AIRCRAFT = ("aircraft", "dynamics", "parameters", "glide", *OF_THE_TRIM)
@@ -134,6 +130,8 @@ def _given_weights(flight: Flight, request: CheckRequest) -> dict[str, Given]:
     if names_aircraft(request) and given:
         n = len(flight.model.linear)
         m = len(flight.model.inputs)
+        from controller.hfa_game import usual_game
+
         usual = usual_game(flight.model, np.eye(n), np.ones((n, m)))
         given["weights.E"] = Given(usual.E, aircraft_option(request))
     return given
@@ -185,6 +183,10 @@ def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, 
         model = statement.plant.model
         names = PlantNames(model.linear, tuple(model.inputs), model.units(model.linear))
     states = len(statement.weights.Q)
+    from controller.critic.critic_file import entries_in, single_parts
+    from controller.game.basis import basis
+    from hfa_prove.check.game import matrix_of_weights
+
     entries = entries_in(request.weights)
     with prefix_errors(request.weights):
         parts = single_parts(entries, names, basis(request.basis or "quadratic", states))
@@ -235,4 +237,6 @@ def _stated_intervals(statement: ScheduleStatement) -> Intervals | None:
     actuators = statement.actuators
     if not isinstance(actuators, UncertainActuators):
         return None
+    from hfa_prove.search.loops import Intervals
+
     return Intervals(actuators.bandwidth, actuators.effectiveness, actuators.delay)

@@ -8,8 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from controller.schedule.gain_schedule import load_gain_schedule
-from controller.schedule.scheduled_controller import load_controller
 from hfa.inherited import AircraftOptions, OutputOptions, TrimOptions
 from hfa.options.argument_types import number
 from hfa.options.trim import called_at, scheduled
@@ -112,6 +110,8 @@ def loop_of_file(weights: Path, design: Any, model: Model, intervals: Intervals 
     design: design with the actuators of the controller, or None if the file contains gains
     intervals: intervals of uncertain actuators, or None
     """
+    from controller.schedule.gain_schedule import load_gain_schedule
+    from controller.schedule.scheduled_controller import load_controller
     from hfa_prove.search.loops import loop_of_schedule, loop_of_servo
 
     if design is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -243,3 +244,16 @@ def test_a_missing_package_is_named_with_what_pip_installs(
     monkeypatch.setitem(sys.modules, "cvxpy", None)
     words = ("prove", "schedule", "--dihedral", "14:14.05", "--bandwidth", "50:60")
     assert_refused(hfa(*words), 2, "cvxpy", "python -m pip install python-flint cvxpy")
+
+
+@pytest.mark.parametrize("name", ["schedule", "solution"])
+def test_a_check_loads_nothing_of_the_search(name: str) -> None:
+    """A check of a certificate about a schedule or a game loads no module of the search."""
+    stored = Path(__file__).parents[4] / "tests" / "nets" / "certificates" / f"{name}.json"
+    text = (
+        "import sys; from hfa.main import main; "
+        f"code = main(['prove', '--check', {str(stored)!r}, '-q']); "
+        "print(code, [name for name in sys.modules if name.startswith('hfa_prove.search')])"
+    )
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "0 []"

@@ -65,9 +65,12 @@ def is_true(statement: RegionStatement) -> bool:
     for _ in range(20):  # the closed loop's slope is about -1.5
         x += float(_rates(loop, np.array(x))) / 1.5
     z = DEVIATIONS
-    V = sum(value * z ** powers[0] for value, powers in statement.terms)
-    slope = sum(value * powers[0] * z ** (powers[0] - 1) for value, powers in statement.terms)
-    inside = np.asarray(V) <= statement.rho
+    M = statement.piece.M[0, 0]
+    V = sum(value * (M * z) ** powers[0] for value, powers in statement.terms)
+    slope = sum(
+        value * powers[0] * M * (M * z) ** (powers[0] - 1) for value, powers in statement.terms
+    )
+    inside = (np.asarray(V) <= statement.rho) & (statement.piece.whole | (np.abs(M * z) < 1.0))
     falls = np.asarray(slope) * _rates(loop, x + z) < 0.0
     low, high = statement.extents["level"]
     holds = (low <= z) & (z <= high) & (falls | (np.abs(z) < 1e-4))
@@ -75,7 +78,8 @@ def is_true(statement: RegionStatement) -> bool:
     for name, signal in limited.items():
         least, most = loop.limits[name]
         holds &= (least <= signal) & (signal <= most)
-    return abs(x - x0) < 1e-5 and bool(np.all(holds[inside]))
+    is_near = abs(x - statement.equilibrium["level"]) < 1e-5
+    return is_near and bool(np.all(holds[inside]))
 
 
 def _rates(loop: Loop, x: np.ndarray) -> np.ndarray:

@@ -44,7 +44,7 @@ class FlightInDoubles:
     """The trims of a statement's flight, computed in doubles."""
 
     def __init__(self, flight: Content, kind: str) -> None:
-        model = model_of(kind) or hfa.aircraft(flight["dynamics"])
+        model = model_of(kind) or hfa.aircraft(flight["model"]["dynamics"])
         self.flight = flight
         self.model: Model = model.with_parameters(**flight["parameters"])
 
@@ -125,15 +125,11 @@ def _loop_of(statement: Content) -> SimpleNamespace:
         name: np.array(entry) if name in ("breakpoints", *"ABCD") else entry
         for name, entry in statement["controller"].items()
     }
-    k = numbers["states"]
     g = len(numbers["breakpoints"])
-    shapes = {"A": (k, k), "B": (k, -1), "C": (-1, k), "D": (len(numbers["inputs"]), -1)}
-    for name, shape in shapes.items():
-        sides = [0 if side < 0 else side for side in shape] if numbers[name].size == 0 else shape
+    k = numbers["A"].shape[1]
+    a, p = len(numbers["inputs"]), len(numbers["measurements"])
+    for name, sides in {"A": (k, k), "B": (k, p), "C": (a, k), "D": (a, p)}.items():
         numbers[name] = numbers[name].reshape(g, *sides)
-    if k == 0:
-        numbers["B"] = np.zeros((g, 0, len(numbers["measurements"])))
-        numbers["C"] = np.zeros((g, len(numbers["inputs"]), 0))
     actuators = statement.get("actuators")
     held = None
     if actuators is not None:

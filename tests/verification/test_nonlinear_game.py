@@ -1,0 +1,131 @@
+"""Critics compared with the nonlinear game, coefficient by coefficient."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import casadi as ca
+import numpy as np
+import pytest
+from cli import answer
+from game_files import AT_15
+
+import hfa
+from controller.critic.critic import from_functions
+from hfa import Expansion, Game, LinearModel, Model, Signal
+from verification.nonlinear_game import compare_with_nonlinear
+from verification.scope import Scope
+
+#: No search for a proof, and few flights.
+QUICK = Scope(flights=3, seconds=0.0)
+LIMIT = 1e-6
+
+
+def mixed(x, u, p, w):
+    """Return a plant in mixed units that is not affine in its inputs."""
+    rates = {
+        "a": -ca.sin(x.a) + 1e-4 * x.b**2 + u.u + 0.3 * u.u * u.v,
+        "b": 50.0 * x.a + 0.5 * x.b + 100.0 * u.v * ca.cos(x.a) + 10.0 * u.u**2,
+    }
+    return rates, {}
+
+
+MIXED = Model(
+    "mixed",
+    {"a": Signal(), "b": Signal()},
+    {"u": Signal(), "v": Signal()},
+    mixed,
+    trim={"a": 0.0, "b": 0.0},
+)
+
+
+@cache
+def case(order: int) -> tuple[LinearModel, Game, Expansion]:
+    """The linear model, the game and the exact expansion of the plant."""
+    linear = hfa.linearize(MIXED, hfa.trim(MIXED))
+    game = hfa.game(linear, [1.0, 2e-4], [0.5, 0.8], 5.0, E=[[0.3], [10.0]])
+    return linear, game, hfa.expand(linear, hfa.solve(game), order)
+
+
+@pytest.mark.parametrize(("order", "basis"), [(3, "cubic"), (4, "quartic")])
+def test_the_exact_critic_passes_on_the_nonlinear_game(order: int, basis: str) -> None:
+    """The exact value passes there and fails on the linear game; the first line says both."""
+    linear, game, expansion = case(order)
+    critic = hfa.from_weights(game, expansion.weights, basis=basis)
+    verdict = hfa.verify(game, critic, scope=QUICK, linear=linear)
+    assert verdict.ok
+    assert verdict.grade == "fail"
+    first = verdict.headline()
+    assert first == "PASS on the nonlinear game near the trim, FAIL on the linear game"
+    assert not hfa.verify(game, critic, scope=QUICK).ok
+
+
+@pytest.mark.parametrize("factor", [1.01, -1.0, 180.0 / np.pi, 0.0])
+def test_one_wrong_coefficient_is_found(factor: float) -> None:
+    """Every single coefficient that is changed fails, and is the worst one of its degree."""
+    linear, game, expansion = case(4)
+    for index in range(len(expansion.weights)):
+        weights = expansion.weights.copy()
+        weights[index] *= factor
+        critic = hfa.from_weights(game, weights, basis="quartic")
+        found = compare_with_nonlinear(critic, linear, expansion.solution, LIMIT)
+        assert not found.ok
+        wrong = max(found.errors, key=lambda each: each.error)
+        assert wrong.learned == weights[index]
+        assert wrong.exact == pytest.approx(expansion.weights[index], rel=1e-9)
+
+
+def test_a_missing_degree_and_a_linear_term_are_found() -> None:
+    """A critic of degree 4 without cubic terms fails, as does one with a linear term."""
+    linear, game, expansion = case(4)
+    exact = dict(
+        zip(map(tuple, expansion.basis.exponents.tolist()), expansion.weights, strict=True)
+    )
+    psi = "x1**2, x1*x2, x2**2, x1**4"
+    few = [exact[2, 0], exact[1, 1], exact[0, 2], exact[4, 0]]
+    found = compare_with_nonlinear(
+        hfa.from_weights(game, few, basis=psi), linear, expansion.solution, LIMIT
+    )
+    assert {each.degree for each in found.errors if each.error > LIMIT} == {3, 4}
+    tilted = hfa.from_weights(
+        game, [exact[2, 0], exact[1, 1], exact[0, 2], 0.1, 0.0], basis="quadratic+linear"
+    )
+    found = compare_with_nonlinear(tilted, linear, expansion.solution, LIMIT)
+    assert found.errors[0].degree == 1
+    assert found.errors[0].error == np.inf
+
+
+@pytest.mark.parametrize("of", ["V", "policy"])
+def test_a_function_is_expanded(of: str) -> None:
+    """A value or a policy given as a function is compared by its Taylor coefficients."""
+    linear, game, expansion = case(4)
+    z = ca.SX.sym("z", 2)
+    exact = expansion.V(z) if of == "V" else expansion.policy(z)
+    for change, is_right in ((0.0, True), (1e-3 * z[0] ** 2 * z[1], False), (z[1] ** 9, True)):
+        critic = from_functions(game, z, {of: exact + change}, "test")
+        assert compare_with_nonlinear(critic, linear, expansion.solution, LIMIT).ok == is_right
+
+
+def test_a_switch_at_the_trim_is_named() -> None:
+    """A plant with a kink has no power series: the section says so, and nothing else changes."""
+
+    def kinked(x, u, p, w):
+        return {"x": x.x + ca.fabs(x.x) * x.x + u.u}, {}
+
+    model = Model("plant", {"x": Signal()}, {"u": Signal()}, kinked, trim={"x": 0.0})
+    linear = hfa.linearize(model, hfa.trim(model))
+    game = hfa.game(linear, [1.0], [1.0], 10.0)
+    critic = hfa.from_weights(game, [2.0, 0.1], basis="x1**2, x1**3")
+    verdict = hfa.verify(game, critic, scope=QUICK, linear=linear)
+    assert verdict.nonlinear is None
+    assert "not compared" in str(verdict.report())
+    assert "x switches" in str(verdict.report())
+
+
+def test_the_command_judges_both_games() -> None:
+    """`hfa verify` reads the weights of `hfa solve --order`, and its exit code is 0."""
+    answer("solve", *AT_15, "--order", "3", "-o", "value.npz")
+    data = answer("verify", *AT_15, "--weights", "value.npz")
+    assert data["ok"] is True
+    assert data["nonlinear"]["ok"] is True
+    assert [each["degree"] for each in data["nonlinear"]["errors"]] == [2, 3]
