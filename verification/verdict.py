@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -21,23 +21,33 @@ from verification.error_table import ErrorTable, shown_number
 from verification.nonlinear_game import NonlinearComparison
 
 
-class Proved(Protocol):
-    """Proved bound on the errors of a nonlinear critic in a box of states.
+class Proof(NamedTuple):
+    """Proved bound on the errors of a network.
 
-    error: proved upper bound of the relative error.
-    fraction: factor on the box for which the bound is proved, or 0 if nothing is proved.
-    is_of_all: True if the bound covers all errors that are compared.
-    where: the part of the box, in words.
+    what: the covered errors, such as "error of the policy". "error" means all errors.
+    error: proved upper bound on the relative error.
+    fraction: the bound is proved for |z_i| <= fraction b_i. It is 0 if nothing is proved.
+    boxes: number of boxes for which bounds were computed.
+    beyond: state (n,) whose error exceeds the bound, or None if no such state was found.
+    is_of_all: whether the bound covers all errors that are compared.
     """
 
+    what: str
+    error: float
+    fraction: float
+    boxes: int
+    beyond: np.ndarray | None = None
+    is_of_all: bool = True
+
     @property
-    def error(self) -> float: ...  # noqa: D102
-    @property
-    def fraction(self) -> float: ...  # noqa: D102
-    @property
-    def is_of_all(self) -> bool: ...  # noqa: D102
-    @property
-    def where(self) -> str: ...  # noqa: D102
+    def where(self) -> str:
+        """Proved part of the box in words, such as "in the box" or "on 0.96 times the box".
+
+        The factor is rounded down.
+        """
+        if self.fraction == 1.0:
+            return "in the box"
+        return f"on {math.floor(100.0 * self.fraction) / 100.0:g} times the box"
 
 
 #: Number of entries of P and K in a report, and in the report of a critic that fails. Files contain
@@ -150,7 +160,7 @@ class Verdict(Checked, Result, Reported):
     box: Box = field(metadata=UNSTORED)
     flights: int | None = field(default=None, metadata=UNSTORED)
     searched: int = field(default=0, metadata=UNSTORED)
-    proof: Proved | None = field(default=None, metadata=UNSTORED)
+    proof: Proof | None = field(default=None, metadata=UNSTORED)
     sections: tuple[Section, ...] = field(default=(), metadata=UNSTORED)
     table: ErrorTable | None = field(default=None, metadata=UNSTORED)
     nonlinear: NonlinearComparison | None = None

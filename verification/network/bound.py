@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 import time
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -12,38 +10,10 @@ import numpy as np
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from verification.enclosure.relaxation import Relaxation
+from verification.verdict import Proof
 
 #: Number of boxes for which bounds are computed before the next boxes are chosen.
 _BATCH = 1024
-
-
-class Proof(NamedTuple):
-    """Proved bound on the errors of a network.
-
-    what: the covered errors, such as "error of the policy". "error" means all errors.
-    error: proved upper bound on the relative error.
-    fraction: the bound is proved for |z_i| <= fraction b_i. It is 0 if nothing is proved.
-    boxes: number of boxes for which bounds were computed.
-    beyond: state (n,) whose error exceeds the bound, or None if no such state was found.
-    is_of_all: whether the bound covers all errors that are compared.
-    """
-
-    what: str
-    error: float
-    fraction: float
-    boxes: int
-    beyond: np.ndarray | None = None
-    is_of_all: bool = True
-
-    @property
-    def where(self) -> str:
-        """Proved part of the box in words, such as "in the box" or "on 0.96 times the box".
-
-        The factor is rounded down.
-        """
-        if self.fraction == 1.0:
-            return "in the box"
-        return f"on {math.floor(100.0 * self.fraction) / 100.0:g} times the box"
 
 
 def prove(

@@ -18,7 +18,7 @@ from controller.critic.critic import FUNCTIONS, Critic
 from hfa_support.reporting.checks import Check
 from verification.axis import TimeAxis, quadratic_at
 from verification.critic_errors import SMALL, Exact, error_check
-from verification.network.bound import Proof, prove
+from verification.network.bound import prove
 from verification.network.flights import (
     DOUBLINGS,
     FEW,
@@ -27,7 +27,7 @@ from verification.network.flights import (
     fly,
     starts_in,
 )
-from verification.verdict import Details, Section
+from verification.verdict import Details, Proof, Section
 
 if TYPE_CHECKING:
     from verification.scope import Scope
