@@ -47,7 +47,6 @@ if TYPE_CHECKING:
 
 
 @checks_arguments
-@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     """Linear model x' = A x + B u + E w, y - Y0 = C x + D u + F w (Eq. 9 of the paper).
@@ -137,7 +136,53 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         >>> hfa.LinearModel.of(A, B, states=("x", "v")).A["v", "x"]
         np.float64(-4.0)
         """
-        return _of_matrices(A, B, C, D, tuple(states), tuple(inputs), tuple(outputs), name)
+        from trim.point.operating_point import origin
+
+        states = tuple(states) or _labels(A, 0)
+        inputs = tuple(inputs) or _labels(B, 1)
+        A = _labelled("A", A, states, states)
+        B = _labelled("B", B, states, inputs)
+        n, m = len(A), B.shape[1]
+        for matrix_name, matrix, shape in (("A", A, (n, n)), ("B", B, (n, m))):
+            if matrix.shape != shape or not matrix.size:
+                raise BadInputError(
+                    f"{matrix_name} is {shape_text(matrix.shape)}; give {shape_text(shape)}, with "
+                    "at least one state and one input"
+                )
+        names = PlantNames(states, inputs).completed(n, m)
+        shown = tuple(outputs)
+        if C is None:
+            shown = shown or names.states
+            C = np.eye(n)
+        else:
+            shown = shown or _labels(C, 0)
+            C = _labelled("C", C, shown, names.states)
+            shown = shown or numbered("y", len(C))
+        D = np.zeros((len(C), m)) if D is None else _labelled("D", D, shown, names.inputs)
+        for matrix_name, matrix, width in (("C", C, n), ("D", D, m)):
+            if matrix.shape != (len(C), width):
+                wanted = shape_text((len(C), width))
+                raise BadInputError(f"{matrix_name} is {shape_text(matrix.shape)}; give {wanted}")
+        if len(shown) != len(C):
+            raise BadInputError(
+                f"outputs has {len(shown)} names, but C has {len(C)} rows; give a name for each row"
+            )
+        rows = dict(zip(shown, zip(C, D, strict=True), strict=True))
+        return cls(
+            A=A,
+            B=B,
+            C=C,
+            D=D,
+            states=names.states,
+            inputs=names.inputs,
+            point=origin(plant_model(name, names, A, B, rows)),
+            outputs=shown,
+            E=np.zeros((n, 0)),
+            F=np.zeros((len(C), 0)),
+            output_offsets=np.zeros(len(C)),
+            disturbances=(),
+            kinks=(),
+        )
 
     @staticmethod
     def load(path: str | Path) -> LinearModel:
@@ -468,70 +513,15 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         return StateSpace(*self)
 
 
-def _of_matrices(
-    A: Any,
-    B: Any,
-    C: Any,
-    D: Any,
-    states: tuple[str, ...],
-    inputs: tuple[str, ...],
-    outputs: tuple[str, ...],
-    name: str,
-) -> LinearModel:
-    """Return the linear model of matrices (`LinearModel.of`)."""
-    from trim.point.operating_point import origin
+def _labels(matrix: Any, axis: int) -> tuple[str, ...]:
+    """Return the labels of a table of pandas along an axis, () for another matrix."""
+    labels = labels_of(matrix)
+    return labels[axis] if axis < len(labels) else ()
 
-    labels_of_A = labels_of(A)
-    labels_of_B = labels_of(B)
-    states = states or (labels_of_A[0] if labels_of_A else ())
-    inputs = inputs or (labels_of_B[1] if len(labels_of_B) > 1 else ())
-    A = checked_matrix("A", in_order("A", A, states, states), LARGEST)
-    B = checked_matrix("B", in_order("B", B, states, inputs), LARGEST)
-    n = len(A)
-    m = B.shape[1]
-    for matrix_name, matrix, shape in (("A", A, (n, n)), ("B", B, (n, m))):
-        if matrix.shape != shape or not matrix.size:
-            raise BadInputError(
-                f"{matrix_name} is {shape_text(matrix.shape)}; give {shape_text(shape)}, with at "
-                "least one state and one input"
-            )
-    names = PlantNames(states, inputs).completed(n, m)
-    usual = names.states
-    if C is not None:
-        labels_of_C = labels_of(C)
-        outputs = outputs or (labels_of_C[0] if labels_of_C else ())
-        C = checked_matrix("C", in_order("C", C, outputs, names.states), LARGEST)
-        usual = numbered("y", len(C))
-    else:
-        C = np.eye(n)
-    outputs = outputs or usual
-    if D is None:
-        D = np.zeros((len(C), m))
-    D = checked_matrix("D", in_order("D", D, outputs, names.inputs), LARGEST)
-    for matrix_name, matrix, width in (("C", C, n), ("D", D, m)):
-        if matrix.shape != (len(C), width):
-            wanted = shape_text((len(C), width))
-            raise BadInputError(f"{matrix_name} is {shape_text(matrix.shape)}; give {wanted}")
-    if len(outputs) != len(C):
-        raise BadInputError(
-            f"outputs has {len(outputs)} names, but C has {len(C)} rows; give a name for each row"
-        )
-    rows = dict(zip(outputs, zip(C, D, strict=True), strict=True))
-    return LinearModel(
-        A,
-        B,
-        C,
-        D,
-        names.states,
-        names.inputs,
-        origin(plant_model(name, names, A, B, rows)),
-        outputs,
-        np.zeros((n, 0)),
-        np.zeros((len(C), 0)),
-        np.zeros(len(C)),
-        (),
-        (),
-    )
+
+def _labelled(name: str, matrix: Any, *orders: tuple[str, ...]) -> np.ndarray:
+    """Return a matrix as checked numbers, with labelled rows and columns in the given orders."""
+    return checked_matrix(name, in_order(name, matrix, *orders), LARGEST)
 
 
 def _loaded(path: str | Path) -> LinearModel:

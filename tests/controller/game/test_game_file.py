@@ -206,8 +206,8 @@ def test_damaged_files_are_refused_in_one_line(name: str, content: bytes, said: 
     ("content", "said"),
     [
         (
-            {"state_units": ["ft/s", "deg"]},
-            "state 2 is in deg in the file but in rad in the plant; convert the matrices",
+            {"state_units": ["ft/s", "kg"]},
+            "state 2 is in kg in the file but in rad in the plant; convert the matrices",
         ),
         (
             {"states": ["alpha", "speed"]},
@@ -226,3 +226,5 @@ def test_other_units_and_another_order_are_refused(
     plant = PlantNames(("speed", "alpha"), ("speed", "alpha"), ("ft/s", "rad"))
     with pytest.raises(BadInputError, match=said):
         file_scales(content, plant)
+    scales = file_scales({"state_units": ["m/s", "deg"]}, plant)
+    np.testing.assert_allclose(scales, [0.3048, 180.0 / np.pi])
