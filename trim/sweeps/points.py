@@ -279,32 +279,40 @@ def _starts(
     width = _FINE_CELL if is_single else _CELL
     widths = np.array([width * signals[name].nominal for name in variables])
     places = values / widths
-    nearest = np.round(places)
-    is_next = np.ones(len(nearest), dtype=bool)  # consecutive points mostly share a cell
-    is_next[1:] = (nearest[1:] != nearest[:-1]).any(axis=1)
-    cells, cell = np.unique(nearest[is_next], axis=0, return_inverse=True)
-    cell = cell.ravel()[np.cumsum(is_next) - 1]
+    cells, cell = _cells_of(places)
     begun = _begun(system, variables, cells * widths)
     centers, known = newton(system, begun, _constants(system, variables, cells * widths))
     centers[~known] = begun[~known]
 
-    def step(places: np.ndarray, z: np.ndarray) -> np.ndarray:
-        residual, jacobian = system.residuals(z, _constants(system, variables, places * widths))
+    def newton_step_at(places: np.ndarray, z: np.ndarray) -> np.ndarray:
+        c = _constants(system, variables, places * widths)
+        residual, jacobian = system.residuals(z, c)
         return z + newton_step(jacobian, residual[:, : system.moved])
 
-    def is_gentle(changes: np.ndarray) -> np.ndarray:
-        return (known & (np.abs(changes).max(axis=1) < _STEEPEST))[:, None]
+    def gentle(changes: np.ndarray) -> np.ndarray:
+        """Return the changes over a cell (cells, k), 0 where they are steep or unknown."""
+        is_gentle = known & (np.abs(changes).max(axis=1) < _STEEPEST)
+        return np.where(is_gentle[:, None], changes, 0.0)
 
     z = centers[cell]
     away = places - cells[cell]
     for column, direction in enumerate(np.eye(len(variables))):
-        slopes = (step(cells + _NEXT * direction, centers) - centers) / _NEXT
-        z += np.where(is_gentle(slopes), slopes, 0.0)[cell] * away[:, [column]]
+        slopes = (newton_step_at(cells + _NEXT * direction, centers) - centers) / _NEXT
+        z += gentle(slopes)[cell] * away[:, [column]]
         if is_single:
             led = centers + slopes / 2.0
-            bends = 4.0 * (step(cells + direction / 2.0, led) - led)
-            z += np.where(is_gentle(bends), bends, 0.0)[cell] * away**2
+            bends = 4.0 * (newton_step_at(cells + direction / 2.0, led) - led)
+            z += gentle(bends)[cell] * away**2
     return z
+
+
+def _cells_of(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the different cells (cells, v) of places (N, v), and the cell number of each place."""
+    nearest = np.round(places)
+    is_next = np.ones(len(nearest), dtype=bool)  # consecutive points mostly share a cell
+    is_next[1:] = (nearest[1:] != nearest[:-1]).any(axis=1)
+    cells, numbers = np.unique(nearest[is_next], axis=0, return_inverse=True)
+    return cells, numbers.ravel()[np.cumsum(is_next) - 1]
 
 
 def _begun(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
