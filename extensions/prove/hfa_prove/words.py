@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
-from typing import Protocol
 
 import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_prove.statements.piece import Piece
+from hfa_prove.statements.plant import Plant
 from hfa_support.reporting.results import Result, stored
 from hfa_support.reporting.text import Table
 
@@ -17,46 +17,11 @@ from hfa_support.reporting.text import Table
 NO_BOX = "The set is {V <= rho}, not a box: a state within all of these ranges may lie outside it."
 
 
-class Subject(Protocol):
-    """An aircraft about a trim, as the subject of a proof.
-
-    The moving states are those of the linear model. All other states are constant.
-    """
-
-    @property
-    def model(self) -> Model:
-        """The equations of the aircraft."""
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """Names of the moving states."""
-
-    @property
-    def trim(self) -> Mapping[str, float]:
-        """Moving state -> value at the trim."""
-
-    @property
-    def inputs(self) -> Mapping[str, float]:
-        """Input -> value at the trim."""
-
-    @property
-    def held(self) -> Mapping[str, float]:
-        """Constant state -> value, for every state that is not a moving state."""
-
-    @property
-    def parameters(self) -> Mapping[str, float]:
-        """Parameter -> value, for every parameter of the model."""
-
-    @property
-    def limits(self) -> Mapping[str, tuple[float, float]]:
-        """Signal -> lowest and highest value, for every signal with a limit."""
-
-
 class ProvedResult(Result):
     """A proved result about an aircraft at a trim."""
 
     @property
-    def subject(self) -> Subject:
+    def subject(self) -> Plant:
         """The aircraft about its trim."""
         raise NotImplementedError
 
@@ -97,20 +62,20 @@ class ProvedResult(Result):
         return self.subject.limits
 
 
-def limits_in_words(subject: Subject, name: str) -> list[str]:
+def limits_in_words(subject: Plant, name: str) -> list[str]:
     """Return the lowest and highest value of a signal as text, "-" for a missing limit."""
     ends = subject.limits.get(name, (-np.inf, np.inf))
     model = subject.model
     return [model.describe(name, end) if np.isfinite(end) else "-" for end in ends]
 
 
-def place_in_words(subject: Subject, place: Sequence[float] | np.ndarray) -> str:
+def place_in_words(subject: Plant, place: Sequence[float] | np.ndarray) -> str:
     """Return state deviations (n,) as text, each with name and unit."""
     pairs = zip(subject.states, np.asarray(place).tolist(), strict=True)
     return ", ".join(f"{name} {subject.model.describe(name, value)}" for name, value in pairs)
 
 
-def outputs_in_words(subject: Subject) -> tuple[str, ...]:
+def outputs_in_words(subject: Plant) -> tuple[str, ...]:
     """Return one line on the limits of outputs in a tuple, or () if no output has limits."""
     listed = []
     for name in subject.model.outputs:
