@@ -8,14 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, reduce
+from operator import mul
 from typing import ClassVar
 
 import casadi as ca
 import numpy as np
 
 from controller.critic.features import basis_of
-from controller.game.basis import Basis
+from controller.game.basis import Basis, monomials
 from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_support.arguments import ArrayLike, checks_arguments, need
@@ -250,15 +251,18 @@ def from_parts(
     game: Game | DiscreteGame,
     parts: Mapping[str, np.ndarray],
     basis: Basis | ca.Function | str = "quadratic",
+    policy: ca.Function | None = None,
 ) -> Critic:
     """Return the critic defined by weights W, a value matrix P, a gain K, or several of them.
 
     - The value is W'ψ(z) if W is given, else z'Pz, and unknown if only K is given.
-    - The policy is -K z if K is given, otherwise the minimizing policy of the value.
+    - The policy is the given one, or -K z if K is given, otherwise the minimizing policy of the
+      value.
 
     game: the game whose solution the critic approximates
     parts: "W", "P" and "K" -> array, at least one of them
     basis: ψ of W
+    policy: CasADi Function z (n,) -> u (m,), or None
 
     Raises BadInputError if no part is given, if a shape is wrong, or if W and P define different
     values.
@@ -274,6 +278,13 @@ def from_parts(
         critic = weighted
     if critic is None:
         raise BadInputError("no critic is given; give W, P or K, or a file")
+    if policy is not None:
+        z = ca.SX.sym("z", len(game.A))
+        outputs = {"policy": policy(z)}
+        if critic.value is not None:
+            outputs["V"] = critic.value(z)
+        functions = from_functions(game, z, outputs, f"{critic.origin} and policy_weights")
+        return replace(functions, weights=critic.weights, basis=critic.basis)
     if gain is None or critic is gain:
         return critic
     return _with_policy(critic, gain.K)
@@ -287,6 +298,35 @@ def _with_policy(critic: Critic, K: np.ndarray) -> Critic:
         network["policy"] = ca.Function("policy", [z], [ca.densify(-ca.DM(K) @ z)])
     origin = f"{critic.origin} and K"
     return replace(critic, K=K, origin=origin, feedback=None, network=network)
+
+
+def polynomial_policy(weights: np.ndarray, scales: np.ndarray) -> ca.Function:
+    """Return the policy z (n,) -> u (m,), a polynomial without a constant term.
+
+    weights: (m, M), of all monomials of degree 1, 2, ... of the scaled states, with the last index
+        fastest
+    scales: factors on the states, (n,)
+
+    Raises BadInputError if M is not the number of all monomials up to some degree.
+    """
+    n = len(scales)
+    exponents = np.zeros((0, n), dtype=int)
+    degree = 0
+    while len(exponents) < weights.shape[1]:
+        degree += 1
+        exponents = np.vstack([exponents, monomials(n, degree)])
+    if len(exponents) != weights.shape[1]:
+        raise BadInputError(
+            f"policy_weights is {shape_text(weights.shape)}; give a column for each monomial of "
+            f"{n} states up to one degree"
+        )
+    z = ca.SX.sym("z", n)
+    scaled = ca.vertsplit(ca.DM(scales) * z)
+    psi = []
+    for powers in exponents.tolist():
+        factors = (state**power for state, power in zip(scaled, powers, strict=True) if power)
+        psi.append(reduce(mul, factors))
+    return ca.Function("policy", [z], [ca.densify(ca.DM(weights) @ ca.vertcat(*psi))])
 
 
 def symbols_for(functions: Iterable[ca.Function], n: int) -> ca.SX:

@@ -12,7 +12,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller.critic.critic import Critic, from_parts, from_q_function
+from controller.critic.critic import Critic, from_parts, from_q_function, polynomial_policy
 from controller.critic.features import is_list
 from controller.critic.reading import DIMENSIONS, CriticReader, Reading, in_plant_units
 from controller.game.basis import Basis
@@ -44,6 +44,7 @@ def critics_in(
     - A history also contains `time` (also `times`, `t`), and W (N, M), P (N, n, n) or K (N, m, n).
       A matrix may be stored as one row per time, (N, m n), or as in MATLAB, (m, n, N).
     - An array without a name is W, P or K according to its shape.
+    - `policy_weights` (m, M), weights of all monomials up to a degree, is the policy in place of K.
     - In discrete time, H of a Q-function replaces W, and gives the P, K and L that are missing. L
       is the gain of the worst disturbance.
 
@@ -93,7 +94,7 @@ def critics_in(
             raise BadInputError(
                 "--basis lists functions, but the file contains no W; add W, or give --basis a name"
             )
-        critic = from_parts(game, parts, psi)
+        critic = from_parts(game, parts, psi, policy_in(entries, game.names))
         return (replace(critic, L=numbers_in("L", more["L"])) if "L" in more else critic,)
 
 
@@ -217,6 +218,29 @@ def _part_by_shape(array: np.ndarray, game: Game | DiscreteGame) -> str:
         )
         raise BadInputError(f"the array of shape {array.shape} {meaning}")
     return fitting[0]
+
+
+def policy_in(entries: Mapping[str, Any], plant: PlantNames) -> ca.Function | None:
+    """Return the policy of `policy_weights` in a critic file, or None without this entry.
+
+    plant: names and units of the plant
+
+    Raises BadInputError if the number of inputs or monomials is wrong.
+    """
+    if "policy_weights" not in entries:
+        return None
+    weights = checked_matrix(
+        "policy_weights",
+        numbers_in("policy_weights", entries["policy_weights"]),
+        LARGEST_CRITIC_ENTRY,
+        2,
+    )
+    if len(weights) != len(plant.inputs):
+        raise BadInputError(
+            f"policy_weights has {len(weights)} rows; give one for each of the "
+            f"{len(plant.inputs)} inputs"
+        )
+    return polynomial_policy(weights, file_scales(entries, plant))
 
 
 def single_parts(

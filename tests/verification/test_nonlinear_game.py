@@ -127,5 +127,22 @@ def test_the_command_judges_both_games() -> None:
     answer("solve", *AT_15, "--order", "3", "-o", "value.npz")
     data = answer("verify", *AT_15, "--weights", "value.npz")
     assert data["ok"] is True
+    assert data["grade"] == "fail"
     assert data["nonlinear"]["ok"] is True
     assert [each["degree"] for each in data["nonlinear"]["errors"]] == [2, 3]
+
+
+def test_the_policy_in_the_file_flies() -> None:
+    """A flight reads the policy of `hfa solve --order`, which is not linear, from its file."""
+    answer("solve", *AT_15, "--order", "3", "-o", "value.npz")
+    linear = hfa.paper.level_model(hfa.aircraft(), np.radians(15.0))
+    game = hfa.paper.published_game(linear)
+    model = hfa.aircraft()
+    point = hfa.trim(model, at=np.radians(15.0))
+    flights = [
+        hfa.fly(model, point, policy, seconds=0.5, initial={"alpha": 0.01})
+        for policy in ("value.npz", hfa.read_critic("value.npz", game), hfa.solve(game))
+    ]
+    read, given, linear_gain = (flight.states[-1] for flight in flights)
+    assert read == pytest.approx(given, rel=1e-12)
+    assert np.abs(read - linear_gain).max() > 1e-9

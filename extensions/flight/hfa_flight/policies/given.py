@@ -17,7 +17,13 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.critic.critic_file import entries_in, is_network, read_critic, single_parts
+from controller.critic.critic_file import (
+    entries_in,
+    is_network,
+    policy_in,
+    read_critic,
+    single_parts,
+)
 from controller.game.linear_game import names_of_linear
 from controller.tracking import Tracking
 from hfa_flight.policies.deployment.deployment import Deployment
@@ -93,8 +99,11 @@ def _policy_of_file(path: Path, point: OperatingPoint) -> Any:
     if "K" not in entries:
         return read_critic(path)
     of_gain = {name: entry for name, entry in entries.items() if name not in ("W", "P")}
+    plant = names_of_linear(point.linearize())
     with prefix_errors(path):
-        return Critic(single_parts(of_gain, names_of_linear(point.linearize()), None)["K"])
+        K = single_parts(of_gain, plant, None)["K"]
+        policy = policy_in(entries, plant)
+    return Critic(K, network={} if policy is None else {"policy": policy})
 
 
 def command_steps(given: Mapping[str, Any]) -> CommandSteps:
