@@ -201,18 +201,13 @@ def _request(command: Command, program: str, words: list[str]) -> Request:
 
 def _model(request: type[Request], program: str, words: list[str]) -> Model:
     """Return the model that the options of the aircraft in a command line define."""
-    name, kind = request.of_the_model()
-    prefix = f"{name}." if name else ""
+    begin = "aircraft."
     first = Parser(prog=program, with_help=False)
-    first.declare(
-        {
-            path: option.of(None, path)
-            for path, option in request.declared().items()
-            if name and path.startswith(prefix)
-        }
-    )
+    for path, option in request.declared().items():
+        if path.startswith(begin):
+            first.declare({path.removeprefix(begin): option.of(None, path)})
     typed = first.typed(first.parse_known_args(words)[0])
-    return kind.loaded({path.removeprefix(prefix): value for path, value in typed.items()})
+    return request.of_the_model().loaded(typed)
 
 
 def _inherited(command: Command, program: str, words: list[str], about: Any) -> Any:

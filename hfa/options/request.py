@@ -66,16 +66,10 @@ class Request(Part):
         return {path: option.of(model, path) for path, option in cls.declared().items()}
 
     @classmethod
-    def of_the_model(cls) -> tuple[str, type[Aircraft]]:
-        """Return the path of the part that defines the model, and its class.
-
-        The path is "" for a request without an aircraft.
-        """
-        for each in fields(cls):
-            declared = each.metadata.get("part")
-            if declared is not None and issubclass(declared.kind, Aircraft):
-                return each.name, declared.kind
-        return "", Aircraft
+    def of_the_model(cls) -> type[Aircraft]:
+        """Return the class of the aircraft, which defines the model."""
+        declared = cls.__dataclass_fields__["aircraft"].metadata.get("part")
+        return Aircraft if declared is None else declared.kind
 
     @cached_property
     def provenance(self) -> Provenance:
