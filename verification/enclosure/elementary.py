@@ -10,10 +10,13 @@ their multiples are exact (Cody and Waite, Software Manual for the Elementary Fu
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from math import factorial
+
 import numpy as np
 
-#: Largest relative error of `exp`: 2 u of the reduced argument, and 4 u of the 14 terms of the
-#: series. Results below 1e-307 are off by less than `UNDERFLOW`.
+#: Largest relative error of `exp`: 2 u of the reduced argument, and 4 u of the series.
+#: Results below 1e-307 are off by less than `UNDERFLOW`.
 EXP_ERROR = 2e-15
 UNDERFLOW = 1e-300
 _LARGEST_EXP = 709.0
@@ -26,8 +29,12 @@ _SATURATED = 20.0
 #: Largest error of `sin_cos`: 3 u of the reduced argument, and 4 u of the series.
 SIN_ERROR = 2e-15
 _LARGEST_ANGLE = 2.0**16
-#: π/2 in three parts, the first two with 33 bits.
-_HALF_PI = (1.57079632673412561417, 6.07710050630396597660e-11, 2.02226624879595063154e-21)
+#: π/2 in two parts with 33 bits each, up to 2e-21.
+_HALF_PI = (1.57079632673412561417, 6.07710050630396597660e-11)
+#: Coefficients of the series of e^r in r, and of sin r / r and cos r in r², highest first.
+_FACTORIALS = [1.0 / factorial(k) for k in range(14, -1, -1)]
+_ODD = [(-1.0) ** k / factorial(2 * k + 1) for k in range(10, -1, -1)]
+_EVEN = [(-1.0) ** k / factorial(2 * k) for k in range(10, -1, -1)]
 #: Relative error of a few roundings of a number.
 ROUNDING = 1e-15
 
@@ -37,13 +44,20 @@ def exp(t: np.ndarray) -> np.ndarray:
 
     The error of a result that underflows is at most `UNDERFLOW`. The result is nan for t > 709.
     """
-    known = np.maximum(np.where(t <= _LARGEST_EXP, t, np.nan), -2.0 * _LARGEST_EXP)
+    known = np.fmin(np.fmax(t, -2.0 * _LARGEST_EXP), _LARGEST_EXP)
     count = np.rint(known / _LOG_2[0])
     r = (known - count * _LOG_2[0]) - count * _LOG_2[1]
-    value = np.ones_like(r)
-    for k in range(14, 0, -1):
-        value = 1.0 + r / k * value
-    return np.asarray(np.ldexp(value, np.nan_to_num(count).astype(np.int32)))
+    value = np.ldexp(_series(_FACTORIALS, r), count.astype(np.int32))
+    return np.asarray(np.where(t <= _LARGEST_EXP, value, np.nan))
+
+
+def _series(coefficients: Sequence[float], r: np.ndarray) -> np.ndarray:
+    """Return Σ c_k r^k for |r| <= 1, with the coefficients from the highest to the lowest."""
+    value = np.full_like(r, coefficients[0])
+    for coefficient in coefficients[1:]:
+        value *= r
+        value += coefficient
+    return value
 
 
 def tanh(t: np.ndarray) -> np.ndarray:
@@ -60,14 +74,10 @@ def sin_cos(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     known = np.where(np.abs(t) <= _LARGEST_ANGLE, t, np.nan)
     quarters = np.rint(known / _HALF_PI[0])
-    r = ((known - quarters * _HALF_PI[0]) - quarters * _HALF_PI[1]) - quarters * _HALF_PI[2]
+    r = (known - quarters * _HALF_PI[0]) - quarters * _HALF_PI[1]
     square = r * r
-    sine = np.ones_like(r)
-    cosine = np.ones_like(r)
-    for k in range(10, 0, -1):
-        sine = 1.0 - square / ((2 * k) * (2 * k + 1)) * sine
-        cosine = 1.0 - square / ((2 * k - 1) * (2 * k)) * cosine
-    sine = r * sine
+    sine = r * _series(_ODD, square)
+    cosine = _series(_EVEN, square)
     quarter = np.mod(quarters, 4.0)
     is_odd = np.mod(quarter, 2.0) == 1.0
     of_sine = np.where(quarter >= 2.0, -1.0, 1.0)

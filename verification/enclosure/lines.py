@@ -129,116 +129,206 @@ def _by_slopes(
     return Parabola(value, middle, np.zeros_like(middle), error + width * reach)
 
 
-class _Concave(NamedTuple):
-    """Function that is concave for t > 0 within its domain.
+class _Expansion(NamedTuple):
+    """Values of f, f' and f''/2 at points, and bounds of their errors."""
 
-    at: t -> f(t) and a bound of its error
-    slope: (t, f(t)) -> f'(t) and a bound of its error
+    value: np.ndarray
+    slope: np.ndarray
+    bend: np.ndarray
+    errors: tuple[np.ndarray | float, np.ndarray | float, np.ndarray | float]
+
+
+class _Curved(NamedTuple):
+    """Function f with a derivative that rises or falls over all of its domain, or for t > 0 if odd.
+
+    at: t -> expansion at t, nan outside the domain
+    third: (low, high) -> upper bound of |f'''| / 6 over the range
     touch: m -> approximate t >= 0 with f'(t) = m
+    sign: 1 if f is concave, -1 if it is convex; for t > 0 if f is odd
+    is_odd: whether f(-t) = -f(t)
     """
 
-    at: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray | float]]
-    slope: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray | float]]
+    at: Callable[[np.ndarray], _Expansion]
+    third: Callable[[np.ndarray, np.ndarray], np.ndarray]
     touch: Callable[[np.ndarray], np.ndarray]
+    sign: float = 1.0
+    is_odd: bool = False
+
+    def curve(self, ranges: Ranges) -> Parabola:
+        """Return the Taylor polynomial of degree 2."""
+        centre, low, high = ranges
+        third = self.third(low, high)
+        value, slope, bend, errors = self.at(centre)
+        return _parabola(value, slope, bend, third, errors, _reach(ranges))
+
+    def slopes(self, low: np.ndarray, high: np.ndarray) -> Slopes:
+        """Return the slopes at the ends, and for odd functions also at 0."""
+        ends = [self.at(low), self.at(high)]
+        if self.is_odd:
+            ends.append(self.at(np.clip(0.0, low, high)))
+        least = np.min([end.slope - end.errors[1] for end in ends], axis=0)
+        most = np.max([end.slope + end.errors[1] for end in ends], axis=0)
+        return Slopes(least, most)
+
+    def line(self, ranges: Ranges) -> Parabola:
+        """Return a line parallel to the chord over the range."""
+        centre, low, high = ranges
+        at_low, at_high = self.at(low), self.at(high)
+        values = (self.sign * at_low.value, self.sign * at_high.value)
+        slope = (values[1] - values[0]) / np.maximum(high - low, _NARROW)
+        ends = (values[0] - slope * low, values[1] - slope * high)
+        top = self._highest_above(slope, low, high, np.maximum(*ends))
+        bottom = np.minimum(*ends)
+        if self.is_odd:
+            bottom = -self._highest_above(slope, -high, -low, -bottom)
+        constant = 0.5 * (top + bottom)
+        size = np.maximum(np.abs(values[0]), np.abs(values[1]))
+        size = size + np.abs(slope) * np.maximum(np.abs(low), np.abs(high))
+        rest = np.maximum(top - constant, constant - bottom) + at_low.errors[0] + at_high.errors[0]
+        rest = (rest + 20.0 * ROUNDING * size) * _UP
+        value = self.sign * (constant + slope * centre)
+        return Parabola(value, self.sign * slope, np.zeros_like(slope), rest)
+
+    def _highest_above(
+        self, slope: np.ndarray, low: np.ndarray, high: np.ndarray, at_ends: np.ndarray
+    ) -> np.ndarray:
+        """Return an upper bound of g(t) = sign f(t) - slope t over [low, high].
+
+        Rounding errors of the sums are not included.
+
+        at_ends: the larger of g(low) and g(high)
+
+        Where g is convex, it is highest at an end. Where g is concave, it is below its tangent at
+        any p. The tangent is taken at the point p of the concave part that is closest to the
+        computed zero of g'.
+        """
+        begin = np.maximum(low, 0.0) if self.is_odd else low
+        end = np.maximum(high, begin)
+        p = np.fmin(np.fmax(self.touch(self.sign * slope), begin), end)
+        at_p = self.at(p)
+        rise = self.sign * at_p.slope - slope
+        error = at_p.errors[1]
+        above = np.maximum(
+            np.maximum(rise + error, 0.0) * (end - p), np.maximum(error - rise, 0.0) * (p - begin)
+        )
+        tangent = self.sign * at_p.value + at_p.errors[0] - slope * p + above
+        highest = np.maximum(tangent, at_ends)
+        return np.asarray(np.where(high <= 0.0, at_ends, highest) if self.is_odd else highest)
 
 
-def _chord_line(f: _Concave, ranges: Ranges, is_odd: bool) -> Parabola:
-    """Return an enclosure of f by a line parallel to its chord over the range.
-
-    is_odd: whether f is odd, and therefore convex for t < 0; otherwise f is concave everywhere
-    """
-    centre, low, high = ranges
-    at_low, error_low = f.at(low)
-    at_high, error_high = f.at(high)
-    slope = (at_high - at_low) / np.maximum(high - low, _NARROW)
-    ends = (at_low - slope * low, at_high - slope * high)
-    top = _highest_above(f, slope, low, high, np.maximum(*ends), is_odd)
-    bottom = np.minimum(*ends)
-    if is_odd:
-        bottom = -_highest_above(f, slope, -high, -low, -bottom, is_odd)
-    constant = 0.5 * (top + bottom)
-    size = np.maximum(np.abs(at_low), np.abs(at_high))
-    size = size + np.abs(slope) * np.maximum(np.abs(low), np.abs(high))
-    rest = np.maximum(top - constant, constant - bottom) + error_low + error_high
-    rest = (rest + 20.0 * ROUNDING * size) * _UP
-    return Parabola(constant + slope * centre, slope, np.zeros_like(slope), rest)
+def _rounded(value: np.ndarray, slope: np.ndarray, bend: np.ndarray) -> _Expansion:
+    """Return an expansion whose entries are computed with a few roundings."""
+    sizes = np.abs(value), np.abs(slope), np.abs(bend)
+    of_value, of_slope, of_bend = (8.0 * ROUNDING * size for size in sizes)
+    return _Expansion(value, slope, bend, (of_value, of_slope, of_bend))
 
 
-def _highest_above(
-    f: _Concave,
-    slope: np.ndarray,
-    low: np.ndarray,
-    high: np.ndarray,
-    at_ends: np.ndarray,
-    is_odd: bool,
-) -> np.ndarray:
-    """Return an upper bound of g(t) = f(t) - slope t over [low, high].
-
-    Rounding errors of the sums are not included.
-
-    at_ends: the larger of g(low) and g(high)
-
-    Where g is convex, it is highest at an end. Where g is concave, it is below its tangent at any
-    p. The tangent is taken at the point p of the concave part that is closest to the computed zero
-    of g'.
-    """
-    begin = np.maximum(low, 0.0) if is_odd else low
-    end = np.maximum(high, begin)
-    p = np.clip(np.nan_to_num(f.touch(slope), nan=1.0), begin, end)
-    at_p, error = f.at(p)
-    steepness, of_slope = f.slope(p, at_p)
-    rise = steepness - slope
-    above = np.maximum(
-        np.maximum(rise + of_slope, 0.0) * (end - p), np.maximum(of_slope - rise, 0.0) * (p - begin)
-    )
-    highest = np.maximum(at_p + error - slope * p + above, at_ends)
-    return np.asarray(np.where(high <= 0.0, at_ends, highest) if is_odd else highest)
+def _exp(t: np.ndarray) -> _Expansion:
+    value = exp(t)
+    error = 2.0 * EXP_ERROR * value + UNDERFLOW
+    return _Expansion(value, value, 0.5 * value, (error, error, error))
 
 
-def _negative(line: Parabola) -> Parabola:
-    """Return the enclosure of -f for that of f."""
-    return Parabola(-line.value, -line.slope, -line.bend, line.rest)
+def _third_of_exp(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    value = exp(high)
+    return (value + (2.0 * EXP_ERROR * value + UNDERFLOW)) / 6.0
 
 
-# tanh
+def _log(t: np.ndarray) -> _Expansion:
+    value, error = log(t)
+    slope = 1.0 / t
+    expansion = _rounded(value, slope, -0.5 * slope * slope)
+    return expansion._replace(errors=(error, *expansion.errors[1:]))
 
 
-def _tanh_curve(ranges: Ranges) -> Parabola:
-    centre, low, high = ranges
-    T = tanh(centre)
-    decline = 1.0 - T * T
-    p = np.sort(np.stack([tanh(low) ** 2, tanh(high) ** 2]), axis=0)
-    least = np.where((low <= 0.0) & (high >= 0.0), 0.0, p[0] - 4.0 * TANH_ERROR)
-    most = p[1] + 4.0 * TANH_ERROR
-    ends = np.maximum(_tanh_third(least), _tanh_third(most))
-    third = np.where((least <= 2.0 / 3.0) & (most >= 2.0 / 3.0), np.maximum(ends, 1.0 / 9.0), ends)
+def _sqrt(t: np.ndarray) -> _Expansion:
+    value = np.sqrt(np.where(t > 0.0, t, np.nan))
+    slope = 0.5 / value
+    return _rounded(value, slope, -0.25 * slope / t)
+
+
+def _inverse(t: np.ndarray) -> _Expansion:
+    value = 1.0 / t
+    return _rounded(value, -(value**2), value**3)
+
+
+def _atan(t: np.ndarray) -> _Expansion:
+    value, error = atan(t)
+    slope = 1.0 / (1.0 + t * t)
+    expansion = _rounded(value, slope, -t * slope * slope)
+    return expansion._replace(errors=(error, *expansion.errors[1:]))
+
+
+def _tanh(t: np.ndarray) -> _Expansion:
+    value = tanh(t)
+    slope = 1.0 - value * value
     errors = (TANH_ERROR, 4.0 * TANH_ERROR, 8.0 * TANH_ERROR)
-    third = third + 1e-11
-    return _parabola(T, decline, -T * decline, third, errors, _reach(ranges))
+    return _Expansion(value, slope, -value * slope, errors)
 
 
-def _tanh_third(p: np.ndarray) -> np.ndarray:
-    """Return |tanh'''| / 6 = |(1 - p) (1 - 3 p)| / 3, with p = tanh²."""
-    return np.asarray(np.abs((1.0 - p) * (1.0 - 3.0 * p)) / 3.0)
+def _third_of_tanh(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return the largest |tanh'''| / 6 = |(1 - p) (1 - 3 p)| / 3, with p = tanh².
+
+    It falls with p to 0 at p = 1/3, rises to 1/9 at p = 2/3, and falls again.
+    """
+    at_ends = np.stack([tanh(low) ** 2, tanh(high) ** 2])
+    least = at_ends.min(axis=0) - 4.0 * TANH_ERROR
+    most = at_ends.max(axis=0) + 4.0 * TANH_ERROR
+    least = np.where((low <= 0.0) & (high >= 0.0), 0.0, least)
+    ends = [np.abs((1.0 - p) * (1.0 - 3.0 * p)) / 3.0 for p in (least, most)]
+    between = np.where((least <= 2.0 / 3.0) & (most >= 2.0 / 3.0), 1.0 / 9.0, 0.0)
+    return np.max([*ends, between], axis=0) + 1e-11
 
 
-def _tanh_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
-    at_low = 1.0 - tanh(low) ** 2
-    at_high = 1.0 - tanh(high) ** 2
-    crosses = (low <= 0.0) & (high >= 0.0)
-    most = np.where(crosses, 1.0, np.maximum(at_low, at_high) + 4.0 * TANH_ERROR)
-    return Slopes(np.maximum(np.minimum(at_low, at_high) - 4.0 * TANH_ERROR, 0.0), most)
+_CURVED = {
+    "tanh": _Curved(
+        _tanh,
+        _third_of_tanh,
+        lambda slope: np.arctanh(np.minimum(np.sqrt(1.0 - slope), 1.0 - ROUNDING)),
+        is_odd=True,
+    ),
+    "atan": _Curved(
+        _atan,
+        lambda low, high: np.full_like(low, 1.0 / 3.0),
+        lambda slope: np.sqrt(1.0 / slope - 1.0),
+        is_odd=True,
+    ),
+    "exp": _Curved(_exp, _third_of_exp, np.log, sign=-1.0),
+    "log": _Curved(_log, lambda low, high: 1.0 / (3.0 * low**3), lambda slope: 1.0 / slope),
+    "sqrt": _Curved(
+        _sqrt,
+        lambda low, high: 1.0 / (16.0 * low**2 * np.sqrt(low)),
+        lambda slope: 0.25 / slope**2,
+    ),
+    "inverse": _Curved(
+        _inverse, lambda low, high: low**-4.0, lambda slope: np.sqrt(-1.0 / slope), sign=-1.0
+    ),
+}
 
 
-def _tanh_touch(slope: np.ndarray) -> np.ndarray:
-    return np.asarray(np.arctanh(np.minimum(np.sqrt(1.0 - slope), 1.0 - ROUNDING)))
+def _on_one_side(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the sign of ranges that do not contain 0, and the ranges of |t|, else nan."""
+    sign = np.where(low > 0.0, 1.0, -1.0)
+    least = np.where(low > 0.0, low, np.where(high < 0.0, -high, np.nan))
+    return sign, least, np.where(low > 0.0, high, -low)
 
 
-_TANH = _Concave(
-    lambda t: (tanh(t), TANH_ERROR),
-    lambda _, value: (1.0 - value * value, 4.0 * TANH_ERROR),
-    _tanh_touch,
-)
+def _reflected(function: _Curved, value: Callable[[Any], Any]) -> Enclosed:
+    """Return the enclosures of an odd function that is not defined at 0, from those for t > 0."""
+
+    def at(enclose: Callable[[Ranges], Parabola]) -> Callable[[Ranges], Parabola]:
+        def reflected(ranges: Ranges) -> Parabola:
+            sign, least, most = _on_one_side(*ranges[1:])
+            found = enclose((sign * ranges[0], least, most))
+            return Parabola(sign * found.value, found.slope, sign * found.bend, found.rest)
+
+        return reflected
+
+    def slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
+        _, least, most = _on_one_side(low, high)
+        return function.slopes(least, most)
+
+    return Enclosed(value, at(function.curve), at(function.line), slopes)
 
 
 # relu and step
@@ -280,7 +370,7 @@ def _step_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
     return Slopes(np.where(is_open, -np.inf, 0.0), np.where(is_open, np.inf, 0.0))
 
 
-# polynomials, powers and transcendental functions
+# square, sine and cosine
 
 
 def _square_curve(ranges: Ranges) -> Parabola:
@@ -305,114 +395,6 @@ def _square_line(ranges: Ranges) -> Parabola:
 
 def _square_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
     return Slopes(2.0 * low, 2.0 * high)
-
-
-def _inverse_curve(ranges: Ranges) -> Parabola:
-    centre, low, high = ranges
-    nearest = np.where(low > 0.0, low, np.where(high < 0.0, -high, np.nan))
-    value = 1.0 / np.where(np.isnan(nearest), np.nan, centre)
-    size = np.abs(value)
-    errors = (
-        2.0 * ROUNDING * size,
-        4.0 * ROUNDING * size**2,
-        6.0 * ROUNDING * size**3,
-    )
-    return _parabola(value, -(value**2), value**3, nearest**-4.0, errors, _reach(ranges))
-
-
-def _inverse_line(ranges: Ranges) -> Parabola:
-    """Return an enclosure of 1/t by a line. 1/t is odd, and -1/t concave for t > 0."""
-    centre, low, high = ranges
-    sign = np.where(low > 0.0, 1.0, -1.0)
-    least = np.where(low > 0.0, low, np.where(high < 0.0, -high, np.nan))
-    most = np.where(low > 0.0, high, -low)
-    line = _chord_line(_MINUS_INVERSE, (sign * centre, least, most), is_odd=False)
-    return Parabola(-sign * line.value, -line.slope, line.bend, line.rest)
-
-
-_MINUS_INVERSE = _Concave(
-    lambda t: (-1.0 / t, 2.0 * ROUNDING / t),
-    lambda t, _: (1.0 / t**2, 4.0 * ROUNDING / t**2),
-    lambda slope: 1.0 / np.sqrt(slope),
-)
-
-
-def _inverse_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
-    defined = (low > 0.0) | (high < 0.0)
-    ends = np.stack([-1.0 / low**2, -1.0 / high**2])
-    least = np.where(defined, ends.min(axis=0), -np.inf)
-    most = np.where(defined, ends.max(axis=0), np.inf)
-    return Slopes(least * _UP, most * (1.0 - 4.0 * ROUNDING))
-
-
-def _sqrt_curve(ranges: Ranges) -> Parabola:
-    centre, low, _ = ranges
-    root = np.sqrt(np.where(low > 0.0, centre, np.nan))
-    slope = 0.5 / root
-    bend = -0.25 * slope / centre
-    third = 1.0 / (16.0 * low**2 * np.sqrt(low))
-    errors = (2.0 * ROUNDING * root, 4.0 * ROUNDING * slope, 6.0 * ROUNDING * np.abs(bend))
-    return _parabola(root, slope, bend, third, errors, _reach(ranges))
-
-
-def _sqrt_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
-    least = np.where(low > 0.0, 0.5 / np.sqrt(high), -np.inf)
-    most = np.where(low > 0.0, 0.5 / np.sqrt(low), np.inf)
-    return Slopes(least * (1.0 - 4.0 * ROUNDING), most * _UP)
-
-
-_SQRT = _Concave(
-    lambda t: (np.sqrt(t), ROUNDING * np.sqrt(t)),
-    lambda _, value: (0.5 / value, 2.0 * ROUNDING / value),
-    lambda slope: 0.25 / slope**2,
-)
-
-
-def _error_of_exp(value: np.ndarray) -> np.ndarray:
-    return 2.0 * EXP_ERROR * value + UNDERFLOW
-
-
-def _exp_curve(ranges: Ranges) -> Parabola:
-    centre, _, high = ranges
-    value = exp(centre)
-    error = _error_of_exp(value)
-    third = exp(high)
-    third = (third + _error_of_exp(third)) / 6.0
-    return _parabola(value, value, 0.5 * value, third, (error, error, error), _reach(ranges))
-
-
-def _exp_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
-    least = exp(low)
-    most = exp(high)
-    return Slopes(np.maximum(least - _error_of_exp(least), 0.0), most + _error_of_exp(most))
-
-
-def _minus_exp(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    value = exp(t)
-    return -value, _error_of_exp(value)
-
-
-_MINUS_EXP = _Concave(
-    _minus_exp, lambda _, value: (value, _error_of_exp(-value)), lambda slope: np.log(-slope)
-)
-
-
-def _log_curve(ranges: Ranges) -> Parabola:
-    centre, low, _ = ranges
-    value, error = log(np.where(low > 0.0, centre, np.nan))
-    slope = 1.0 / centre
-    bend = -0.5 * slope * slope
-    errors = (error, 2.0 * ROUNDING * slope, 4.0 * ROUNDING * np.abs(bend))
-    return _parabola(value, slope, bend, 1.0 / (3.0 * low**3), errors, _reach(ranges))
-
-
-def _log_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
-    least = np.where(low > 0.0, 1.0 / high, -np.inf)
-    most = np.where(low > 0.0, 1.0 / low, np.inf)
-    return Slopes(least * (1.0 - 4.0 * ROUNDING), most * _UP)
-
-
-_LOG = _Concave(log, lambda t, _: (1.0 / t, 2.0 * ROUNDING / t), lambda slope: 1.0 / slope)
 
 
 def _wave(
@@ -448,32 +430,6 @@ def _cos_sin(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return cos t and its derivative -sin t."""
     sine, cosine = sin_cos(t)
     return cosine, -sine
-
-
-def _atan_curve(ranges: Ranges) -> Parabola:
-    centre = ranges[0]
-    value, error = atan(centre)
-    slope = 1.0 / (1.0 + centre * centre)
-    bend = -centre * slope * slope
-    errors = (error, 4.0 * ROUNDING * slope, 8.0 * ROUNDING * np.abs(bend))
-    third = np.full_like(value, 1.0 / 3.0)
-    return _parabola(value, slope, bend, third, errors, _reach(ranges))
-
-
-def _atan_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
-    ends = np.stack([1.0 / (1.0 + low * low), 1.0 / (1.0 + high * high)])
-    crosses = (low <= 0.0) & (high >= 0.0)
-    most = np.where(crosses, 1.0, ends.max(axis=0) * (1.0 + 8.0 * ROUNDING))
-    return Slopes(ends.min(axis=0) * (1.0 - 8.0 * ROUNDING), most)
-
-
-def _atan_touch(slope: np.ndarray) -> np.ndarray:
-    return np.asarray(np.sqrt(1.0 / slope - 1.0))
-
-
-_ATAN = _Concave(
-    atan, lambda t, _: (1.0 / (1.0 + t * t), 4.0 * ROUNDING / (1.0 + t * t)), _atan_touch
-)
 
 
 # piecewise polynomials
@@ -620,18 +576,21 @@ def enclosed(kind: str | Spline) -> Enclosed:
     return ENCLOSED[kind] if isinstance(kind, str) else _of_spline(kind)
 
 
+def _of_curved(name: str, value: Callable[[Any], Any]) -> Enclosed:
+    function = _CURVED[name]
+    return Enclosed(value, function.curve, function.line, function.slopes)
+
+
 ENCLOSED: Mapping[str, Enclosed] = {
-    "tanh": Enclosed(np.tanh, _tanh_curve, lambda r: _chord_line(_TANH, r, True), _tanh_slopes),
     "relu": Enclosed(lambda t: np.maximum(t, 0.0), None, _relu_line, _relu_slopes),
     "step": Enclosed(lambda t: np.where(t > 0.0, 1.0, 0.0), None, _step_line, _step_slopes),
     "square": Enclosed(np.square, _square_curve, _square_line, _square_slopes, is_exact=True),
-    "inverse": Enclosed(np.reciprocal, _inverse_curve, _inverse_line, _inverse_slopes),
-    "sqrt": Enclosed(np.sqrt, _sqrt_curve, lambda r: _chord_line(_SQRT, r, False), _sqrt_slopes),
-    "exp": Enclosed(
-        np.exp, _exp_curve, lambda r: _negative(_chord_line(_MINUS_EXP, r, False)), _exp_slopes
-    ),
-    "log": Enclosed(np.log, _log_curve, lambda r: _chord_line(_LOG, r, False), _log_slopes),
+    "inverse": _reflected(_CURVED["inverse"], np.reciprocal),
     "sin": _wave(np.sin, sin_cos),
     "cos": _wave(np.cos, _cos_sin),
-    "atan": Enclosed(np.arctan, _atan_curve, lambda r: _chord_line(_ATAN, r, True), _atan_slopes),
+    "tanh": _of_curved("tanh", np.tanh),
+    "atan": _of_curved("atan", np.arctan),
+    "exp": _of_curved("exp", np.exp),
+    "log": _of_curved("log", np.log),
+    "sqrt": _of_curved("sqrt", np.sqrt),
 }

@@ -103,6 +103,10 @@ def _check(function: Enclosed, exact: Exact, count: int, points: int) -> None:
     width = width * np.abs(centre) if exact.relative else width
     low = centre - width * generator.uniform(0.0, 1.0, count) ** 2
     high = centre + width * generator.uniform(0.0, 1.0, count) ** 2
+    if not exact.relative:  # ranges that end at 0, and ranges about 0
+        low[::10] = np.where(centre[::10] > 0.0, 0.0, low[::10])
+        high[::10] = np.where(centre[::10] < 0.0, 0.0, high[::10])
+        centre[::11] = np.clip(0.0, low[::11], high[::11])
     with np.errstate(all="ignore"):
         slopes = function.slopes(low, high)
         enclosures = [
@@ -125,6 +129,18 @@ def _check(function: Enclosed, exact: Exact, count: int, points: int) -> None:
 def test_each_part_of_an_enclosure_contains_the_function(name: str) -> None:
     """Parabolas, lines and slopes enclose functions over narrow, wide and asymmetric ranges."""
     _check(ENCLOSED[name.split()[0]], FUNCTIONS[name], 4000, 21)
+
+
+@pytest.mark.parametrize(("low", "high"), [(-1.0, 0.0), (0.0, 0.0), (0.0, 1.0)])
+def test_slopes_at_the_end_of_a_range_are_those_of_both_sides(low: float, high: float) -> None:
+    """A range that ends at a kink has the slopes of both sides, and none at a jump."""
+    ends = np.array([low]), np.array([high])
+    assert np.array(ENCLOSED["relu"].slopes(*ends)).ravel().tolist() == [0.0, 1.0]
+    assert np.array(ENCLOSED["step"].slopes(*ends)).ravel().tolist() == [-np.inf, np.inf]
+    at_knot = enclosed(_table("linear")).slopes(*ends)
+    sides = sorted(float(piece[1]) for piece in _table("linear").pieces[3:5])
+    assert at_knot.low[0] <= sides[0] * (1.0 + 1e-12)
+    assert at_knot.high[0] >= sides[1] * (1.0 - 1e-12)
 
 
 def test_every_function_is_tested() -> None:
