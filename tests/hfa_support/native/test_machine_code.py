@@ -164,3 +164,19 @@ def test_a_library_of_another_text_is_compiled_again(cache: Path) -> None:
     square.unlink()
     square.symlink_to(right)
     assert not generated._is_own(square, square.stem.partition("-")[0])
+
+
+@needs_compiler
+def test_products_of_matrices_have_equal_bits_side_by_side() -> None:
+    """Both replacements apply to CasADi's C code, and the sums keep their order."""
+    random = np.random.default_rng(0)
+    A = random.normal(size=(50, 25))
+    x = ca.MX.sym("x", 25)
+    function = ca.Function("product", [x], [ca.mtimes(ca.DM(A), ca.tanh(x))])
+    text = generated._c_text(function, "product")
+    assert text.count(generated._FAST_PRODUCT) == text.count(generated._SIDE_BY_SIDE) == 1
+    assert generated._BY_ROWS not in text
+    compiled = generated.machine_code(function)
+    assert compiled is not function
+    for value in random.normal(size=(20, 25)):
+        np.testing.assert_array_equal(np.array(compiled(value)), np.array(function(value)))
