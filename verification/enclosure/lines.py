@@ -236,7 +236,7 @@ def _third_of_exp(low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 def _log(t: np.ndarray) -> _Expansion:
     value, error = log(t)
-    slope = 1.0 / t
+    slope = 1.0 / np.where(t > 0.0, t, np.nan)
     expansion = _rounded(value, slope, -0.5 * slope * slope)
     return expansion._replace(errors=(error, *expansion.errors[1:]))
 
@@ -294,7 +294,11 @@ _CURVED = {
         is_odd=True,
     ),
     "exp": _Curved(_exp, _third_of_exp, np.log, sign=-1.0),
-    "log": _Curved(_log, lambda low, high: 1.0 / (3.0 * low**3), lambda slope: 1.0 / slope),
+    "log": _Curved(
+        _log,
+        lambda low, high: 1.0 / (3.0 * np.where(low > 0.0, low, np.nan) ** 3),
+        lambda slope: 1.0 / slope,
+    ),
     "sqrt": _Curved(
         _sqrt,
         lambda low, high: 1.0 / (16.0 * low**2 * np.sqrt(low)),

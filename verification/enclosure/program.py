@@ -291,7 +291,10 @@ def _in_scalars(function: ca.Function, name: str) -> ca.Function:
     try:
         return function.expand()
     except RuntimeError as error:
-        raise _refusal(name, f"the derivative {function.name()}") from error
+        raise BadInputError(
+            f"{name}: the proof needs {function.name()}, a derivative of a smooth table; use the "
+            "method 'linear' of casadi.interpolant"
+        ) from error
 
 
 def _called(

@@ -143,6 +143,20 @@ def test_slopes_at_the_end_of_a_range_are_those_of_both_sides(low: float, high: 
     assert at_knot.high[0] >= sides[1] * (1.0 - 1e-12)
 
 
+@pytest.mark.parametrize("kind", ["log", "sqrt", "inverse"])
+@pytest.mark.parametrize("low", [-1.0, -1e-12, 0.0])
+def test_a_range_beyond_the_domain_has_no_bound(kind: str, low: float) -> None:
+    """Nothing bounds a function on a range that contains 0, where it is not defined."""
+    function = ENCLOSED[kind]
+    ends = np.array([low]), np.array([2.0])
+    with np.errstate(all="ignore"):
+        assert function.curve is not None
+        for enclose in (function.curve, function.line):
+            found = enclose((np.array([1.5]), *ends))
+            assert not (np.isfinite(found.rest) and np.isfinite(found.value))
+        assert not np.all(np.isfinite(function.slopes(*ends)))
+
+
 def test_every_function_is_tested() -> None:
     """Every function of the table has a test."""
     assert {name.split()[0] for name in FUNCTIONS} == set(ENCLOSED)
