@@ -261,6 +261,8 @@ class Verdict(Checked, Result, Reported):
             where += f", {self.flights or 'no'} flight{'' if self.flights == 1 else 's'}"
         rests = [check for check in failed if check.kind == "rest"]
         facts = [check.reason for check in rests if check.value > AT_TRIM]
+        if failed and not any(check.kind in _IN_THE_FACTS for check in failed):
+            facts.append(f"{failed[0].name} fails")
         facts.append(self._cost_text())
         if not self.stabilizing:
             facts.append("not stabilizing")
@@ -276,8 +278,6 @@ class Verdict(Checked, Result, Reported):
             line += f", {facts.pop(0)}"
         if limit_cost is not None:
             facts.insert(0, f"decided by the cost limit {limit_cost:g} %")
-        elif failed and not any(check.kind in _IN_THE_FACTS for check in failed):
-            facts.insert(0, f"decided by {failed[0].name}")
         if self.nonlinear is None:
             return [line, *facts]
         grade = verdict_text(self.nonlinear.ok)
