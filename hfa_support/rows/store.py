@@ -173,7 +173,7 @@ def fill_store(
     return open_store(path)
 
 
-def open_store(path: Path) -> Any:
+def open_store(path: Any) -> Any:
     """Return a store as `xarray.Dataset`. Its arrays are read when they are used."""
     _require_xarray()
     import xarray
@@ -264,17 +264,20 @@ def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> No
     if path.exists():
         raise taken
     with temporary_folder(path.parent) as folder:
-        _write_template(folder / "store", job, provenance)
+        # This thread writes all files. A signal that ends the process therefore also ends the
+        # writing. Threads of Zarr could create a removed folder again.
+        for name, content in _template(job, provenance).items():
+            file = folder / "store" / name
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(content.to_bytes())
         try:
             (folder / "store").rename(path)
         except OSError as error:
             raise (taken if path.exists() else error) from None  # another run created it first
 
 
-def _write_template(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> None:
-    """Write the store of a job without results: metadata, names and units."""
-    # This thread writes all files. A signal that ends the process therefore also ends the writing.
-    # Threads of Zarr could create a removed folder again.
+def _template(job: RowJob, provenance: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Return the files of a store without results, name -> content: metadata, names and units."""
     from zarr.codecs import Crc32cCodec, ZstdCodec
     from zarr.storage import MemoryStore
 
@@ -294,28 +297,31 @@ def _write_template(path: Path, job: RowJob, provenance: Mapping[str, Any] | Non
     codecs = {"compressors": (ZstdCodec(), Crc32cCodec())}
     encoding = {name: variable.encoding | codecs for name, variable in template.variables.items()}
     files: dict[str, Any] = {}
-    store = MemoryStore(files)
-    template.to_zarr(store, encoding=encoding, compute=False, consolidated=False, zarr_format=3)
-    for name, content in files.items():
-        file = path / name
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_bytes(content.to_bytes())
+    template.to_zarr(
+        MemoryStore(files), encoding=encoding, compute=False, consolidated=False, zarr_format=3
+    )
+    return files
 
 
 def _refuse_another(path: Path, job: RowJob) -> None:
     """Raise BadInputError unless the store at `path` belongs to this job and this version."""
     # The metadata are compared with those of a new store before any array is opened.
     _require_xarray()
-    with temporary_folder() as folder:
-        _write_template(folder / "store", job, None)
-        expected = _metadata(folder / "store")
-        labels = _labels(folder / "store", job.row)
+    from zarr.storage import MemoryStore
+
+    files = _template(job, None)
+    expected = {
+        name: _of_the_job(json.loads(content.to_bytes()))
+        for name, content in files.items()
+        if name.endswith(_METADATA)
+    }
+    own = expected[_METADATA]["attributes"]
     try:
         attributes = read_json(path / _METADATA)["attributes"]
-        if attributes["schema"] != expected["."]["attributes"]["schema"]:
+        if attributes["schema"] != own["schema"]:
             raise ValueError("another schema")
         begun = str(attributes["toolchain"])
-        same_job = _deciding(attributes) == _deciding(expected["."]["attributes"])
+        same_job = _deciding(attributes) == _deciding(own)
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise BadInputError(
             f"{path} is not a {job.what} store of this version, or is damaged; give another path, "
@@ -337,7 +343,7 @@ def _refuse_another(path: Path, job: RowJob) -> None:
             f"{path} is damaged or has another origin: {other} differs from the store of this "
             f"{job.what}; start a new store"
         )
-    if not _same_labels(path, job.row, labels):
+    if not _same_labels(path, job.row, _labels(MemoryStore(files), job.row)):
         raise BadInputError(
             f"{path} is damaged: the names or units differ from the names or units of this "
             f"{job.what}; start a new store"
@@ -352,47 +358,39 @@ def _deciding(attributes: Mapping[str, Any]) -> str:
     return json.dumps(compared)
 
 
-def _metadata(store: Path) -> dict[str, Any]:
-    """Return the metadata of each array of a store by name, and those of the store itself as
-    ".".
-    """
-    # Attributes that differ between runs of a job are removed. Raises OSError, BadInputError,
-    # LookupError or TypeError if the metadata cannot be read.
-    found = {}
-    for folder in [store, *(entry for entry in store.iterdir() if entry.name != _METADATA)]:
-        content = read_json(folder / _METADATA)
-        attributes = content["attributes"]
-        if folder == store:
-            kept = {key: attributes[key] for key in attributes if key not in _OF_ONE_RUN}
-            content = content | {"attributes": kept}
-        found[str(folder.relative_to(store))] = content
-    return found
+def _of_the_job(metadata: dict[str, Any]) -> dict[str, Any]:
+    """Return metadata without the attributes that differ between runs of a job."""
+    attributes = metadata["attributes"]
+    kept = {key: attributes[key] for key in attributes if key not in _OF_ONE_RUN}
+    return metadata | {"attributes": kept}
 
 
 def _first_difference(path: Path, expected: Mapping[str, Any]) -> str:
     """Return the path of the first file of a store that is not as expected, or ""."""
     # An unexpected file has other metadata, does not belong to the store, or is a symbolic link. If
     # the metadata cannot be read, the result is "the metadata of an array".
-    for folder in (path, *(path / name for name in expected if name != ".")):
-        allowed = {_METADATA, *expected} if folder == path else {_METADATA, "c"}
+    arrays = {Path(name).parent.name for name in expected}
+    for name in expected:
+        folder = (path / name).parent
+        allowed = {_METADATA, *arrays} if folder == path else {_METADATA, "c"}
         for entry in sorted(folder.iterdir()) if folder.is_dir() else []:
             if entry.name not in allowed or entry.is_symlink():
                 return shown(str(entry.relative_to(path)))
-    try:
-        stored = _metadata(path)
-    except (OSError, ValueError, LookupError, TypeError, BadInputError):
-        return "the metadata of an array"
     for name, content in expected.items():
-        if stored.get(name) != content:
-            return str(Path(name) / _METADATA)
+        try:
+            stored = _of_the_job(read_json(path / name))
+        except (OSError, ValueError, LookupError, TypeError, BadInputError):
+            return "the metadata of an array"
+        if stored != content:
+            return name
     return ""
 
 
-def _labels(path: Path, row: str) -> dict[str, list[Any]]:
+def _labels(store: Any, row: str) -> dict[str, list[Any]]:
     """Return the names or units in each array without an axis of rows or chunks, by name of the
     array.
     """
-    stored = open_store(path)
+    stored = open_store(store)
     return {
         str(name): variable.values.tolist()
         for name, variable in stored.variables.items()
