@@ -47,6 +47,7 @@ def every_switch() -> ca.Function:
         ca.if_else(ca.logic_and(a > 0, ca.logic_not(b > 0.1)), a, b),
         ca.if_else(ca.logic_or(a > 0.2, b > 0.1), a * b, b),
         ca.gradient(ca.fmax(a, 0.0) * b, y)[0],
+        (a > 0) / (2 + b),
     ]
     return ca.Function("f", [y], [ca.densify(ca.vertcat(*expressions))])
 
@@ -268,6 +269,22 @@ def test_rounding_of_a_long_sum_is_covered() -> None:
         <= exact
         <= Fraction(float(highest(models, 2)[0, 0]))
     )
+
+
+def test_rounding_of_canceling_arguments_is_covered() -> None:
+    """The bounds of max(1e8 w'y, 0) contain its exact value at points where w'y nearly cancels."""
+    generator = np.random.default_rng(7)
+    w = generator.normal(size=3)
+    y = ca.SX.sym("y", 3)
+    function = ca.Function("f", [y], [ca.fmax(ca.dot(ca.DM(1e8 * w), y), 0.0)])
+    points = generator.normal(size=(100, 3))
+    points[:, 2] = -(points[:, :2] @ w[:2]) / w[2] + 1e-9 * generator.uniform(size=100)
+    models = TaylorProgram(Program(function, "f"), 3).over(points, np.zeros((100, 3)))
+    low, high = lowest(models, 3)[0], highest(models, 3)[0]
+    for point, least, most in zip(points, low, high, strict=True):
+        pairs = zip((1e8 * w).tolist(), point.tolist(), strict=True)
+        exact = max(sum(Fraction(a) * Fraction(b) for a, b in pairs), Fraction(0))
+        assert Fraction(float(least)) <= exact <= Fraction(float(most))
 
 
 def test_an_operation_without_enclosure_is_named() -> None:

@@ -8,7 +8,7 @@ import pytest
 from flint import arb
 
 from verification.enclosure.ball_function import BallFunction, Undecided
-from verification.enclosure.polynomial import Polynomial, exponents_of
+from verification.enclosure.polynomial import Polynomial, exponents_of, monomials
 from verification.enclosure.series import TaylorModel, TaylorOnBall
 
 TABLE = ca.interpolant("table", "bspline", [[-9.0, 0.0, 1.0, 9.0]], [1.0, 0.3, -0.2, 1.0])
@@ -88,7 +88,7 @@ def test_taylor_models_enclose_every_operation() -> None:
             errors = sum((a * b for a, b in zip(z, (t0, t1), strict=False)), arb(0))
             near = c0 + arb(s) * c1 + arb(square) * c2 + errors + remainder
             assert (near + arb(0, 1e-13)).contains(arb(value))
-            assert model.range().overlaps(arb(value))
+            assert (model.range() + arb(0, 1e-13)).contains(arb(value))
             assert any(corner.upper() >= value - 1e-13 for corner in model.corners())
             assert any(corner.lower() <= value + 1e-13 for corner in model.corners())
 
@@ -103,3 +103,29 @@ def test_balls_enclose_every_operation() -> None:
             (ball + arb(0, 1e-14)).contains(arb(value))
             for ball, value in zip(found, values, strict=True)
         )
+
+
+def test_squares_of_the_position_are_between_0_and_1() -> None:
+    """The ranges of s², and of s⁴ as the square of s², contain 0 and 1."""
+    square = TaylorModel(arb(0), arb(0), arb(1))
+    for model in (square, square * square):
+        assert model.range().contains(arb(0))
+        assert model.range().contains(arb(1))
+
+
+def test_norms_bound_homogeneous_polynomials() -> None:
+    """|h(y)| is at most its norm times |y|^k, and reaches the norm for a power of a linear form."""
+    generator = np.random.default_rng(3)
+    for degree in range(1, 5):
+        keys = monomials(3, degree, degree)
+        values = generator.normal(size=len(keys)).tolist()
+        part = dict(zip(keys, map(arb, values), strict=True))
+        polynomial = Polynomial([*({} for _ in range(degree)), part])
+        norm = float(polynomial.norms()[degree])
+        points = generator.normal(size=(300, 3))
+        points /= np.linalg.norm(points, axis=1)[:, None]
+        assert all(abs(_at(polynomial, point)) <= norm * (1.0 + 1e-12) for point in points)
+        power = Polynomial.constant(arb(1))
+        for _ in range(degree):
+            power = power.times(Polynomial.linear([arb(2), arb(-1), arb(2)]))
+        assert float(power.norms()[degree]) == pytest.approx(3.0**degree, rel=1e-12)

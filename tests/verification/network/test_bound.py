@@ -101,6 +101,19 @@ def test_the_bound_includes_rounding() -> None:
         assert abs(exact) <= Fraction(highest)
 
 
+def test_the_bound_of_a_sum_includes_rounding() -> None:
+    """The bound of 1e8 w'y at single points is at least its value in rational arithmetic."""
+    rng = np.random.default_rng(4)
+    w = [Fraction(each) * 10**8 for each in rng.normal(size=3)]
+    y = ca.SX.sym("y", 3)
+    function = ca.Function("f", [y], [ca.dot(ca.DM(list(map(float, w))), y)])
+    centres = rng.normal(size=(60, 3))
+    bounds = Relaxation(function, "f").over(centres, np.zeros((60, 3)))
+    for centre, highest in zip(centres, bounds.highest, strict=True):
+        exact = sum(Fraction(float(a)) * Fraction(b) for a, b in zip(w, centre, strict=True))
+        assert abs(exact) <= Fraction(highest)
+
+
 def test_products_lie_within_their_enclosure() -> None:
     """Products lie within their enclosure, at 21 points of the range of each factor.
 
