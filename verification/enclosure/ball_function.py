@@ -140,22 +140,22 @@ class Balls(Arithmetic):
         return a if self._is_less(a, b) else b
 
     def less(self, a: Any, b: Any) -> Any:
-        """Return 1 for a <= b, else 0."""
+        """Return 1 for a < b, else 0."""
         return arb(int(self._is_less(a, b)))
 
     def _is_less(self, a: Any, b: Any) -> bool:
-        """Return whether a <= b.
+        """Return whether a < b.
 
         Raises Undecided unless the order of the balls is proved.
         """
         first = constant_part(a)
         second = constant_part(b)
-        if not (first <= second or first > second):
+        if not (first < second or first >= second):
             raise Undecided(
                 "fmin, fmax or another comparison switches within a box; use smooth equations, or "
                 "a trim away from the switch"
             )
-        return bool(first <= second)
+        return bool(first < second)
 
     def atan2(self, a: Any, b: Any) -> Any:
         """Return atan2(a, b) = atan(a / b) for b > 0.

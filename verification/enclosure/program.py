@@ -56,7 +56,7 @@ OPERATIONS: Mapping[int, str] = {
     ca.OP_FABS: "absolute",
     ca.OP_SIGN: "sign",
     ca.OP_LT: "less",
-    ca.OP_LE: "less",
+    ca.OP_LE: "at_most",
     ca.OP_NOT: "negation",
     ca.OP_AND: "multiply",
     ca.OP_OR: "either",
@@ -79,8 +79,7 @@ class Arithmetic:
     """Operations on values of one kind, with the formulas that all kinds share.
 
     A derived class defines `constant`, `add`, `subtract`, `negative`, `multiply`, `inverse`,
-    `maximum`, `less`, `table`, and the functions sqrt, exp, log, sin, cos, atan and tanh. At a
-    switch either value is permitted.
+    `maximum`, `less`, `table`, and the functions sqrt, exp, log, sin, cos, atan and tanh.
     """
 
     constant: Callable[[float], Any]
@@ -89,7 +88,7 @@ class Arithmetic:
     negative: Callable[[Any], Any]
     multiply: Callable[[Any, Any], Any]
     inverse: Callable[[Any], Any]
-    #: 1 where a < b and 0 where a > b.
+    #: 1 where a < b, else 0.
     less: Callable[[Any, Any], Any]
     maximum: Callable[[Any, Any], Any]
     sqrt: Callable[[Any], Any]
@@ -166,6 +165,10 @@ class Arithmetic:
         """Return the sign of a."""
         zero = self.constant(0.0)
         return self.subtract(self.less(zero, a), self.less(a, zero))
+
+    def at_most(self, a: Any, b: Any) -> Any:
+        """Return 1 for a <= b, else 0."""
+        return self.negation(self.less(b, a))
 
     def negation(self, a: Any) -> Any:
         """Return 1 - a."""
@@ -544,7 +547,10 @@ class _Rows(Arithmetic):
         return self.node("relu", row)
 
     def less(self, a: Row, b: Row) -> Row:
+        """Return the row of a step, whose enclosure at a = b contains both values."""
         return self.node("step", _plus(b, a, -_ONE))
+
+    at_most = less
 
     def _has_both_sides(self, step: Row, total: Row) -> bool:
         """Return whether two rows are the step of t, and the sum of the steps of t and -t."""

@@ -146,6 +146,17 @@ def test_an_undecided_branch_raises_undecided(expression: Callable[[Any], Any], 
         BallFunction(ca.Function("f", [x], [expression(x)]))([at])
 
 
+@pytest.mark.parametrize("at", [0.75, 1.0, 1.25])
+def test_comparisons_at_equal_values_are_those_of_casadi(at: float) -> None:
+    """Comparisons, extremes and signs of exact values are those of CasADi, also of equal values."""
+    x = ca.SX.sym("x")
+    one = ca.SX(1.0)
+    expressions = [x < one, x <= one, x > one, x >= one, ca.sign(x - 1), ca.fmax(x, 1), -x < -one]
+    function = ca.Function("f", [x], [ca.vertcat(*expressions)])
+    expected = np.array(function(at)).ravel().tolist()
+    assert [float(each) for each in BallFunction(function)([exact(at)])[0]] == expected
+
+
 def test_power_series_equal_casadi_derivatives() -> None:
     """Power series evaluated in ball arithmetic have the derivatives of CasADi."""
     x = ca.SX.sym("x")

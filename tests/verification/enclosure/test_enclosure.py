@@ -278,7 +278,7 @@ def test_rounding_of_canceling_arguments_is_covered() -> None:
     y = ca.SX.sym("y", 3)
     function = ca.Function("f", [y], [ca.fmax(ca.dot(ca.DM(1e8 * w), y), 0.0)])
     points = generator.normal(size=(100, 3))
-    points[:, 2] = -(points[:, :2] @ w[:2]) / w[2] + 1e-9 * generator.uniform(size=100)
+    points[:, 2] = -(points[:, :2] @ w[:2]) / w[2] + 1e-9 * generator.uniform(-1.0, 1.0, 100)
     models = TaylorProgram(Program(function, "f"), 3).over(points, np.zeros((100, 3)))
     low, high = lowest(models, 3)[0], highest(models, 3)[0]
     for point, least, most in zip(points, low, high, strict=True):
