@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -178,15 +177,16 @@ class Balls(Arithmetic):
     def table(self, spline: Spline, a: Any) -> Any:
         """Return the value of the piece of a table that contains a.
 
-        Raises Undecided unless one piece is proved to contain it.
+        Raises Undecided unless one piece is proved to contain it, without an end with a jump.
         """
         ball = constant_part(a)
         ends = [-arb("inf"), *map(arb, spline.knots), arb("inf")]
-        for (low, high), origin, piece in zip(
-            pairwise(ends), spline.origins.tolist(), spline.pieces, strict=True
-        ):
-            if low <= ball and ball <= high:
-                d = a - arb(origin)
+        is_jump = [False, *(spline.smoothness < 0).tolist(), False]
+        for k, piece in enumerate(spline.pieces):
+            above = ball > ends[k] if is_jump[k] else ball >= ends[k]
+            below = ball < ends[k + 1] if is_jump[k + 1] else ball <= ends[k + 1]
+            if above and below:
+                d = a - arb(float(spline.origins[k]))
                 value = 0 * d
                 for coefficient in reversed(piece):
                     value = d * value + arb(fmpq(coefficient.numerator, coefficient.denominator))

@@ -287,6 +287,19 @@ def test_rounding_of_canceling_arguments_is_covered() -> None:
         assert Fraction(float(least)) <= exact <= Fraction(float(most))
 
 
+def test_functions_that_are_not_inlined_are_read() -> None:
+    """A function that CasADi calls without inlining it is read like its operations."""
+    y = ca.SX.sym("y", 2)
+    z = ca.SX.sym("z", 2)
+    outputs = [z[0] * ca.sin(z[1]), ca.vertcat(z[1] ** 2, z[0])]
+    called = ca.Function("g", [z], outputs, {"never_inline": True})
+    first, second = called(2 * y)
+    function = ca.Function("f", [y], [first - second[0] + second[1]])
+    points = np.random.default_rng(0).uniform(-1.0, 1.0, (20, 2))
+    expected = np.array(function(points.T)).T
+    assert values_at(Program(function, "f"), points) == pytest.approx(expected, rel=1e-12)
+
+
 def test_an_operation_without_enclosure_is_named() -> None:
     """A function with an operation that has no enclosure is refused, and the operation is named."""
     y = ca.SX.sym("y")
