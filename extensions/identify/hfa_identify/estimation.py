@@ -240,7 +240,7 @@ def _theils(search: Search, records: Sequence[Record], fit: Fit) -> dict[str, fl
     if not records:
         return {}
     responses = search.responses.calm
-    theta = fit.theta[search.responses.turbulent :]
+    theta = fit.theta[search.responses.calm_part]
     fixed = np.column_stack([theta, theta])
     guesses = [begin_of(responses.model, record, search.held) for record in records]
     try:
@@ -273,14 +273,14 @@ def _identified(
     """Return the result of an identification, from the best fit."""
     responses = search.responses
     model = responses.calm.model
-    first = responses.turbulent
-    names = responses.free[first:]
-    theta = fit.theta[first:]
-    C = covariance(fit)[first:, first:]
+    part = responses.calm_part
+    names = responses.free[part]
+    theta = fit.theta[part]
+    C = covariance(fit)[part, part]
     half = BAND * np.sqrt(np.maximum(np.diag(C), 0.0))
     white = np.sqrt(np.diag(white_covariance(fit)))
     # Turbulence and sensor noise are not parameters whose bands an error of a column can shift.
-    white[:first] = np.inf
+    white[: responses.turbulent] = np.inf
     estimates = {
         name: Estimate(float(value), float(value - width), float(value + width), *before)
         for name, value, width, before in zip(
@@ -311,19 +311,19 @@ def _identified(
         quantities=_quantities(responses, fit, theils),
         covariance=C,
         column_errors=errors,
-        coloured=_widest(half, BAND * white[first:]),
+        coloured=_widest(half, BAND * white[part]),
         correlated=tuple(_correlated(names, C)),
         undetermined=still_quantities(search, wide),
         at_bounds=tuple(
             name
-            for name, value, ends in zip(names, theta, search.bounds[first:], strict=True)
+            for name, value, ends in zip(names, theta, search.bounds[part], strict=True)
             if value in ends
         ),
         unexplained=tuple(np.array(responses.measured)[unexplained(fit)].tolist()),
         faults=tuple(faults),
         other_minimum={}
         if other is None
-        else dict(zip(names, other.theta[first:].tolist(), strict=True)),
+        else dict(zip(names, other.theta[part].tolist(), strict=True)),
         parts_disagree=parts_disagree(search, fit),
         turbulence=_turbulence(responses, fit),
         converged=fit.converged,

@@ -85,7 +85,7 @@ def _moves(search: Search, quantity: str, size: float) -> bool:
     # simulation diverges, the state counts as moved.
     calm = search.responses.calm
     model = calm.model
-    begin = search.begin[search.responses.turbulent :]
+    begin = search.begin[search.responses.calm_part]
     for record, start in zip(search.records, search.guesses, strict=True):
         columns = columns_of(model, record)
         if quantity in columns:

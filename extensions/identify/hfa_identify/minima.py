@@ -42,7 +42,7 @@ def _far_begins(search: Search, fit: Fit) -> Iterator[tuple[np.ndarray, Sequence
         near = search.thin(_opposite(search, fit), fit.starts)
         # The second minimum must be distinct from the first, which one step from the fit finds.
         thin = fit if search.responses.turbulent else search.thin(fit.theta, fit.starts, 1)
-        if near.converged and _is_apart(near, thin, search.responses.turbulent):
+        if near.converged and _is_apart(near, thin, search.responses.calm_part):
             yield near.theta, near.starts
     for theta in _far_values(search, fit):
         yield theta, fit.starts
@@ -53,8 +53,8 @@ def _opposite(search: Search, fit: Fit) -> np.ndarray:
     # θ₀ are the values at the start of the search. Turbulence and sensor noise keep their
     # estimates.
     opposite = 2.0 * fit.theta - search.begin
-    first = search.responses.turbulent
-    opposite[:first] = fit.theta[:first]
+    turbulence = slice(search.responses.turbulent)
+    opposite[turbulence] = fit.theta[turbulence]
     ends = search.bounds
     return np.clip(opposite, ends[:, 0], ends[:, 1])
 
@@ -124,14 +124,14 @@ def _searched(
     except FloatingPointError:
         return None
     as_likely = other.likelihood < fit.likelihood + AS_LIKELY
-    is_apart = _is_apart(other, fit, search.responses.turbulent)
+    is_apart = _is_apart(other, fit, search.responses.calm_part)
     return other if other.converged and as_likely and is_apart else None
 
 
-def _is_apart(one: Fit, other: Fit, first: int) -> bool:
-    """Return whether two fits differ by more than `_APART` standard deviations in any unknown."""
+def _is_apart(one: Fit, other: Fit, part: slice) -> bool:
+    """Return whether two fits differ by more than `_APART` deviations in a part of the unknowns."""
     deviations = np.sqrt(np.diag(white_covariance(other)))
-    return bool((np.abs(one.theta - other.theta) > _APART * deviations)[first:].any())
+    return bool((np.abs(one.theta - other.theta) > _APART * deviations)[part].any())
 
 
 def parts_disagree(search: Search, fit: Fit) -> str:
@@ -148,12 +148,12 @@ def parts_disagree(search: Search, fit: Fit) -> str:
     from scipy.special import chdtrc
 
     # Turbulence and sensor noise are assumed to be known.
-    first = search.responses.turbulent
+    part = search.responses.calm_part
     parts = [
-        (M[first:, first:], V[first:, first:], g[first:])
+        (M[part, part], V[part, part], g[part])
         for M, V, g in weighted_scores(fit, halves=len(search.records) == 1)
     ]
-    p = len(fit.theta) - first
+    p = len(fit.theta[part])
     tested = max(1, len(parts))
     worst = ""
     least = _CHANCE / tested
@@ -171,5 +171,5 @@ def parts_disagree(search: Search, fit: Fit) -> str:
         chance = float(chdtrc(int(seen.sum()), np.sum(along**2 / values[seen])))
         if chance < least:
             least = chance
-            worst = search.responses.free[first + int(np.argmax(np.abs(difference) / size))]
+            worst = search.responses.free[part][int(np.argmax(np.abs(difference) / size))]
     return worst

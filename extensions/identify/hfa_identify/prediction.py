@@ -155,11 +155,11 @@ class Predictions(Responses):
     @cached_property
     def calm(self) -> Responses:
         """Simulation in calm air, without the unknowns of turbulence and sensor noise."""
-        return Responses(self._still, self.free[self.turbulent :], self.measured)
+        return Responses(self._still, self.free[self.calm_part], self.measured)
 
     def wider(self, names: Sequence[str]) -> Predictions:
         """Return the predictor with additional unknowns: parameters or column errors."""
-        free = (*self.free[self.turbulent :], *names)
+        free = (*self.free[self.calm_part], *names)
         return Predictions(self._still, free, self.measured, self.condition)
 
     def has_error(self, error: SensorError) -> bool:
@@ -201,9 +201,8 @@ class Predictions(Responses):
         key = theta.tobytes()
         if self._gains is None or self._gains[0] != key:
             sizes = np.array([each.nominal for each in self.signals.values()])
-            sizes[self.turbulent :] = np.maximum(
-                np.abs(theta[self.turbulent :]), 1e-2 * sizes[self.turbulent :]
-            )
+            part = self.calm_part
+            sizes[part] = np.maximum(np.abs(theta[part]), 1e-2 * sizes[part])
             found = gain_with_slopes(self._linear, theta, sizes, self.condition.interval)
             self._gains = (key, *found)
         return self._gains[1:]

@@ -154,6 +154,11 @@ class Responses:
         """Number of leading unknowns that describe turbulence and sensor noise, 0 in calm air."""
         return 0
 
+    @property
+    def calm_part(self) -> slice:
+        """Places of the unknowns that do not describe turbulence and sensor noise."""
+        return slice(self.turbulent, None)
+
     def wider(self, names: Sequence[str]) -> Responses:
         """Return the simulation with additional unknowns: parameters or column errors."""
         return Responses(self.model, (*self.free, *names), self.measured)

@@ -87,10 +87,10 @@ class Search:
             windows = windows[:: max(1, len(windows) // most_windows)]
         calm = self.responses.calm
         starts = [begin_of(calm.model, window, self.held) for window in windows]
-        first = self.responses.turbulent
-        ends = self.bounds[first:]
+        part = self.responses.calm_part
+        ends = self.bounds[part]
         search = OutputError(calm, windows, ends, starts, by_motion, is_rough=True)
-        return search.fit(self.begin[first:], starts, progress, _ROUGH, most_steps)
+        return search.fit(self.begin[part], starts, progress, _ROUGH, most_steps)
 
     def moving_inputs(self) -> list[str]:
         """Return the inputs that vary in at least one record."""
