@@ -103,6 +103,14 @@ def test_the_true_certificate_is_accepted() -> None:
     assert 0 < checked(tank()) < 1000
 
 
+def test_boxes_prove_nothing_under_disturbances() -> None:
+    """The claim of a loop with disturbances is refused, because boxes evaluate the calm loop."""
+    statement, witness = read_content(tank(), Subject(TANK))
+    disturbed = replace(statement, loop=replace(statement.loop, disturbances={"wind": 1.0}))
+    with pytest.raises(NoSolutionError, match="without disturbances"):
+        check_region(disturbed, witness)
+
+
 def test_different_policies_have_different_digests() -> None:
     """Policies that differ in a coefficient's last digit or in the state have different digests."""
     z = ca.SX.sym("z", 2)
@@ -287,6 +295,7 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
         _put([[1.0, 1.0], [1.0, 1.0]], "piece", "M"),
         "coordinates y = M z is singular",
     ),
+    "a set beyond the cube": (_put(True, "piece", "whole"), "boxes prove sets in"),
     "limits wider": (_put([-2.0, 2.0], "loop", "limits", "valve"), "valve beyond or not"),
     "limits narrower": (_put([-0.9, 1.0], "loop", "limits", "valve"), "valve beyond or not"),
     "limits of an output wider": (_put([-4.0, 3.0], "loop", "limits", "load"), "load beyond"),

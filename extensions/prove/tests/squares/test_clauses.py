@@ -608,7 +608,8 @@ GLIDER = Model(
 GLIDER_T = np.array([[0.8, -0.5], [0.4, 0.9]])
 
 
-def _glider_loop() -> RegionLoop:
+def _glider_loop(M: np.ndarray | None = None) -> RegionLoop:
+    """Return the loop of the glider with V in the coordinates M z, z by default."""
     loop = Loop(
         GLIDER,
         {},
@@ -620,7 +621,10 @@ def _glider_loop() -> RegionLoop:
         {"w": 0.05},
     )
     terms = ((1.0, (2, 0)), (0.4, (1, 1)), (1.5, (0, 2)), (0.2, (3, 1)))
-    return RegionLoop(RegionStatement.of_terms(loop, terms, 2.0, {}), GLIDER_T, 5)
+    statement = RegionStatement.of_terms(loop, terms, 2.0, {})
+    if M is not None:
+        statement = replace(statement, piece=statement.piece._replace(M=M))
+    return RegionLoop(statement, GLIDER_T, 5)
 
 
 def _commanded(z: np.ndarray) -> np.ndarray:
@@ -641,9 +645,10 @@ def _ball_points() -> np.ndarray:
     return y[np.linalg.norm(y, axis=1) < 1.0]
 
 
+@pytest.mark.parametrize("M", [np.eye(2), np.array([[1.0, 0.5], [-0.25, 0.75]])])
 @pytest.mark.parametrize("side", [LOWEST, HIGHEST])
 @pytest.mark.parametrize("what", ["free", LOWEST, HIGHEST])
-def test_the_bound_of_decrease_is_below_samples(what: str, side: str) -> None:
+def test_the_bound_of_decrease_is_below_samples(what: str, side: str, M: np.ndarray) -> None:
     """The lower bound of -V' / rho is below the value by formulas at random points of the ball.
 
     For degree 6, the difference near the center is below 1e-3.
@@ -655,10 +660,10 @@ def test_the_bound_of_decrease_is_below_samples(what: str, side: str) -> None:
     w = -0.05 if side == LOWEST else 0.05
     da = -a + 0.5 * b**2 + 0.3 * u
     db = a - 0.4 * b + u + 0.2 * a * u + w
-    slope_a = 2.0 * a + 0.4 * b + 0.6 * a**2 * b
-    slope_b = 0.4 * a + 3.0 * b + 0.2 * a**3
+    p, q = M @ z.T
+    slope_a, slope_b = M.T @ [2.0 * p + 0.4 * q + 0.6 * p**2 * q, 0.4 * p + 3.0 * q + 0.2 * p**3]
     decrease = -(slope_a * da + slope_b * db) / 2.0
-    found = _glider_loop().decrease({"u": what, "w": side})
+    found = _glider_loop(M).decrease({"u": what, "w": side})
     for degree in (2, 4, 6):
         away = decrease - _values(found.lowest(2, degree), y)
         assert np.all(away >= -1e-12)

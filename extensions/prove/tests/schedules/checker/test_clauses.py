@@ -471,6 +471,21 @@ def test_one_sided_limits_must_be_stated() -> None:
         _read_limits(Fields("flight", {"limits": {}}), "limits", known)
 
 
+def test_a_root_is_proved_only_by_a_contraction() -> None:
+    """A residual of 0 proves no root if the slope may have either sign: w² has a double root at 0."""
+    none = arb_mat([[arb(0)]])
+    with pytest.raises(Rejected, match="a root of the equations"):
+        root_offsets(none, arb_mat([[arb(1, 2)]]), [arb(1)])
+    assert root_offsets(none, arb_mat([[arb(1, 0.5)]]), [arb(1)])[0, 0].contains(arb(0))
+
+
+def test_pairs_ascend() -> None:
+    """A pair whose first number exceeds the second is refused."""
+    assert Fields("", {"a": [1.0, 2.0]}).pair("a") == (1.0, 2.0)
+    with pytest.raises(Malformed, match="a"):
+        Fields("", {"a": [2.0, 1.0]}).pair("a")
+
+
 @ctx.workprec(256)
 def test_degrees_are_enclosed_in_radians() -> None:
     """The enclosure of 180 deg in radians contains pi."""
