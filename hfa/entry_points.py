@@ -248,10 +248,8 @@ COMMANDS = {
         example="hfa prove region --aircraft examples/pendulum.py:PENDULUM --degree 2",
         install=("python-flint",),
         results=(
-            "hfa_prove.results:FoundSet",
-            "hfa_prove.results:CheckedSet",
-            "hfa_prove.results:FoundBoxes",
-            "hfa_prove.results:CheckedBoxes",
+            "hfa_prove.results:FoundRegion",
+            "hfa_prove.results:CheckedRegion",
             "hfa.critic-check/1 hfa_prove.results:WithRegion",
         ),
     ),

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_aircraft.march.ending import Outcome
+from hfa_prove.search.clock import Clock
 from hfa_prove.search.monomials import PolynomialFunction
-from hfa_prove.search.region_squares import Region, starts_by_outcome
+from hfa_prove.search.obstacles import starts_by_outcome
+from hfa_prove.search.region_search import Region
 from hfa_support.reporting.text import shown_unit, shown_values
 
 if TYPE_CHECKING:
@@ -47,13 +49,13 @@ def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    states = region.plant.loop.states
-    units = region.plant.loop.model.units(states)
+    states = region.statement.loop.states
+    units = region.statement.loop.model.units(states)
     pairs = [(i, j) for i in range(len(states)) for j in range(i + 1, len(states))][:_MOST_PAIRS]
     columns = min(3, len(pairs))
     rows = -(-len(pairs) // columns)
     figure = Figure(figsize=(1.0 + 4.2 * columns, 3.8 * rows + 1.4), layout="constrained")
-    name = region.plant.loop.model.title
+    name = region.statement.loop.model.title
     sections = "section" if len(pairs) == 1 else "sections"
     others = ", all other deviations 0" if len(states) > 2 else ""
     for index, (i, j) in enumerate(pairs):
@@ -84,17 +86,18 @@ def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
 
     The section shows levels of V and initial conditions that do not converge.
     """
-    states = region.plant.loop.states
-    x_unit, y_unit = region.plant.loop.model.units((states[i], states[j]))
-    levels = [("proved", region.rho, "C0", "-")]
-    rises, place = region.bounds.rises
+    assert region.obstacles is not None
+    states = region.statement.loop.states
+    x_unit, y_unit = region.statement.loop.model.units((states[i], states[j]))
+    levels = [("proved", region.set.rho, "C0", "-")]
+    rises, place = region.obstacles.rises
     if place is not None:
         levels.append(("lowest V with V' >= 0", rises, "C1", "--"))
-    for outcome, (level, _) in region.bounds.starts.items():
+    for outcome, (level, _) in region.obstacles.starts.items():
         if outcome in _MARKERS:
             levels.append((f"V of the nearest condition that {_ENDS[outcome]}", level, "C3", "--"))
     for name, level, color, style in levels:
-        edge_x, edge_y = _cut(region.V, level, region.T, i, j)
+        edge_x, edge_y = _cut(region.set.V, level, region.set.T, i, j)
         x = shown_values(edge_x, x_unit)
         y = shown_values(edge_y, y_unit)
         axes.plot(x, y, style, color=color, label=name)
@@ -104,8 +107,8 @@ def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
     y_limits = axes.get_ylim()
     axes.set_xlim(*(_WIDER * np.array(x_limits)))
     axes.set_ylim(*(_WIDER * np.array(y_limits)))
-    rays = _rays(region.T, i, j, _FLOWN)
-    found = starts_by_outcome(region.plant, region.V, region.rho, region.T, rays)
+    rays = _rays(region.set.T, i, j, _FLOWN)
+    found = starts_by_outcome(region.loop, region.set, rays, Clock(np.inf))
     for outcome, marker in _MARKERS.items():
         if outcome in found:
             x = shown_values(found[outcome][:, i], x_unit)

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from hfa_aircraft.model import Model
-from hfa_prove.search.plant import saturated_loop
-from hfa_prove.search.region_squares import Region, RegionSearch
+from hfa_prove.search.plant import loop_at
+from hfa_prove.search.region import proved_region
+from hfa_prove.search.region_search import Region, RegionProblem
+from hfa_prove.statements.loop import Gain
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.progress import Progress
@@ -16,12 +18,12 @@ from trim.point.operating_point import OperatingPoint
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ProvedRegion(Reported, Region):
+class ReportedRegion(Reported, Region):
     """A proved region that is displayed as the report of `hfa prove region`."""
 
     def report(self) -> Report:
         """Return the report that `hfa prove region` prints."""
-        from hfa_prove.report_squares import region_report
+        from hfa_prove.report_region import region_report
 
         return region_report(self)
 
@@ -35,7 +37,7 @@ def prove_region(
     seconds: float = 60.0,
     degree: int = 2,
     progress: Progress | None = None,
-) -> ProvedRegion:
+) -> ReportedRegion:
     """Return a proved region of attraction of the nonlinear loop u = sat(u0 - K (x - x0)).
 
     model: the aircraft
@@ -60,7 +62,6 @@ def prove_region(
     wanted = (len(linear.inputs), len(linear.states))
     if gain.shape != wanted:
         raise BadInputError(f"K has the shape {gain.shape}; give {wanted}, inputs x states")
-    search = RegionSearch(
-        saturated_loop(linear, gain), None, seconds=seconds, degree=degree, progress=progress
-    )
-    return ProvedRegion(**vars(search.found()))
+    problem = RegionProblem(loop_at(linear, Gain(gain, {})))
+    found = proved_region(problem, degree=degree, seconds=seconds, progress=progress)
+    return ReportedRegion(**vars(found))

@@ -9,9 +9,9 @@ from typing import Any, Literal, NamedTuple, TypeVar
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_prove.search.monomials import PolynomialFunction
 from hfa_prove.statements.cost import CostStatement
 from hfa_prove.statements.loop import Loop, stored_policy
-from hfa_prove.statements.piece import Piece
 from hfa_prove.statements.plant import Plant
 from hfa_prove.statements.region import RegionStatement
 from hfa_prove.statements.schedule import Run, ScheduleStatement, UncertainActuators
@@ -140,16 +140,18 @@ class Place(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ProvedSet(ProvedResult):
-    """Set proved by sums of squares, a region of attraction or an invariant set.
+class ProvedRegion(ProvedResult):
+    """Region of attraction, or set that is invariant under disturbances.
 
     statement: the proved statement.
-    parts: number of parts of the set, or of its boundary, on which V' < 0 is proved.
+    prover: method of the proof: `squares`, sums of squares, or `boxes`, branch and bound.
+    size: number of boxes, or of parts of the set or of its boundary, on which V' < 0 is proved.
     reaches: state -> lowest and highest deviation in the set.
     """
 
     statement: RegionStatement = field(metadata=UNSTORED)
-    parts: int
+    prover: str
+    size: int = field(metadata=UNSTORED)
     reaches: Mapping[str, tuple[float, float]] = field(metadata=UNSTORED)
 
     @property
@@ -159,30 +161,19 @@ class ProvedSet(ProvedResult):
 
     @property
     @stored()
-    def prover(self) -> str:
-        """Method of the proof: `squares`, sums of squares."""
-        return "squares"
-
-    @property
-    @stored()
     def rho(self) -> float:
         """Level of V. The set is {V(z) <= rho}, with z the deviation from the equilibrium."""
         return self.statement.rho
 
     @property
     @stored()
-    def K(self) -> Matrix:
-        """Gain K (m, n) of u = sat(u0 - K (x - x0) + q(x - x0)), with the trim x0, u0."""
-        return self.statement.loop.gain.K
+    def policy(self) -> str | Mapping[str, Any]:
+        """Coefficients of a polynomial policy, or the SHA-256 of the policy's instructions.
 
-    @property
-    @stored()
-    def policy(self) -> Mapping[str, Sequence[Any]]:
-        """Input -> q as a list of [coefficient, exponents], omitted if q = 0.
-
-        q is the nonlinear part of u = sat(u0 - K (x - x0) + q(x - x0)), with the trim x0, u0.
+        The coefficients are K and the terms of q in u = sat(u0 - K (x - x0) + q(x - x0)), with the
+        trim x0, u0.
         """
-        return self.statement.loop.gain.terms
+        return stored_policy(self.statement.loop.policy)
 
     @property
     @stored()
@@ -202,13 +193,20 @@ class ProvedSet(ProvedResult):
     @property
     @stored()
     def terms(self) -> Sequence[Any]:
-        """Terms of V = Σ coefficient z^exponents, as a list of [coefficient, exponents]."""
-        return self.statement.terms
+        """Terms of V = Σ coefficient z^exponents, as a list of [coefficient, exponents].
+
+        They are rounded if the certificate contains V in other coordinates.
+        """
+        piece = self.statement.piece
+        if np.array_equal(piece.M, np.eye(len(piece.M))):
+            return self.statement.terms
+        return PolynomialFunction.of_terms(piece.W.terms).substituted(piece.M).terms
 
     @property
+    @stored()
     def degree(self) -> int:
         """Degree of V."""
-        return max(sum(exponents) for _, exponents in self.terms)
+        return self.statement.degree
 
     @property
     @stored(optional=True)
@@ -216,18 +214,24 @@ class ProvedSet(ProvedResult):
         """Matrix P (n, n) of V = z'P z, or None if V has a degree above 2."""
         if self.degree > 2:
             return None
-        n = len(self.states)
-        P = np.zeros((n, n))
-        for coefficient, exponents in self.terms:
-            i, j = np.repeat(np.arange(n), exponents)
-            P[i, j] += coefficient / 2
-            P[j, i] += coefficient / 2
-        return P
+        return PolynomialFunction.of_terms(self.terms).matrix()
+
+    @property
+    @stored(optional=True)
+    def parts(self) -> int | None:
+        """Number of parts of the set, or of its boundary, in a proof by sums of squares."""
+        return self.size if self.prover == "squares" else None
+
+    @property
+    @stored(optional=True)
+    def boxes(self) -> int | None:
+        """Number of boxes that a proof on boxes evaluated."""
+        return self.size if self.prover == "boxes" else None
 
 
 @dataclass(frozen=True, eq=False)
-class FoundSet(ProvedSet):
-    """Set that a search has found and proved by sums of squares.
+class FoundRegion(ProvedRegion):
+    """Set that a search has found and proved.
 
     origin: description of how V was found.
     decrease_fails_at: lowest level of V at which V' >= 0 was found, with the state, or None.
@@ -236,7 +240,8 @@ class FoundSet(ProvedSet):
     lost_at: lowest level of V at an initial condition whose trajectory diverges or converges to
         another equilibrium, with the state, or None.
     limits_that_bind: signals whose limits the set nearly reaches.
-    stopped: "interrupted" after Ctrl-C, otherwise "".
+    stopped: reason why no larger set is proved, or "".
+    others: other prover that was tried -> what it proved, or why it proved nothing.
     """
 
     schema = "hfa.region/1"
@@ -248,6 +253,22 @@ class FoundSet(ProvedSet):
     lost_at: Place | None
     limits_that_bind: Sequence[str]
     stopped: str = ""
+    others: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedRegion(ProvedRegion):
+    """Set that a certificate proves.
+
+    written: version, command and date in the file, not verified.
+    not_given: parts of the statement that were not compared, because no option gave them.
+    """
+
+    schema = "hfa.region-check/1"
+    made_by = "hfa prove region --check FILE"
+
+    written: Mapping[str, str]
+    not_given: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -267,153 +288,7 @@ class WithRegion(Result):
     region: region of attraction of the saturated loop, or None without the option.
     """
 
-    region: FoundSet | NothingProved | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class CheckedSet(ProvedSet):
-    """Set that a certificate proves by sums of squares.
-
-    written: version, command and date in the file, not verified.
-    not_given: parts of the statement that were not compared, because no option gave them.
-    """
-
-    schema = "hfa.region-check/1"
-    made_by = "hfa prove region --check FILE"
-
-    written: Mapping[str, str]
-    not_given: Sequence[str] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class BoxSet(ProvedResult):
-    """Region of attraction proved on boxes.
-
-    statement: the proved statement.
-    boxes: number of boxes that the proof evaluated.
-    """
-
-    statement: RegionStatement = field(metadata=UNSTORED)
-    boxes: int
-
-    @property
-    def subject(self) -> Loop:
-        """The closed loop of the statement: model, trim, limits and policy."""
-        return self.statement.loop
-
-    @property
-    @stored()
-    def prover(self) -> str:
-        """Method of the proof: `boxes`, branch and bound."""
-        return "boxes"
-
-    @property
-    @stored()
-    def rho(self) -> float:
-        """Level of V. The set is {V <= rho}."""
-        return self.statement.rho
-
-    @property
-    @stored()
-    def equilibrium(self) -> Mapping[str, float]:
-        """State -> approximate value at the proved equilibrium of the loop."""
-        return self.statement.equilibrium
-
-    @property
-    @stored()
-    def policy(self) -> str | Mapping[str, Any]:
-        """SHA-256 of the policy's instructions, or the coefficients of a polynomial policy.
-
-        The coefficients are K and the terms of q in u0 - K (x - x0) + q(x - x0), with the trim x0,
-        u0.
-        """
-        policy: str | Mapping[str, Any] = stored_policy(self.statement.loop.policy)
-        return policy
-
-    @property
-    @stored()
-    def extents(self) -> Mapping[str, float]:
-        """State -> upper bound of the absolute deviation from the equilibrium in the set."""
-        return {name: max(-low, high) for name, (low, high) in self.statement.extents.items()}
-
-    @property
-    @stored()
-    def degree(self) -> int:
-        """Degree of V."""
-        return self.statement.degree
-
-    @property
-    @stored(optional=True)
-    def P(self) -> Matrix | None:
-        """Matrix P (n, n) of V = z'P z, rounded to doubles, or None if V has a degree above 2."""
-        return quadratic_form(self.statement.piece)
-
-    @property
-    @stored()
-    def M(self) -> Matrix:
-        """Matrix M (n, n) of the coordinates y = M z of V. The set is within |y_i| < 1."""
-        return self.statement.piece.M
-
-    @property
-    @stored()
-    def coefficients(self) -> Vector:
-        """Coefficients of the monomials of V in y."""
-        return np.array([value for value, _ in self.statement.piece.W.terms])
-
-    @property
-    @stored()
-    def powers(self) -> Sequence[Sequence[int]]:
-        """Powers of each monomial of V, (terms, n)."""
-        return [powers for _, powers in self.statement.piece.W.terms]
-
-
-def quadratic_form(piece: Piece) -> Matrix | None:
-    """Return P (n, n) with W(M z) = z'P z, rounded to doubles.
-
-    Return None if W has a degree above 2.
-    """
-    M = piece.M
-    S = np.zeros((len(M), len(M)))
-    for value, powers in piece.W.terms:
-        if sum(powers) > 2:
-            return None
-        i, j = np.repeat(np.arange(len(M)), powers)
-        S[i, j] += value / 2
-        S[j, i] += value / 2
-    return np.asarray(M.T @ S @ M)
-
-
-@dataclass(frozen=True, eq=False)
-class FoundBoxes(BoxSet):
-    """Region of attraction that a search has found and proved.
-
-    origin: description of how V was found.
-    decrease_fails_at: state -> deviation at the first obstacle to a larger level if V' >= 0 there,
-        otherwise None.
-    stopped: reason why no larger level is proved.
-    """
-
-    schema = "hfa.region-boxes/1"
-    made_by = "hfa prove region --prover boxes"
-
-    origin: str
-    decrease_fails_at: Mapping[str, float] | None
-    stopped: str
-
-
-@dataclass(frozen=True, eq=False)
-class CheckedBoxes(BoxSet):
-    """Region of attraction that a certificate proves.
-
-    written: version, command and date in the file, not verified.
-    not_given: parts of the statement that were not compared, because no option gave them.
-    """
-
-    schema = "hfa.region-boxes-check/1"
-    made_by = "hfa prove region --check FILE"
-
-    written: Mapping[str, str]
-    not_given: Sequence[str] = ()
+    region: FoundRegion | NothingProved | None = None
 
 
 @dataclass(frozen=True, eq=False)

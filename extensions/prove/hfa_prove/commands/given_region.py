@@ -3,156 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import factorial, prod
 from typing import TYPE_CHECKING, Any
 
-import casadi as ca
 import numpy as np
 
 from hfa_prove.check.game import SAME_GAIN
 from hfa_prove.commands.given import aircraft_option, at_one_value, names_aircraft
-from hfa_prove.fields import Terms, rows_of
+from hfa_prove.commands.policies import given_policy
+from hfa_prove.fields import rows_of
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.plant import SAME_TRIM, facts, limits_hold, model_limits
 from hfa_prove.statements.region import RegionStatement
 from hfa_prove.subject import Given, close_to, within
-from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
-from trim.linear.linear_model import LinearModel
-from trim.point.linearize import linearize
 
 if TYPE_CHECKING:
-    from controller.critic.critic import Critic
     from hfa_aircraft.model import Model
     from hfa_prove.commands.request import CheckRequest, RegionRequest
-
-#: Highest degree of a polynomial policy.
-HIGHEST_POLICY = 5
-#: Number of points at which the polynomials are compared with the policy.
-_POINTS = 200
-#: Largest difference there, over the sum of the sizes of the terms.
-_SAME = 1e-9
-
-
-def policy_terms(critic: Critic, inputs: tuple[str, ...]) -> Mapping[str, Terms]:
-    """Return input -> terms of degree 2 and more of a critic's policy.
-
-    Inputs without such terms are omitted.
-
-    inputs: names of the inputs, in the order of the game
-
-    Raises BadInputError unless the policy is a polynomial of degree at most `HIGHEST_POLICY` and 0
-    at z = 0.
-    """
-    if critic.linear:
-        return {}
-    if critic.wide or not critic.policy.is_a("SXFunction"):
-        raise BadInputError(
-            "the policy is a network; give K, P, or the weights W of a polynomial critic"
-        )
-    z = critic.symbols
-    u = critic.policy(z)
-    policy = {}
-    for index, name in enumerate(inputs):
-        terms = _terms(u[index], z)
-        _check_same(ca.Function("u", [z], [u[index]]), terms)
-        curved = tuple(term for term in terms if sum(term[1]) > 1)
-        if curved:
-            policy[name] = curved
-    return policy
-
-
-def _terms(u: ca.SX, z: ca.SX) -> Terms:
-    """Return the terms ∂^α u / α! z^α of the Taylor polynomial of an input u at z = 0.
-
-    The polynomial has the degree `HIGHEST_POLICY`.
-    """
-    n = z.numel()
-    slopes = {(0,) * n: u}
-    found: dict[tuple[int, ...], ca.SX] = {}
-    for _ in range(HIGHEST_POLICY + 1):
-        found |= slopes
-        higher = {}
-        for powers, slope in slopes.items():
-            first = max((i for i in range(n) if powers[i]), default=0)
-            for i in range(first, n):
-                next_slope = ca.gradient(slope, z[i])
-                if not next_slope.is_zero():
-                    higher[(*powers[:i], powers[i] + 1, *powers[i + 1 :])] = next_slope
-        slopes = higher
-    at_zero = ca.Function("slopes", [z], [ca.densify(ca.vertcat(*found.values()))])
-    values = np.array(at_zero(np.zeros(n))).ravel()
-    terms = []
-    for powers, value in zip(found, values.tolist(), strict=True):
-        if value != 0.0:
-            terms.append((value / prod(factorial(power) for power in powers), powers))
-    return tuple(terms)
-
-
-def _check_same(u: ca.Function, terms: Terms) -> None:
-    """Raise BadInputError unless the terms of a policy equal the policy at random points.
-
-    The policy must also be 0 at z = 0.
-    """
-    n = u.numel_in(0)
-    points = np.random.default_rng(0).uniform(-2.0, 2.0, (_POINTS, n))
-    total = np.zeros(_POINTS)
-    sizes = np.zeros(_POINTS)
-    for coefficient, powers in terms:
-        values = coefficient * np.prod(points ** np.array(powers), axis=1)
-        total += values
-        sizes += np.abs(values)
-    wanted = np.array(u(points.T)).ravel()
-    if not np.all(np.abs(total - wanted) <= _SAME * sizes):
-        raise BadInputError(
-            f"the policy is not a polynomial of degree {HIGHEST_POLICY} or less; give K, P, or"
-            " the weights W of a polynomial critic"
-        )
-    if any(not any(powers) for _, powers in terms):
-        raise BadInputError("the policy is not 0 at the trim; remove the linear terms of V")
-
-
-def loop_of(
-    request: CheckRequest | RegionRequest,
-) -> tuple[LinearModel, np.ndarray, np.ndarray | None, Mapping[str, Terms]]:
-    """Return the parts of the loop that the options define.
-
-    - the linear model at the trim
-    - the gain K (m, n)
-    - the matrix P of the value of the game or critic, or None without inputs or without a P
-    - input -> nonlinear terms of the policy
-
-    Raises NoSolutionError if no trim is found or the game has no solution. Raises BadInputError if
-    --basis is given without --weights or the policy is not a polynomial.
-    """
-    if request.basis is not None and request.weights is None:
-        raise BadInputError(
-            "--basis applies only to W in --weights; add --weights, or remove --basis"
-        )
-    if not request.model.inputs:
-        aircraft = request.flown_aircraft()
-        linear = linearize(aircraft, request.operating_point(aircraft))
-        return linear, np.zeros((0, len(linear.states))), None, {}
-    named = request.game()
-    assert named.linear is not None
-    if request.weights is not None:
-        from controller.critic.critic_file import critic_in
-        from controller.critic.reading import Reading
-
-        with prefix_errors(request.weights):
-            critic = critic_in(request.weights, named.game, Reading(request.basis))
-            policy = policy_terms(critic, named.linear.inputs)
-        return named.linear, critic.K, critic.P, policy
-    from controller.riccati.gare import unconfirmed_solution
-
-    try:
-        solution = unconfirmed_solution(named.game)
-    except NoSolutionError as error:
-        raise NoSolutionError(
-            f"the game of the linear model has no solution ({error}), so there is no policy; give "
-            "a stabilizing policy with --weights"
-        ) from error
-    return named.linear, solution.K, solution.P, {}
-
 
 #: Options that define a policy.
 _OF_THE_POLICY = ("weights", "Q", "R", "delta", "basis")
@@ -256,11 +122,12 @@ def _given_trim(request: CheckRequest | RegionRequest) -> dict[str, Given]:
 def _given_policy(request: CheckRequest | RegionRequest) -> dict[str, Given]:
     """Return the entries `policy.K` and `policy.terms`, of the user's policy."""
 
-    _, K, _, policy = loop_of(request)
+    gain = given_policy(request).gain
+    assert gain is not None
     option = "the game" if request.weights is None else f"--weights {request.weights}"
-    rows = {name: rows_of(terms) for name, terms in policy.items()}
+    rows = {name: rows_of(terms) for name, terms in gain.terms.items()}
     return {
-        "policy.K": Given(K.tolist(), option, close_to(SAME_GAIN)),
+        "policy.K": Given(gain.K.tolist(), option, close_to(SAME_GAIN)),
         "policy.terms": Given(rows, option, _same_policy),
     }
 

@@ -8,21 +8,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controller.critic.critic_file import is_network
 from hfa.inherited import print_report, show
 from hfa.options.output import ProgressLine
 from hfa.options.request import command
+from hfa_prove.commands.options import refuse_no_certificate
 from hfa_prove.commands.request import CheckRequest, RegionRequest
 from hfa_support.errors import BadInputError
 from hfa_support.files import forget_read
 from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
-    from hfa_prove.search.monomials import PolynomialFunction
+    from hfa_prove.search.region_search import Region, RegionProblem
     from hfa_prove.statements.loop import Loop
 
 #: Options that have no effect on the check of a certificate.
 _OF_THE_SEARCH = ("degree", "seconds", "resume", "picture", "prover")
+#: Default degree of V for a network or deployment file.
+_DEGREE_OF_FUNCTIONS = 2
 
 
 @command(RegionRequest)
@@ -48,20 +50,12 @@ def region(request: RegionRequest) -> int:
     )
     if request.check is not None:
         return check(request, request.check)
-    if request.output is not None and request.output.suffix.lower() != ".json":
-        raise BadInputError(
-            f"{request.output}: a certificate must be a .json file; give a path "
-            "with the suffix .json"
-        )
+    refuse_no_certificate(request.output)
     if request.resume and request.output is None:
         raise BadInputError(
             "--resume requires an unfinished certificate; give the path with -o FILE.json"
         )
-    if request.policy is None and not _is_network(request):
-        return _prove(request)
-    from hfa_prove.commands.region_boxes import prove_on_boxes
-
-    return prove_on_boxes(request)
+    return _prove(request)
 
 
 def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
@@ -72,14 +66,14 @@ def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
     Raises BadInputError if an option does not apply to the check. Raises NoSolutionError if the
     statement is not proved or differs from the user's data.
     """
-    from hfa_prove import report_boxes, report_squares
     from hfa_prove.certificate import read_certificate
     from hfa_prove.check import check as proved_by
     from hfa_prove.commands.given import at_one_value
     from hfa_prove.commands.given_region import given_by, given_for
+    from hfa_prove.commands.policies import given_policy, is_function
+    from hfa_prove.report_region import checked_report
     from hfa_prove.statements.loop import Gain
     from hfa_prove.statements.plant import Subject
-    from hfa_prove.statements.region import BoxWitness
     from hfa_prove.subject import compare
 
     request.refuse(_OF_THE_SEARCH, "has no effect with --check; remove this option")
@@ -91,88 +85,86 @@ def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
         ("design",),
         "applies to a schedule, but the certificate is about a region; remove this option",
     )
+    own = given_policy(at_one_value(request)) if is_function(request) else None
     model = request.model if request.own else None
-    own = None
-    if request.policy is not None or _is_network(request):
-        from hfa_prove.commands.region_boxes import loop_of, policy_of, scalars
-
-        linear, own, _ = policy_of(at_one_value(request))
-        subject = Subject(model, scalars(own.function))
-    else:
-        subject = Subject(model)
+    subject = Subject(model, None if own is None else own.problem.loop.function)
     read = read_certificate(certificate, subject)
-    statement = read.statement
-    if own is not None and not isinstance(statement.loop.policy, Gain):
-        given = given_by(loop_of(linear, own), "the user")
+    if own is not None and not isinstance(read.statement.loop.policy, Gain):
+        given = given_by(own.problem.loop, "the user")
     else:
         request.refuse(
             ("policy", "network", "set"),
             "applies to a policy in a file, but the certificate is about a polynomial policy; "
             "remove this option",
         )
-        given = given_for(statement, request)
-    not_given = compare(statement, given)
+        given = given_for(read.statement, request)
+    not_given = compare(read.statement, given)
+    words = {} if own is None else {"policy": own.words, "timing": own.timing}
     proved = proved_by(read, ProgressLine("check"))
-    if not isinstance(read.witness, BoxWitness):
-        show(report_squares.checked_report(proved, not_given), request)
-    elif own is None:
-        show(report_boxes.checked_report(proved, "the gain K", not_given=not_given), request)
-    else:
-        show(report_boxes.checked_report(proved, own.words, own.not_covered, not_given), request)
+    show(checked_report(proved, not_given, **words), request)
     return 0
-
-
-def _is_network(request: CheckRequest | RegionRequest) -> bool:
-    return request.weights is not None and is_network(request.weights)
 
 
 def _prove(request: RegionRequest) -> int:
     from hfa_prove.certificate import write_certificate
-    from hfa_prove.check.loop_squares import refuse_curved
-    from hfa_prove.commands.given_region import loop_of
-    from hfa_prove.commands.region_boxes import better_on_boxes, prove_gain_on_boxes
-    from hfa_prove.report_squares import region_report
-    from hfa_prove.search.invariant import invariant_region
-    from hfa_prove.search.level import ProvedLevel
-    from hfa_prove.search.plant import saturated_loop
-    from hfa_prove.search.region_squares import RegionSearch
-    from hfa_prove.statements.loop import Gain
+    from hfa_prove.commands.policies import given_policy, is_function
+    from hfa_prove.report_region import region_report
+    from hfa_prove.search.region import proved_region
     from hfa_support.interruption import interruptible
 
-    linear, K, P, policy = loop_of(request)
-    loop = saturated_loop(linear, K, policy)
-    refuse_curved(replace(loop, disturbances=request.disturbance))
-    reason = "" if request.prover else better_on_boxes(request, loop)
-    if reason or request.prover == "boxes":
-        return prove_gain_on_boxes(request, linear, Gain(K, policy), P, reason)
-    known = _known(request, loop)
+    if is_function(request):
+        request.refuse(
+            ("disturbance",), "cannot be combined with a network or --policy; remove this option"
+        )
+    given = given_policy(request)
+    problem = given.problem
+    problem = replace(problem, loop=replace(problem.loop, disturbances=request.disturbance))
+    degree = request.degree
+    if given.gain is None and "degree" not in request.typed:
+        degree = _DEGREE_OF_FUNCTIONS
+    provers = _provers(request, problem)
     origin = request.provenance.to_dict()
 
-    def save(proved: ProvedLevel) -> None:
+    def save(proved: Region) -> None:
         if request.output is not None:
             write_certificate(request.output, proved.statement, proved.witness, origin)
 
     with interruptible(ProgressLine("region")) as progress:
-        search = RegionSearch(
-            loop,
-            P,
+        found = proved_region(
+            problem,
+            provers,
+            degree=degree,
             seconds=request.seconds,
-            degree=request.degree,
             progress=progress,
-            save=None if request.disturbance else save,
+            save=save,
+            earlier=_earlier(request, problem),
         )
-        found = search.found(known)
-        if request.disturbance:
-            found = invariant_region(found, request.disturbance, progress)
-            save(found.proved)
     if request.picture is not None:
         from hfa_prove.picture import region_figure
         from hfa_support.reporting.figure import save as save_figure
 
-        figure = region_figure(found, _box(linear))
+        figure = region_figure(found, _box(given.linear))
         save_figure(figure, request.picture, request.provenance.text())
-    print_report(region_report(found), request)
+    print_report(region_report(found, given.words, given.timing), request)
     return 0
+
+
+def _provers(request: RegionRequest, problem: RegionProblem) -> tuple[str, ...]:
+    """Return the provers to try: that of --prover, or all that apply.
+
+    Raises BadInputError if the given prover does not apply.
+    """
+    from hfa_prove.search.region import provers_of
+
+    applicable = provers_of(problem)
+    if request.prover is None:
+        return applicable
+    if request.prover not in applicable:
+        what = "a disturbance" if problem.loop.disturbances else "a network or deployment file"
+        raise BadInputError(
+            f"--prover {request.prover} does not support {what}; use --prover {applicable[0]}"
+        )
+    return (request.prover,)
 
 
 def _box(linear: LinearModel) -> np.ndarray | None:
@@ -191,24 +183,35 @@ def _box(linear: LinearModel) -> np.ndarray | None:
     return widths_within_limits(linear) if box is None else box.half_widths
 
 
-def _known(request: RegionRequest, loop: Loop) -> PolynomialFunction | None:
-    """Return V of an earlier run's certificate, scaled to level 1, or None without --resume.
+def _earlier(request: RegionRequest, problem: RegionProblem) -> Region | None:
+    """Return the region of an earlier run's certificate, or None without --resume.
 
-    loop: the loop of this run
-
-    Raises BadInputError if the certificate concerns another loop.
+    Raises BadInputError if the certificate concerns another loop or the prover is another one.
     """
+    from hfa_prove.certificate import read_sealed
+    from hfa_prove.check import check_certificate
+    from hfa_prove.search.region import region_of_certificate
+
     if not request.resume:
         return None
-    from hfa_prove.check import check_certificate
-    from hfa_prove.commands.region_boxes import same_loop
-    from hfa_prove.search.monomials import PolynomialFunction
-
     path = request.output
     assert path is not None
+    policy = problem.loop.function
     own = request.model if request.own else None
-    statement = check_certificate(path, model=own).statement
+    proved = check_certificate(path, ProgressLine("check"), own, policy)
+    witness = read_sealed(path)[0]["witness"]
     forget_read(path)
-    if not (statement.piece.whole and same_loop(statement.loop, loop)):
+    if not _same_loop(proved.statement.loop, problem.loop):
         raise BadInputError(f"{path} is the certificate of another loop; give another path with -o")
-    return PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
+    earlier = region_of_certificate(proved, witness)
+    if request.prover not in (None, earlier.prover):
+        raise BadInputError(
+            f"{path} is proved by {earlier.prover}; remove --prover, or give another path with -o"
+        )
+    return earlier
+
+
+def _same_loop(first: Loop, second: Loop) -> bool:
+    """Return whether two loops have the same parameters, trim, inputs and policy."""
+    one, other = first.content(), second.content()
+    return all(one[name] == other[name] for name in ("parameters", "trim", "inputs", "policy"))

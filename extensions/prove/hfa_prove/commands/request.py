@@ -96,8 +96,8 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
         default=60.0,
     )
     prover: str | None = option(
-        "method of proof: squares (sums of squares) or boxes (branch and bound); default: "
-        "depends on the loop",
+        "method of proof: squares (sums of squares) or boxes (branch and bound); default: both, "
+        "each in half of the time",
         "NAME",
         lambda text: one_of("squares", "boxes")(text),
     )

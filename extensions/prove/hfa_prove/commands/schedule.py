@@ -106,6 +106,7 @@ def schedule(request: ScheduleRequest) -> int:
 
     flint_or_refusal()
     refuse_no_certificate(request.output)
+    from hfa_prove.report import proof_report
     from hfa_prove.search.loops import exact_gains
     from hfa_prove.search.proof import CertificateFile
     from hfa_prove.search.schedule import prove_schedule
@@ -138,5 +139,5 @@ def schedule(request: ScheduleRequest) -> int:
     proof = prove_schedule(
         family, loop, low, high, moving=request.rate, file=file, progress=progress
     )
-    print_report(proof.report(), request)
+    print_report(proof_report(proof.statement, proof.data), request)
     return 0 if proof.proved else 1

@@ -33,11 +33,12 @@ def with_region(
     Raises BadInputError for several critics, a policy that is not a polynomial, or a plant without
     nonlinear equations.
     """
-    from hfa_prove.commands.given_region import policy_terms
-    from hfa_prove.report_squares import region_report
+    from hfa_prove.commands.policies import GivenPolicy
+    from hfa_prove.commands.polynomials import policy_terms
+    from hfa_prove.report_region import region_report
     from hfa_prove.results import NothingProved
-    from hfa_prove.search.plant import saturated_loop
-    from hfa_prove.search.region_squares import RegionSearch
+    from hfa_prove.search.region import proved_region
+    from hfa_prove.statements.loop import Gain
     from hfa_support.interruption import interruptible
     from verification.enclosure.precision import flint_or_refusal
 
@@ -54,14 +55,14 @@ def with_region(
         )
     critic = verdicts[0].critic
     with prefix_errors("--region"):
-        policy = policy_terms(critic, named.linear.inputs)
-    loop = saturated_loop(named.linear, critic.K, policy)
+        gain = Gain(critic.K, policy_terms(critic, named.linear.inputs))
+    policy = GivenPolicy.of_gain(named.linear, gain, "the critic", critic.P)
     try:
         with interruptible(ProgressLine("region")) as progress:
-            search = RegionSearch(
-                loop, critic.P, seconds=seconds, degree=_DEGREE, progress=progress
+            found = proved_region(
+                policy.problem, degree=_DEGREE, seconds=seconds, progress=progress
             )
-            section = region_report(search.found())
+        section = region_report(found)
     except NoSolutionError as error:
         section = Report(
             f"{_TITLE}: nothing proved", (f"Because {error}.",), data=NothingProved().as_data()

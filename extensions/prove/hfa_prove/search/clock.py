@@ -6,11 +6,10 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
 
-class OutOfTimeError(NoSolutionError):
+class OutOfTimeError(Exception):
     """Raised if a proof or fit exceeds its processor time."""
 
     def __init__(self, step: str, done: float) -> None:
@@ -36,6 +35,8 @@ class Clock:
         self._begin = time.process_time()
         self._deadline = self._begin + seconds
         self._progress = progress
+        #: Whether the progress function raised KeyboardInterrupt.
+        self.interrupted = False
 
     @property
     def used(self) -> float:
@@ -60,9 +61,15 @@ class Clock:
     def __call__(self, done: float, total: float, what: str = "", /) -> None:
         """Report progress.
 
-        Raises OutOfTimeError if no time is left for the present step.
+        Raises OutOfTimeError if no time is left for the present step. Raises KeyboardInterrupt
+        after Ctrl-C.
         """
         if self.left < 0.0:
             raise OutOfTimeError(what, done / total)
-        if self._progress is not None:
+        if self._progress is None:
+            return
+        try:
             self._progress(done, total, what)
+        except KeyboardInterrupt:
+            self.interrupted = True
+            raise

@@ -206,7 +206,7 @@ class CostSearch:
             return True
         return self._tried(c, partial(self._fitted, c, self._target_flights(c, least))) is None
 
-    def _tried(self, c: float, prove: Callable[[], _Proved]) -> NoSolutionError | None:
+    def _tried(self, c: float, prove: Callable[[], _Proved]) -> Exception | None:
         """Store a piece of level c and return None, or return the reason why it is not proved.
 
         prove: proof of the piece

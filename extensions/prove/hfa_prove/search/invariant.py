@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -10,23 +10,17 @@ from itertools import product
 import casadi as ca
 import numpy as np
 
+from hfa_prove.search.clock import Clock, OutOfTimeError
 from hfa_prove.search.level import LevelSearch, ProvedLevel, Setting, accepted, holding_ball
 from hfa_prove.search.monomials import PolynomialFunction, edge_points
+from hfa_prove.search.obstacles import LevelSet
 from hfa_prove.search.plant import Plant
-from hfa_prove.search.region_squares import (
-    LYAPUNOV,
-    Region,
-    bounds_of,
-    lyapunov_matrices,
-    measured,
-    origin_of,
-    settings_of,
-)
+from hfa_prove.search.region_search import Region, lyapunov_matrices
+from hfa_prove.search.region_squares import LYAPUNOV, origin_of, region_of, settings_of
 from hfa_prove.search.squares import ONE, Terms
 from hfa_prove.statements.loop import HIGHEST, LOWEST, Loop
 from hfa_prove.statements.region import ANY, EDGE, LEVEL
 from hfa_support.errors import NoSolutionError
-from hfa_support.progress import Progress
 
 #: Number of Lyapunov matrices that are tried besides V of the loop without disturbance.
 _CANDIDATES = 6
@@ -108,42 +102,41 @@ class EdgeSearch(LevelSearch):
         return [(LEVEL, edge.scaled(-1.0)), (EDGE, edge)]
 
 
-def invariant_region(
-    region: Region, disturbances: Mapping[str, float], progress: Progress | None = None
-) -> Region:
+def invariant_region(region: Region, loop: Loop, clock: Clock) -> Region:
     """Return the largest set that is proved invariant under disturbances.
 
+    At the time limit or after an interruption, the largest set proved so far is returned.
+
     region: proved region of the loop without disturbance
-    disturbances: name -> largest absolute value
-    progress: called for each V that is tried, or None. A KeyboardInterrupt from the callback ends
-        the search with the largest set proved so far.
+    loop: the loop with its disturbances
 
     Raises NoSolutionError if no set is proved.
     """
-    loop = replace(region.plant.loop, disturbances=disturbances)
-    best: tuple[float, _Candidate, ProvedLevel] | None = None
-    candidates = sorted(_sampled(loop, region), key=lambda candidate: -candidate.size)[:_TRIED]
+    best: Region | None = None
     stopped = ""
-    for index, candidate in enumerate(candidates):
-        try:
-            if progress is not None:
-                progress(index, len(candidates), f"proving {candidate.origin}")
-        except KeyboardInterrupt:
-            stopped = "interrupted"
-        if best is not None and (stopped or candidate.size <= best[0]):
-            break
-        proved = _largest(loop, candidate)
-        if proved is None:
-            continue
-        size = measured(candidate.V, proved.statement.rho, candidate.T)
-        if best is None or size > best[0]:
-            best = (size, candidate, proved)
+    try:
+        candidates = sorted(_sampled(loop, region), key=lambda candidate: -candidate.size)[:_TRIED]
+        for index, candidate in enumerate(candidates):
+            clock(index, len(candidates), f"proving {candidate.origin}")
+            if best is not None and candidate.size <= best.set.size:
+                break
+            proved = _largest(loop, candidate, clock)
+            if proved is None:
+                continue
+            found = region_of(proved, candidate.plant, candidate.origin, candidate.beyond)
+            if best is None or found.set.size > best.set.size:
+                best = found
+    except OutOfTimeError as error:
+        stopped = str(error)
+    except KeyboardInterrupt:
+        stopped = "interrupted"
     if best is None:
         raise NoSolutionError(
-            "no set is proved invariant under a disturbance of this size: for every V tried, "
+            stopped
+            or "no set is proved invariant under a disturbance of this size: for every V tried, "
             "V' >= 0 somewhere on each level, or no level was proved; reduce the disturbance"
         )
-    return replace(_region(*best[1:]), stopped=stopped)
+    return replace(best, stopped=stopped)
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,11 +172,12 @@ def _functions(region: Region) -> Iterator[tuple[str, PolynomialFunction]]:
 
     region: proved region of the loop without disturbance
     """
-    yield region.origin, region.V.scaled(1.0 / region.rho)
-    for V in region.tried:
-        yield origin_of(V), V
-    points = edge_points(region.V, region.T, region.rho) @ region.T.T
-    for P in lyapunov_matrices(region.plant, _CANDIDATES):
+    V, rho, T = region.set.V, region.set.rho, region.set.T
+    yield region.origin, V.scaled(1.0 / rho)
+    for tried in region.tried:
+        yield origin_of(tried), tried
+    points = edge_points(V, T, rho) @ T.T
+    for P in lyapunov_matrices(region.loop.J, region.loop.nominal, _CANDIDATES):
         V = PolynomialFunction.quadratic(P)
         yield LYAPUNOV, V.scaled(1.0 / float(np.median(V(points))))
 
@@ -204,7 +198,7 @@ def _sampled(loop: Loop, region: Region) -> Iterator[_Candidate]:
         level, above = _bisected(plant, V, T, highest)
         _, place = _falls(plant, V, T, above)
         beyond = (np.inf, None) if place is None else (above, place)
-        yield _Candidate(V, origin, plant, T, level, measured(V, level, T), beyond)
+        yield _Candidate(V, origin, plant, T, level, LevelSet(V, level, T).size, beyond)
 
 
 def _bisected(
@@ -245,7 +239,7 @@ def _falls(
     return not np.any(plant.away(points)), None
 
 
-def _largest(loop: Loop, candidate: _Candidate) -> ProvedLevel | None:
+def _largest(loop: Loop, candidate: _Candidate, clock: Clock) -> ProvedLevel | None:
     """Return the proof of the largest level of a candidate, or None if no level is proved.
 
     The levels are fractions of the candidate's level. The fractions `_SHARES` are tried in order
@@ -256,7 +250,7 @@ def _largest(loop: Loop, candidate: _Candidate) -> ProvedLevel | None:
     setting = next(tried for tried in settings_of(n, degree) if tried.degree >= degree)
     above = 1.0
     for share in _SHARES:
-        proved = _at(loop, candidate, share, setting)
+        proved = _at(loop, candidate, share, setting, clock)
         if proved is not None:
             break
         above = share
@@ -265,7 +259,7 @@ def _largest(loop: Loop, candidate: _Candidate) -> ProvedLevel | None:
     low = share
     for _ in range(_STEPS):
         middle = (low + above) / 2
-        more = _at(loop, candidate, middle, setting)
+        more = _at(loop, candidate, middle, setting, clock)
         if more is None:
             above = middle
         else:
@@ -274,29 +268,15 @@ def _largest(loop: Loop, candidate: _Candidate) -> ProvedLevel | None:
     return proved
 
 
-def _at(loop: Loop, candidate: _Candidate, share: float, setting: Setting) -> ProvedLevel | None:
+def _at(
+    loop: Loop, candidate: _Candidate, share: float, setting: Setting, clock: Clock
+) -> ProvedLevel | None:
     """Return the proof of `share` times the level of a candidate, or None if there is no proof."""
     rho = share * candidate.level
-    held = holding_ball(candidate.V, rho, candidate.T)
+    held = holding_ball(candidate.V, rho, candidate.T, clock)
     if held is None:
         return None
     try:
-        return accepted(EdgeSearch(loop, candidate.V, rho, held, setting))
+        return accepted(EdgeSearch(loop, candidate.V, rho, held, setting, clock))
     except NoSolutionError:  # not enclosed on such a large ball
         return None
-
-
-def _region(candidate: _Candidate, proved: ProvedLevel) -> Region:
-    """Return the proved set with the obstacles to a larger set.
-
-    These obstacles are included if found:
-
-    - a state where V' >= 0 under a disturbance
-    - initial conditions from which the simulated loop does not converge, leaves the limits or
-      remains undecided, under the disturbance that increases V fastest
-    - signals whose limits the set nearly reaches
-    """
-    T = np.array(proved.witness["T"])
-    rho = proved.statement.rho
-    bounds = bounds_of(candidate.plant, candidate.V, rho, T, candidate.beyond)
-    return Region(proved, candidate.V, candidate.origin, bounds, candidate.plant, T)

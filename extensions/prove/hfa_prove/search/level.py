@@ -13,6 +13,7 @@ from scipy.optimize import nnls
 from hfa_prove.check.loop_squares import RegionLoop
 from hfa_prove.check.region_squares import check_region, limits_of
 from hfa_prove.fields import Fields
+from hfa_prove.search.clock import Clock
 from hfa_prove.search.monomials import PolynomialFunction, edge_points, ellipsoid
 from hfa_prove.search.squares import ONE, Terms, positive
 from hfa_prove.statements.loop import FREE, HIGHEST, LOWEST, Loop
@@ -93,6 +94,7 @@ class LevelSearch:
     rho: highest level. The set {V <= rho} lies in the unit ball of y.
     T: matrix of the coordinates z = T y, (n, n)
     setting: degrees of the proof
+    clock: time limit, at which every method raises OutOfTimeError
     """
 
     def __init__(
@@ -102,7 +104,9 @@ class LevelSearch:
         rho: float,
         T: np.ndarray,
         setting: Setting,
+        clock: Clock,
     ) -> None:
+        self.clock = clock
         self.T = T
         self.setting = setting
         self.V = V
@@ -171,7 +175,9 @@ class LevelSearch:
         if self.setting.degree > 2:
             constraints.append((BALL, _within(self.ball.n), (low, half - 1)))
         constraints += limits_within(self.ball, part, low, half)
-        return _evidence(self.target(part), constraints, (low, half), self.ball.n, enough)
+        return _evidence(
+            self.target(part), constraints, (low, half), self.ball.n, self.clock, enough
+        )
 
     def _level_constraints(self, share: float) -> list[tuple[str, Terms]]:
         """Return (name, polynomial) of the constraint that defines {V <= share rho}.
@@ -235,11 +241,11 @@ class LevelSearch:
         parts = [{"inputs": list(part.values()), "evidence": found} for part, found in self.proofs]
         empty = []
         for part in self.empty:
-            found = nothing_of(self.ball, part)
+            found = nothing_of(self.ball, part, self.clock)
             if found is None:
                 return None
             empty.append({"inputs": list(part.values()), "evidence": found})
-        held = _inside(self.V_terms, self.V.degree, self.ball.n)
+        held = _inside(self.V_terms, self.V.degree, self.ball.n, self.clock)
         if held is None:
             return None
         extents = self._extents()
@@ -294,7 +300,7 @@ class LevelSearch:
             (LOWEST, deviation + ONE.scaled(-low)),
             (HIGHEST, ONE.scaled(high) + deviation.scaled(-1.0)),
         ):
-            found = _evidence(room, constraints, (0, half), self.ball.n)
+            found = _evidence(room, constraints, (0, half), self.ball.n, self.clock)
             if found is None:
                 return None
             pair[side] = found
@@ -393,7 +399,7 @@ def _meets(ball: RegionLoop, done: Mapping[str, str]) -> bool:
     return bool(np.linalg.norm(shortest) < 1.0 + 1e-6)
 
 
-def nothing_of(ball: RegionLoop, part: Mapping[str, str]) -> dict[str, Any] | None:
+def nothing_of(ball: RegionLoop, part: Mapping[str, str], clock: Clock) -> dict[str, Any] | None:
     """Return a proof that the linear constraints of a part exclude the unit ball, or None.
 
     None does not imply that a point of the ball satisfies the constraints.
@@ -404,7 +410,7 @@ def nothing_of(ball: RegionLoop, part: Mapping[str, str]) -> dict[str, Any] | No
     constraints = [(BALL, _within(ball.n), (0, 0))]
     for name, polynomial in _linear_limits(ball, part).items():
         constraints.append((name, Terms.of(polynomial), (0, 0)))
-    return _evidence(ONE.scaled(-1.0), constraints, (0, 1), ball.n)
+    return _evidence(ONE.scaled(-1.0), constraints, (0, 1), ball.n, clock)
 
 
 def _evidence(
@@ -412,13 +418,17 @@ def _evidence(
     constraints: Sequence[tuple[str, Terms, tuple[int, int]]],
     degrees: tuple[int, int],
     variables: int,
+    clock: Clock,
     enough: float | None = None,
 ) -> dict[str, Any] | None:
     """Return the Gram matrices found by `positive`, or None.
 
     The result is None if the solver fails or the margin is below `MARGIN`.
+
+    Raises OutOfTimeError at the time limit.
     """
-    found = positive(target, constraints, degrees, variables, enough)
+    clock(0.0, 1.0, "a sum of squares")
+    found = positive(target, constraints, degrees, variables, enough, clock.left)
     if found is None or found[0] < MARGIN:
         return None
     return found[1]
@@ -435,7 +445,7 @@ def _length(variables: int) -> Terms:
     return Terms(keys, np.ones(variables))
 
 
-def _inside(V: Terms, degree: int, n: int) -> dict[str, Any] | None:
+def _inside(V: Terms, degree: int, n: int, clock: Clock) -> dict[str, Any] | None:
     """Return Gram matrices that prove {V <= rho} to lie in the open unit ball, or None.
 
     The result is None if no Gram matrices are found.
@@ -447,11 +457,15 @@ def _inside(V: Terms, degree: int, n: int) -> dict[str, Any] | None:
     target = V + ONE.scaled(-1.0)
     outside = _length(n) + ONE.scaled(-1.0)
     half = degree // 2
-    found = positive(target, [(OUTSIDE, outside, (0, half - 1))], (0, half), n)
+    clock(0.0, 1.0, "a ball around the set")
+    constraints = [(OUTSIDE, outside, (0, half - 1))]
+    found = positive(target, constraints, (0, half), n, seconds=clock.left)
     return None if found is None or found[0] <= 0.0 else found[1]
 
 
-def holding_ball(V: PolynomialFunction, rho: float, T: np.ndarray) -> np.ndarray | None:
+def holding_ball(
+    V: PolynomialFunction, rho: float, T: np.ndarray, clock: Clock
+) -> np.ndarray | None:
     """Return T (n, n) of coordinates z = T y in which {V <= rho} lies in the unit ball, or None.
 
     For V of degree 2, the ball follows from the matrix of V. For a higher degree, the property is
@@ -469,13 +483,18 @@ def holding_ball(V: PolynomialFunction, rho: float, T: np.ndarray) -> np.ndarray
     for inflation in _INFLATIONS:
         held = T @ np.linalg.inv(np.linalg.cholesky(P)).T * inflation
         level = V.substituted(held).scaled(1.0 / rho)
-        if _inside(Terms.packed(level), V.degree, n) is not None:
+        if _inside(Terms.packed(level), V.degree, n, clock) is not None:
             return np.asarray(held)
     return None
 
 
 def proved_level(
-    loop: Loop, V: PolynomialFunction, rho: float, setting: Setting, T: np.ndarray
+    loop: Loop,
+    V: PolynomialFunction,
+    rho: float,
+    setting: Setting,
+    T: np.ndarray,
+    clock: Clock,
 ) -> ProvedLevel | None:
     """Return the proof of the largest level of V up to rho that the checker accepts, or None.
 
@@ -487,22 +506,22 @@ def proved_level(
     """
     share = 0.0
     for _ in range(_SMALLER):
-        held = holding_ball(V, rho, T)
+        held = holding_ball(V, rho, T, clock)
         if held is None:
             return None
         try:
             known = 1.0 / rho if rho > 1.0 else 0.0  # level 1 is proved in its ball
-            share = LevelSearch(loop, V, rho, held, setting).largest(known)
+            share = LevelSearch(loop, V, rho, held, setting, clock).largest(known)
             break
         except NoSolutionError:  # not enclosed on such a large ball
             rho = 1.0 if rho > 1.0 else 0.8 * rho
     for _ in range(6):
         if share == 0.0:
             return None
-        last = holding_ball(V, share * rho, T)
+        last = holding_ball(V, share * rho, T, clock)
         if last is None:
             return None
-        tried = LevelSearch(loop, V, share * rho, last, setting)
+        tried = LevelSearch(loop, V, share * rho, last, setting, clock)
         proved = accepted(tried)
         if proved is not None:
             return proved

@@ -1,10 +1,17 @@
-"""Lowest level of a function V at which samples find an obstacle."""
+"""Obstacles to a set larger than a proved one: states with V' >= 0, and failing simulations."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
+
+from hfa_aircraft.march.ending import FAR, FAR_OF_STARTS, EndRule, Outcome, is_at_rest
+from hfa_aircraft.march.march import Rows, march
+from hfa_prove.search.clock import Clock, OutOfTimeError
+from hfa_prove.search.monomials import PolynomialFunction, edge_points
 
 #: Function of state deviations (N, n), with values (N,).
 ValueOf = Callable[[np.ndarray], np.ndarray]
@@ -13,6 +20,55 @@ _HALVINGS = 12
 #: Number of rays around which the next rays are drawn, and number of rays around each.
 _NEAREST = 12
 _AROUND = 30
+#: Number of rays with simulated initial conditions.
+_RAYS = 80
+#: Number of initial conditions on each ray.
+_SHELLS = 10
+#: Distance of the farthest initial condition, over that of the set.
+_FARTHEST = 20.0
+#: Duration of these simulations, in time constants of the slowest mode.
+_TIMES = 12.0
+#: Simulation steps in the time constant of the fastest mode.
+_STEPS = 3.0
+#: Number of points at which V is compared on the way to a state.
+_SHARES = 20
+#: A limit binds if a signal reaches this share of the distance to it.
+_TOUCHES = 0.97
+
+
+class LoopValues(Protocol):
+    """A closed loop in double precision, at deviations z of the states from its equilibrium."""
+
+    @property
+    def nominal(self) -> np.ndarray:
+        """Nominal values of the moving states, (n,)."""
+
+    @property
+    def J(self) -> np.ndarray:
+        """Jacobian of the rates at the equilibrium, (n, n)."""
+
+    def rates(self, z: np.ndarray) -> np.ndarray:
+        """Return z' (N, n) at state deviations z (N, n)."""
+
+    def limited_signals(self, z: np.ndarray) -> dict[str, tuple[np.ndarray, float, float]]:
+        """Return limited state or output -> deviations (N,) at z (N, n), lowest and highest one."""
+
+    def beyond(self, z: np.ndarray) -> np.ndarray:
+        """Return the mask (N,) of deviations z (N, n) beyond a limit of a state or output."""
+
+
+def rises(loop: LoopValues, slope: ValueOf) -> ValueOf:
+    """Return the function z (N, n) -> mask (N,) of the points with V' >= 0 or undefined V'.
+
+    slope: z (N, n) -> gradients (N, n) of V
+    """
+
+    def rising(z: np.ndarray) -> np.ndarray:
+        with np.errstate(all="ignore"):
+            falls = np.sum(slope(z) * loop.rates(z), axis=1) < 0.0
+        return np.asarray(~falls)
+
+    return rising
 
 
 def first_obstacle(
@@ -81,3 +137,199 @@ def _along(is_obstacle: ValueOf, rays: np.ndarray, radii: np.ndarray) -> np.ndar
 def _unit(vectors: np.ndarray) -> np.ndarray:
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.asarray(vectors / lengths)
+
+
+@dataclass(frozen=True, eq=False)
+class LevelSet:
+    """Set {V <= rho} in the unit ball of coordinates y, z = T y.
+
+    V: polynomial in the state deviations z
+    rho: level
+    T: (n, n)
+    """
+
+    V: PolynomialFunction
+    rho: float
+    T: np.ndarray
+
+    def contains(self, z: np.ndarray) -> np.ndarray:
+        """Return the mask (N,) of the state deviations z (N, n) in the set."""
+        inside = np.linalg.norm(np.linalg.solve(self.T, z.T), axis=0) <= 1.0
+        return np.asarray(inside & (self.V(z) <= self.rho))
+
+    def level(self, z: np.ndarray) -> np.ndarray:
+        """Return the highest V (N,) on the way from the equilibrium to each z (N, n).
+
+        V of degree 4 or 6 may decrease again far outside the set.
+        """
+        shares = np.arange(1, _SHARES + 1) / _SHARES
+        return np.asarray(np.max([self.V(share * z) for share in shares], axis=0))
+
+    @property
+    def size(self) -> float:
+        """n-th root of the ratio of the volume of the set to the volume of the unit ball.
+
+        The size is 0 if no sampled ray reaches the boundary of the set.
+        """
+        n = len(self.T)
+        points = edge_points(self.V, self.T, self.rho)
+        if not len(points):
+            return 0.0
+        volume = float(np.mean(np.linalg.norm(points, axis=1) ** n))
+        return float((volume * abs(np.linalg.det(self.T))) ** (1.0 / n))
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacles:
+    """Obstacles to a set larger than the proved set.
+
+    rises: lowest V found with V' >= 0 and the state deviation there, or (inf, None)
+    starts: outcome -> lowest V of an initial condition with this outcome, and the initial condition
+    limits: signals whose limits the set nearly reaches
+    simulated: whether the simulations ended within the time limit
+    """
+
+    rises: tuple[float, np.ndarray | None]
+    starts: Mapping[Outcome, tuple[float, np.ndarray]]
+    limits: tuple[str, ...]
+    simulated: bool = True
+
+
+#: Descriptions of flights that do not enter the proved set.
+NOT_RETURNED = {
+    Outcome.LEFT: "flight leaves the limits",
+    Outcome.DIVERGED: "flight does not converge",
+    Outcome.UNDECIDED: "flight undecided within the time",
+}
+
+
+def obstacles_around(
+    loop: LoopValues,
+    proved: LevelSet,
+    rise: tuple[float, np.ndarray | None],
+    clock: Clock,
+) -> Obstacles:
+    """Return the obstacles around a proved set.
+
+    Simulations begin on random rays from the equilibrium.
+
+    rise: lowest V found with V' >= 0, and the state deviation there, or (inf, None)
+    """
+    generator = np.random.default_rng(1)
+    directions = generator.normal(size=(_RAYS, len(proved.T)))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    nearest = {}
+    try:
+        for outcome, starts in starts_by_outcome(
+            loop, proved, directions @ proved.T.T, clock
+        ).items():
+            values = proved.level(starts)
+            nearest[outcome] = (float(values.min()), starts[values.argmin()])
+        simulated = True
+    except OutOfTimeError:
+        simulated = False
+    edge = edge_points(proved.V, proved.T, proved.rho) @ proved.T.T
+    limits = []
+    for name, (values, low, high) in loop.limited_signals(edge).items():
+        if values.min() <= _TOUCHES * low or values.max() >= _TOUCHES * high:
+            limits.append(name)
+    return Obstacles(rise, nearest, tuple(limits), simulated)
+
+
+def starts_by_outcome(
+    loop: LoopValues, proved: LevelSet, rays: np.ndarray, clock: Clock
+) -> dict[Outcome, np.ndarray]:
+    """Return outcome -> initial conditions (k, n) from which simulations have this outcome.
+
+    - `LEFT`, `DIVERGED`: approximately the first initial condition with this outcome on each ray.
+      Another equilibrium (`ELSEWHERE`) counts as `DIVERGED`
+    - `UNDECIDED`: every simulated initial condition without an outcome in the time limit
+
+    rays: rays from the equilibrium with ends near the boundary of the set, (N, n)
+
+    Raises OutOfTimeError at the time limit of the clock.
+    """
+    rates = np.linalg.eigvals(loop.J).real
+    seconds = _TIMES / float(np.min(np.abs(rates)))
+    low = np.minimum(proved.V.edge(rays, proved.rho), 1.0)
+    high = low * _FARTHEST
+    kinds = np.zeros(0, dtype=object)
+    open_starts = np.zeros((0, rays.shape[1]))
+    for _ in range(2):
+        shells = low + (high - low) * np.linspace(0.0, 1.0, _SHELLS + 1)[1:, None] ** 2
+        starts = (shells[:, :, None] * rays).reshape(-1, rays.shape[1])
+        found = outcomes(loop, starts, proved.contains, seconds, clock)
+        open_starts = np.concatenate([open_starts, starts[found == Outcome.UNDECIDED]])
+        found[found == Outcome.ELSEWHERE] = Outcome.DIVERGED
+        found = found.reshape(shells.shape)
+        gone = (found == Outcome.LEFT) | (found == Outcome.DIVERGED)
+        kinds = found[gone.argmax(axis=0), np.arange(len(rays))][gone.any(axis=0)]
+        rays, low, high = _first_not_converging(rays, low, shells, gone)
+        if not len(rays):
+            break
+    first = np.asarray(high[:, None] * rays)
+    of_kind = {kind: first[kinds == kind] for kind in (Outcome.LEFT, Outcome.DIVERGED)}
+    of_kind[Outcome.UNDECIDED] = open_starts
+    return {kind: starts for kind, starts in of_kind.items() if len(starts)}
+
+
+def _first_not_converging(
+    rays: np.ndarray, low: np.ndarray, shells: np.ndarray, gone: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the rays with a factor that fails to converge, and two factors for each of these rays.
+
+    The second factor is the first that fails to converge. The first factor is the factor on the
+    next lower shell, or `low` if the second factor is on the first shell. A factor times a ray is
+    an initial condition.
+
+    rays: (N, n)
+    low: factors that converge, (N,)
+    shells: increasing factors, (k, N)
+    gone: mask of the factors that fail to converge, (k, N)
+    """
+    hit = gone.any(axis=0)
+    first = gone.argmax(axis=0)[hit]
+    columns = np.flatnonzero(hit)
+    before = np.vstack([low, shells])[first, columns]
+    return rays[hit], before, shells[first, columns]
+
+
+def outcomes(
+    loop: LoopValues,
+    starts: np.ndarray,
+    holds: Callable[[np.ndarray], np.ndarray],
+    seconds: float,
+    clock: Clock,
+) -> np.ndarray:
+    """Return the `Outcome` of a simulation from each initial condition, (N,).
+
+    Outcomes are tested at every step of the classical Runge-Kutta method. A trajectory diverges if
+    a state is not finite, or exceeds both `FAR` nominal values and `FAR_OF_STARTS` times the
+    largest initial deviation. A trajectory that is nearly at rest after `seconds` has converged to
+    another equilibrium.
+
+    starts: initial deviations from the equilibrium, (N, n)
+    holds: deviations (N, n) -> mask (N,) of those in the proved set
+    seconds: longest duration of each simulation, s
+
+    Raises OutOfTimeError at the time limit of the clock.
+    """
+    largest = np.max(np.abs(starts), axis=0, initial=0.0)
+    far = np.maximum(FAR * loop.nominal, FAR_OF_STARTS * largest)
+    fastest = float(np.max(np.abs(np.linalg.eigvals(loop.J))))
+    step = 1.0 / (_STEPS * fastest)
+    rule = EndRule(far, lambda z: ~loop.beyond(z), holds)
+
+    def no_inputs(z: np.ndarray, _: np.ndarray) -> np.ndarray:
+        clock(0.0, 1.0, "flights around the set")
+        return z[:, :0]
+
+    flights = Rows(lambda z, _: loop.rates(z), starts, step, no_inputs)
+    ticks = int(np.ceil(seconds / step)) + 1
+    with np.errstate(all="ignore"):  # diverging states overflow
+        flown, _ = march(flights, ticks, over=rule.over, keep=False)
+        final = flown.states[:, 0]
+        result = rule.outcomes(final)
+        rests = is_at_rest(loop.rates(final), seconds, loop.nominal)
+    result[rests & (result == Outcome.UNDECIDED)] = Outcome.ELSEWHERE
+    return result

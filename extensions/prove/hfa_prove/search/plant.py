@@ -5,7 +5,6 @@ The module computes rates at many states at once, samples and simulations.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
@@ -14,13 +13,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.march.ending import FAR, FAR_OF_STARTS, EndRule, Outcome, is_at_rest
-from hfa_aircraft.march.march import Rows, march, saturated
-from hfa_prove.fields import Terms
-from hfa_prove.search.obstacles import ValueOf
+from hfa_aircraft.march.ending import FAR
+from hfa_aircraft.march.march import saturated
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.plant import model_limits
-from hfa_support.errors import NoSolutionError
 from hfa_support.native.bound import RowFunction
 from trim.linear.linear_model import LinearModel
 
@@ -28,26 +24,22 @@ from trim.linear.linear_model import LinearModel
 _STEPS = 3.0
 
 
-def saturated_loop(
-    linear: LinearModel, K: np.ndarray, policy: Mapping[str, Terms] | None = None
-) -> Loop:
-    """Return the closed loop of a polynomial policy about the trim of a linear model.
+def loop_at(linear: LinearModel, policy: Gain | ca.Function) -> Loop:
+    """Return the closed loop of a policy about the trim of a linear model.
 
-    K: gain of the linear part of the policy, (m, n)
-    policy: input -> terms of the nonlinear part of the policy
+    The limits are those of the model at the trim.
     """
     model = linear.point.model
     states = {name: float(value) for name, value in linear.point.states._asdict().items()}
     parameters = {name: signal.start for name, signal in model.parameters.items()}
-    held = {name: value for name, value in states.items() if name not in model.linear}
     return Loop(
         model,
         parameters,
         {name: states[name] for name in model.linear},
         {name: float(value) for name, value in linear.point.inputs._asdict().items()},
-        held,
+        {name: value for name, value in states.items() if name not in model.linear},
         model_limits(model, states, parameters),
-        Gain(np.array(K, dtype=float), policy or {}),
+        policy,
     )
 
 
@@ -78,6 +70,18 @@ class Plant:
         """Names of the moving states and outputs that have limits."""
         loop = self.loop
         return tuple(name for name in (*loop.states, *loop.model.outputs) if name in loop.limits)
+
+    def limited_signals(self, z: np.ndarray) -> dict[str, tuple[np.ndarray, float, float]]:
+        """Return limited state or output -> deviations (N,) at z (N, n), lowest and highest one.
+
+        Outputs are linearized at the trim.
+        """
+        values = z @ self.limited_rows.T
+        ends = self.permitted_deviations.tolist()
+        return {
+            name: (values[:, i], low, high)
+            for i, (name, (low, high)) in enumerate(zip(self.limited, ends, strict=True))
+        }
 
     @cached_property
     def limited_rows(self) -> np.ndarray:
@@ -181,72 +185,8 @@ class Plant:
         """Return z' (N, n) at state deviations z (N, n)."""
         return self._rates(z)[0]
 
-    def rises(self, slope: ValueOf) -> ValueOf:
-        """Return the function z (N, n) -> mask (N,) of the points with V' >= 0 or undefined V'.
-
-        slope: z (N, n) -> gradients (N, n) of V
-        """
-
-        def rising(z: np.ndarray) -> np.ndarray:
-            with np.errstate(all="ignore"):
-                falls = np.sum(slope(z) * self.rates(z), axis=1) < 0.0
-            return np.asarray(~falls)
-
-        return rising
-
     @cached_property
-    def closed_matrix(self) -> np.ndarray:
+    def J(self) -> np.ndarray:
         """Matrix A - B K (n, n) of the linear loop at the trim."""
         _, A, B = self._function(np.zeros(len(self.loop.states)))
         return np.array(A) - np.array(B) @ self.loop.gain.K
-
-
-#: Descriptions of flights that do not enter the proved set.
-NOT_RETURNED = {
-    Outcome.LEFT: "flight leaves the limits",
-    Outcome.DIVERGED: "flight does not converge",
-    Outcome.UNDECIDED: "flight undecided within the time",
-}
-
-
-def outcomes(
-    plant: Plant, starts: np.ndarray, holds: Callable[[np.ndarray], np.ndarray], seconds: float
-) -> np.ndarray:
-    """Return the `Outcome` of a simulation from each initial condition, (N,).
-
-    Outcomes are tested at every step of the classical Runge-Kutta method. A trajectory diverges if
-    a state is not finite, or exceeds both `FAR` nominal values and `FAR_OF_STARTS` times the
-    largest initial deviation. A trajectory that is nearly at rest after `seconds` has converged to
-    another equilibrium.
-
-    starts: initial deviations from the trim, (N, n)
-    holds: deviations (N, n) -> mask (N,) of those in the proved set
-    seconds: longest duration of each simulation, s
-    """
-    largest = np.max(np.abs(starts), axis=0, initial=0.0)
-    far = np.maximum(FAR * plant.nominal, FAR_OF_STARTS * largest)
-    fastest = float(np.max(np.abs(np.linalg.eigvals(plant.closed_matrix))))
-    step = 1.0 / (_STEPS * fastest)
-    rule = EndRule(far, lambda z: ~plant.beyond(z), holds)
-    loop = Rows(lambda z, _: plant.rates(z), starts, step)
-    ticks = int(np.ceil(seconds / step)) + 1
-    with np.errstate(all="ignore"):  # diverging states overflow
-        flown, _ = march(loop, ticks, over=rule.over, keep=False)
-        final = flown.states[:, 0]
-        result = rule.outcomes(final)
-        rests = is_at_rest(plant.rates(final), seconds, plant.nominal)
-    result[rests & (result == Outcome.UNDECIDED)] = Outcome.ELSEWHERE
-    return result
-
-
-def refuse_unstable(J: np.ndarray) -> None:
-    """Raise NoSolutionError unless every eigenvalue of J (n, n) has a negative real part.
-
-    J: linearization of the loop
-    """
-    modes = np.linalg.eigvals(J)
-    if not np.all(modes.real < 0.0):
-        raise NoSolutionError(
-            "the loop's linearization is not Hurwitz (largest real part of an eigenvalue: "
-            f"{modes.real.max():.3g}); only equilibria with a stable linearization are supported"
-        )

@@ -1,31 +1,32 @@
 """Search for a large level set {V <= c} of a closed loop, proved on boxes.
 
 The first V are quadratic, later V have a higher degree. Linear programs on samples enlarge the set
-(`shape.py`). A point at which a proof fails becomes a constraint of the next program.
+(`shape_boxes.py`). A point at which a proof fails becomes a constraint of the next program.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
-import scipy.linalg
-from scipy.integrate import solve_ivp
 
 from hfa_prove.check.cover import OpenBoxError, RefutedError, SmallestBoxError
 from hfa_prove.check.loop_boxes import Decrease, equilibrium_near
 from hfa_prove.fields import Rejected
 from hfa_prove.search.clock import OutOfTimeError
 from hfa_prove.search.kinks import kink_at
-from hfa_prove.search.plant import refuse_unstable
-from hfa_prove.search.shape_boxes import Bound, Growth, Samples, Shape
-from hfa_prove.statements.loop import Loop
+from hfa_prove.search.region_search import (
+    Region,
+    RegionProblem,
+    Settings,
+    lyapunov_matrices,
+    refuse_unstable,
+)
+from hfa_prove.search.shape_boxes import Growth, Samples, Shape
 from hfa_prove.statements.region import BoxWitness, RegionStatement
 from hfa_prove.words import place_in_words
 from hfa_support.errors import NoSolutionError
-from hfa_support.progress import Progress
 
 #: Shares of the sampled set, in length, that are tried for the first V, one after the other. If the
 #: first is not proved, it is halved down to the least share. The last tuple is for a later V.
@@ -56,105 +57,62 @@ _ENDLESS = 10**9
 _WIDEST = 100.0
 
 
-@dataclass(frozen=True, eq=False)
-class BoxRegion:
-    """A proved region, with the obstacle to a larger region.
+class BoxesSearch:
+    """Search for a region of attraction on boxes.
 
-    statement: the proved statement
-    witness: data for the proof
-    boxes: number of boxes that the proof evaluated
-    origin: description of V
-    bound: first obstacle found beyond the set
-    stopped: reason why no larger set is proved
-    """
-
-    statement: RegionStatement
-    witness: BoxWitness
-    boxes: int
-    origin: str
-    bound: Bound
-    stopped: str
-
-
-class RegionSearch:
-    """Search for a region of attraction within a limit of the processor time.
-
-    loop: the closed loop
-    policy: the policy as stored in the statement
-    known: pairs of a description and a matrix P, each of which gives a candidate V = z'P z
-    seconds: limit of the processor time, s
-    degree: highest degree of V
-    progress: called with the current step, or None
-    save: called with each larger region that is proved, or None
+    problem: the closed loop
+    settings: degree, time limit and what is saved
 
     Raises Rejected if no equilibrium near the trim is proved.
     """
 
-    def __init__(
-        self,
-        loop: Loop,
-        known: Sequence[tuple[str, np.ndarray]],
-        *,
-        seconds: float,
-        degree: int = 2,
-        progress: Progress | None = None,
-        save: Callable[[BoxRegion], None] | None = None,
-    ) -> None:
-        self.loop = loop
-        self._begin = time.process_time()
-        self._seconds = seconds
-        self._degree = degree
-        self._progress = progress
-        self._save = save
-        self.equilibrium = equilibrium_near(loop, np.array(list(loop.trim.values())))
-        self.samples = Samples(loop, self.equilibrium)
+    def __init__(self, problem: RegionProblem, settings: Settings) -> None:
+        self._problem = problem
+        self.loop = problem.loop
+        self._settings = settings
+        self._clock = settings.clock
+        self._degree = settings.degree
+        self.equilibrium = equilibrium_near(self.loop, np.array(list(self.loop.trim.values())))
+        self.samples = Samples(self.loop, self.equilibrium)
         self.J = self.samples.J
-        self._known = known
-        self._deadline = np.inf
-        self._largest = 0.0
-        self._best: tuple[BoxRegion, Shape] | None = None
+        self._best = settings.earlier
+        self._largest = 0.0 if self._best is None else self._best.set.size
         self._stopped = ""
 
-    def found(self, earlier: RegionStatement | None = None) -> BoxRegion:
+    def found(self) -> Region:
         """Return the largest proved region.
 
         After an interruption or at the time limit, the largest region proved so far is returned.
-
-        earlier: statement of an earlier run, whose V is tried first, or None
 
         Raises NoSolutionError if no region is proved or the linearization is not Hurwitz.
         """
         refuse_unstable(self.J)
         try:
-            self._search(earlier)
+            self._search()
+        except OutOfTimeError as error:
+            self._stopped = self._stopped or str(error)
         except KeyboardInterrupt:
             self._stopped = "interrupted"
         if self._best is None:
             kink = kink_at(self.loop, self.loop.closed, self.equilibrium)
-            why = f"{self._stopped}; {kink}" if kink else self._stopped
-            raise NoSolutionError(f"no region was proved: {why}")
-        region, shape = self._best
-        bound = shape.bound(self.samples, _HIGHEST)
-        return replace(region, bound=bound, stopped=self._stopped)
+            raise NoSolutionError(f"{self._stopped}; {kink}" if kink else self._stopped)
+        return replace(self._best, stopped=self._stopped)
 
-    def _search(self, earlier: RegionStatement | None) -> None:
+    def _search(self) -> None:
         """Prove growing sets from each initial V in turn, until the time limit.
 
-        earlier: statement of an earlier run, which is proved first, or None
+        Raises OutOfTimeError at the time limit.
         """
         firsts = self._first_shapes()
-        if earlier is not None:
-            origin = "V of the certificate"
-            shape = Shape.of_piece(earlier.piece, self._degree)
-            self._prove(self._part(shape, 1.0), origin)
-            firsts.insert(0, (origin, shape))
+        if self._best is not None:
+            shape = Shape.of_piece(self._best.statement.piece, self._degree)
+            firsts.insert(0, (self._best.origin, shape))
         for origin, shape in firsts:
             growth = Growth(self.samples, shape, self._report)
             if self._best is None:
                 self._first_levels(growth, origin)
             self._enlarge(growth)
-            if self._left() < 0.0:
-                return
+            self._report("the first V")
 
     def _enlarge(self, growth: Growth) -> None:
         """Prove larger sets while V grows, first with degree 2 and then with the highest degree.
@@ -182,7 +140,7 @@ class RegionSearch:
         share = _RISING[0]
         while not self._is_proved(growth, share, origin, _OF_FIRST):
             share /= 2.0
-            if share < _LEAST or self._left() < 0.0:
+            if share < _LEAST or self._clock.left < 0.0:
                 return
         if share == _RISING[0]:
             for larger in _RISING[1:]:
@@ -204,7 +162,7 @@ class RegionSearch:
             self._first_levels(growth, origin)
             return self._best is not None
         for share in _FALLING:
-            if self._left() < 0.0:
+            if self._clock.left < 0.0:
                 return False
             if share * growth.shape.size() < _LARGER * self._largest:
                 return share == _FALLING[0]
@@ -215,10 +173,10 @@ class RegionSearch:
     def _grow(self, growth: Growth, degree: int) -> None:
         """Enlarge the set of a V of the given degree up to the first obstacle that samples find."""
         growth.of_degree(degree)
-        self._deadline = time.process_time() + _OF_GROWTH * self._left()
         try:
-            while growth.grown() is not None:
-                pass
+            with self._clock.step(_OF_GROWTH):
+                while growth.grown() is not None:
+                    pass
         except OutOfTimeError:
             self._stopped = "the time limit was reached before larger sets were tried"
         level = growth.shape.bound(self.samples, _HIGHEST).level
@@ -236,10 +194,10 @@ class RegionSearch:
         """
         try:
             for _ in range(_REFUTED):
-                self._deadline = time.process_time() + time_share * self._left()
                 part = self._part(growth.shape, share)
                 try:
-                    self._prove(part, origin)
+                    with self._clock.step(time_share):
+                        self._prove(part, origin)
                 except (RefutedError, SmallestBoxError) as error:
                     place = part.N @ error.place
                     is_refuted = isinstance(error, RefutedError)
@@ -264,9 +222,6 @@ class RegionSearch:
             return part
         return part.of_level((_WITHIN / beyond) ** 2).in_cube()
 
-    def _left(self) -> float:
-        return self._seconds - (time.process_time() - self._begin)
-
     def _prove(self, shape: Shape, origin: str) -> None:
         """Prove a set, and store it as the result if it is the largest so far.
 
@@ -279,7 +234,7 @@ class RegionSearch:
         decrease = Decrease(
             self.loop, self.equilibrium, shape.piece(), extents.ends, extents.multipliers
         )
-        boxes = decrease.proved(_ENDLESS, self._count)
+        boxes = decrease.proved(_ENDLESS, self._clock)
         size = shape.size()
         if size <= self._largest:
             return
@@ -291,20 +246,15 @@ class RegionSearch:
         }
         statement = RegionStatement(self.loop, at, decrease.piece, ends)
         witness = BoxWitness(extents.multipliers, 2 * boxes)
-        region = BoxRegion(statement, witness, boxes, origin, Bound(np.inf, None, False), "")
-        self._best = region, shape
+        self._best = Region(
+            statement, witness.content(), boxes, shape.level_set(), ends, origin, self.samples
+        )
         self._largest = size
-        if self._save is not None:
-            self._save(region)
+        if self._settings.save is not None:
+            self._settings.save(self._best)
 
     def _report(self, what: str) -> None:
-        self._count(0.0, 1.0, what)
-
-    def _count(self, done: float, whole: float, text: str = "") -> None:
-        if time.process_time() > self._deadline:
-            raise OutOfTimeError(text, done)
-        if self._progress is not None:
-            self._progress(done, whole, text)
+        self._clock(0.0, 1.0, what)
 
     def _first_shapes(self) -> list[tuple[str, Shape]]:
         """Return pairs of a description and a quadratic V, the largest set first.
@@ -314,9 +264,9 @@ class RegionSearch:
         Raises NoSolutionError if no V decreases near the equilibrium.
         """
         sampled: list[tuple[str, Shape]] = []
-        end = time.process_time() + _OF_GROWTH * self._left()
+        end = self._clock.used + _OF_GROWTH * self._clock.left
         for origin, P in self._candidates():
-            if sampled and time.process_time() > end:
+            if sampled and self._clock.used > end:
                 break
             P = 0.5 * (P + P.T)
             slope = P @ self.J
@@ -332,7 +282,7 @@ class RegionSearch:
         sampled.sort(key=lambda each: -each[1].size())
         firsts: list[tuple[str, Shape]] = []
         for origin, shape in sampled[:_SAMPLED]:
-            if firsts and time.process_time() > end:
+            if firsts and self._clock.used > end:
                 break
             firsts.append((origin, self._good(shape, quick=False)))
         return sorted(firsts, key=lambda each: -each[1].size())
@@ -347,18 +297,13 @@ class RegionSearch:
         return shape.of_level(min(shape.bound(self.samples, 1.0, quick=quick).level, 1.0))
 
     def _candidates(self) -> Iterator[tuple[str, np.ndarray]]:
-        yield from self._known
-        n = len(self.J)
+        yield from self._problem.known
         modes = np.linalg.inv(np.linalg.eig(self.J)[1])
-        modes /= np.linalg.norm(modes * self._nominal, axis=1, keepdims=True)
+        modes /= np.linalg.norm(modes * self.samples.nominal, axis=1, keepdims=True)
         generator = np.random.default_rng(0)
-        for _ in range(_CANDIDATES):
-            weights = 10.0 ** generator.uniform(-2.0, 2.0, n)
-            nominal = np.diag(weights / self._nominal**2)
-            yield (
-                "a Lyapunov matrix of the loop",
-                scipy.linalg.solve_continuous_lyapunov(self.J.T, -nominal),
-            )
+        for P in lyapunov_matrices(self.J, self.samples.nominal, _CANDIDATES):
+            yield "a Lyapunov matrix of the loop", P
+            weights = 10.0 ** generator.uniform(-2.0, 2.0, len(self.J))
             yield "a sum of squares of modes", (modes.conj().T @ (weights[:, None] * modes)).real
 
     @property
@@ -368,44 +313,4 @@ class RegionSearch:
         Each distance is at most `_WIDEST` nominal values.
         """
         ends = self.loop.ends(self.loop.states) - self.equilibrium.x[:, None]
-        return np.minimum(_WIDEST * self._nominal, np.abs(ends).min(axis=1))
-
-    @property
-    def _nominal(self) -> np.ndarray:
-        signals = self.loop.model.signals
-        return np.array([signals[name].nominal for name in self.loop.states])
-
-
-def flight_outcome(samples: Samples, place: np.ndarray, region: BoxRegion) -> str:
-    """Return a clause on the outcome of a flight that begins at the state deviation `place` (n,).
-
-    The flight ends in three cases:
-    - The state is in the proved set.
-    - The largest deviation is 1000 times the initial value.
-    - Ten time constants of the slowest mode have passed.
-
-    samples: evaluation of the closed loop
-    region: the proved region
-    """
-    modes = np.linalg.eigvals(samples.J)
-    seconds = 10.0 / float(np.min(np.abs(modes.real)))
-    piece = region.statement.piece
-    far = 1e3 * np.abs(place).max()
-
-    def rates(_: float, z: np.ndarray) -> np.ndarray:
-        return np.asarray(samples.rates(z[None])[0])
-
-    def is_in(_: float, z: np.ndarray) -> float:
-        return 0.0 if piece.contains(z[None])[0] else 1.0
-
-    def is_away(_: float, z: np.ndarray) -> float:
-        return float(far - np.abs(z).max())
-
-    is_in.terminal = is_away.terminal = True  # type: ignore[attr-defined]
-    events = (is_in, is_away)
-    solution = solve_ivp(rates, (0.0, seconds), place, "LSODA", events=events, rtol=1e-8)
-    if len(solution.t_events[0]):
-        return "enters the proved set and converges"
-    if len(solution.t_events[1]):
-        return "leaves: its deviation grows a thousandfold"
-    return f"has not entered the proved set after {seconds:.3g} s"
+        return np.minimum(_WIDEST * self.samples.nominal, np.abs(ends).min(axis=1))

@@ -1,17 +1,15 @@
-"""Search for a large region: choice of V, its largest proved level, and obstacles beyond it."""
+"""Search for a large region by sums of squares: choice of V, and its largest proved level."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg
 
-from hfa_aircraft.march.ending import Outcome
 from hfa_prove.check.loop_squares import Equilibrium
 from hfa_prove.check.region_squares import extents_of
+from hfa_prove.search.clock import OutOfTimeError
 from hfa_prove.search.level import (
     LevelSearch,
     ProvedLevel,
@@ -21,12 +19,13 @@ from hfa_prove.search.level import (
     proved_level,
 )
 from hfa_prove.search.monomials import PolynomialFunction, edge_points
-from hfa_prove.search.obstacles import first_obstacle
-from hfa_prove.search.plant import Plant, outcomes, refuse_unstable
+from hfa_prove.search.obstacles import LevelSet, LoopValues, first_obstacle, rises
+from hfa_prove.search.plant import Plant
+from hfa_prove.search.region_search import Region, Settings, lyapunov_matrices, refuse_unstable
 from hfa_prove.search.shape_squares import better
 from hfa_prove.statements.loop import Loop
+from hfa_prove.words import place_in_words
 from hfa_support.errors import NoSolutionError
-from hfa_support.progress import Progress
 
 #: A step with a smaller linear growth of the set is the last for its reach.
 _GAIN = 1.004
@@ -40,163 +39,97 @@ _GROWTH = 1.6
 _CANDIDATES = 10
 #: Description of a V that is a Lyapunov matrix.
 LYAPUNOV = "a Lyapunov matrix of the loop"
-#: Number of rays with simulated initial conditions.
-_RAYS = 80
-#: Number of initial conditions on each ray.
-_SHELLS = 10
-#: Distance of the farthest initial condition, over that of the set.
-_FARTHEST = 20.0
-#: Duration of these simulations, in time constants of the slowest mode.
-_TIMES = 12.0
-#: A limit binds if a signal reaches this share of the distance to it.
-_TOUCHES = 0.97
 #: Number of candidates for which a proof is tried.
 _TRIED = 4
 #: Largest extents of a set, in nominal values, without limits of states.
 _WIDEST = 100.0
 
 
-@dataclass(frozen=True, eq=False)
-class Bounds:
-    """Obstacles to a set larger than the proved set.
-
-    rises: lowest V found with V' >= 0 and the state deviation there, or (inf, None)
-    starts: outcome -> lowest V of an initial condition with this outcome, and the initial condition
-    limits: signals whose limits the set nearly reaches
-    """
-
-    rises: tuple[float, np.ndarray | None]
-    starts: Mapping[Outcome, tuple[float, np.ndarray]]
-    limits: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Region:
-    """A proved region, with the obstacles to a larger region.
-
-    proved: statement and witness
-    V: the polynomial V
-    origin: description of V
-    bounds: the obstacles
-    plant: the loop in double precision
-    T: matrix of the coordinates z = T y in which the set lies in the unit ball, (n, n)
-    stopped: "interrupted" after Ctrl-C, otherwise ""
-    tried: the V that the search optimized, each with a proof of level 1 in double precision
-    """
-
-    proved: ProvedLevel
-    V: PolynomialFunction
-    origin: str
-    bounds: Bounds
-    plant: Plant
-    T: np.ndarray
-    stopped: str = ""
-    tried: Sequence[PolynomialFunction] = ()
-
-    @property
-    def rho(self) -> float:
-        """The proved level of V."""
-        return self.proved.statement.rho
-
-    @property
-    def extents(self) -> dict[str, tuple[float, float]]:
-        """State -> lowest and highest deviation in the proved region."""
-        return extents_of(self.proved.statement, self.T)
-
-
-class RegionSearch:
-    """Search for a region of attraction within a limit of the processor time.
+class SquaresSearch:
+    """Search for a region of attraction by sums of squares.
 
     loop: the saturated loop
-    P: matrix of the value of the game, (n, n), which is tried first, or None
-    seconds: limit of the processor time, s
-    degree: highest degree of V
-    progress: called with the current step, or None. A KeyboardInterrupt from the callback ends the
-        search early.
-    save: called with each larger region that is proved, or None
+    known: pairs of a description and a matrix P, each of which gives a candidate V = z'P z
+    settings: degree, time limit and what is saved
     """
 
     def __init__(
         self,
         loop: Loop,
-        P: np.ndarray | None,
-        *,
-        seconds: float,
-        degree: int,
-        progress: Progress | None = None,
-        save: Callable[[ProvedLevel], None] | None = None,
+        known: Sequence[tuple[str, np.ndarray]],
+        settings: Settings,
     ) -> None:
         self.loop = loop
         self.plant = Plant(loop)
-        self._P = P
-        self._begin = time.process_time()
-        self._seconds = seconds
-        self._settings = settings_of(len(loop.states), degree)
-        self._progress = progress
-        self._save = save
-        self.best: ProvedLevel | None = None
-        self.origin = ""
+        self._known = known
+        self._search = settings
+        self._clock = settings.clock
+        self._settings = settings_of(len(loop.states), settings.degree)
+        self._best = settings.earlier
         self._turns: list[PolynomialFunction] = []
-        self._size = 0.0
         self._stopped = ""
 
-    def found(self, known: PolynomialFunction | None = None) -> Region:
+    def found(self) -> Region:
         """Return the largest proved region.
 
-        known: V of an earlier run, scaled to level 1, from which the search continues, or None
+        After an interruption or at the time limit, the largest region proved so far is returned.
 
         Raises NoSolutionError if no region is proved or the linear loop is not Hurwitz. Raises
         BadInputError if the equations cannot be enclosed.
         """
-        refuse_unstable(self.plant.closed_matrix)
+        refuse_unstable(self.plant.J)
         Equilibrium(self.loop)  # raises for equations that a proof does not support
-        V = known or self._start()
-        if known:
-            self._prove(V, 1.0, "V of the certificate", self._settings[0])
+        try:
+            self._climb_all()
+        except OutOfTimeError as error:
+            self._stopped = str(error)
+        except KeyboardInterrupt:
+            self._stopped = "interrupted"
+        if self._best is None:
+            raise NoSolutionError(self._stopped or self._where_it_ended())
+        return replace(self._best, stopped=self._stopped, tried=tuple(self._turns))
+
+    def _climb_all(self) -> None:
+        """Prove the first V, then grow it by each setting in turn.
+
+        Raises OutOfTimeError at the time limit.
+        """
+        if self._best is None:
+            V = self._start()
+        else:
+            V = self._best.set.V.scaled(1.0 / self._best.set.rho)
         for setting in self._settings:
-            if self._left() > setting.seconds:
+            if self._clock.left > setting.seconds:
                 V = self._climb(self._proved_V(V), setting)
-        if self.best is None:
-            why = self._stopped or "no V tried has a level that is large enough for the search"
-            raise NoSolutionError(f"no region is proved: {why}")
-        return self._region()
+
+    def _where_it_ended(self) -> str:
+        """Return a clause on the first obstacle to the V with the largest sampled set."""
+        (_, V, origin), *_ = self._sampled()
+        T = V.coordinates()
+        _, place = first_obstacle(rises(self.plant, V.slope), V, T)
+        where = "" if place is None else f"; V' >= 0 at {place_in_words(self.loop, place)}"
+        return f"no level of V = z'P z ({origin}) is proved{where}"
 
     def _proved_V(self, V: PolynomialFunction) -> PolynomialFunction:
         """Return V of the largest region proved so far, scaled to level 1.
 
         If no region is proved, the given V is returned.
         """
-        if self.best is None:
+        if self._best is None:
             return V
-        statement = self.best.statement
-        return PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
+        proved = self._best.set
+        return proved.V.scaled(1.0 / proved.rho)
 
     @property
     def _n(self) -> int:
         return len(self.loop.states)
 
-    def _left(self) -> float:
-        return self._seconds - (time.process_time() - self._begin)
-
-    def _report(self, what: str) -> None:
-        """Call the progress function with the current step.
-
-        If the function raises KeyboardInterrupt, the remaining time of the search is set to 0.
-        """
-        if self._progress is None:
-            return
-        done = min(self._seconds, time.process_time() - self._begin)
-        try:
-            self._progress(done, self._seconds, what)
-        except KeyboardInterrupt:
-            self._seconds = 0.0
-            self._stopped = "interrupted"
-
     def _candidates(self) -> Iterator[tuple[str, np.ndarray]]:
         """Yield pairs of a description and a positive definite P, candidates V = z'P z."""
-        if self._P is not None and np.all(np.linalg.eigvalsh((self._P + self._P.T) / 2) > 0.0):
-            yield "P of the game", (self._P + self._P.T) / 2
-        for P in lyapunov_matrices(self.plant, _CANDIDATES):
+        for origin, P in self._known:
+            if np.all(np.linalg.eigvalsh((P + P.T) / 2) > 0.0):
+                yield origin, (P + P.T) / 2
+        for P in lyapunov_matrices(self.plant.J, self.plant.nominal, _CANDIDATES):
             yield LYAPUNOV, P
 
     def _start(self) -> PolynomialFunction:
@@ -221,8 +154,8 @@ class RegionSearch:
         for origin, P in self._candidates():
             level, T = self._limit_of(P)
             V = PolynomialFunction.quadratic(P)
-            rises, _ = first_obstacle(self.plant.rises(V.slope), V, T, quick=True)
-            level = min(level, rises)
+            rise, _ = first_obstacle(rises(self.plant, V.slope), V, T, quick=True)
+            level = min(level, rise)
             size = level ** (self._n / 2) / np.sqrt(np.linalg.det(P))
             found.append((float(size), V.scaled(1.0 / level), origin))
         return sorted(found, key=lambda candidate: -candidate[0])
@@ -249,10 +182,11 @@ class RegionSearch:
         origin: description of V
         setting: degrees of the proof
         """
-        self._report(f"proving {origin}")
-        return self._kept(proved_level(self.loop, V, rho, setting, V.coordinates()), V, origin)
+        self._clock(0.0, 1.0, f"proving {origin}")
+        T = V.coordinates()
+        return self._kept(proved_level(self.loop, V, rho, setting, T, self._clock), origin)
 
-    def _kept(self, proved: ProvedLevel | None, V: PolynomialFunction, origin: str) -> float:
+    def _kept(self, proved: ProvedLevel | None, origin: str) -> float:
         """Store a proved set if it is the largest so far, and return its size.
 
         proved: the proved set, or None, for which the size is 0
@@ -260,14 +194,12 @@ class RegionSearch:
         """
         if proved is None:
             return 0.0
-        size = measured(V, proved.statement.rho, V.coordinates())
-        if size > self._size:
-            self.best = proved
-            self.origin = origin
-            self._size = size
-            if self._save is not None:
-                self._save(proved)
-        return size
+        region = region_of(proved, self.plant, origin)
+        if self._best is None or region.set.size > self._best.set.size:
+            self._best = region
+            if self._search.save is not None:
+                self._search.save(region)
+        return region.set.size
 
     def _climb(self, V: PolynomialFunction, setting: Setting) -> PolynomialFunction:
         """Return V, scaled to level 1, after alternate optimization of multipliers and V.
@@ -280,7 +212,7 @@ class RegionSearch:
         if turn is None:
             return V
         for reach in setting.reaches:
-            while self._left() > _TURNS_OF_A_PROOF * turn.seconds:
+            while self._clock.left > _TURNS_OF_A_PROOF * turn.seconds:
                 found = better(
                     turn.search, self.plant.limited_rows, self.plant.permitted_deviations, reach
                 )
@@ -293,7 +225,7 @@ class RegionSearch:
                     break
         origin = origin_of(turn.V)
         highest = self._highest(turn.V)
-        if highest > 1.0 or not self._kept(accepted(turn.search), turn.V, origin):
+        if highest > 1.0 or not self._kept(accepted(turn.search), origin):
             self._prove(turn.V, highest, origin, setting)
         return turn.V
 
@@ -305,24 +237,24 @@ class RegionSearch:
         setting: degrees of the proof
         least: size that the set must exceed
         """
-        begin = time.process_time()
+        begin = self._clock.used
         for level in _LEVELS:
             tried = V.scaled(1.0 / level)
-            held = holding_ball(tried, 1.0, tried.coordinates())
+            held = holding_ball(tried, 1.0, tried.coordinates(), self._clock)
             if held is None:
                 continue
-            size = measured(tried, 1.0, held)
+            size = LevelSet(tried, 1.0, held).size
             if size <= least:
                 return None
             try:
-                search = LevelSearch(self.loop, tried, 1.0, held, setting)
+                search = LevelSearch(self.loop, tried, 1.0, held, setting, self._clock)
                 if search.proofs is None:
                     continue
             except NoSolutionError:  # not enclosed on such a large ball
                 continue
-            self._report(f"V of degree {setting.degree}, size {size:.4g}")
+            self._clock(0.0, 1.0, f"V of degree {setting.degree}, size {size:.4g}")
             self._turns.append(tried)
-            return _Turn(tried, search, size, time.process_time() - begin)
+            return _Turn(tried, search, size, self._clock.used - begin)
         return None
 
     def _highest(self, V: PolynomialFunction) -> float:
@@ -331,34 +263,14 @@ class RegionSearch:
         An obstacle is a state with V' >= 0, or a boundary point beyond a limit.
         """
         T = V.coordinates()
-        rises, _ = first_obstacle(self.plant.rises(V.slope), V, T, quick=True)
+        rise, _ = first_obstacle(rises(self.plant, V.slope), V, T, quick=True)
         highest = 1.0
         for level in np.geomspace(1.01, _GROWTH, 12):
             points = edge_points(V, T, level) @ T.T
-            if level > rises or np.any(self.plant.away(points)):
+            if level > rise or np.any(self.plant.away(points)):
                 break
             highest = float(level)
         return highest
-
-    def _region(self) -> Region:
-        """Return the proved set with the obstacles to a larger set."""
-        proved = self.best
-        assert proved is not None
-        statement = proved.statement
-        V = PolynomialFunction.of_terms(statement.terms)
-        T = np.array(proved.witness["T"])
-        self._report("what bounds it")
-        rises = first_obstacle(self.plant.rises(V.slope), V, 2.0 * T)
-        return Region(
-            proved,
-            V,
-            self.origin,
-            bounds_of(self.plant, V, statement.rho, T, rises),
-            self.plant,
-            T,
-            self._stopped,
-            tuple(self._turns),
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -382,130 +294,30 @@ def origin_of(V: PolynomialFunction) -> str:
     return f"a polynomial of degree {V.degree} from the search"
 
 
-def lyapunov_matrices(plant: Plant, count: int) -> Iterator[np.ndarray]:
-    """Yield positive definite P (n, n) with A'P + P A = -diag(w²), A the matrix of the linear loop.
+def region_of(
+    proved: ProvedLevel,
+    loop: LoopValues,
+    origin: str,
+    rise: tuple[float, np.ndarray | None] | None = None,
+) -> Region:
+    """Return a proved level as a region.
 
-    The first weights w (n,) are 1 / nominal. Each entry of the other weights is this value times a
-    random factor from 0.1 to 10.
-
-    count: number of weights
+    loop: the loop in double precision
+    origin: description of V
+    rise: lowest V found with V' >= 0 and the state deviation there, or None
     """
-    A = plant.closed_matrix
-    generator = np.random.default_rng(0)
-    for index in range(count):
-        weights = 1.0 / plant.nominal
-        factors = 10.0 ** generator.uniform(-1.0, 1.0, len(A))
-        if index > 0:
-            weights = weights * factors
-        P = scipy.linalg.solve_continuous_lyapunov(A.T, -np.diag(weights**2))
-        if np.all(np.linalg.eigvalsh(P) > 0.0):
-            yield P
-
-
-def bounds_of(
-    plant: Plant,
-    V: PolynomialFunction,
-    rho: float,
-    T: np.ndarray,
-    rises: tuple[float, np.ndarray | None],
-) -> Bounds:
-    """Return the obstacles around {V <= rho}.
-
-    Simulations begin on random rays from the trim.
-
-    T: matrix of the coordinates z = T y, (n, n). The set is in the unit ball of y.
-    rises: lowest V found with V' >= 0, and the state deviation there, or (inf, None)
-    """
-    generator = np.random.default_rng(1)
-    directions = generator.normal(size=(_RAYS, len(T)))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    found = starts_by_outcome(plant, V, rho, T, directions @ T.T)
-    nearest = {}
-    for outcome, starts in found.items():
-        values = V(starts)
-        nearest[outcome] = (float(values.min()), starts[values.argmin()])
-    points = edge_points(V, T, rho) @ T.T @ plant.limited_rows.T
-    low, high = plant.permitted_deviations.T
-    near = (points.min(axis=0) <= _TOUCHES * low) | (points.max(axis=0) >= _TOUCHES * high)
-    return Bounds(rises, nearest, tuple(np.array(plant.limited)[near].tolist()))
-
-
-def starts_by_outcome(
-    plant: Plant, V: PolynomialFunction, rho: float, T: np.ndarray, rays: np.ndarray
-) -> dict[Outcome, np.ndarray]:
-    """Return outcome -> initial conditions (k, n) from which simulations have this outcome.
-
-    - `LEFT`, `DIVERGED`: approximately the first initial condition with this outcome on each ray.
-      Another equilibrium (`ELSEWHERE`) counts as `DIVERGED`
-    - `UNDECIDED`: every simulated initial condition without an outcome in the time limit
-
-    V, rho: the proved set {V <= rho}
-    T: matrix of the coordinates z = T y, (n, n). The set is in the unit ball of y.
-    rays: rays from the trim with ends near the boundary of the set, (N, n)
-    """
-    rates = np.linalg.eigvals(plant.closed_matrix).real
-    seconds = _TIMES / float(np.min(np.abs(rates)))
-
-    def holds(z: np.ndarray) -> np.ndarray:
-        inside = np.linalg.norm(np.linalg.solve(T, z.T), axis=0) <= 1.0
-        return np.asarray(inside & (V(z) <= rho))
-
-    low = np.minimum(V.edge(rays, rho), 1.0)
-    high = low * _FARTHEST
-    kinds = np.zeros(0, dtype=object)
-    open_starts = np.zeros((0, len(T)))
-    for _ in range(2):
-        shells = low + (high - low) * np.linspace(0.0, 1.0, _SHELLS + 1)[1:, None] ** 2
-        starts = (shells[:, :, None] * rays).reshape(-1, rays.shape[1])
-        found = outcomes(plant, starts, holds, seconds)
-        found[found == Outcome.ELSEWHERE] = Outcome.DIVERGED
-        open_starts = np.concatenate([open_starts, starts[found == Outcome.UNDECIDED]])
-        found = found.reshape(shells.shape)
-        gone = (found == Outcome.LEFT) | (found == Outcome.DIVERGED)
-        kinds = found[gone.argmax(axis=0), np.arange(len(rays))][gone.any(axis=0)]
-        rays, low, high = _first_not_converging(rays, low, shells, gone)
-        if not len(rays):
-            break
-    first = np.asarray(high[:, None] * rays)
-    of_kind = {kind: first[kinds == kind] for kind in (Outcome.LEFT, Outcome.DIVERGED)}
-    of_kind[Outcome.UNDECIDED] = open_starts
-    return {kind: starts for kind, starts in of_kind.items() if len(starts)}
-
-
-def _first_not_converging(
-    rays: np.ndarray, low: np.ndarray, shells: np.ndarray, gone: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the rays with a factor that fails to converge, and two factors for each of these rays.
-
-    The second factor is the first that fails to converge. The first factor is the factor on the
-    next lower shell, or `low` if the second factor is on the first shell. A factor times a ray is
-    an initial condition.
-
-    rays: (N, n)
-    low: factors that converge, (N,)
-    shells: increasing factors, (k, N)
-    gone: mask of the factors that fail to converge, (k, N)
-    """
-    hit = gone.any(axis=0)
-    first = gone.argmax(axis=0)[hit]
-    columns = np.flatnonzero(hit)
-    before = np.vstack([low, shells])[first, columns]
-    return rays[hit], before, shells[first, columns]
-
-
-def measured(V: PolynomialFunction, rho: float, T: np.ndarray) -> float:
-    """Return the n-th root of the ratio of the volume of {V <= rho} to the volume of the unit ball.
-
-    The result is 0 if no sampled ray reaches the boundary of the set.
-
-    T: matrix of the coordinates z = T y in which the boundary is sampled, (n, n)
-    """
-    n = len(T)
-    points = edge_points(V, T, rho)
-    if not len(points):
-        return 0.0
-    volume = float(np.mean(np.linalg.norm(points, axis=1) ** n))
-    return float((volume * abs(np.linalg.det(T))) ** (1.0 / n))
+    statement = proved.statement
+    T = np.array(proved.witness["T"])
+    return Region(
+        statement,
+        proved.witness,
+        proved.parts,
+        LevelSet(PolynomialFunction.of_terms(statement.terms), statement.rho, T),
+        extents_of(statement, T),
+        origin,
+        loop,
+        rise,
+    )
 
 
 def settings_of(n: int, degree: int) -> list[Setting]:

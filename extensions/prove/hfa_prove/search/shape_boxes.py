@@ -16,7 +16,8 @@ import scipy.linalg
 from scipy.optimize import linprog, minimize
 
 from hfa_prove.check.equilibrium import Equilibrium
-from hfa_prove.search.monomials import Monomials
+from hfa_prove.search.monomials import Monomials, PolynomialFunction
+from hfa_prove.search.obstacles import LevelSet
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.piece import Piece
 from verification.enclosure.program import Program
@@ -43,6 +44,8 @@ _ROOM = 2.05
 _SLOWEST = 1e-9
 #: Relative enlargement of the extents of a set.
 _BEYOND = 1e-3
+#: Radius of a ball around the set, over the largest sampled radius.
+_AROUND = 1.02
 #: Required decay of V, relative to the modal decay of the linear loop: the first value, the share
 #: of V at the slowest rate in the modal decay, the factor after each growth, and the lowest value.
 _DECAY = 0.5
@@ -90,19 +93,35 @@ class Samples:
         at = Intervals(equilibrium.x, np.zeros_like(equilibrium.x))
         #: (n, n), Jacobian of the rates.
         self.J = jacobian(loop.closed, at).slopes.middle
-        ends = loop.ends((*loop.states, *loop.limited_outputs))
-        self._low, self._high = ends.T
+        self.nominal = loop.nominal[: len(loop.states)]
+        self._names = (*loop.states, *loop.limited_outputs)
+        self._low, self._high = loop.ends(self._names).T
 
     def rates(self, z: np.ndarray) -> np.ndarray:
         """Return z' (N, n) at state deviations z (N, n)."""
         return values_at(self._program, z + self._x)[:, : z.shape[1]]
 
+    def limited_signals(self, z: np.ndarray) -> dict[str, tuple[np.ndarray, float, float]]:
+        """Return limited state or output -> deviations (N,) at z (N, n), lowest and highest one."""
+        at = self._signals(np.zeros((1, z.shape[1])))[0]
+        values = self._signals(z) - at
+        low, high = self._low - at, self._high - at
+        return {
+            name: (values[:, i], low[i], high[i])
+            for i, name in enumerate(self._names)
+            if np.isfinite(low[i]) or np.isfinite(high[i])
+        }
+
+    def _signals(self, z: np.ndarray) -> np.ndarray:
+        """Return states and limited outputs (N, k) at state deviations z (N, n)."""
+        states = z + self._x
+        if len(self._names) == z.shape[1]:
+            return np.asarray(states)
+        return np.hstack([states, values_at(self._program, states)[:, z.shape[1] :]])
+
     def beyond(self, z: np.ndarray) -> np.ndarray:
         """Return the mask (N,) of deviations z (N, n) beyond a limit of a state or output."""
-        signals = z + self._x
-        if len(self._low) > z.shape[1]:
-            outputs = values_at(self._program, signals)[:, z.shape[1] :]
-            signals = np.hstack([signals, outputs])
+        signals = self._signals(z)
         return np.asarray(np.any((signals < self._low) | (signals > self._high), axis=1))
 
 
@@ -263,6 +282,12 @@ class Shape:
     def piece(self) -> Piece:
         """Return the set as a piece of level 1, with rounded coefficients."""
         return Piece(self.M, self.basis.polynomial(self.coefficients), 1.0)
+
+    def level_set(self) -> LevelSet:
+        """Return the set {V <= 1} in the deviations z, in double precision."""
+        V = PolynomialFunction(self.coefficients, self.basis.powers).substituted(self.M)
+        lengths = np.linalg.norm(self.edge_points(4 * _RAYS), axis=1)
+        return LevelSet(V, 1.0, self.N * _AROUND * lengths.max())
 
     def edges(self, rays: np.ndarray, level: float = 1.0) -> np.ndarray:
         """Return for each ray y (N, n) the lowest factor at which V reaches a level, (N,).

@@ -74,7 +74,7 @@ class _Step:
         for row, (low, high) in zip(rows, room.tolist(), strict=True):
             self._bounded(self._beyond(row, low, high), 1)
         self.problem.cost(self.theta, _means(self.exponents))
-        solution = self.problem.solve(margin=MARGIN, seconds=_SECONDS)
+        solution = self.problem.solve(margin=MARGIN, seconds=min(_SECONDS, self.search.clock.left))
         if solution is None:
             return None
         coefficients = solution.x[self.theta]

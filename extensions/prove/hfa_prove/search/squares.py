@@ -382,6 +382,7 @@ def positive(
     degrees: tuple[int, int],
     variables: int,
     enough: float | None = None,
+    seconds: float = np.inf,
 ) -> tuple[float, dict[str, Any]] | None:
     """Return the margin of a sum-of-squares proof that a target is positive, and its Gram matrices.
 
@@ -393,6 +394,7 @@ def positive(
     degrees: lowest and highest degree of the monomials of the target's Gram matrix
     variables: number of variables
     enough: a margin at which the solver may stop, or None to maximize the margin
+    seconds: limit of the processor time, s
     """
     size = target.size
     problem = Squares(variables)
@@ -401,7 +403,7 @@ def positive(
     multipliers = {}
     for name, constraint, multiplied in constraints:
         multipliers[name] = problem.subtract(identity, *multiplied, constraint)
-    solution = problem.solve(enough=enough)
+    solution = problem.solve(seconds=seconds, enough=enough)
     if solution is None:
         return None
 

@@ -19,12 +19,12 @@ from hfa_flight.problem import flight_problem
 from hfa_prove.certificate import read_statement
 from hfa_prove.check.game import SAME_GAIN
 from hfa_prove.commands.given_region import _same_policy, given_by, given_for
-from hfa_prove.commands.region_boxes import ProvedPolicy, loop_of
+from hfa_prove.commands.policies import GivenPolicy
 from hfa_prove.commands.request import CheckRequest
 from hfa_prove.fields import Stated
 from hfa_prove.problem import given_of
-from hfa_prove.report_boxes import checked_report
 from hfa_prove.report_cost import checked_bound_report
+from hfa_prove.report_region import checked_report
 from hfa_prove.statements.cost import CostStatement
 from hfa_prove.statements.loop import Gain
 from hfa_prove.statements.piece import Piece, Polynomial
@@ -158,7 +158,7 @@ def region(cart: Model, degree: int) -> RegionStatement:
     """
     linear = linearize(cart, trim(cart))
     gain = Gain(K, {"force": ((-0.1, (3, 0)),)})
-    loop = loop_of(linear, ProvedPolicy.of_gain(gain, ("force",), "a gain", None))
+    loop = GivenPolicy.of_gain(linear, gain, "a gain", None).problem.loop
     ends = dict.fromkeys(loop.states, (-1.0, 1.0))
     return RegionStatement(loop, dict.fromkeys(loop.states, 0.0), piece(degree), ends)
 
@@ -214,7 +214,7 @@ def test_region_fields_are_compared_or_printed(degree: int, aircraft: str, cart:
         return made
 
     def text_of(statement: RegionStatement) -> str:
-        return checked_report(as_proved(statement), "the gain K").text()
+        return checked_report(as_proved(statement)).text()
 
     request = CheckRequest(model=cart, aircraft=aircraft, typed=frozenset({"aircraft"}))
     statement = region(cart, degree)
@@ -273,7 +273,8 @@ def test_the_digest_of_a_network_is_compared(cart: Model) -> None:
     """A network with other weights than the certificate's policy is refused."""
     linear = linearize(cart, trim(cart))
     gains = [Gain(gain, {}).function(("force",)) for gain in (K, 1.001 * K)]
-    loops = [loop_of(linear, ProvedPolicy(gain, "a network")) for gain in gains]
+    policies = [GivenPolicy(linear, gain, None, "a network", []) for gain in gains]
+    loops = [policy.problem.loop for policy in policies]
     statement = RegionStatement(
         loops[0],
         {"place": 0.0, "speed": 0.0},

@@ -33,8 +33,10 @@ from hfa_prove.check.cover import (
 from hfa_prove.check.equilibrium import Equilibrium, zero_near
 from hfa_prove.check.loop_boxes import Decrease
 from hfa_prove.check.region_boxes import check_region
-from hfa_prove.commands.region_boxes import scalars
-from hfa_prove.search.region_boxes import RegionSearch
+from hfa_prove.commands.policies import scalars
+from hfa_prove.search.clock import Clock
+from hfa_prove.search.region_boxes import BoxesSearch
+from hfa_prove.search.region_search import RegionProblem, Settings
 from hfa_prove.search.shape_boxes import Growth, Shape
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.piece import Piece, Polynomial
@@ -360,8 +362,8 @@ def test_an_interrupted_search_returns_the_proved_region() -> None:
     gain = Gain(K, {})
     loop = statement_of(gain.function(("torque",)))[0].loop
     with interruptible(interrupt) as progress:
-        search = RegionSearch(loop, [], seconds=30.0, progress=progress, save=saved.append)
-        found = search.found()
+        settings = Settings(2, Clock(30.0, progress), saved.append)
+        found = BoxesSearch(RegionProblem(loop), settings).found()
     assert signal.getsignal(signal.SIGINT) is before
     assert found.stopped == "interrupted"
     assert found.statement is saved[-1].statement
@@ -426,14 +428,14 @@ def test_a_kink_at_the_equilibrium_is_named() -> None:
     none = ca.Function("u", [ca.SX.sym("z", 2)], [ca.SX(0, 1)])
     loop = Loop(model, {}, dict.fromkeys(names, 0.0), {}, {}, {}, none)
     with pytest.raises(NoSolutionError, match="rate of rate has a kink in rate at the equil"):
-        RegionSearch(loop, [], seconds=0.2).found()
+        BoxesSearch(RegionProblem(loop), Settings(2, Clock(0.2))).found()
 
 
 def test_a_set_beyond_a_limit_is_scaled() -> None:
     """The search scales a set that extends beyond a limit, so that it is just within the limit."""
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {"x": (-1.0, 0.6)}, none)
-    search = RegionSearch(loop, [], seconds=1.0)
+    search = BoxesSearch(RegionProblem(loop), Settings(2, Clock(1.0)))
     for reach, expected in ((0.7, 0.6), (0.5, 0.5)):
         shape = Shape.of_matrix(np.eye(1) / reach**2, search.J, 2)
         part = search._part(shape, 1.0)
@@ -455,7 +457,7 @@ def test_an_obstacle_in_a_slow_direction_is_found() -> None:
     model = Model("needle", {name: Signal("m") for name in rates}, {}, equations, trim={})
     none = ca.Function("u", [ca.SX.sym("z", 4)], [ca.SX(0, 1)])
     loop = Loop(model, {}, dict.fromkeys(rates, 0.0), {}, {}, {}, none)
-    search = RegionSearch(loop, [], seconds=1.0)
+    search = BoxesSearch(RegionProblem(loop), Settings(2, Clock(1.0)))
     bound = Shape.of_matrix(np.eye(4), search.J, 2).bound(search.samples, 1.0)
     assert bound.rises
     assert bound.level == pytest.approx(0.25, rel=0.02)
@@ -487,7 +489,7 @@ def test_a_set_grows_from_any_initial_v(weight: float) -> None:
     none = ca.Function("u", [ca.SX.sym("z", 2)], [ca.SX(0, 1)])
     limits = {"slow": (-1.0, 1.0), "fast": (-10.0, 10.0)}
     loop = Loop(model, {}, dict.fromkeys(states, 0.0), {}, {}, limits, none)
-    search = RegionSearch(loop, [], seconds=1.0)
+    search = BoxesSearch(RegionProblem(loop), Settings(2, Clock(1.0)))
     P = solve_continuous_lyapunov(search.J.T, -np.diag([1.0, weight]))
     shape = Shape.of_matrix(P * np.linalg.inv(P)[0, 0], search.J, 2)
     first = search._good(shape, quick=True)
@@ -529,7 +531,7 @@ def test_a_maximum_of_v_bounds_the_level() -> None:
     """
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {"x": (-2.0, 2.0)}, none)
-    search = RegionSearch(loop, [], seconds=1.0)
+    search = BoxesSearch(RegionProblem(loop), Settings(2, Clock(1.0)))
     shape = Shape.of_matrix(np.eye(1), search.J, 4)
     crested = replace(shape, coefficients=np.array([1.0, 0.0, -0.3]))
     assert crested.bound(search.samples, 1.5).level == pytest.approx(1.0 / 1.2, rel=0.01)

@@ -14,6 +14,7 @@ from tank import LIMITS, TANK
 from hfa_prove.certificate import read_content
 from hfa_prove.check.region_squares import check_region
 from hfa_prove.fields import NOT_PROVED
+from hfa_prove.search.clock import Clock
 from hfa_prove.search.level import LevelSearch, Setting, accepted, holding_ball
 from hfa_prove.search.monomials import PolynomialFunction
 from hfa_prove.statements.loop import Gain, Loop
@@ -45,9 +46,9 @@ def content(kind: str) -> dict[str, Any]:
         Gain(np.array([[2.0]]), {"valve": ((-0.25, (3,)),)}),
     )
     V = PolynomialFunction.of_terms([(value, powers) for value, powers in terms])
-    T = holding_ball(V, rho, V.coordinates())
+    T = holding_ball(V, rho, V.coordinates(), Clock(600.0))
     assert T is not None
-    level = accepted(LevelSearch(loop, V, rho, T, setting))
+    level = accepted(LevelSearch(loop, V, rho, T, setting, Clock(600.0)))
     assert level is not None
     closing = dict.fromkeys(("schema", "toolchain", "digest", "provenance", "checksum"))
     claims = {"statement": level.statement.content(), "witness": level.witness}

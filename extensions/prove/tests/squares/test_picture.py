@@ -12,10 +12,11 @@ from pendulum_regions import PENDULUM
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.march.ending import Outcome
 from hfa_prove.picture import region_figure
-from hfa_prove.search.level import ProvedLevel
 from hfa_prove.search.monomials import PolynomialFunction
-from hfa_prove.search.plant import Plant, saturated_loop
-from hfa_prove.search.region_squares import Bounds, Region
+from hfa_prove.search.obstacles import LevelSet, Obstacles
+from hfa_prove.search.plant import Plant, loop_at
+from hfa_prove.search.region_search import Region
+from hfa_prove.statements.loop import Gain
 from hfa_prove.statements.region import RegionStatement
 from trim.point.linearize import linearize
 from trim.point.solve import trim
@@ -28,16 +29,19 @@ def region() -> Region:
     The region has a state with V' >= 0 outside and an initial condition that does not converge.
     """
     model = load_model(PENDULUM)
-    loop = saturated_loop(linearize(model, trim(model)), np.array([[2.0, 1.0]]))
+    loop = loop_at(linearize(model, trim(model)), Gain(np.array([[2.0, 1.0]])))
     V = PolynomialFunction.quadratic(np.diag([1.0, 1.0 / 36.0]))
     statement = RegionStatement.of_terms(
         loop, V.terms, 0.25, {"angle": (-0.5, 0.5), "rate": (-3.0, 3.0)}
     )
-    bounds = Bounds(
+    obstacles = Obstacles(
         (0.3, np.array([0.5, 0.0])), {Outcome.DIVERGED: (0.5, np.array([0.6, 1.0]))}, ()
     )
-    proved = ProvedLevel(statement, {}, 1)
-    return Region(proved, V, "a test", bounds, Plant(loop), np.diag([0.5, 3.0]))
+    level_set = LevelSet(V, 0.25, np.diag([0.5, 3.0]))
+    plant = Plant(loop)
+    return Region(
+        statement, {}, 1, level_set, statement.extents, "a test", plant, obstacles=obstacles
+    )
 
 
 def lines(axes: Axes) -> dict[str, Line2D]:
@@ -61,7 +65,7 @@ def test_the_picture_shows_set_limits_and_box(region: Region) -> None:
     assert {"proved", rise, least, starts, "box of a critic's comparison"} <= set(shown)
     for name, level in (("proved", 0.25), (rise, 0.3), (least, 0.5)):
         points = np.radians(np.column_stack(shown[name].get_data()))
-        assert np.allclose(region.V(points), level)
+        assert np.allclose(region.set.V(points), level)
     x, y = shown["box of a critic's comparison"].get_data()
     corners = set(zip(np.abs(x), np.abs(y), strict=True))
     assert corners == {(np.degrees(1.0), np.degrees(8.0))}
@@ -70,7 +74,7 @@ def test_the_picture_shows_set_limits_and_box(region: Region) -> None:
     assert axes.get_xlabel() == "angle, deg"
     assert axes.get_ylabel() == "rate, deg/s"
     lost = np.radians(np.column_stack(shown[starts].get_data()))
-    assert np.all(region.V(lost) > 0.25)
+    assert np.all(region.set.V(lost) > 0.25)
 
 
 def test_a_much_larger_box_is_stated_in_label(

@@ -21,10 +21,12 @@ from hfa_prove.certificate import read_content
 from hfa_prove.check import check_certificate
 from hfa_prove.check.loop_squares import RegionLoop
 from hfa_prove.check.region_squares import check_region
-from hfa_prove.commands.given_region import policy_terms
+from hfa_prove.commands.polynomials import policy_terms
 from hfa_prove.fields import Rejected
+from hfa_prove.search.clock import Clock
 from hfa_prove.search.monomials import PolynomialFunction, edge_points
-from hfa_prove.search.plant import Plant, outcomes
+from hfa_prove.search.obstacles import outcomes
+from hfa_prove.search.plant import Plant
 from hfa_prove.statements.loop import Gain
 from hfa_prove.statements.plant import Subject
 from hfa_support.errors import BadInputError
@@ -151,7 +153,7 @@ def test_flights_from_the_edge_converge(certificate: Path, model: Model) -> None
     T = V.coordinates()
     edge = edge_points(V, T, 1.0)[::50] @ T.T
     plant = Plant(statement.loop)
-    found = outcomes(plant, edge, lambda z: V(z) <= 1e-4, 20.0)
+    found = outcomes(plant, edge, lambda z: V(z) <= 1e-4, 20.0, Clock(60.0))
     assert set(found.tolist()) == {Outcome.CONVERGED}
     z = ca.SX.sym("z", 2)
     command = ca.Function("u", [z], [plant.command(z)])

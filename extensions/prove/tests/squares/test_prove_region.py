@@ -17,7 +17,7 @@ def test_python_and_the_command_report_equal_regions(model: Model) -> None:
     """
     point = hfa.trim(model)
     solution = hfa.solve(nominal_game(point.linearize()))
-    region = hfa.prove_region(model, point, solution, seconds=0.1)
+    region = hfa.prove_region(model, point, solution, seconds=20.0)
     assert region.rho > 0.0
     assert [low < 0.0 < high for low, high in region.extents.values()] == [True, True]
     assert repr(region).startswith("Proved: region of attraction of pendulum")

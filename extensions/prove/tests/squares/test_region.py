@@ -30,11 +30,13 @@ from hfa_prove.certificate import read_content
 from hfa_prove.check import check_certificate
 from hfa_prove.check.region_squares import check_region
 from hfa_prove.fields import Rejected
-from hfa_prove.report_squares import region_report
-from hfa_prove.search.level import ProvedLevel
+from hfa_prove.report_region import region_report
+from hfa_prove.search.clock import Clock
 from hfa_prove.search.monomials import PolynomialFunction
-from hfa_prove.search.plant import Plant, outcomes
-from hfa_prove.search.region_squares import RegionSearch, starts_by_outcome
+from hfa_prove.search.obstacles import LevelSet, outcomes, starts_by_outcome
+from hfa_prove.search.plant import Plant
+from hfa_prove.search.region import proved_region
+from hfa_prove.search.region_search import Region, RegionProblem
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.region import RegionStatement
@@ -94,7 +96,10 @@ def test_rays_contain_nonconverging_initial_conditions(certificate: Path, model:
     V = PolynomialFunction.of_terms(statement.terms)
     T = np.sqrt(statement.rho) * np.linalg.inv(np.linalg.cholesky(V.matrix())).T * 1.0001
     rays = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]) * np.linalg.norm(T, axis=1)
-    starts = starts_by_outcome(Plant(statement.loop), V, statement.rho, T, rays)[Outcome.DIVERGED]
+    level_set = LevelSet(V, statement.rho, T)
+    starts = starts_by_outcome(Plant(statement.loop), level_set, rays, Clock(60.0))[
+        Outcome.DIVERGED
+    ]
     # The torque cannot lift the pendulum from the horizontal, nor stop it beyond some rate.
     assert len(starts) == 3
     assert np.all(V(starts) > statement.rho)
@@ -162,7 +167,7 @@ def _not_converged(
     def near(z: np.ndarray) -> np.ndarray:
         return V(z) <= 1e-4 * statement.rho
 
-    return outcomes(Plant(statement.loop), starts, near, 20.0) != Outcome.CONVERGED
+    return outcomes(Plant(statement.loop), starts, near, 20.0, Clock(60.0)) != Outcome.CONVERGED
 
 
 def test_a_set_beyond_limits_of_state_is_refused(certificate: Path, model: Model) -> None:
@@ -198,19 +203,23 @@ def test_an_interrupted_search_reports_its_region() -> None:
     sink = Model("sink", {"x": Signal(min=-1.0, max=1.0)}, {}, _cubic, trim={"x": 0.0})
     loop = Loop(sink, {}, {"x": 0.0}, {}, {}, {"x": (-1.0, 1.0)}, Gain(np.zeros((0, 1))))
     before = signal.getsignal(signal.SIGINT)
-    saved: list[ProvedLevel] = []
+    saved: list[Region] = []
 
     def interrupt(done: float, whole: float, what: str = "", /) -> None:
-        if not saved:
+        if saved:
             os.kill(os.getpid(), signal.SIGINT)
 
     with interruptible(interrupt) as progress:
-        search = RegionSearch(
-            loop, None, seconds=600.0, degree=6, progress=progress, save=saved.append
+        found = proved_region(
+            RegionProblem(loop),
+            ("squares",),
+            degree=6,
+            seconds=600.0,
+            progress=progress,
+            save=saved.append,
         )
-        found = search.found()
     assert signal.getsignal(signal.SIGINT) is before
-    assert found.proved is saved[-1]
+    assert found.statement is saved[-1].statement
     report = region_report(found)
     assert "No larger set is proved: interrupted." in report.text()
     assert report.data["stopped"] == "interrupted"
@@ -256,7 +265,7 @@ def test_verify_reports_the_region(tmp_path: Path, capsys: pytest.CaptureFixture
     weights = str(tmp_path / "pendulum.npz")
     assert main(["solve", "--aircraft", PENDULUM, "-o", weights]) == 0
     capsys.readouterr()
-    words = ["verify", "--aircraft", PENDULUM, "--weights", weights, "--region", "0.1"]
+    words = ["verify", "--aircraft", PENDULUM, "--weights", weights, "--region", "20"]
     assert main([*words, "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     assert complaints_about(data) == []

@@ -12,7 +12,7 @@ from pendulum_deployment import pendulum_deployment
 import hfa
 from hfa.main import main
 from hfa_aircraft.loading import load_model
-from hfa_prove.commands.region_boxes import deployment_policy
+from hfa_prove.commands.policies import _deployment
 
 PENDULUM = ["--aircraft", "examples/pendulum.py:PENDULUM", "--Q", "1,1", "--R", "1"]
 
@@ -36,11 +36,11 @@ def test_the_continuous_policy_equals_the_unsampled_file(tmp_path: Path) -> None
     file = Path(options_of_deployment(tmp_path)[-1])
     model = load_model(PENDULUM[1])
     linear = hfa.linearize(model, hfa.trim(model))
-    policy = deployment_policy(file, linear)
+    policy = _deployment(file, linear, [])
     trim = np.zeros(policy.function.numel_in(1))
     torque = float(policy.function(np.array([0.1, -0.3]), trim))
     assert torque == pytest.approx(-1.98 * 0.1 + 0.98 * 0.3)
-    assert policy.not_covered == "sampling (0.02 s), delay (0.04 s), actuators, disturbances"
+    assert policy.timing == "sampling (0.02 s), delay (0.04 s), actuators"
 
 
 @pytest.mark.slow

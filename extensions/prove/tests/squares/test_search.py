@@ -10,11 +10,12 @@ from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
 import hfa
 from hfa_aircraft.loading import load_model
+from hfa_prove.search.clock import Clock
 from hfa_prove.search.level import Setting, ball_of, proved_level
 from hfa_prove.search.monomials import PolynomialFunction
-from hfa_prove.search.obstacles import first_obstacle
-from hfa_prove.search.plant import Plant, saturated_loop
-from hfa_prove.statements.loop import Loop
+from hfa_prove.search.obstacles import first_obstacle, rises
+from hfa_prove.search.plant import Plant, loop_at
+from hfa_prove.statements.loop import Gain, Loop
 
 F16 = f"{Path(__file__).parents[4] / 'examples' / 'f16_constant.py'}:F16"
 SETTING = Setting(5, 2)
@@ -28,7 +29,7 @@ def loop() -> Loop:
     Q = np.diag([model.signals[name].nominal ** -2.0 for name in linear.states])
     R = np.diag([model.signals[name].nominal ** -2.0 for name in linear.inputs])
     P = solve_continuous_are(linear.A, linear.B, Q, R)
-    return saturated_loop(linear, np.linalg.solve(R, linear.B.T @ P))
+    return loop_at(linear, Gain(np.linalg.solve(R, linear.B.T @ P)))
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +37,7 @@ def V(loop: Loop) -> PolynomialFunction:
     """Return a Lyapunov function of the linearization, with nominal values as units."""
     plant = Plant(loop)
     Q = np.diag(plant.nominal**-2.0)
-    return PolynomialFunction.quadratic(solve_continuous_lyapunov(plant.closed_matrix.T, -Q))
+    return PolynomialFunction.quadratic(solve_continuous_lyapunov(plant.J.T, -Q))
 
 
 def test_constant_derivatives_keep_the_f16s_trim(loop: Loop) -> None:
@@ -51,7 +52,7 @@ def test_a_small_level_of_f16_is_proved(loop: Loop, V: PolynomialFunction) -> No
     """A small level of the F-16 is proved with one part."""
     T = ball_of(V.matrix(), 1.0)
     rho = 1e-3
-    proved = proved_level(loop, V, rho, SETTING, T)
+    proved = proved_level(loop, V, rho, SETTING, T, Clock(600.0))
     assert proved is not None
     assert proved.statement.rho == pytest.approx(rho)
     assert proved.parts == 1  # so small a set does not reach the limits of the inputs
@@ -67,12 +68,12 @@ def test_largest_level_of_f16_within_limits_is_proved(loop: Loop, V: PolynomialF
     widths = np.einsum("ki,ij,kj->k", plant.limited_rows, np.linalg.inv(P), plant.limited_rows)
     rho = 0.999 * float(np.min(np.min(np.abs(plant.permitted_deviations), axis=1) ** 2 / widths))
     T = ball_of(P, rho)
-    proved = proved_level(loop, V, rho, SETTING, T)
+    proved = proved_level(loop, V, rho, SETTING, T, Clock(600.0))
     assert proved is not None
     assert proved.statement.rho == pytest.approx(rho)
     assert proved.parts == 3  # the elevator reaches both of its limits
     # Twice as far out, alpha exceeds its limits.
-    beyond = proved_level(loop, V, 4.0 * rho, SETTING, T)
+    beyond = proved_level(loop, V, 4.0 * rho, SETTING, T, Clock(600.0))
     assert beyond is None or beyond.statement.rho <= rho / 0.999
 
 
@@ -81,5 +82,5 @@ def test_an_increasing_function_is_not_proved(loop: Loop) -> None:
     plant = Plant(loop)
     length = PolynomialFunction.quadratic(np.diag(plant.nominal**-2.0))
     T = ball_of(length.matrix(), 1e-3)
-    assert first_obstacle(plant.rises(length.slope), length, T, quick=True)[0] < 1e-5
-    assert proved_level(loop, length, 1e-3, SETTING, T) is None
+    assert first_obstacle(rises(plant, length.slope), length, T, quick=True)[0] < 1e-5
+    assert proved_level(loop, length, 1e-3, SETTING, T, Clock(600.0)) is None

@@ -22,11 +22,12 @@ from hfa_prove.certificate import read_content, write_certificate
 from hfa_prove.check.region_boxes import check_region as check_on_boxes
 from hfa_prove.check.region_squares import check_region
 from hfa_prove.fields import NOT_PROVED
+from hfa_prove.search.clock import Clock
 from hfa_prove.search.invariant import EdgeSearch
 from hfa_prove.search.level import LevelSearch, Setting, accepted, holding_ball
 from hfa_prove.search.monomials import PolynomialFunction
-from hfa_prove.search.plant import saturated_loop
-from hfa_prove.statements.loop import Loop
+from hfa_prove.search.plant import loop_at
+from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.region import BoxWitness
 
@@ -57,21 +58,21 @@ def proved(path: Path, aircraft: str, *words: str) -> str:
 
 def quickly_proved(path: Path, aircraft: str, *words: str) -> str:
     """Prove a region quickly, with V of degree 2, as `proved` does."""
-    return proved(path, aircraft, "--degree", "2", "--seconds", "0.1", *words)
+    return proved(path, aircraft, "--degree", "2", "--seconds", "20", "--prover", "squares", *words)
 
 
 def pendulum_loop(model: Model) -> Loop:
     """Return the closed loop of the pendulum with the LQR that `hfa prove region` uses."""
     linear = hfa.linearize(model, hfa.trim(model))
-    return saturated_loop(linear, hfa.solve(nominal_game(linear)).K)
+    return loop_at(linear, Gain(hfa.solve(nominal_game(linear)).K))
 
 
 def certified(path: Path, loop: Loop, rho: float) -> Path:
     """Write the certificate of one level rho of V, proved without a search, and return its path."""
     search = EdgeSearch if loop.disturbances else LevelSearch
-    T = holding_ball(V, rho, V.coordinates())
+    T = holding_ball(V, rho, V.coordinates(), Clock(600.0))
     assert T is not None
-    level = accepted(search(loop, V, rho, T, Setting(8, 4, 2)))
+    level = accepted(search(loop, V, rho, T, Setting(8, 4, 2), Clock(600.0)))
     assert level is not None
     origin = {"version": "0.3.0", "command": "a test", "date": "2026-01-01"}
     write_certificate(path, level.statement, level.witness, origin)

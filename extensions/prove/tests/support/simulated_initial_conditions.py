@@ -80,7 +80,7 @@ def _simulate(
     The second number counts flights within the set and limits that do not converge in the simulated
     time.
     """
-    modes = np.linalg.eigvals(plant.closed_matrix)
+    modes = np.linalg.eigvals(plant.J)
     step = 1.0 / (_STEPS * float(np.max(np.abs(modes))))
     seconds = _CONSTANTS / float(np.min(np.abs(modes.real)))
     z = starts

@@ -1,0 +1,118 @@
+"""What the searches for a region have in common: the problem, candidates for V, the result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+
+from hfa_prove.search.clock import Clock
+from hfa_prove.search.monomials import PolynomialFunction
+from hfa_prove.search.obstacles import LevelSet, LoopValues, Obstacles
+from hfa_prove.statements.loop import Loop
+from hfa_prove.statements.region import RegionStatement
+from hfa_support.errors import NoSolutionError
+
+
+@dataclass(frozen=True, eq=False)
+class RegionProblem:
+    """Closed loop whose region of attraction, or invariant set, is to be proved.
+
+    loop: the loop, with disturbances for an invariant set
+    known: pairs of a description and a matrix P, each of which gives a candidate V = z'P z
+    """
+
+    loop: Loop
+    known: Sequence[tuple[str, np.ndarray]] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """A proved region of attraction or invariant set.
+
+    statement: the proved statement
+    witness: data for the proof, as stored in a certificate
+    size: number of boxes, or of parts of the set, on which V' < 0 is proved
+    set: the set in double precision
+    extents: state -> lowest and highest deviation in the set
+    origin: description of V
+    loop: the closed loop in double precision
+    rise: lowest V found with V' >= 0 and the state deviation there, (inf, None) if none was found,
+        or None before it is searched
+    obstacles: obstacles to a larger set, None before they are searched
+    stopped: reason why no larger set is proved, or ""
+    others: other prover -> what it proved, or why it proved nothing
+    tried: further V, each with level 1 proved in double precision
+    """
+
+    statement: RegionStatement
+    witness: Mapping[str, Any]
+    size: int
+    set: LevelSet
+    extents: Mapping[str, tuple[float, float]]
+    origin: str
+    loop: LoopValues
+    rise: tuple[float, np.ndarray | None] | None = None
+    obstacles: Obstacles | None = None
+    stopped: str = ""
+    others: Mapping[str, str] = field(default_factory=dict)
+    tried: Sequence[PolynomialFunction] = ()
+
+    @property
+    def rho(self) -> float:
+        """Proved level of V."""
+        return self.statement.rho
+
+    @property
+    def prover(self) -> str:
+        """Name of the prover."""
+        return str(self.witness["prover"])
+
+
+@dataclass(frozen=True, eq=False)
+class Settings:
+    """Settings of a search.
+
+    degree: highest degree of V
+    clock: limit of the processor time, and progress
+    save: called with each larger region that is proved, or None
+    earlier: region of an earlier run, from which the search continues, or None
+    """
+
+    degree: int
+    clock: Clock
+    save: Callable[[Region], None] | None = None
+    earlier: Region | None = None
+
+
+def lyapunov_matrices(J: np.ndarray, nominal: np.ndarray, count: int) -> Iterator[np.ndarray]:
+    """Yield positive definite P (n, n) with J'P + P J = -diag(w²), J the matrix of the linear loop.
+
+    The first weights w (n,) are 1 / nominal. Each entry of the other weights is this value times a
+    random factor from 0.1 to 10.
+
+    count: number of weights
+    """
+    generator = np.random.default_rng(0)
+    for index in range(count):
+        factors = 10.0 ** generator.uniform(-1.0, 1.0, len(J))
+        weights = factors / nominal if index > 0 else 1.0 / nominal
+        P = scipy.linalg.solve_continuous_lyapunov(J.T, -np.diag(weights**2))
+        if np.all(np.linalg.eigvalsh(P) > 0.0):
+            yield P
+
+
+def refuse_unstable(J: np.ndarray) -> None:
+    """Raise NoSolutionError unless every eigenvalue of J (n, n) has a negative real part.
+
+    J: linearization of the loop
+    """
+    modes = np.linalg.eigvals(J)
+    if not np.all(modes.real < 0.0):
+        raise NoSolutionError(
+            "the loop's linearization is not Hurwitz (largest real part of an eigenvalue: "
+            f"{modes.real.max():.3g}); only equilibria with a stable linearization are supported"
+        )

@@ -1,0 +1,1 @@
+"""Study of the provers of regions of attraction."""
