@@ -10,6 +10,7 @@ import numpy as np
 
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.march.cost import Cost
+from hfa_aircraft.march.refinement import Figures, IntegrationError, resolved
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs
 from hfa_flight.air.gust_equations import in_gusts
@@ -49,7 +50,7 @@ from hfa_flight.own_steps import (
     refuse_method,
     timed_by,
 )
-from hfa_flight.policies.given import policy_and_scenario
+from hfa_flight.policies.given import PythonPolicy, policy_and_scenario
 from hfa_flight.policies.policy import GainPolicy
 from hfa_flight.scenario import MOST_STEPS, Scenario, Uncertainty, with_errors
 from hfa_flight.simulation import CompiledLoop
@@ -78,6 +79,8 @@ UNDISTURBED = (
 #: Largest deviation at which a flight counts as remaining at trim, in the units of states and
 #: inputs.
 _STILL = 1e-6
+#: Nominal values of the states to which changes of smaller deviations are relative.
+_SMALL = 1e-3
 
 
 @checks_arguments
@@ -93,6 +96,7 @@ def fly(
     predict: bool = True,
     method: str = RUNGE_KUTTA,
     step: float | None = None,
+    weights: tuple[np.ndarray, np.ndarray] | None = None,
     progress: Progress | None = None,
 ) -> Flight:
     """Simulate a policy u on the nonlinear aircraft X' = f(X, U0 + u, w) + d and return the flight.
@@ -100,6 +104,10 @@ def fly(
     The flight ends at the first tick in which it leaves the envelope. With `predict`, the flight of
     the linear model x' = A x + B u + E w + d with nominal parameters is included, up to the same
     time.
+
+    The flight is simulated again with half the integration step. If the cost or a largest deviation
+    changes by more than 0.1 %, the step is halved again, at most three times. A policy that is a
+    Python function of (t, X) is called in one flight alone.
 
     model: the aircraft with nominal parameters
     point: the trim X0, U0, relative to which x and u are defined
@@ -116,6 +124,7 @@ def fly(
     method: "runge-kutta", or for a JSBSim aircraft "jsbsim": JSBSim's integration steps and Earth
       model, with the lags of engines and filters
     step: integration step of method "jsbsim", s. Default: 1/120
+    weights: Q (k, k) and R (m, m) of the cost of the flight, or None without a cost
     progress: called during the nonlinear flight
 
     Raises BadInputError if the flight does not begin inside the envelope, the scenario has random
@@ -143,7 +152,17 @@ def fly(
         loop = replace(loop, scenario=happens)
     within = envelope if isinstance(envelope, Limits) else flight_envelope(model, point, envelope)
     compiled = in_own_steps(loop) if method == JSBSIM else CompiledLoop(loop)
-    result = replace(fly_within(compiled, within, progress=progress), method=method)
+
+    def flown_in(parts: int) -> Flight:
+        finer = compiled if parts == 1 else compiled.refined(parts)
+        flight = fly_within(finer, within, progress=progress)
+        return replace(flight, method=method, weights=weights)
+
+    if method == JSBSIM or isinstance(flown, PythonPolicy):
+        result = flown_in(1)
+    else:
+        result, error = resolved(flown_in, _figures, happens.step)
+        result = replace(result, integration=error)
     start = result.flight.limited[0] + np.array(point.states)
     refuse_start(within, start, happens.moving_air)
     if not predict:
@@ -151,6 +170,27 @@ def fly(
     linear = replace(loop, plant=LinearPlant.at(model, point, loop.wind_names))
     ticks = (len(result.flight.times) - 1) // happens.steps_per_tick
     return replace(result, predicted=CompiledLoop(linear).fly(ticks=ticks))
+
+
+def _figures(flight: Flight) -> Figures:
+    """Return the figures that must not depend on the integration step.
+
+    They are the largest deviations, the cost, and the time of a departure. Changes are relative, at
+    least to `_SMALL` nominal values.
+    """
+    model = flight.model
+    nominal = {name: model.states[name].nominal for name in model.states}
+    figures = {
+        f"the largest deviation of {name}": (value, _SMALL * nominal.get(name, 1.0))
+        for name, value in flight.largest_deviation.items()
+    }
+    if flight.departure is not None:
+        figures["the time of the departure"] = (flight.departure.time, flight.loop.scenario.tick)
+    if flight.cost is not None and flight.weights is not None:
+        z = _SMALL * np.array([nominal[name] for name in model.linear])
+        least = float(z @ flight.weights[0] @ z) * flight.loop.scenario.duration
+        figures["the cost"] = (flight.cost, max(least, np.finfo(float).tiny))
+    return figures
 
 
 def _scenario_of_flight(
@@ -261,6 +301,8 @@ class Flight(StatesAndInputs, Result, Reported):
     decay: decaying oscillation at the end: name, time to half in s, frequency in rad/s, or None.
     method: "runge-kutta" or "jsbsim"
     weights: Q (k, k) and R (m, m) of the cost of the flight, or None without a cost
+    integration: change of the reported figures with half the integration step, or None for a method
+        or a policy that cannot be simulated with it
 
     >>> import hfa
     >>> model = hfa.aircraft()
@@ -281,6 +323,7 @@ class Flight(StatesAndInputs, Result, Reported):
     decay: Decay | None = None
     method: str = RUNGE_KUTTA
     weights: tuple[np.ndarray, np.ndarray] | None = field(default=None, metadata=UNSTORED)
+    integration: IntegrationError | None = None
 
     @property
     @stored("operating_point")
@@ -490,6 +533,8 @@ class Flight(StatesAndInputs, Result, Reported):
         if self.decay is not None:
             lines.append(self.decay.text())
         lines += [f"exceeded control limit: {excess.text()}" for excess in self.exceeded]
+        if self.integration is not None and not self.integration.is_resolved:
+            lines.append(self.integration.text())
         if self.loop.scenario.gust is not None:
             lines += self.loop.scenario.gust.left_out(self.model)
         return "\n".join(lines)
@@ -559,6 +604,8 @@ class Flight(StatesAndInputs, Result, Reported):
                 f"Cost of this flight of {self.flown:g} s with Q and R: {self.cost:.6g}, "
                 "without the cost after its end."
             )
+        if self.integration is not None and self.integration.is_resolved:
+            parts.append(self.integration.text())
         parts.append(Picture("flight.png", "States and inputs over time", self.figure))
         largest = max(np.abs(self.flight.states).max(), np.abs(self.flight.inputs).max())
         notes = [UNDISTURBED] if largest <= _STILL else []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 
 import casadi as ca
@@ -63,14 +64,24 @@ class CompiledLoop:
         self._alpha = -1
         if now.angle.numel():
             self._alpha = list(loop.plant.point.model.states).index(ALPHA)
-        self.stepper = self._runge_kutta(flights) if stepper is None else stepper(self)
+        self._flights = flights
+        self.stepper = self._runge_kutta(1) if stepper is None else stepper(self)
 
-    def _runge_kutta(self, flights: int) -> Stepper:
-        """Return the stepper of the Runge-Kutta method, as machine code if that saves time."""
+    def refined(self, parts: int) -> CompiledLoop:
+        """Return the loop with several Runge-Kutta steps in place of each."""
+        finer = copy(self)
+        finer.stepper = self._runge_kutta(parts)
+        return finer
+
+    def _runge_kutta(self, parts: int) -> Stepper:
+        """Return the stepper of the Runge-Kutta method, as machine code if that saves time.
+
+        parts: number of Runge-Kutta steps in place of each
+        """
         scenario = self.loop.scenario
-        parts = _parts_of_a_step(self.loop)
+        parts *= _parts_of_a_step(self.loop)
         steps = scenario.steps_per_tick
-        is_long = flights * scenario.ticks * steps * parts >= COMPILE_FROM_STEPS
+        is_long = self._flights * scenario.ticks * steps * parts >= COMPILE_FROM_STEPS
         return RungeKutta(
             self.rate, self.observed, scenario.step, steps, parts=parts, is_long=is_long
         )

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import hfa
+from hfa_flight.scenario import Scenario
 from hfa_support.errors import BadInputError
 
 #: v' = -v + u, x' = v: the step response of v is 1 - exp(-t).
@@ -108,3 +109,35 @@ def test_a_flight_is_exported_and_drawn() -> None:
     assert repr(flight).startswith("PASS: ")
     with pytest.raises(BadInputError, match="unknown variable 'sped'"):
         flight["sped"]
+
+
+@pytest.mark.parametrize("step", [0.01, 1.0, 2.5])
+def test_a_flight_states_its_integration_error(step: float) -> None:
+    """The step is halved until cost and largest speed are exact to about 0.1 %.
+
+    From a speed of 1, the cart has the speed exp(-t) and, with the weight 1 of the speed, the cost
+    0.5 (1 - exp(-20)). The cost is that of the trapezoidal rule at the stored steps.
+    """
+    weights = np.diag([0.0, 1.0]), np.eye(1)
+    scenario = Scenario(10.0, step, step)
+    flight = hfa.fly(CART, POINT, None, scenario=scenario, initial={"speed": 1.0}, weights=weights)
+    error = flight.integration
+    assert error.is_resolved
+    assert (error.step < step) == (step >= 1.0)
+    assert flight["position"][-1] == pytest.approx(1.0 - np.exp(-10.0), rel=2e-3)
+    assert flight.as_data()["integration"]["step"] == error.step
+    assert error.text() in str(flight.report())
+
+
+def test_a_python_function_is_called_in_one_flight_alone() -> None:
+    """The function is called once a tick, and no integration error is stated."""
+    called: list[float] = []
+
+    def push(t: float, X: object) -> dict[str, float]:
+        called.append(t)
+        return {"force": 1.0}
+
+    flight = hfa.fly(CART, POINT, push, 0.5, predict=False)
+    assert flight.integration is None
+    assert called == sorted(set(called))
+    assert "integration" not in flight.as_data()

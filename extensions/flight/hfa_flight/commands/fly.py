@@ -301,6 +301,10 @@ def fly(request: FlyRequest) -> int:
         warn(f"no --{request.model.schedule} is given: the flight is {planned.point.at_scheduled}")
     # With scheduled gains, the linear model at the first trim does not apply to other trims.
     predict = not isinstance(planned.policy, ScheduledGainPolicy)
+    weights = None
+    if {"policy.game.Q", "policy.game.R"} & request.typed.keys():
+        game = request.policy.game.game(linearize(planned.model, planned.point))
+        weights = (game.Q, game.R)
     result = fly(
         planned.model,
         planned.point,
@@ -310,11 +314,9 @@ def fly(request: FlyRequest) -> int:
         predict=predict,
         method=request.method,
         step=request.frame,
+        weights=weights,
         progress=ProgressLine("simulate"),
     )
-    if {"policy.game.Q", "policy.game.R"} & request.typed.keys():
-        game = request.policy.game.game(linearize(planned.model, planned.point))
-        result = replace(result, weights=(game.Q, game.R))
     report = result.report()
     request.show(
         report,

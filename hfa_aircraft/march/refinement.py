@@ -1,0 +1,82 @@
+"""Integration error of simulations, from simulations with half the step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import NamedTuple, TypeVar
+
+#: Relative change of the figures with half the step below which a simulation is resolved.
+RESOLVED = 1e-3
+#: Largest number of steps in place of one.
+_MOST = 8
+#: Relative changes below this are rounding.
+_ROUNDING = 1e-9
+
+Simulation = TypeVar("Simulation")
+#: Name of a reported figure -> its value, and the smallest value to which a change is relative.
+Figures = Mapping[str, tuple[float, float]]
+
+
+class IntegrationError(NamedTuple):
+    """Largest relative change of the reported figures of a simulation with half its step.
+
+    step: integration step, s
+    change: the change, inf if only one of both simulations has the figure
+    figure: name of the figure that changes most, or "" if none changes
+    """
+
+    step: float
+    change: float
+    figure: str
+
+    @property
+    def is_resolved(self) -> bool:
+        """True if no figure changes by more than `RESOLVED`."""
+        return self.change <= RESOLVED
+
+    def text(self) -> str:
+        """Return the integration error as a sentence."""
+        half = f"half the integration step of {1e3 * self.step:.3g} ms"
+        if not self.figure:
+            return f"No reported figure changes with {half}."
+        if self.is_resolved:
+            return f"With {half}, figures change by at most {100.0 * self.change:.2g} %."
+        by = "is another" if math.isinf(self.change) else f"changes by {100.0 * self.change:.2g} %"
+        return f"Not resolved: with {half}, {self.figure} {by}."
+
+
+def resolved(
+    simulate: Callable[[int], Simulation], figures: Callable[[Simulation], Figures], step: float
+) -> tuple[Simulation, IntegrationError]:
+    """Return a simulation whose figures hardly change with half its step, and its error.
+
+    The step is halved until no figure changes by more than `RESOLVED`, at most to 1 / `_MOST`. The
+    result is then the last simulation but one.
+
+    simulate: number of steps in place of one -> simulation
+    figures: figures of a simulation
+    step: integration step of simulate(1), s
+    """
+    parts = 1
+    flown = simulate(parts)
+    while True:
+        finer = simulate(2 * parts)
+        figure, change = _largest_change(figures(flown), figures(finer))
+        if change <= RESOLVED or 2 * parts >= _MOST:
+            return flown, IntegrationError(step / parts, change, figure)
+        flown = finer
+        parts *= 2
+
+
+def _largest_change(before: Figures, after: Figures) -> tuple[str, float]:
+    """Return the figure that changes most, "" if none does, and its relative change."""
+    largest = ("", _ROUNDING)
+    for name in {**before, **after}:
+        change = math.inf
+        if name in before and name in after:
+            (old, _), (new, least) = before[name], after[name]
+            change = abs(new - old) / max(abs(new), least)
+        if not change <= largest[1]:
+            largest = (name, change if math.isfinite(change) else math.inf)
+    return largest if largest[0] else ("", 0.0)
