@@ -16,6 +16,7 @@ from hfa_prove.fields import Fields, Rejected, Stated, entry, require
 from hfa_prove.hfa import aircraft_of
 from hfa_support.errors import BadInputError, shown
 from verification.enclosure.program import LARGEST
+from verification.enclosure.splines import is_table, tables_of
 
 #: Largest difference of a trim from the stated one, in nominal values of its unknowns.
 SAME_TRIM = 1e-6
@@ -109,7 +110,7 @@ def digest_of_equations(model: Model) -> str:
     disturbances = ca.vertsplit(w) if w.numel() else []
     rates, outputs = layout.expressions(vectors, tuple(model.outputs), disturbances)
     graph = ca.Function("equations", [x, u, p, w], [ca.densify(rates), ca.densify(outputs)])
-    names = repr((layout.names, layout.replaced))
+    names = repr((tuple(map(tuple, layout.names)), layout.replaced))
     return hashlib.sha256(f"{names} {digest_of(graph, model.name)}".encode()).hexdigest()
 
 
@@ -135,7 +136,10 @@ def digest_of(function: ca.Function, what: str = "the policy") -> str:
         number = float(scalar.instruction_constant(index)).hex() if code == ca.OP_CONST else ""
         hashed.update(f"{code} {places} {number};".encode())
     for name in sorted(scalar.get_function()):
-        hashed.update(scalar.get_function(name).serialize().encode())
+        called = scalar.get_function(name)
+        # CasADi adds derivatives that it has computed to the stored form of a table
+        content = repr(tables_of(called)) if is_table(called) else called.serialize()
+        hashed.update(content.encode())
     return hashed.hexdigest()
 
 
