@@ -35,9 +35,7 @@ def notes_on_degrees(model: Model) -> list[str]:
 
 @lru_cache(maxsize=16)
 def _angles_in_degrees(layout: Layout, names: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
-    """Return the pairs (signal in degrees, function) for which the equations compute the
-    function.
-    """
+    """Return pairs (signal in degrees, function of it that the equations compute)."""
     # The functions are the sine, cosine and tangent of the signal, or of a sum or difference with
     # it.
     vectors = layout.symbols("x", "u", "p")

@@ -130,9 +130,7 @@ def relative_to(text: str, folder: Path) -> str:
 
 
 def _in_folder(text: str, folder: str) -> str:
-    """Return an argument of --aircraft whose file is relative to `folder`, for the working
-    folder.
-    """
+    """Return an argument of --aircraft relative to `folder`, for the working folder."""
     return _with_files(text, lambda file: str(Path(folder, file)))
 
 

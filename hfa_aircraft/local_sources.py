@@ -80,9 +80,7 @@ def hash_of_sources(file: Path, package: str = "") -> str:
 def _local_sources(
     file: Path, package: str, folder: Path, sources: dict[Path, bytes]
 ) -> dict[Path, bytes]:
-    """Return the contents of a Python file and of the local files that it imports, path ->
-    content.
-    """
+    """Return path -> content of a Python file and of the local files it imports."""
     sources[file] = file.read_bytes()
     for name in _imported_names(sources[file], package):
         path = local_file(name, folder)

@@ -176,9 +176,7 @@ class Model(Reported):
                 _check_signal(f"{self.name}: {name}", signal)
 
     def _check_names(self) -> None:
-        """Raise BadInputError if `steady`, `linear`, `replaced`, `schedule`, `modes` or `parts`
-        contain an undeclared name.
-        """
+        """Raise BadInputError if a field of names contains an undeclared name."""
         schedule = [self.schedule] if self.schedule else []
         schedulable = [*self.states, *self.inputs, *self.parameters]
         in_modes = self._names_of_groups("modes", self.modes)
@@ -511,9 +509,7 @@ class Model(Reported):
     def _numbers_at(
         self, x: Sequence[float], u: Sequence[float]
     ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        """Return the rates and the outputs at a state and an input, without disturbance, by
-        name.
-        """
+        """Return rates and outputs by name at a state and an input, without disturbance."""
         # x (n,), u (m,)
         numbers = [[float(value) for value in vector] for vector in (x, u, self.p)]
         still_air = [0.0 for _ in self.disturbances]

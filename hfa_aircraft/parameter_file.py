@@ -101,9 +101,7 @@ class ParameterFile:
         return replace(changed, source=replace(changed.source, text=self.path, digest=digest))
 
     def _check_bands(self, model: Model) -> None:
-        """Raise BadInputError unless each entry of [bands] is a pair [low, high] that contains
-        the value of a parameter of the model, or of a sensor error of the file.
-        """
+        """Raise BadInputError unless each band [low, high] contains its value."""
         starts = {name: signal.start for name, signal in model.parameters.items()}
         values = {**starts, **self.sensors}
         for name, band in self.bands.items():

@@ -224,9 +224,7 @@ def _is_still(wind: Wind) -> bool:
 
 
 def _forward(x: State[Quantity], wind: Wind) -> Quantity:
-    """Return the forward component of the velocity of the center of mass relative to the air,
-    ft/s.
-    """
+    """Return the forward component of the velocity relative to the air, ft/s."""
     # The component is V cos α - w sin θ + h cos θ in body axes, with the speed V over ground.
     return (
         x.speed * ca.cos(x.alpha) - wind.updraft * ca.sin(x.pitch) + wind.headwind * ca.cos(x.pitch)
@@ -234,9 +232,7 @@ def _forward(x: State[Quantity], wind: Wind) -> Quantity:
 
 
 def _downward(x: State[Quantity], wind: Wind) -> Quantity:
-    """Return the downward component of the velocity of the center of mass relative to the air,
-    ft/s.
-    """
+    """Return the downward component of the velocity relative to the air, ft/s."""
     # The component is V sin α + w cos θ + h sin θ in body axes, with the speed V over ground.
     return (
         x.speed * ca.sin(x.alpha) + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)

@@ -77,9 +77,7 @@ def outputs_of(moment: Moment) -> dict[str, Quantity]:
 
 
 def _vertical_acceleration(m: Moment) -> Quantity:
-    """Return V (α' - q), ft/s^2, the acceleration of the center of mass normal to its path,
-    positive downward.
-    """
+    """Return V (α' - q), ft/s^2, normal to the path, positive downward."""
     return m.x.speed * (m.rates.alpha - m.x.pitch_rate)
 
 
@@ -97,9 +95,7 @@ def _center_load_factor(m: Moment) -> Quantity:
 
 
 def _outer_load_factor(m: Moment) -> Quantity:
-    """Return the load factor n_o = cos θ cos η - (a_z cos η + a_y sin η) / g normal to an outer
-    panel.
-    """
+    """Return n_o = cos θ cos η - (a_z cos η + a_y sin η) / g of an outer panel."""
     # The lateral position of the panel is y = (s/2)(1 + cos η), with the span s of a panel.
     # Therefore a_y = y'' = -(s/2)(sin η η'' + cos η η'²). a_z is the downward acceleration of the
     # panel in body axes.

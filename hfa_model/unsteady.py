@@ -408,9 +408,7 @@ def _with_apparent_mass(
 
 
 def _carried_air(plate: _Plate, motion: _PanelMotion, x: Any, p: Any) -> _CarriedAir:
-    """Return the loads of the air carried by a plate of the center panel, or of both outer
-    panels.
-    """
+    """Return the loads of the air carried by the center panel or both outer panels."""
     # A plate of half chord b rotates at the rate ω about its span. The mid-chord of the plate has
     # the normal velocity w and the forward velocity u. The momentum of the carried air is m w
     # normal to the plate, m = π ρ b² span. The angular momenta are (m b²/8) ω about the span and (m

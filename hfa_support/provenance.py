@@ -64,9 +64,7 @@ class Provenance(Result):
     date: str = field(default_factory=lambda: now())
 
     def _largest_changes(self) -> list[str]:
-        """Return texts on the parameters that differ from their identified values, largest
-        change first.
-        """
+        """Return texts on parameters that were changed, largest change first."""
         # Changes are relative. At most `_MOST_TOLD` parameters are described. If more differ, the
         # first text contains their number.
 

@@ -39,9 +39,7 @@ def matrices(path: Path) -> dict[str, Any]:
 
 
 def _matrix_files(path: Path) -> dict[str, Path]:
-    """Return the files of a matrix and of its plant's other matrices, as a map matrix name ->
-    path.
-    """
+    """Return matrix name -> path for a matrix and its plant's other matrices."""
     # Only a file named A has other matrices of its plant: those in the same folder.
     if path.stem not in (*PLANT[:1], *CRITIC):
         raise BadInputError(

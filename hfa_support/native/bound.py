@@ -114,9 +114,7 @@ class RowFunction(threading.local):
         return next((size for size in _TOGETHER if size <= 2 * count), 1)
 
     def _bind(self, together: int) -> Block:
-        """Return the Function for several rows with its memory: (bound Function, arguments,
-        results).
-        """
+        """Return the bound Function for several rows, its arguments and its results."""
         # An argument or result is an array (together, entries). The block is stored for later
         # calls.
         mapped = by_rows

@@ -133,9 +133,7 @@ def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
 
 
 def _is_own(file: Path, symbol: str) -> bool:
-    """Return whether a library belongs to this user and its content matches the hash in its
-    name.
-    """
+    """Return whether a library is this user's and has the hash in its name."""
     status = file.lstat()
     if not stat.S_ISREG(status.st_mode):
         return False

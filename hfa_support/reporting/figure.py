@@ -67,9 +67,7 @@ def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any
 
 
 def _take_literally(figure: Figure) -> None:
-    """Turn off formula typesetting in all texts of a figure, except powers of ten on logarithmic
-    axes.
-    """
+    """Turn off formula typesetting, except powers of ten on logarithmic axes."""
     # matplotlib would otherwise typeset text between two dollar signs, for example in a state's
     # name.
     from matplotlib.text import Text

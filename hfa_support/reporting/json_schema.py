@@ -68,9 +68,7 @@ def annotation(kind: Any, path: tuple[str, ...]) -> Any:
 
 
 def _annotation(kind: Any, name: str) -> Any:
-    """Return the evaluated annotation of a field or property, of a class or its nearest base
-    class.
-    """
+    """Return the evaluated annotation of a field or property of a class or its bases."""
     # Raises KeyError if no class declares the name.
     for ancestor in kind.__mro__:
         written = _written_annotation(ancestor, name)

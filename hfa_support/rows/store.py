@@ -387,9 +387,7 @@ def _first_difference(path: Path, expected: Mapping[str, Any]) -> str:
 
 
 def _labels(store: Any, row: str) -> dict[str, list[Any]]:
-    """Return the names or units in each array without an axis of rows or chunks, by name of the
-    array.
-    """
+    """Return the names or units in each array without an axis of rows or chunks."""
     stored = open_store(store)
     return {
         str(name): variable.values.tolist()

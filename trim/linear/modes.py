@@ -149,9 +149,7 @@ def spectrum(A: np.ndarray, size: float = 0.0) -> Spectrum:
 
 
 def _distinguished(names: list[str]) -> list[str]:
-    """Return names of modes in which equal names are distinguished by "fast" and "slow", or by
-    numbers.
-    """
+    """Return names of modes, equal ones with "fast" and "slow", or with numbers."""
     different = []
     for index, name in enumerate(names):
         count = names.count(name)

@@ -120,9 +120,7 @@ def _times(system: control.StateSpace, time: Any, dt: float | None, count: int |
 
 
 def _values(kind: str, named: Mapping[str, Any], names: Sequence[str]) -> list[np.ndarray]:
-    """Return the value of each of `names` as an array. A name without a given value has the
-    value 0.
-    """
+    """Return the value of each of `names` as an array, by default 0."""
     for name in named:
         refuse_unknown(f"unknown {kind}", name, names)
     return [np.asarray(named.get(name, 0.0), dtype=float) for name in names]

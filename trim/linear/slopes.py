@@ -76,9 +76,7 @@ def exact_sides(
 
 @lru_cache(maxsize=16)
 def _jacobian_of(layout: Layout) -> ca.Function:
-    """Return the CasADi Function (x, u, p) -> Jacobian of the rates with respect to (x, u), (n,
-    n + m).
-    """
+    """Return the Function (x, u, p) -> Jacobian of the rates by (x, u), (n, n + m)."""
     rates = rates_of(layout)
     x, u, p = rates.sx_in()
     derivatives = ca.jacobian(rates(x, u, p), ca.vertcat(x, u))

@@ -139,9 +139,7 @@ def transmission_zeros(system: StateSpace) -> tuple[np.ndarray, int]:
 
 
 def _zeros_with_errors(system: StateSpace) -> tuple[Spectrum, int]:
-    """Return the invariant zeros of a system with bounds on their rounding errors, and its
-    normal rank.
-    """
+    """Return the invariant zeros, bounds of their errors, and the normal rank."""
     # The system is reduced to a system with the same zeros and a square, invertible D (A.
     # Emami-Naeini, P. Van Dooren, Automatica 18, 1982). The zeros are the eigenvalues of A - B D⁻¹
     # C.

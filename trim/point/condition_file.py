@@ -63,9 +63,7 @@ def read_condition(
 
 
 def _variable(model: Model, file: str, key: str, *more: str) -> tuple[str, float]:
-    """Return the variable of a key in a condition file, and the factor from the file's to the
-    model's unit.
-    """
+    """Return the variable of a key in a condition file, and the factor to its unit."""
     name = key.removesuffix("_deg")
     model.refuse_unheld(f"{file}: unknown trim variable", name, more)
     if name == key:
@@ -77,9 +75,7 @@ def _variable(model: Model, file: str, key: str, *more: str) -> tuple[str, float
 
 
 def _table(model: Model, file: str, key: str, value: Any, factor: float) -> LinearTable:
-    """Return the values of a variable in a condition file, as a table over the scheduling
-    variable.
-    """
+    """Return the values of a variable as a table over the scheduling variable."""
     rows = checked(file, value, [[NUMBER]], key)
     if not rows or any(len(row) != 2 for row in rows):
         raise BadInputError(f"{file}: {key} is {shown(value)}; give [{model.schedule}, value] rows")

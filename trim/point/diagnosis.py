@@ -66,9 +66,7 @@ def beyond_limits(model: Model, condition: TrimCondition, balancing: Mapping[str
 
 
 def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
-    """Return a text for each equation that does not balance, "speed by 0.3 ft/s^2", largest
-    first.
-    """
+    """Return a text for each equation that does not balance, the largest first."""
     # Equations with a residual much smaller than the largest are omitted.
     # z (k,)
     model = problem.model

@@ -163,9 +163,7 @@ def newton_step(
 
 
 def _moved(system: TrimSystem, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the residuals r (N, m) and the Jacobians J (N, m, k) of the equations with
-    unknowns.
-    """
+    """Return r (N, m) and J (N, m, k) of the equations that the unknowns affect."""
     # Equations that no unknown affects are omitted.
     # z (N, k), c (N, ..)
     residual, jacobian = system.residuals(z, c)

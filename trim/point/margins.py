@@ -129,9 +129,7 @@ def all_margins(
 
 
 def _roles(model: Model, condition: TrimCondition, idle: Sequence[str]) -> dict[str, str]:
-    """Return the role of each variable in the trim: "held", "free", or "left" at its initial
-    value.
-    """
+    """Return variable -> "held", "free", or "left" at its initial value."""
     roles = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
     roles |= dict.fromkeys(idle, "left")
     if set(condition.free) <= set(model.inputs):
@@ -143,9 +141,7 @@ def _roles(model: Model, condition: TrimCondition, idle: Sequence[str]) -> dict[
 def _limits_through(
     model: Model, x: Any, u: Any, state: str, output: str, limits: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the limits of an output y that follow from the limits of the state x that it
-    replaces.
-    """
+    """Return the limits of an output that follow from those of the state it replaces."""
     # The output is y = y0 + slope (value - value0), with value0 of the state and y0 at the trim.
     value = getattr(x, state)
     step = model.states[state].nominal

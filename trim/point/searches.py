@@ -82,9 +82,7 @@ def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[i
 
 
 def _continued(problem: TrimProblem) -> np.ndarray | None:
-    """Return the unknowns (k,) found by continuation from the trim that the model declares, or
-    None.
-    """
+    """Return the unknowns (k,) found by continuation from the declared trim, or None."""
     # The imposed values change from c0, the declared trim, to c1, the requested values:
     # c(s) = c0 + s (c1 - c0), r(z, c(s)) = 0, s from 0 to 1.
     # The result is None if the system is not square, the declared trim is not found, Newton's
@@ -126,9 +124,7 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
 
 
 def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
-    """Return the scaled unknowns (k,) after Newton's method in which unknowns at a limit are
-    fixed.
-    """
+    """Return the unknowns (k,) after Newton's method with those at a limit fixed."""
     # z (k,)
     system = problem.system
     z = problem.clip(z)
@@ -223,9 +219,7 @@ def _effort_program(structure: Structure) -> ca.Function:
 
 
 def _least_effort(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
-    """Return the unknowns within the limits with the least effort Σ (u_i / scale_i)² of the free
-    inputs.
-    """
+    """Return the unknowns within limits with the least Σ (u_i / scale_i)² of inputs."""
     # The minimum is a local one near the guess. The unknowns are scaled, (k,), and need not be a
     # trim.
     # guess (k,)

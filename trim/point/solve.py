@@ -161,9 +161,7 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
 
 
 def _searched(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield (number of the initial point, scaled unknowns (k,)) at the end of each search for a
-    trim.
-    """
+    """Yield (number of the initial point, unknowns (k,)) at the end of each search."""
     # The first search is Newton's method from the guess, unless there are more unknowns than
     # equations. The searches of `searches.py` follow.
     # guess (k,)

@@ -482,9 +482,7 @@ class TrimSystem:
 
 @lru_cache(maxsize=64)
 def _scaled_ends(limits: Limits, equations: Equations) -> tuple[np.ndarray, ...]:
-    """Return the limits of the unknowns in scaled units: `lowest`, `highest` and `usual`, (k,)
-    each.
-    """
+    """Return `lowest`, `highest` and `usual` of the unknowns in scaled units, (k,) each."""
     # The three arrays are described in `TrimSystem`.
     unlimited = np.isinf(limits.lowest) & np.isinf(limits.highest)
     largest = [_USUAL.get(limits.model.unit(name), math.inf) for name in limits.names]

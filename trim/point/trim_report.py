@@ -321,9 +321,7 @@ def _singular_note(problem: TrimProblem, z: np.ndarray) -> str:
 
 
 def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoint) -> str:
-    """Return a sentence on another trim of the condition, with an initial point that leads to
-    it.
-    """
+    """Return a sentence on another trim, with an initial point that leads to it."""
     model = problem.model
     apart = np.abs(problem.unknowns(other.values) - problem.unknowns(point.values)) > 1e-3
     names = [problem.free[i] for i in np.flatnonzero(apart)]

@@ -186,9 +186,7 @@ def _along_tree(pairs: np.ndarray, modes: _Modes) -> Iterator[tuple[int, int, np
 
 
 def _pairings(modes: _Modes, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the best pairing of the eigenvalues of each pair of points, (M, n), and its gain,
-    (M,).
-    """
+    """Return the best pairing of the eigenvalues of pairs of points, and its gain, (M,)."""
     # The pairing contains, for each eigenvalue of the first point, the index of its match at the
     # second point. The gain is the sum that the pairing maximizes (`track_modes`).
     # pairs (M, 2)
@@ -209,9 +207,7 @@ def _pairings(modes: _Modes, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _gain(modes: _Modes, others: _Modes) -> np.ndarray:
-    """Return the gain of pairing eigenvalue i of one point with eigenvalue j of another, (.., n,
-    n).
-    """
+    """Return the gain of pairing eigenvalue i of a point with j of another, (.., n, n)."""
     # The gain is min(|tr P_i Q_j|, 1) - 2 |λ_i - μ_j| / (|λ_i| + |μ_j|), with the spectral
     # projections P_i and Q_j.
     across = (modes.left @ others.right) * (others.left @ modes.right).swapaxes(-1, -2)

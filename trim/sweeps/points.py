@@ -132,9 +132,7 @@ def trim_points(
 def _resolved(
     variables: tuple[str, ...], values: np.ndarray, condition: TrimCondition
 ) -> tuple[tuple[str, ...], np.ndarray, TrimCondition]:
-    """Return variables, values and condition with alternatives expressed by the first name of
-    their group.
-    """
+    """Return variables, values and condition without alternatives of a first name."""
     # For example, the speed is imposed in place of kcas (`Trimming`).
     if not condition.model.trimming.alternatives:
         return variables, values, condition
@@ -334,9 +332,7 @@ def _constants(system: TrimSystem, variables: tuple[str, ...], values: np.ndarra
 def _settle_from_neighbours(
     system: TrimSystem, values: np.ndarray, z: np.ndarray, c: np.ndarray, settled: np.ndarray
 ) -> None:
-    """Repeat Newton's method for unsolved points, each from the solution of its nearest solved
-    point.
-    """
+    """Solve unsolved points from the solutions of their nearest solved points."""
     # The repetition ends after `_ROUNDS` rounds, or if no point has a new neighbor. z and settled
     # are changed in place.
     # values (N, variables), z (N, k), c (N, ..), settled (N,)

@@ -350,9 +350,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         axes.grid(alpha=0.3)
 
     def _mark_values(self, axes: Axes, columns: np.ndarray) -> None:
-        """Mark the direction of the sweep, and values of the last variable, along the paths of
-        eigenvalues.
-        """
+        """Mark direction and values of the last variable along the paths of eigenvalues."""
         # Only paths in the upper half-plane are marked.
         # columns (k,)
         names = list(dict.fromkeys(self.mode_names))
@@ -431,9 +429,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         )
 
     def _table(self) -> Table:
-        """Return a table of the swept values and the eigenvalues of each mode, one row for each
-        point.
-        """
+        """Return a table of swept values and eigenvalues, one row for each point."""
         # If the sweep has more than `_LONGEST` points, the table contains only the first and last
         # rows.
         modes = self.modes

@@ -270,9 +270,7 @@ def _slow_spectra(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _autocorrelation_of(coefficients: np.ndarray) -> np.ndarray:
-    """Return the autocorrelation of an autoregressive process, up to the last non-negligible
-    lag.
-    """
+    """Return the autocorrelation of an autoregressive process up to its last large lag."""
     # coefficients (order,)
     polynomial = np.fft.rfft(np.append(1.0, -coefficients), _LENGTH)
     correlation = np.fft.irfft(1.0 / np.abs(polynomial) ** 2, _LENGTH)[: _LENGTH // 2]

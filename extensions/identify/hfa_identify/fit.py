@@ -347,9 +347,7 @@ class OutputError:
         noise: np.ndarray,
         slopes: np.ndarray,
     ) -> Normal:
-        """Return a record's normal equations, extended by the information in its noise
-        variances.
-        """
+        """Return a record's normal equations with the information in its noise variances."""
         # residual (N, k), noise (k,), slopes (k, p)
         counts = self._present[number].sum(axis=0)
         surplus = (residual**2).sum(axis=0) / noise - counts
@@ -398,9 +396,7 @@ class OutputError:
         return normal.information
 
     def _solved(self, found: Fit, damping: float) -> Step:
-        """Return the Gauss-Newton step of the parameters (p,), and of the initial states (n,)
-        each.
-        """
+        """Return the Gauss-Newton step of the parameters (p,) and initial states (n,) each."""
         # A parameter keeps its value in two cases:
         # - The parameter is at a bound and the step points outward.
         # - The records do not determine the parameter within its bounds.

@@ -184,9 +184,7 @@ class Identified(Result, Reported):
         return f"not determined: {name}{why}" + (f" and {more} more" if more else "")
 
     def _farthest(self) -> tuple[str, float]:
-        """Return the parameter that differs most between both minima, and its value at the
-        second.
-        """
+        """Return the parameter that differs most at the second minimum, and its value there."""
         # The difference is relative to the width of the parameter's band.
 
         def moved(name: str) -> float:
@@ -218,9 +216,7 @@ class Identified(Result, Reported):
 
     @property
     def _stated(self) -> list[str]:
-        """The findings for the first line: the two most important, or one if the line is too
-        long.
-        """
+        """The findings for the first line: two, or one if the line is too long."""
         # If the records have faults, only faults are listed, because a fault can cause other
         # findings.
         findings = list(self.faults[:2]) or list(self.findings)[:2]

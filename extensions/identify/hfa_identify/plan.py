@@ -167,9 +167,7 @@ def _shapes(time: np.ndarray) -> Iterator[tuple[str, float, np.ndarray]]:
 
 
 def _steps(time: np.ndarray, unit: float, lengths: tuple[int, ...]) -> np.ndarray:
-    """Return a sequence of pulses with the values 1, -1, 1, ..., and 0 before and after it,
-    (N,).
-    """
+    """Return pulses of 1, -1, 1, ..., with 0 before and after them, (N,)."""
     # time (N,)
     ends = _BEGIN + unit * np.concatenate([[0.0], np.cumsum(lengths)])
     place = np.searchsorted(ends, time, side="right")

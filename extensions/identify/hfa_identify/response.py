@@ -271,9 +271,7 @@ class Responses:
     def _delay_slopes(
         self, record: Record, theta: np.ndarray, y: np.ndarray, slopes: np.ndarray
     ) -> None:
-        """Shift the sensitivities by the delays, in place, and enter the derivatives by the
-        delays.
-        """
+        """Shift the sensitivities by the delays, and enter those to the delays, in place."""
         # theta (p,), y (N, k), slopes (N, k, p + n)
         from scipy.interpolate import CubicSpline
 
@@ -421,9 +419,7 @@ class Responses:
         return states
 
     def _advance(self, steps: int) -> BoundFunction:
-        """Return the function from a state to the states after each of several integration
-        steps.
-        """
+        """Return the function from a state to the states after several integration steps."""
         if steps not in self._advances:
             self._advances[steps] = BoundFunction(self._step.mapaccum(steps))
         return self._advances[steps]
@@ -493,9 +489,7 @@ class Responses:
     def _observed_slopes(
         self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray
     ) -> np.ndarray:
-        """Return the derivatives of the measured quantities with respect to x and θ, (N, k, n +
-        p).
-        """
+        """Return the derivatives of the measured quantities by x and θ, (N, k, n + p)."""
         # states (N, n), inputs (N, m), theta (p,)
         n, p, k = self.sizes
         (slopes,) = self._seen_slopes(states, inputs, np.tile(theta, (len(states), 1)))

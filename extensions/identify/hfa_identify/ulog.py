@@ -194,9 +194,7 @@ def _held(time: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarra
 
 
 def _nearest(time: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the value of each sample at the time nearest to the sample, NaN at other times,
-    (N,).
-    """
+    """Return the value nearest to each time, NaN at other times, (N,)."""
     # Samples outside the times by more than half the median interval are omitted. If several
     # samples have the same nearest time, the last of these samples is used.
     # time (N,), stamps (k,), values (k,)

@@ -413,9 +413,7 @@ class Equations:
             self.properties.define_initial(element.text, value)
 
     def _define_function(self, element: Element, number: int | None, order: int) -> None:
-        """Define the property named by a function or a table, to be computed when it is first
-        read.
-        """
+        """Define the property named by a function or table, computed at the first read."""
         # The copy of the property named by `copyto` is not supported. Reading it raises
         # BadInputError.
         name = "-".join(element.attributes["name"].split(" "))

@@ -338,9 +338,7 @@ def _inertia(element: Element) -> np.ndarray:
 
 
 def _point_mass(element: Element) -> PointMass:
-    """Return the point mass of an element, with the inertia of its <form> or given by ixx ...
-    iyz.
-    """
+    """Return the point mass of an element, with the inertia of <form> or ixx ... iyz."""
     weight = element.need("weight").number("LBS")
     location = element.need("location").vector("IN")
     form = element.find("form")

@@ -68,9 +68,7 @@ class _FrameEquations(Equations):
         return self.planet_rates
 
     def _move(self, x: Any, air_force: ca.SX, air_moment: ca.SX, *outside: ca.SX) -> None:
-        """Set the total force, moment, mass and inertia, and the derivatives of the engine
-        states.
-        """
+        """Set force, moment, mass, inertia, and the derivatives of the engine states."""
         # air_force, air_moment (3,)
         force = sum((effect.force for effect in self.effects), start=air_force + outside[0])
         moment = sum((effect.moment for effect in self.effects), start=air_moment + outside[1])

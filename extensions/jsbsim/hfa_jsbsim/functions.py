@@ -75,9 +75,7 @@ def _interpolate1d(argument: Any, *pairs: Any) -> Any:
 
 
 def _where_positive(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Return a logarithm that is minus infinity for arguments that are not positive, as in
-    JSBSim.
-    """
+    """Return a logarithm that is minus infinity where the argument is not positive."""
 
     def value(argument: Any) -> Any:
         positive = argument > 0.0

@@ -84,9 +84,7 @@ def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effe
 
 
 def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]:
-    """Return the blade angle of a propeller, deg, and its time derivative as {state:
-    derivative}.
-    """
+    """Return the blade angle of a propeller, deg, and {state: its derivative}."""
     # The dictionary is empty if no governor changes the angle. A governor changes the angle by 1
     # deg/s for each rpm above the commanded speed. If the propeller is feathered, the angle
     # approaches `maxpitch`, by the share `_FEATHERING` of the remaining difference in each frame. A
@@ -116,9 +114,7 @@ def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]
 def _coefficient(
     file: EngineFile, around: Surroundings, name: str, arguments: list[Any], tip_mach: Any
 ) -> Any:
-    """Return C_T or C_P with its factor and its correction for the Mach number of the blade
-    tips.
-    """
+    """Return C_T or C_P with its factor and Mach correction."""
     prop = file.thruster
     tables = {table.attributes.get("name", ""): table for table in prop.all("table")}
     if name not in tables:

@@ -133,9 +133,7 @@ def _choices(text: str, partial: bool) -> Choices:
 
 
 def _find(text: str) -> tuple[Path, Folders]:
-    """Return the path of an aircraft's file, and the folders that are searched for further
-    files.
-    """
+    """Return the path of an aircraft's file, and the folders of further files."""
     root = data_folder()
     if text.startswith("jsbsim:"):
         path = _in_data(text.removeprefix("jsbsim:"), root)

@@ -168,9 +168,7 @@ class _Files:
                 )
 
     def _usual_speed(self, constants: Callable[[str], Any]) -> float:
-        """Return the speed at which lift equals weight at sea level and angle of attack
-        `_ALPHA`, ft/s.
-        """
+        """Return the speed, ft/s, of level flight at sea level and alpha = `_ALPHA`."""
         upward = -_number(self._coefficients(constants, _ALPHA)[2])
         if not upward > 0.0:
             files = "+".join(document.path for document in self._documents)
@@ -197,9 +195,7 @@ class _Files:
         return low, high
 
     def _signal(self, document: Document, variable: Variable) -> Signal:
-        """Return the unit, nominal value, limits and initial value of a variable in the model's
-        units.
-        """
+        """Return unit, nominal value, limits and initial value in the model's units."""
         # The limits are the narrower of the variable's own limits and the ranges of the tables that
         # depend on the variable. The nominal value is 0.1 for an angle or a number without unit,
         # and max(|initial value|, 1) otherwise.
@@ -212,9 +208,7 @@ class _Files:
         return Signal(unit, nominal, low, high, start)
 
     def _equations(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the time derivatives of the states and the outputs, each as a dictionary by
-        name.
-        """
+        """Return the rates of the states, and the outputs, each by name."""
         motion = Motion(x, _GRAVITY, "english")
         density = motion.air.density
         given = {name: getattr(x, name) for name in STATES} | {
@@ -249,9 +243,7 @@ class _Files:
         return ca.mtimes(wind_axes(alpha, 0.0), along)
 
     def _vector(self, value: Callable[[str], Any], three: Sequence[str]) -> Any:
-        """Return the values of three outputs as a vector, (3,), with 0 for an output that no
-        file defines.
-        """
+        """Return three outputs as a vector, (3,), with 0 for one that no file defines."""
         return ca.vertcat(*(value(name) if name in self._outputs else 0.0 for name in three))
 
     def _values(self, motion: Mapping[str, Any], u: Any, p: Any) -> Callable[[str], Any]:
@@ -298,17 +290,13 @@ def _standing() -> dict[str, float]:
 
 
 def _start(document: Document, variable: Variable) -> float:
-    """Return the initial value of a variable in the units of the model, or 0 if the file gives
-    none.
-    """
+    """Return the initial value of a variable in the units of the model, by default 0."""
     _, factor = _unit(document, variable)
     return factor * (variable.initial or 0.0)
 
 
 def _unit(document: Document, variable: Variable) -> tuple[str, float]:
-    """Return the model's unit for a variable, and the factor from the file's unit to the
-    model's.
-    """
+    """Return the model's unit for a variable, and the factor to it."""
     place = f"variable {variable.key}"
     known = names.model_unit(variable.units)
     if known is None:

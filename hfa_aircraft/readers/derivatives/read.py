@@ -176,9 +176,7 @@ class _Equations:
         return state_rates, outputs | coefficients
 
     def _arguments(self, x: Any, u: Any, rates: Any, mach: Any) -> dict[str, Any]:
-        """Return the variables that the derivatives multiply, suffix of the derivatives ->
-        value.
-        """
+        """Return the variables that derivatives multiply, suffix -> value."""
         # The variable of the suffix alphadot is not included.
         # rates (3,)
         sizes = self._table.values
@@ -197,9 +195,7 @@ class _Equations:
         }
 
     def _coefficient(self, name: str, p: Any, arguments: Mapping[str, Any]) -> Any:
-        """Return an aerodynamic coefficient, the sum of its derivatives times the given
-        variables.
-        """
+        """Return an aerodynamic coefficient, the sum of derivatives times variables."""
         total: Any = 0.0
         for derivative, meaning in self._table.meanings.items():
             if meaning.coefficient == name and meaning.argument in arguments:
