@@ -13,7 +13,7 @@ import shlex
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hfa.entry_points import command_named, commands, found_in, words_after
 from hfa.exit_codes import BAD_INPUT, DONE, FAILED, INTERRUPTED
@@ -189,14 +189,10 @@ def _request(command: Command, program: str, words: list[str]) -> Request:
     """
     from hfa_support.provenance import now
 
-    about = {"line": shlex.join([*program.split(), *words]), "date": now()}
-    if not hasattr(command.request, "of_the_model"):
-        return _inherited(command, program, words, about)
     model = _model(command.request, program, words)
-    parser = filled(Parser(prog=program), command, model)
-    values = parser.parse_words(words)
-    flags = {path: parser.options[path].flags[-1] for path in values}
-    return command.request.of(model, values, flags, **about)
+    values = filled(Parser(prog=program), command, model).parse_words(words)
+    line = shlex.join([*program.split(), *words])
+    return command.request.parsed(model, values, line=line, date=now())
 
 
 def _model(request: type[Request], program: str, words: list[str]) -> Model:
@@ -210,39 +206,11 @@ def _model(request: type[Request], program: str, words: list[str]) -> Model:
     return request.of_the_model().loaded(typed)
 
 
-def _inherited(command: Command, program: str, words: list[str], about: Any) -> Any:
-    from hfa.options.aircraft import Aircraft
-
-    of_the_model = {
-        field: option.of(None, field)
-        for field, option in command.request.declared().items()
-        if field in ("aircraft", "steps", "dynamics", "parameters", "units")
-    }
-    first = Parser(prog=program, with_help=False)
-    first.declare(of_the_model)
-    chosen = first.typed(first.parse_known_args(words)[0])
-    if "steps" in chosen:
-        from controller.discrete.step_model import step_model
-
-        model = step_model(chosen["steps"])
-    else:
-        if "aircraft" in chosen:
-            chosen["source"] = chosen["aircraft"]
-        model = Aircraft.loaded(chosen)
-    typed = filled(Parser(prog=program), command, model).parse_words(words)
-    made: Any = command.request
-    return made(model=model, typed=frozenset(typed), **about, **typed)
-
-
 def _refuse_to_overwrite(request: Request) -> None:
     """Raise BadInputError if an output file was read as input or is named for two outputs."""
     from hfa_support.files import refuse_read
 
-    output: Any = request.output
-    if not hasattr(output, "picture"):
-        outputs = [getattr(request, name, None) for name in ("output", "picture")]
-    else:
-        outputs = [output.file, output.picture]
+    outputs = (request.output.file, request.output.picture)
     paths = [path for path in outputs if path is not None]
     for path in paths:
         refuse_read(path)

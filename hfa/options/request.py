@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar
 
 from hfa.options.aircraft import Aircraft
 from hfa.options.output import Output
@@ -64,6 +64,18 @@ class Request(Part):
     def options(cls, model: Model) -> dict[str, Option]:
         """Return the options of the request in the names and units of a model, path -> option."""
         return {path: option.of(model, path) for path, option in cls.declared().items()}
+
+    @classmethod
+    def parsed(
+        cls, model: Model, values: Mapping[str, Any], *, line: str = "", date: str = ""
+    ) -> Self:
+        """Return the request with the values of the options that the user gave.
+
+        values: path of the field -> value
+        """
+        options = cls.options(model)
+        flags = {path: options[path].flags[-1] for path in values}
+        return cls.of(model, values, flags, line=line, date=date)
 
     @classmethod
     def of_the_model(cls) -> type[Aircraft]:
@@ -135,7 +147,7 @@ class Command(NamedTuple):
     example: str = ""
 
 
-R = TypeVar("R")
+R = TypeVar("R", bound=Request)
 
 
 def command(request: type[R]) -> Callable[[Callable[[R], int]], Command]:
@@ -143,4 +155,4 @@ def command(request: type[R]) -> Callable[[Callable[[R], int]], Command]:
 
     request: class of the requests, whose fields are the options
     """
-    return lambda run: Command(request, run)  # type: ignore[arg-type]
+    return lambda run: Command(request, run)

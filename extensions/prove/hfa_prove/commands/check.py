@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hfa.inherited import show
 from hfa.options.output import ProgressLine
 from hfa.options.request import command
 from hfa_prove.commands.request import CheckRequest
@@ -61,13 +60,13 @@ def _check(request: CheckRequest, certificate: Path) -> int:
     from hfa_prove.subject import compare
 
     request.refuse(
-        ("policy", "network", "set"),
+        ("policy", "reading.network", "set"),
         "applies to the region of a network or deployment file, but the certificate is about "
         "another statement; remove this option",
     )
-    own = request.model if request.own else None
+    own = request.model if request.aircraft.own else None
     read = read_certificate(certificate, Subject(own))
     not_given = compare(read.statement, given_for(read.statement, request))
     report = checked_report(check(read, ProgressLine("check")), not_given)
-    show(report, request)
+    request.show(report)
     return 0 if report.data["proved"] else 1

@@ -3,28 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
-from hfa.inherited import (
-    AircraftOptions,
-    OutputOptions,
-    TrimOptions,
-    WeightOptions,
-    print_report,
-    show,
-)
+from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import input_file, number, one_of, positive, span
+from hfa.options.game import GameGiven, GameWeights
 from hfa.options.output import ProgressLine
-from hfa.options.part import OfModel, option
-from hfa.options.request import command
+from hfa.options.part import OfModel, option, part
+from hfa.options.request import Request, command
+from hfa.options.trim import Trim
 from hfa_support.errors import BadInputError
 from hfa_support.files import forget_read
 from trim.point.linearize import linearize
 
 if TYPE_CHECKING:
-    from hfa.inherited import PlantOptions
     from hfa_flight.problem import FlightProblem
     from hfa_prove.check import Proved
     from hfa_prove.commands.request import CheckRequest
@@ -35,12 +29,14 @@ _DEGREES = ("2", "4", "6", "8", "10", "12")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
+class CostRequest(Request):
     """Arguments of `hfa prove cost`."""
 
-    start: None = None
-    delta: None = None
-    limit: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    aircraft: Aircraft = part(Aircraft, without=("units",))
+    trim: Trim = part(Trim, without=("limit", "start"))
+    game: GameGiven = part(
+        GameGiven, without=("plant",), weights=part(GameWeights, without=("N", "delta"))
+    )
     degree: int = option(
         "degree of the polynomial W: 2, 4, 6, 8, 10 or 12; default 4",
         "N",
@@ -77,9 +73,9 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
         """Return the optimal control problem of the flights to the trim."""
         from hfa_flight.problem import flight_problem
 
-        aircraft = self.flown_aircraft()
-        point = self.operating_point(aircraft)
-        game = self.game_on(linearize(aircraft, point))
+        aircraft = self.trim.aircraft
+        point = self.trim.point()
+        game = self.game.weights.game(linearize(aircraft, point))
         return flight_problem(aircraft, point, game.Q, game.R, limits=self.limits)
 
 
@@ -110,12 +106,12 @@ def cost(request: CostRequest) -> int:
     flint_or_refusal()
     if request.check is not None:
         return check(request, request.check)
-    if request.output is not None and request.output.suffix.lower() != ".json":
+    if request.output.file is not None and request.output.file.suffix.lower() != ".json":
         raise BadInputError(
-            f"{request.output}: a certificate must be a .json file; give a path "
+            f"{request.output.file}: a certificate must be a .json file; give a path "
             "with the suffix .json"
         )
-    if request.resume and request.output is None:
+    if request.resume and request.output.file is None:
         raise BadInputError(
             "--resume requires an unfinished certificate; give the path with -o FILE.json"
         )
@@ -139,27 +135,35 @@ def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
 
     request.refuse(_OF_THE_SEARCH, "has no effect with --check; remove this option")
     request.refuse(
-        ("plant",),
+        ("game.plant",),
         "is a linear plant, but the certificate is about a nonlinear aircraft; give --aircraft "
         "instead",
     )
     request.refuse(
-        ("weights", "policy", "basis", "network", "set", "design", "delta"),
+        (
+            "weights",
+            "policy",
+            "reading.basis",
+            "reading.network",
+            "set",
+            "design",
+            "game.weights.delta",
+        ),
         "does not apply to a bound of the cost; remove this option",
     )
-    own = request.model if request.own else None
-    weights = request.changed_weights()
+    own = request.model if request.aircraft.own else None
+    weights = request.game.weights.changed
     given = {name: Given(value, f"--{name}") for name, value in weights.items()}
-    if names_aircraft(cast("PlantOptions", request)):
-        option_named = aircraft_option(cast("PlantOptions", request))
-        aircraft = request.flown_aircraft()
-        point = request.operating_point(aircraft)
+    if names_aircraft(request):
+        option_named = aircraft_option(request)
+        aircraft = request.trim.aircraft
+        point = request.trim.point()
         limits = getattr(request, "limits", None)
         problem = flight_problem(aircraft, point, limits=limits)
         given |= given_of(problem, option_named, {})
     read = read_certificate(certificate, Subject(own))
     not_given = compare(read.statement, given)
-    show(checked_bound_report(proved_by(read, ProgressLine("check")), not_given), request)
+    request.show(checked_bound_report(proved_by(read, ProgressLine("check")), not_given))
     return 0
 
 
@@ -173,8 +177,8 @@ def _prove(request: CostRequest) -> int:
     origin = request.provenance.to_dict()
 
     def save(found: CostBound) -> None:
-        if request.output is not None:
-            write_certificate(request.output, found.statement, found.witness.content(), origin)
+        if request.output.file is not None:
+            write_certificate(request.output.file, found.statement, found.witness.content(), origin)
 
     earlier = _earlier(request, problem)
     with interruptible(ProgressLine("cost")) as progress:
@@ -187,7 +191,7 @@ def _prove(request: CostRequest) -> int:
             save=save,
         )
         found = search.found(earlier)
-    print_report(found_bound_report(found), request)
+    request.print(found_bound_report(found))
     return 0
 
 
@@ -205,8 +209,8 @@ def _earlier(request: CostRequest, problem: FlightProblem) -> Proved | None:
 
     if not request.resume:
         return None
-    assert request.output is not None
-    path = request.output
+    assert request.output.file is not None
+    path = request.output.file
     given = given_of(problem, "this command", {"Q": problem.Q, "R": problem.R})
     certificate = read_certificate(path, Subject(problem.model))
     refuse_other(path, given, certificate.statement, "; write to another file")

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from hfa.inherited import OutputOptions, PlantOptions, print_report
+from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import input_file
-from hfa.options.game import NamedGame
+from hfa.options.game import GameGiven, NamedGame
 from hfa.options.output import ProgressLine
-from hfa.options.part import option
-from hfa.options.request import command
-from hfa.options.trim import called_at, scheduled
+from hfa.options.part import option, part
+from hfa.options.request import Request, command
+from hfa.options.trim import Trim, called_at, scheduled
 from hfa_prove.commands.options import family_of, interval_of, refuse_no_certificate
 from hfa_support.errors import BadInputError, prefix_errors
 from hfa_support.files import MATRIX_FILES
@@ -40,19 +40,21 @@ class Stated(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SolutionRequest(PlantOptions, OutputOptions):
+class SolutionRequest(Request):
     """Options of `hfa prove solution`."""
 
-    at: Any = scheduled(interval_of, "DEG", "taken as an exact decimal number")
+    aircraft: Aircraft = part(Aircraft, without=("units",))
+    trim: Trim = part(Trim, at=scheduled(interval_of, "DEG", "taken as an exact decimal number"))
+    game: GameGiven = part(GameGiven)
 
-    def stated(self) -> Stated:
+    def subject(self) -> Stated:
         """Return the game that the options define.
 
         Raises BadInputError if several scheduling values are given, or if the trim has properties
         that proofs do not support.
         """
-        typed = self.at
-        request = self
+        typed = self.trim.at
+        trim = self.trim
         if typed is not None and len(typed) != 1:
             raise BadInputError(
                 f"a game is defined at one value of {self.model.schedule}; give "
@@ -60,14 +62,15 @@ class SolutionRequest(PlantOptions, OutputOptions):
             )
         if typed is not None:  # the other commands of one trim store the value in the model's unit
             in_degrees = self.model.schedule_unit == "deg"
-            request = replace(self, at=math.radians(typed[0]) if in_degrees else typed[0])
-        named = request.game()
-        if self.plant is not None:
+            trim = replace(trim, at=math.radians(typed[0]) if in_degrees else typed[0])
+        named = self.game.game(self.aircraft, trim)
+        request = replace(self, trim=trim)
+        if self.game.plant is not None:
             return Stated(request, named)
-        family = family_of(request)
+        family = family_of(self.aircraft, trim)
         model = family.model
         start = model.signals[model.schedule].start if model.schedule else 0.0
-        value = {**model.trim, **self.hold}.get(model.schedule, start)
+        value = {**model.trim, **trim.hold}.get(model.schedule, start)
         if typed:
             value = typed[0]
         elif model.schedule_unit == "deg":
@@ -103,7 +106,7 @@ def solution(request: SolutionRequest) -> int:
     from hfa_prove.search.game import prove_solution
 
     _prepared(request)
-    stated = request.stated()
+    stated = request.subject()
     progress = ProgressLine("prove")
     proof = prove_solution(stated.named.game, stated.family, stated.value, progress)
     return _shown(stated, proof, "")
@@ -122,7 +125,7 @@ def critic(request: CriticRequest) -> int:
     from hfa_prove.search.game import prove_critic
 
     _prepared(request)
-    stated = request.stated()
+    stated = request.subject()
     game = stated.named.game
     stored = critic_in(request.file, game, Reading(request.basis))
     with prefix_errors(request.file):
@@ -135,7 +138,7 @@ def _prepared(request: SolutionRequest) -> None:
     from verification.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
-    refuse_no_certificate(request.output)
+    refuse_no_certificate(request.output.file)
 
 
 def _shown(stated: Stated, proof: Proof, critic_file: str) -> int:
@@ -148,8 +151,8 @@ def _shown(stated: Stated, proof: Proof, critic_file: str) -> int:
     from hfa_prove.report import game_report
 
     request = stated.request
-    if request.output is not None and proof.witness:
-        proof.write(request.output, request.provenance)
+    if request.output.file is not None and proof.witness:
+        proof.write(request.output.file, request.provenance)
     names = stated.named.game.names
-    print_report(game_report(proof.data, names.states, names.origin, critic_file), request)
+    request.print(game_report(proof.data, names.states, names.origin, critic_file))
     return 0 if proof.proved else 1

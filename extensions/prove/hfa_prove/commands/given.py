@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa.inherited import OF_THE_TRIM
-from hfa.options.trim import called_at
+from hfa.options.request import Request
+from hfa.options.trim import OF_THE_TRIM, called_at
 from hfa_aircraft.names import UNNAMED, PlantNames
 from hfa_prove.commands.options import family_of, loop_of_file
 from hfa_prove.statements.flight import Flight
@@ -22,29 +22,34 @@ from hfa_prove.subject import Given
 from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 
 if TYPE_CHECKING:
-    from hfa.inherited import PlantOptions
-    from hfa_prove.commands.request import CheckRequest
+    from hfa_prove.commands.request import CheckRequest, RegionRequest
     from hfa_prove.search.loops import Intervals
 
 #: Options that name an aircraft.
-_OF_THE_AIRCRAFT = ("aircraft", "dynamics", "parameters", "glide", *OF_THE_TRIM)
+_OF_THE_AIRCRAFT = (
+    "aircraft.source",
+    "aircraft.dynamics",
+    "aircraft.parameters",
+    "trim.glide",
+    *(f"trim.{name}" for name in OF_THE_TRIM),
+)
 
 
-def names_aircraft(request: PlantOptions) -> bool:
+def names_aircraft(request: Request) -> bool:
     """Return whether an option that defines the aircraft or its trim is given."""
     return any(name in request.typed for name in _OF_THE_AIRCRAFT)
 
 
-def aircraft_option(request: PlantOptions) -> str:
+def aircraft_option(request: Request) -> str:
     """Return the first given option that defines the aircraft or its trim, for messages.
 
     If there is no such option, return the option of the scheduling value.
     """
     named = [name for name in _OF_THE_AIRCRAFT if name in request.typed]
-    return f"--{named[0]}" if named else f"--{called_at(request.model)}"
+    return request.typed[named[0]] if named else f"--{called_at(request.model)}"
 
 
-def at_one_value(request: PlantOptions) -> Any:
+def at_one_value(request: CheckRequest | RegionRequest) -> Any:
     """Return the request with its one scheduling value in the unit of the model.
 
     The scheduling values of a `CheckRequest` are a tuple as typed. Other requests are returned
@@ -52,13 +57,14 @@ def at_one_value(request: PlantOptions) -> Any:
 
     Raises BadInputError if several values are given.
     """
-    if not isinstance(request.at, tuple):
+    if not isinstance(request.trim.at, tuple):
         return request
-    if len(request.at) != 1:
+    if len(request.trim.at) != 1:
         raise BadInputError(f"--{called_at(request.model)} is an interval; give one value")
-    (typed,) = request.at
+    (typed,) = request.trim.at
     in_degrees = request.model.schedule_unit == "deg"
-    return replace(request, at=math.radians(typed) if in_degrees else typed)
+    at = math.radians(typed) if in_degrees else typed
+    return replace(request, trim=replace(request.trim, at=at))
 
 
 def given_for(
@@ -76,7 +82,7 @@ def given_for(
     if not isinstance(flight, Flight):
         assert isinstance(statement, GameStatement)
         return _given_plant(statement, request)
-    if request.plant is not None:
+    if request.game.plant is not None:
         raise BadInputError(
             "--model is a linear plant, but the certificate is about an aircraft; remove --model"
         )
@@ -103,12 +109,12 @@ def _given_flight(flight: Flight, request: CheckRequest, name: str) -> dict[str,
     name: entry of the statement that contains the aircraft
     """
     given = {}
-    if request.at:
+    if request.trim.at:
         option = f"--{called_at(request.model)}"
-        given[f"{name}.range"] = Given([request.at[0], request.at[-1]], option)
+        given[f"{name}.range"] = Given([request.trim.at[0], request.trim.at[-1]], option)
     if not names_aircraft(request):
         return given
-    own = family_of(request).flight(flight.low, flight.high)
+    own = family_of(request.aircraft, request.trim).flight(flight.low, flight.high)
     option = aircraft_option(request)
     content = own.content()
     of_options = ("model", "parameters", "imposed", "limits")
@@ -122,10 +128,10 @@ def _given_weights(flight: Flight, request: CheckRequest) -> dict[str, Given]:
 
     If one of them and an aircraft are given, the entry E of the default game is also returned.
     """
-    request.refuse(("N",), "is not in a certificate of hfa prove; remove this option")
+    request.refuse(("game.weights.N",), "is not in a certificate of hfa prove; remove this option")
     given = {
         f"weights.{name}": Given(value, f"--{name}")
-        for name, value in request.changed_weights().items()
+        for name, value in request.game.weights.changed.items()
     }
     if names_aircraft(request) and given:
         n = len(flight.model.linear)
@@ -142,19 +148,19 @@ def _given_plant(statement: GameStatement, request: CheckRequest) -> dict[str, G
 
     Raises BadInputError if an option defines an aircraft, and for --N.
     """
-    request.refuse(("N",), "is not in a certificate of hfa prove; remove this option")
+    request.refuse(("game.weights.N",), "is not in a certificate of hfa prove; remove this option")
     request.refuse(
-        (*_OF_THE_AIRCRAFT, "at"),
+        (*_OF_THE_AIRCRAFT, "trim.at"),
         "gives an aircraft, but the certificate is about a plant; remove this option",
     )
     given = {
         f"weights.{name}": Given(value, f"--{name}")
-        for name, value in request.changed_weights().items()
+        for name, value in request.game.weights.changed.items()
     }
-    if request.plant is not None:
-        game = request.game().game
+    if request.game.plant is not None:
+        game = request.game.game(request.aircraft, request.trim).game
         game.refuse_cross_weights("a certificate of hfa prove")
-        option = f"--model {request.plant}"
+        option = f"--model {request.game.plant}"
         given |= {"plant.A": Given(game.A, option), "plant.B": Given(game.B, option)}
         weights = {name: getattr(game, name) for name in ("Q", "R", "E", "delta")}
         given |= {f"weights.{name}": Given(value, option) for name, value in weights.items()}
@@ -174,7 +180,8 @@ def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, 
     )
     if request.weights is None:
         request.refuse(
-            ("basis",), "applies only to W in --weights; add --weights FILE, or remove this option"
+            ("reading.basis",),
+            "applies only to W in --weights; add --weights FILE, or remove this option",
         )
         return {}
     option = f"--weights {request.weights}"
@@ -189,7 +196,7 @@ def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, 
 
     entries = entries_in(request.weights)
     with prefix_errors(request.weights):
-        parts = single_parts(entries, names, basis(request.basis or "quadratic", states))
+        parts = single_parts(entries, names, basis(request.reading.basis or "quadratic", states))
     if "W" in parts:
         if "P" in statement.critic and "P" not in parts:
             parts["P"] = matrix_of_weights(parts["W"], states)

@@ -21,7 +21,13 @@ if TYPE_CHECKING:
     from hfa_prove.commands.request import CheckRequest, RegionRequest
 
 #: Options that define a policy.
-_OF_THE_POLICY = ("weights", "Q", "R", "delta", "basis")
+_OF_THE_POLICY = (
+    "weights",
+    "game.weights.Q",
+    "game.weights.R",
+    "game.weights.delta",
+    "reading.basis",
+)
 
 
 def given_for(
@@ -39,7 +45,7 @@ def given_for(
     given: dict[str, Given] = {}
     if names_aircraft(request):
         given |= _given_aircraft(loop, request)
-    if request.own or request.at is not None:
+    if request.aircraft.own or request.trim.at is not None:
         given |= _given_trim(request)
     if any(name in request.typed for name in _OF_THE_POLICY):
         given |= _given_policy(request)
@@ -72,7 +78,7 @@ def _given_aircraft(loop: Loop, request: CheckRequest | RegionRequest) -> dict[s
 
     The limits are omitted if the model has other moving states than the statement.
     """
-    model = request.flown_aircraft()
+    model = request.trim.aircraft
     option = aircraft_option(request)
     parameters = {name: signal.start for name, signal in model.parameters.items()}
     given = {"model": Given(facts(model), option), "parameters": Given(parameters, option)}
@@ -106,8 +112,8 @@ def _ends(pair: Any) -> tuple[float, float]:
 
 def _given_trim(request: CheckRequest | RegionRequest) -> dict[str, Given]:
     """Return the entries on the trim that the options define, to be compared within `SAME_TRIM`."""
-    model: Model = request.flown_aircraft()
-    point = request.operating_point(model)
+    model: Model = request.trim.aircraft
+    point = request.trim.point()
     option = aircraft_option(request)
     values = {name: float(value) for name, value in point.states._asdict().items()}
     parts = {

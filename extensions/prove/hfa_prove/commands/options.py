@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hfa.inherited import AircraftOptions, OutputOptions, TrimOptions
+from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import number
-from hfa.options.trim import called_at, scheduled
+from hfa.options.trim import Trim
 from hfa_aircraft.model import Model
 from hfa_prove.hfa import standard_errors_of
 from hfa_support.errors import BadInputError, shortened
@@ -50,32 +49,10 @@ def interval_of(model: Model, text: str) -> tuple[float, ...]:
     return interval(text)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RangeOptions(AircraftOptions, TrimOptions, OutputOptions):
-    """Options that name an aircraft and an interval of its scheduling variable."""
-
-    at: Any = scheduled(interval_of, "LOW:HIGH", "interval that the proof covers")
-    start: None = None
-
-    def ends(self, family: Family) -> tuple[float, float]:
-        """Return LOW and HIGH of the scheduling variable, as typed.
-
-        Raises BadInputError if the interval is missing, or if proofs do not support its trims.
-        """
-        if len(self.at or ()) != 2:
-            scheduled_name = family.model.schedule or "the scheduling variable"
-            raise BadInputError(
-                f"the interval of {scheduled_name} is missing; give --{called_at(self.model)} "
-                "LOW:HIGH"
-            )
-        low, high = self.at
-        family.check(low, high)
-        return low, high
-
-
-def family_of(request: TrimOptions, errors: float = 0.0) -> Family:
+def family_of(aircraft: Aircraft, trim: Trim, errors: float = 0.0) -> Family:
     """Return the aircraft and its trims at any scheduling value, as defined by the options.
 
+    aircraft, trim: the options of the aircraft and its trim
     errors: number of standard errors that the proof covers for each identified parameter
 
     Raises BadInputError if `errors` is not 0 and the parameters have no standard errors.
@@ -83,14 +60,14 @@ def family_of(request: TrimOptions, errors: float = 0.0) -> Family:
     from hfa_prove.search.family import Family
 
     standard_errors: Mapping[str, float] = {}
-    if not request.own:
-        standard_errors = standard_errors_of(request.dynamics, request.parameter_set)
+    if not aircraft.own:
+        standard_errors = standard_errors_of(aircraft.dynamics, aircraft.parameter_set)
     if errors and not standard_errors:
         raise BadInputError("the parameters have no standard errors; remove --error")
     spread = {
         name: errors * error for name, error in standard_errors.items() if errors * error > 0.0
     }
-    return Family(request.flown_aircraft(), request.common_condition, spread)
+    return Family(trim.aircraft, trim.common_condition, spread)
 
 
 def refuse_no_certificate(output: Path | None) -> None:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from hfa_prove.commands.request import CheckRequest, RegionRequest
 
 #: Options of a network or critic.
-_OF_NETWORKS = ("weights", "basis", "network", "set")
+_OF_NETWORKS = ("weights", "reading.basis", "reading.network", "set")
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,16 +83,16 @@ def given_policy(request: CheckRequest | RegionRequest) -> GivenPolicy:
     """
     if request.policy is not None:
         request.refuse(_OF_NETWORKS, "cannot be combined with --policy; remove one of the two")
-    if request.basis is not None and request.weights is None:
+    if request.reading.basis is not None and request.weights is None:
         raise BadInputError(
             "--basis applies only to W in --weights; add --weights, or remove --basis"
         )
     if not request.model.inputs:
-        aircraft = request.flown_aircraft()
-        free = linearize(aircraft, request.operating_point(aircraft))
+        aircraft = request.trim.aircraft
+        free = linearize(aircraft, request.trim.point())
         none = Gain(np.zeros((0, len(free.states))), {})
         return GivenPolicy.of_gain(free, none, "no inputs", None)
-    named = request.game()
+    named = request.game.game(request.aircraft, request.trim)
     assert named.linear is not None
     linear = named.linear
     if request.policy is not None:
@@ -109,7 +109,7 @@ def given_policy(request: CheckRequest | RegionRequest) -> GivenPolicy:
         gain = Gain(np.array(solution.K, dtype=float), {})
         return GivenPolicy.of_gain(linear, gain, "gain of the game", solution.P)
     with prefix_errors(request.weights):
-        critic = critic_in(request.weights, named.game, request.reading())
+        critic = critic_in(request.weights, named.game, request.reading.reading(request.set))
         if not is_network(request.weights):
             gain = Gain(np.array(critic.K, dtype=float), policy_terms(critic, linear.inputs))
             return GivenPolicy.of_gain(linear, gain, str(request.weights), critic.P)

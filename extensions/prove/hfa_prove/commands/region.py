@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hfa.inherited import print_report, show
 from hfa.options.output import ProgressLine
 from hfa.options.request import command
 from hfa_prove.commands.options import refuse_no_certificate
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from hfa_prove.statements.loop import Loop
 
 #: Options that have no effect on the check of a certificate.
-_OF_THE_SEARCH = ("degree", "seconds", "resume", "picture", "prover")
+_OF_THE_SEARCH = ("degree", "seconds", "resume", "output.picture", "prover")
 #: Default degree of V for a network or deployment file.
 _DEGREE_OF_FUNCTIONS = 2
 
@@ -45,13 +44,13 @@ def region(request: RegionRequest) -> int:
 
     flint_or_refusal()
     request.refuse(
-        ("plant",),
+        ("game.plant",),
         "is a linear plant, but a region requires nonlinear equations; give --aircraft instead",
     )
     if request.check is not None:
         return check(request, request.check)
-    refuse_no_certificate(request.output)
-    if request.resume and request.output is None:
+    refuse_no_certificate(request.output.file)
+    if request.resume and request.output.file is None:
         raise BadInputError(
             "--resume requires an unfinished certificate; give the path with -o FILE.json"
         )
@@ -78,7 +77,7 @@ def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
 
     request.refuse(_OF_THE_SEARCH, "has no effect with --check; remove this option")
     request.refuse(
-        ("plant",),
+        ("game.plant",),
         "is a linear plant, but the certificate is about an aircraft; give --aircraft instead",
     )
     request.refuse(
@@ -86,14 +85,14 @@ def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
         "applies to a schedule, but the certificate is about a region; remove this option",
     )
     own = given_policy(at_one_value(request)) if is_function(request) else None
-    model = request.model if request.own else None
+    model = request.model if request.aircraft.own else None
     subject = Subject(model, None if own is None else own.problem.loop.function)
     read = read_certificate(certificate, subject)
     if own is not None and not isinstance(read.statement.loop.policy, Gain):
         given = given_by(own.problem.loop, "the user")
     else:
         request.refuse(
-            ("policy", "network", "set"),
+            ("policy", "reading.network", "set"),
             "applies to a policy in a file, but the certificate is about a polynomial policy; "
             "remove this option",
         )
@@ -101,7 +100,7 @@ def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
     not_given = compare(read.statement, given)
     words = {} if own is None else {"policy": own.words, "timing": own.timing}
     proved = proved_by(read, ProgressLine("check"))
-    show(checked_report(proved, not_given, **words), request)
+    request.show(checked_report(proved, not_given, **words))
     return 0
 
 
@@ -126,8 +125,8 @@ def _prove(request: RegionRequest) -> int:
     origin = request.provenance.to_dict()
 
     def save(proved: Region) -> None:
-        if request.output is not None:
-            write_certificate(request.output, proved.statement, proved.witness, origin)
+        if request.output.file is not None:
+            write_certificate(request.output.file, proved.statement, proved.witness, origin)
 
     with interruptible(ProgressLine("region")) as progress:
         found = proved_region(
@@ -139,13 +138,13 @@ def _prove(request: RegionRequest) -> int:
             save=save,
             earlier=_earlier(request, problem),
         )
-    if request.picture is not None:
+    if request.output.picture is not None:
         from hfa_prove.picture import region_figure
         from hfa_support.reporting.figure import save as save_figure
 
         figure = region_figure(found, _box(given.linear))
-        save_figure(figure, request.picture, request.provenance.text())
-    print_report(region_report(found, given.words, given.timing), request)
+        save_figure(figure, request.output.picture, request.provenance.text())
+    request.print(region_report(found, given.words, given.timing))
     return 0
 
 
@@ -194,10 +193,10 @@ def _earlier(request: RegionRequest, problem: RegionProblem) -> Region | None:
 
     if not request.resume:
         return None
-    path = request.output
+    path = request.output.file
     assert path is not None
     policy = problem.loop.function
-    own = request.model if request.own else None
+    own = request.model if request.aircraft.own else None
     proved = check_certificate(path, ProgressLine("check"), own, policy)
     witness = read_sealed(path)[0]["witness"]
     forget_read(path)

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hfa.inherited import OutputOptions, PlantOptions, ReadingOptions
-from hfa.learning import setting_option
+from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import input_file, one_of, positive, quantity
-from hfa.options.critics import READING_SETTINGS, critic_path
-from hfa.options.output import picture_option
-from hfa.options.part import OfModel, option
-from hfa.options.trim import scheduled
+from hfa.options.critics import READING_SETTINGS, ReadingGiven, critic_path, settings_option
+from hfa.options.game import GameGiven
+from hfa.options.output import Output, picture_option
+from hfa.options.part import OfModel, option, part
+from hfa.options.request import Request
+from hfa.options.trim import Trim, scheduled
 from hfa_aircraft.model import Model
 from hfa_design.options import design_option
 from hfa_prove.commands.options import interval_of
@@ -21,13 +22,19 @@ from hfa_support.errors import refuse_unknown
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CheckRequest(PlantOptions, ReadingOptions, OutputOptions):
+class CheckRequest(Request):
     """Options of `hfa prove --check`: a certificate, and data with which it must agree."""
 
-    check: Path | None = option("certificate to verify", "FILE", input_file(".json"))
-    at: Any = scheduled(
-        interval_of, "DEG|LOW:HIGH", "value or interval that the certificate must contain"
+    aircraft: Aircraft = part(Aircraft, without=("units",))
+    trim: Trim = part(
+        Trim,
+        at=scheduled(
+            interval_of, "DEG|LOW:HIGH", "value or interval that the certificate must contain"
+        ),
     )
+    game: GameGiven = part(GameGiven)
+    reading: ReadingGiven = part(ReadingGiven)
+    check: Path | None = option("certificate to verify", "FILE", input_file(".json"))
     weights: Path | None = option(
         "file with the gains, critic or network that the certificate must be about",
         "FILE",
@@ -38,15 +45,16 @@ class CheckRequest(PlantOptions, ReadingOptions, OutputOptions):
         "DEPLOYMENT.toml",
         input_file(".toml"),
     )
-    set: Mapping[str, Any] = setting_option(
+    set: Mapping[str, Any] = settings_option(
         "setting of the network in --weights, as in the proof: scale=a,b,..., activation=NAME",
-        READING_SETTINGS,
+        lambda: READING_SETTINGS,
+        "a critic of a file",
     )
     design: Any = design_option("design that defines the actuators of the controller in --weights")
 
     def origin(self) -> Mapping[str, Any]:
         """Return the provenance of the user's aircraft file, or {} if no file is given."""
-        return self._origin_of_file({}) if self.own else {}
+        return self.aircraft.origin({}) if self.aircraft.own else {}
 
 
 def _size(model: Model, name: str, text: str) -> float:
@@ -63,9 +71,19 @@ def _size(model: Model, name: str, text: str) -> float:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
+class RegionRequest(Request):
     """Options of `hfa prove region`."""
 
+    aircraft: Aircraft = part(Aircraft, without=("units",))
+    trim: Trim = part(Trim)
+    game: GameGiven = part(GameGiven)
+    reading: ReadingGiven = part(ReadingGiven)
+    output: Output = part(
+        Output,
+        picture=picture_option(
+            "sections of the proved set, and initial conditions that do not converge"
+        ),
+    )
     weights: Path | None = option(
         "file with a policy: K, P, W, or a network (the region is proved with boxes); default: "
         "policy of the exact game",
@@ -78,10 +96,11 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
         "DEPLOYMENT.toml",
         input_file(".toml"),
     )
-    set: Mapping[str, Any] = setting_option(
+    set: Mapping[str, Any] = settings_option(
         "setting of a critic: scale=a,b,... (network: factor on each state), "
         "activation=HIDDEN[,OUTPUT] (state dict)",
-        READING_SETTINGS,
+        lambda: READING_SETTINGS,
+        "a critic of a file",
     )
     check: Path | None = option(
         "verify this certificate instead of proving a region", "FILE", input_file(".json")
@@ -110,9 +129,6 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
     )
     resume: bool = option(
         "resume from the Lyapunov function V in the certificate given by -o", rare=True
-    )
-    picture: Path | None = picture_option(
-        "sections of the proved set, and initial conditions that do not converge"
     )
 
 

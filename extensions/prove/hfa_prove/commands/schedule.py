@@ -6,15 +6,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hfa.inherited import WeightOptions, print_report
+from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import input_file
+from hfa.options.game import GameGiven, GameWeights
 from hfa.options.output import ProgressLine
-from hfa.options.part import option
-from hfa.options.request import command
+from hfa.options.part import option, part
+from hfa.options.request import Request, command
+from hfa.options.trim import Trim, called_at, scheduled
 from hfa_design.options import design_option
 from hfa_prove.commands.options import (
-    RangeOptions,
     family_of,
+    interval_of,
     loop_of_file,
     not_negative,
     positive_interval,
@@ -24,6 +26,7 @@ from hfa_support.errors import BadInputError
 from hfa_support.files import MATRIX_FILES
 
 if TYPE_CHECKING:
+    from hfa_prove.search.family import Family
     from hfa_prove.search.loops import Intervals
 
 #: Options of uncertain actuators.
@@ -31,9 +34,16 @@ _INTERVALS = ("bandwidth", "effectiveness", "delay")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ScheduleRequest(WeightOptions, RangeOptions):
+class ScheduleRequest(Request):
     """Options of `hfa prove schedule`."""
 
+    aircraft: Aircraft = part(Aircraft, without=("units",))
+    trim: Trim = part(
+        Trim,
+        without=("start",),
+        at=scheduled(interval_of, "LOW:HIGH", "interval that the proof covers"),
+    )
+    game: GameGiven = part(GameGiven, without=("plant",), weights=part(GameWeights, without=("N",)))
     weights: Path | None = option(
         "file with gains K at values of the scheduling variable; default: gains of the exact game",
         "FILE",
@@ -72,6 +82,21 @@ class ScheduleRequest(WeightOptions, RangeOptions):
     )
     resume: bool = option("resume the proof of the unfinished certificate given by -o", rare=True)
 
+    def ends(self, family: Family) -> tuple[float, float]:
+        """Return LOW and HIGH of the scheduling variable, as typed.
+
+        Raises BadInputError if the interval is missing, or if proofs do not support its trims.
+        """
+        if len(self.trim.at or ()) != 2:
+            scheduled_name = family.model.schedule or "the scheduling variable"
+            raise BadInputError(
+                f"the interval of {scheduled_name} is missing; give --{called_at(self.model)} "
+                "LOW:HIGH"
+            )
+        low, high = self.trim.at
+        family.check(low, high)
+        return low, high
+
     def intervals(self) -> Intervals | None:
         """Return the intervals of uncertain actuators, or None if --bandwidth is not given.
 
@@ -105,22 +130,22 @@ def schedule(request: ScheduleRequest) -> int:
     from verification.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
-    refuse_no_certificate(request.output)
+    refuse_no_certificate(request.output.file)
     from hfa_prove.report import proof_report
     from hfa_prove.search.loops import exact_gains
     from hfa_prove.search.proof import CertificateFile
     from hfa_prove.search.schedule import prove_schedule
 
-    if request.resume and request.output is None:
+    if request.resume and request.output.file is None:
         raise BadInputError(
             "--resume requires an unfinished certificate; give the path with -o FILE.json"
         )
     intervals = request.intervals()
-    family = family_of(request, request.error)
+    family = family_of(request.aircraft, request.trim, request.error)
     low, high = request.ends(family)
     if request.weights is not None:
         request.refuse(
-            ("delta", "Q", "R"),
+            ("game.weights.delta", "game.weights.Q", "game.weights.R"),
             "cannot be combined with --weights, which gives the gains; remove this option",
         )
         loop = loop_of_file(request.weights, request.design, family.model, intervals)
@@ -130,14 +155,14 @@ def schedule(request: ScheduleRequest) -> int:
             "requires a controller; add --weights FILE.npz with the controller, or remove this "
             "option",
         )
-        changes = request.changed_weights()
+        changes = request.game.weights.changed
         loop = exact_gains(family, low, high, intervals, **changes)
     file = None
-    if request.output is not None:
-        file = CertificateFile(request.output, request.provenance, resume=request.resume)
+    if request.output.file is not None:
+        file = CertificateFile(request.output.file, request.provenance, resume=request.resume)
     progress = ProgressLine("prove")
     proof = prove_schedule(
         family, loop, low, high, moving=request.rate, file=file, progress=progress
     )
-    print_report(proof_report(proof.statement, proof.data), request)
+    request.print(proof_report(proof.statement, proof.data))
     return 0 if proof.proved else 1

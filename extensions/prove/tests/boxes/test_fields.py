@@ -216,7 +216,7 @@ def test_region_fields_are_compared_or_printed(degree: int, aircraft: str, cart:
     def text_of(statement: RegionStatement) -> str:
         return checked_report(as_proved(statement)).text()
 
-    request = CheckRequest(model=cart, aircraft=aircraft, typed=frozenset({"aircraft"}))
+    request = CheckRequest.parsed(cart, {"aircraft.source": aircraft})
     statement = region(cart, degree)
     given = given_for(statement, request)
     gain = statement.loop.gain.content()

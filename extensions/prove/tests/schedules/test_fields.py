@@ -66,25 +66,26 @@ def request_for(kind: str, folder: Path) -> CheckRequest:
     """Return a request with all options that apply to the certificate of this kind."""
     statement = certificate(kind)["statement"]
     weights = folder / "weights.npz"
-    options: dict[str, Any] = {"model": hfa.aircraft(), "weights": weights}
+    options: dict[str, Any] = {"weights": weights}
     if kind == "plant":
         plant = folder / "plant.npz"
         np.savez(plant, **{name: getattr(PLANT, name) for name in ("A", "B", "E", "Q", "R")})
-        options |= {"plant": plant, "delta": PLANT.delta}
+        options |= {"game.plant": plant, "game.weights.delta": PLANT.delta}
     else:
-        options["dynamics"] = "published"
+        options["aircraft.dynamics"] = "published"
         flight = statement.get("flight") or statement["plant"]
-        options["at"] = tuple(dict.fromkeys(flight["range"]))
+        options["trim.at"] = tuple(dict.fromkeys(flight["range"]))
     if kind in ("plant", "critic"):
         np.savez(weights, **{name: np.array(part) for name, part in statement["critic"].items()})
     else:
         controller = statement["controller"]
         np.savez(weights, dihedral_deg=controller["breakpoints"], K=-np.array(controller["D"]))
     if kind == "critic":
-        options |= {"delta": 200.0} | {name: np.array(statement["weights"][name]) for name in "QR"}
+        stated = {name: np.array(statement["weights"][name]) for name in "QR"} | {"delta": 200.0}
+        options |= {f"game.weights.{name}": value for name, value in stated.items()}
     if kind == "second order":  # a controller with states has no gain to give
         del options["weights"]
-    return CheckRequest(**options, typed=frozenset(options))
+    return CheckRequest.parsed(hfa.aircraft(), options)
 
 
 def text_of(kind: str, content: Any) -> str:
@@ -188,14 +189,14 @@ def test_options_of_another_kind_are_refused(tmp_path: Path) -> None:
     """
     model = hfa.aircraft()
     for kind, options in (
-        ("plant", {"dynamics": "published"}),
-        ("plant", {"at": (14.0,)}),
-        ("rate", {"plant": tmp_path / "plant.npz"}),
+        ("plant", {"aircraft.dynamics": "published"}),
+        ("plant", {"trim.at": (14.0,)}),
+        ("rate", {"game.plant": tmp_path / "plant.npz"}),
         ("rate", {"design": "paper"}),
         ("critic", {"design": "paper"}),
-        ("critic", {"basis": "quadratic"}),
+        ("critic", {"reading.basis": "quadratic"}),
     ):
-        request = CheckRequest(model=model, typed=frozenset(options), **options)
+        request = CheckRequest.parsed(model, options)
         made = certificate(kind)
         statement = read_statement(made["kind"], made["statement"])
         with pytest.raises(BadInputError):
@@ -212,7 +213,7 @@ def test_a_value_of_another_gain_is_refused(tmp_path: Path) -> None:
     assert not statement.gain_of_value
     weights = tmp_path / "weights.npz"
     np.savez(weights, W=np.array(made["statement"]["critic"]["W"])[:, 0])
-    request = CheckRequest(model=hfa.aircraft(), weights=weights, typed=frozenset({"weights"}))
+    request = CheckRequest.parsed(hfa.aircraft(), {"weights": weights})
     with pytest.raises(NoSolutionError, match="K is not the gain of the certificate's P or W"):
         given_for(statement, request)
     claimed = copy.deepcopy(made)

@@ -98,8 +98,8 @@ def test_each_field_is_compared_or_printed(path: Path, model: Model) -> None:
     """Each entry of a statement is compared with the user's value or changes the printed report."""
     verified = check_certificate(path, model=model)
     content = verified.statement.content()
-    typed = frozenset({"aircraft", "delta"})
-    request = CheckRequest(model=model, aircraft=PENDULUM, delta=np.inf, typed=typed)
+    options = {"aircraft.source": PENDULUM, "game.weights.delta": np.inf}
+    request = CheckRequest.parsed(model, options)
     given = given_for(verified.statement, request)
     assert compare(verified.statement, given) == []
     original = checked_report(verified).text()
