@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -126,6 +127,13 @@ def test_both_named_parameter_sets_load(parameter_set: ParameterSet) -> None:
         match="gibson: no parameters and no readable file of this name; choose from identified, gibson-",
     ):
         load_parameters("gibson")
+
+
+@pytest.mark.parametrize("dynamics", ["examples/gtm.py:GTM", "publish", 3, ["newton"]])
+def test_only_dynamics_of_the_aircraft_are_accepted(dynamics: Any) -> None:
+    """`hfa.aircraft` reads no file and guesses no name: `hfa.load_model` loads another aircraft."""
+    with pytest.raises(BadInputError, match="dynamics"):
+        hfa.aircraft(dynamics)
 
 
 @pytest.mark.parametrize("model", published_models(), ids=lambda model: f"{model.dihedral_deg:g}")
