@@ -221,7 +221,7 @@ COMMANDS = {
         "hfa_prove.commands.check:prove",
         example="hfa prove --check certificate.json",
         install=("python-flint",),
-        results=("hfa_prove.results:ProofData", "hfa_prove.results:CertificateData"),
+        results=("hfa_prove.results:ProofCheck", "hfa_prove.results:CertificateData"),
     ),
     "prove cost": CommandEntry(
         "proof",
@@ -259,6 +259,7 @@ COMMANDS = {
         "hfa_prove.commands.schedule:schedule",
         example="hfa prove schedule --dihedral 14:14.5 -o certificate.json",
         install=("python-flint", "cvxpy"),
+        results=("hfa_prove.results:ScheduleProof",),
     ),
     "prove solution": CommandEntry(
         "proof",
@@ -266,6 +267,7 @@ COMMANDS = {
         "hfa_prove.commands.games:solution",
         example="hfa prove solution --dihedral 15",
         install=("python-flint",),
+        results=("hfa_prove.results:GameProof",),
     ),
     "report": CommandEntry(
         "model",

@@ -14,7 +14,13 @@ from hfa_prove.certificate import kind_of
 from hfa_prove.check import Proved
 from hfa_prove.check.game import SAME_GAIN
 from hfa_prove.hfa import identity_of
-from hfa_prove.results import SCHEMA, Content, _not_covered, breakpoint_data, schedule_data
+from hfa_prove.results import (
+    Content,
+    ProofCheck,
+    _not_covered,
+    breakpoint_data,
+    schedule_data,
+)
 from hfa_prove.statements.flight import Flight
 from hfa_prove.statements.game import GameStatement, Plant, Weights
 from hfa_prove.statements.schedule import (
@@ -244,7 +250,7 @@ def checked_report(verified: Proved, not_given: Sequence[str] = ()) -> Report:
     statement = verified.statement
     content = statement.content()
     data: Content = {
-        "schema": SCHEMA,
+        "schema": ProofCheck.schema,
         "statement": "check",
         "kind": kind_of(statement),
         "boxes": verified.size,

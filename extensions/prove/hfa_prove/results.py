@@ -20,93 +20,162 @@ from hfa_support.reporting.results import UNSTORED, Matrix, Result, Vector, stor
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ProofData(Result):
-    """Result of a proof or a check. null means open. Fields that a kind does not have are omitted.
+class ScheduleProof(Result):
+    """Proof about a schedule. Entries that do not apply to the aircraft or the options are omitted.
 
-    statement: schedule, solution, critic or check.
+    statement: schedule.
     dynamics: published, newton, or the name of another model.
     dihedral_deg: interval of the dihedral angle, degrees.
+    scheduled: scheduling variable -> interval, for another aircraft.
     proved: whether the full claim is proved.
     one_branch: whether the trims of all boxes are on one branch.
     decay_rate: proved decay rate where the loop is stable, 1/s.
-    loop: intervals with the number of unstable modes of the loop, and open intervals.
-    modes: intervals with the number of unstable modes of A, and open intervals with bounds of the
-        number.
+    loop: intervals with the number of unstable modes of the loop, open intervals, and number of
+        boxes.
+    modes: intervals with the number of unstable modes of A, open intervals with bounds of the
+        number, and number of boxes.
     refuted: intervals where the loop is proved unstable.
     not_covered: effects that the statement does not cover.
-    boxes: enclosures of A and B, or the number of boxes.
-    source: SHA-256 of the files of another aircraft, for a checked certificate.
-    P: matrix of the value z'P z.
-    delta: disturbance weight, null without a disturbance.
-    scheduled: scheduling variable -> interval, for another aircraft.
+    boxes: enclosures of A and B.
+    actuators: bandwidth, effectiveness and delay, with --bandwidth.
     dihedral_rate_deg_s: proved rate of the dihedral angle, deg/s, with --rate.
     scheduled_rate: proved rate of the scheduling variable, per second, with --rate for another
         aircraft.
-    actuators: bandwidth, effectiveness and delay, with --bandwidth.
     lyapunov: Lyapunov function for a moving scheduling variable, with --rate.
-    kind: schedule or game, for a checked certificate.
-    parameters: name of the parameter set, or the parameters, for a checked certificate.
-    parameter_hash: hash of the parameters, for a checked certificate.
-    written: version, command and date in the file, not verified, for a checked certificate.
-    statement_sha256: SHA-256 of the JSON text of the statement, for a checked certificate.
-    claim: every field of the statement, for a checked certificate.
-    not_given: fields that were not compared, because no option gave them, for a checked
-        certificate.
-    limits: lowest and highest value of each limited signal of the trims, for a checked certificate.
-    spread: half-widths of the parameters, for a checked certificate.
-    game: Q, R, E and delta, for a checked certificate.
+    """
+
+    schema = "hfa.proof-schedule/1"
+    made_by = "hfa prove schedule"
+
+    statement: Literal["schedule"]
+    dynamics: str
+    dihedral_deg: Vector | None = None
+    scheduled: Mapping[str, Any] | None = None
+    proved: bool
+    one_branch: bool
+    decay_rate: float
+    loop: Mapping[str, Any]
+    modes: Mapping[str, Any]
+    refuted: Sequence[Mapping[str, Any]]
+    not_covered: str
+    boxes: Any
+    actuators: Mapping[str, Any] | None = None
+    dihedral_rate_deg_s: float | None = None
+    scheduled_rate: float | None = None
+    lyapunov: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GameProof(Result):
+    """Proof about the solution of a game or about a critic. null means open.
+
+    A proof about a critic has the entries `statement`, `proved`, `closed_loop_hurwitz` and
+    `distances`. A proof about a solution has all entries but `distances`.
+
+    statement: solution or critic.
+    proved: whether the full claim is proved.
+    closed_loop_hurwitz: true if A - B K is proved Hurwitz, false if proved not Hurwitz.
+    distances: part of the critic -> bounds of its relative distance, at_least and at_most.
+    P: matrix of the value z'P z.
     relative_radius: relative radius of the enclosure of P.
     positive_definite: whether P is proved positive definite.
     worst_case_hurwitz: whether A - S P is proved Hurwitz.
-    closed_loop_hurwitz: true if A - B K is proved Hurwitz, false if proved not Hurwitz.
+    delta: disturbance weight, null without a disturbance.
     delta_min_above: proved lower bound of delta_min.
     delta_min_at_most: proved upper bound of delta_min.
     unstable_modes: number of unstable modes of A, null if only bounds are proved.
     unstable_modes_between: lowest and highest number of unstable modes of A.
-    distances: part of the critic -> bounds of its relative distance, at_least and at_most.
     """
 
-    schema = "hfa.proof/1"
-    made_by = "hfa prove"
+    schema = "hfa.proof-game/1"
+    made_by = "hfa prove solution, hfa prove critic"
 
-    statement: str
-    dynamics: str | None = None
-    dihedral_deg: Vector | None = None
-    proved: bool | None = None
-    one_branch: bool | None = None
-    decay_rate: float | None = None
-    loop: Any = None
-    modes: Any = None
-    refuted: Sequence[Mapping[str, Any]] | None = None
-    not_covered: str | None = None
-    boxes: Any = None
-    source: str | None = None
+    statement: Literal["solution", "critic"]
+    proved: bool
+    closed_loop_hurwitz: bool | None
+    distances: Mapping[str, Any] | None = None
     P: Matrix | None = None
-    delta: float | None = None
-    scheduled: Mapping[str, Any] | None = None
-    dihedral_rate_deg_s: float | None = None
-    scheduled_rate: float | None = None
-    actuators: Mapping[str, Any] | None = None
-    lyapunov: Mapping[str, Any] | None = None
-    kind: str | None = None
-    parameters: Any = None
-    parameter_hash: str | None = None
-    written: Mapping[str, Any] | None = None
-    statement_sha256: str | None = None
-    claim: Mapping[str, Any] | None = None
-    not_given: Sequence[str] | None = None
-    limits: Mapping[str, Any] | None = None
-    spread: Mapping[str, Any] | None = None
-    game: Mapping[str, Any] | None = None
     relative_radius: float | None = None
-    positive_definite: Any = None
-    worst_case_hurwitz: Any = None
-    closed_loop_hurwitz: Any = None
+    positive_definite: bool | None = None
+    worst_case_hurwitz: bool | None = None
+    delta: float | None = None
     delta_min_above: float | None = None
     delta_min_at_most: float | None = None
-    unstable_modes: Any = None
+    unstable_modes: int | None = None
     unstable_modes_between: Vector | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ProofCheck(Result):
+    """Verified certificate of a schedule or a game, with the entries of its kind.
+
+    statement: check.
+    kind: schedule or game.
+    boxes: number of boxes of the proof.
+    written: version, command and date in the file, not verified.
+    statement_sha256: SHA-256 of the JSON text of the statement.
+    claim: every entry of the statement.
+    not_given: entries that were not compared, because no option gave them.
+    proved: whether the full claim is proved.
+    dynamics: published, newton, or the name of another model.
+    dihedral_deg: interval of the dihedral angle, degrees.
+    scheduled: scheduling variable -> interval, for another aircraft.
+    source: SHA-256 of the files of another aircraft.
+    parameters: name of the parameter set, or the parameters.
+    parameter_hash: hash of the parameters.
+    limits: lowest and highest value of each limited signal of the trims.
+    spread: half-widths of the parameters.
+    one_branch: whether the trims of all boxes are on one branch.
+    decay_rate: proved decay rate where the loop is stable, 1/s.
+    loop: intervals with the number of unstable modes of the loop, and open intervals.
+    modes: intervals with the number of unstable modes of A, and open intervals.
+    refuted: intervals where the loop is proved unstable.
+    not_covered: effects that the statement does not cover.
+    actuators: bandwidth, effectiveness and delay.
+    dihedral_rate_deg_s: proved rate of the dihedral angle, deg/s.
+    scheduled_rate: proved rate of the scheduling variable of another aircraft, per second.
+    game: Q, R, E and delta.
+    distances: part of the critic -> lower and upper bound of its relative distance.
+    closed_loop_hurwitz: whether A - B K is Hurwitz, null if this is open.
+    delta_min_above: proved lower bound of delta_min.
+    delta_min_at_most: proved upper bound of delta_min.
+    unstable_modes_between: lowest and highest number of unstable modes of A.
+    """
+
+    schema = "hfa.proof-check/1"
+    made_by = "hfa prove --check FILE"
+
+    statement: Literal["check"]
+    kind: Literal["schedule", "game"]
+    boxes: int
+    written: Mapping[str, Any]
+    statement_sha256: str
+    claim: Mapping[str, Any]
+    not_given: Sequence[str]
+    proved: bool
+    dynamics: str | None = None
+    dihedral_deg: Vector | None = None
+    scheduled: Mapping[str, Any] | None = None
+    source: str | None = None
+    parameters: Any = None
+    parameter_hash: str | None = None
+    limits: Mapping[str, Any] | None = None
+    spread: Mapping[str, Any] | None = None
+    one_branch: bool | None = None
+    decay_rate: float | None = None
+    loop: Mapping[str, Any] | None = None
+    modes: Mapping[str, Any] | None = None
+    refuted: Sequence[Mapping[str, Any]] | None = None
+    not_covered: str | None = None
+    actuators: Mapping[str, Any] | None = None
+    dihedral_rate_deg_s: float | None = None
+    scheduled_rate: float | None = None
+    game: Mapping[str, Any] | None = None
     distances: Mapping[str, Any] | None = None
+    closed_loop_hurwitz: bool | None = None
+    delta_min_above: float | None = None
+    delta_min_at_most: float | None = None
+    unstable_modes_between: Vector | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -388,7 +457,6 @@ class CheckedLowerBound(LowerBound):
     not_given: Sequence[str] = ()
 
 
-SCHEMA = ProofData.schema
 Content = dict[str, Any]
 Found = TypeVar("Found")
 
@@ -459,7 +527,7 @@ def schedule_data(statement: ScheduleStatement, moving: bool) -> Content:
     stable = not (refuted or still_open)
     one_branch = len(flight.trims) == 1
     data: Content = {
-        "schema": SCHEMA,
+        "schema": ScheduleProof.schema,
         "statement": "schedule",
         "dynamics": model.name,
         **breakpoint_data(model, [flight.low, flight.high]),

@@ -29,7 +29,7 @@ from hfa_prove.check.game import (
     solution_on,
 )
 from hfa_prove.check.trims import Rejected, linear_model_on
-from hfa_prove.results import SCHEMA
+from hfa_prove.results import GameProof
 from hfa_prove.search.family import Family, TrimSearch
 from hfa_prove.search.lines import bounds_of_modes, find_line
 from hfa_prove.search.proof import Content, Proof
@@ -373,7 +373,7 @@ def prove_solution(
     is_above = bracket is not None and game.delta > bracket.value
     proved = is_above and statement.hurwitz is True
     data: Content = {
-        "schema": SCHEMA,
+        "schema": GameProof.schema,
         "statement": "solution",
         "proved": proved,
         "P": P,
@@ -454,7 +454,7 @@ def prove_critic(
         "loop": [vars(line) for line in lines],
     }
     data = {
-        "schema": SCHEMA,
+        "schema": GameProof.schema,
         "statement": "critic",
         "proved": statement.hurwitz is True,
         "distances": {
