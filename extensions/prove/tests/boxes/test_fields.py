@@ -14,7 +14,7 @@ import pytest
 from as_proved import as_proved
 
 from hfa_aircraft.loading import load_model
-from hfa_aircraft.model import Model
+from hfa_aircraft.model import Model, Signal
 from hfa_flight.problem import flight_problem
 from hfa_prove.certificate import read_statement
 from hfa_prove.check.game import SAME_GAIN
@@ -28,7 +28,7 @@ from hfa_prove.report_region import checked_report
 from hfa_prove.statements.cost import CostStatement
 from hfa_prove.statements.loop import Gain
 from hfa_prove.statements.piece import Piece, Polynomial
-from hfa_prove.statements.plant import Plant, Subject, digest_of
+from hfa_prove.statements.plant import Plant, Subject, digest_of, digest_of_equations
 from hfa_prove.statements.region import RegionStatement
 from hfa_prove.subject import Given, close_to, compare
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -257,6 +257,18 @@ def test_the_graph_of_the_equations_identifies_a_file(
     else:
         with pytest.raises((BadInputError, NoSolutionError), match=r"other equations|state_units"):
             read_statement("region", content, Subject(other))
+
+
+def test_names_of_signals_are_in_the_digest() -> None:
+    """Models with equal equations of signals with other names have different digests."""
+
+    def falling(name: str) -> Model:
+        return Model(
+            "fall", {name: Signal("m")}, {}, lambda x, u, p, w: ({name: -x[0]}, {}), trim={}
+        )
+
+    assert digest_of_equations(falling("a")) == digest_of_equations(falling("a"))
+    assert digest_of_equations(falling("a")) != digest_of_equations(falling("b"))
 
 
 def test_tables_are_in_the_digest() -> None:

@@ -166,3 +166,14 @@ def test_the_enclosed_root_contains_the_offset() -> None:
     assert offset > 0
     with pytest.raises(Rejected, match="a root of the equations is not proved to exist"):
         trims.root_offsets(at_center, slope, [arb("0.014")])
+
+
+@pytest.mark.parametrize("version", [9, 11])
+def test_other_formats_are_refused_in_one_line(version: int, tmp_path: Path) -> None:
+    """A certificate in the format of another version is refused with what to do."""
+    other = certificate("plant") | {"schema": f"hfa.certificate/{version}"}
+    said = (
+        rf"has the format hfa.certificate/{version} of another version; prove the statement again"
+    )
+    with pytest.raises(BadInputError, match=said):
+        check_certificate(forge(tmp_path / "other.json", other))

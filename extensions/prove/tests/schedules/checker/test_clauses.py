@@ -486,6 +486,14 @@ def test_pairs_ascend() -> None:
         Fields("", {"a": [2.0, 1.0]}).pair("a")
 
 
+def test_breakpoints_ascend() -> None:
+    """Breakpoints that do not ascend strictly are refused."""
+    assert Fields("", {"a": [1.0, 2.0]}).increasing("a").tolist() == [1.0, 2.0]
+    for values in ([2.0, 1.0], [1.0, 1.0], [1.0]):
+        with pytest.raises(Malformed, match="a"):
+            Fields("", {"a": values}).increasing("a")
+
+
 @ctx.workprec(256)
 def test_degrees_are_enclosed_in_radians() -> None:
     """The enclosure of 180 deg in radians contains pi."""
