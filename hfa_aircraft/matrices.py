@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from hfa_aircraft.about import About
 from hfa_aircraft.model import Model
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.signals import Signal
-from hfa_aircraft.source import About
 
 #: Note on every model made from matrices.
 LINEAR = "linear plant without limits; its trim is the origin"

@@ -13,11 +13,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.domain import Domain
+from hfa_aircraft.about import About, Domain, Source, Trimming
 from hfa_aircraft.layout import Layout, SignalNames, components
 from hfa_aircraft.signals import VECTORS, Signal, remember_record
-from hfa_aircraft.source import About, Source
-from hfa_aircraft.trimming import Trimming
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.text import with_unit

@@ -13,11 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from hfa_aircraft.domain import Domain
+from hfa_aircraft.about import Domain, Source, Trimming
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import VECTORS, Signal, record
-from hfa_aircraft.source import Source
-from hfa_aircraft.trimming import Trimming
 from hfa_support.units import si_factor, si_unit
 
 

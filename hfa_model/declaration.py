@@ -10,11 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_aircraft.domain import Domain
+from hfa_aircraft.about import About, Domain, Trimming
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
-from hfa_aircraft.source import About
-from hfa_aircraft.trimming import Trimming
 from hfa_aircraft.units import native_of
 from hfa_model.atmosphere import refuse_beyond_the_atmosphere
 from hfa_model.kinematics import DISTURBANCES, winds_named

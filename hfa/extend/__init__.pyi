@@ -13,10 +13,13 @@ from hfa.options.output import Output as Output, ProgressLine as ProgressLine
 from hfa.options.part import option as option, part as part
 from hfa.options.request import Request as Request, command as command
 from hfa.options.trim import Trim as Trim
-from hfa_aircraft.domain import Domain as Domain
+from hfa_aircraft.about import (
+    About as About,
+    Domain as Domain,
+    Source as Source,
+    Trimming as Trimming,
+)
 from hfa_aircraft.loading import AircraftReader as AircraftReader
-from hfa_aircraft.source import About as About, Source as Source
-from hfa_aircraft.trimming import Trimming as Trimming
 from hfa_support.reporting.checks import Check as Check
 from hfa_support.reporting.report import Report as Report
 from hfa_support.reporting.text import Table as Table

@@ -11,6 +11,7 @@ from typing import Any
 
 import casadi as ca
 
+from hfa_aircraft.about import About, Source
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.atmosphere import ALTITUDES, FT_TO_M, air_at
 from hfa_aircraft.rigid.motion import (
@@ -24,7 +25,6 @@ from hfa_aircraft.rigid.motion import (
     wind_axes,
 )
 from hfa_aircraft.signals import Signal
-from hfa_aircraft.source import About, Source
 
 #: Standard gravity, and units of length and force, by system of units.
 GRAVITY = {"english": 9.80665 / FT_TO_M, "si": 9.80665}

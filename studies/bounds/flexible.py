@@ -9,7 +9,7 @@ import math
 from typing import Any
 
 import hfa
-from hfa_aircraft.domain import Domain
+from hfa_aircraft.about import Domain
 
 _PAPER = hfa.aircraft("published")
 _AT_TRIM = {name: value for name, value in _PAPER.trim.items() if name != "altitude"}

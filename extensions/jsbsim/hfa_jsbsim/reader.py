@@ -13,12 +13,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.about import About, Source, Trimming
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.atmosphere import SEA_LEVEL
 from hfa_aircraft.rigid.motion import STATES
 from hfa_aircraft.signals import Signal
-from hfa_aircraft.source import About, Source
-from hfa_aircraft.trimming import Trimming
 from hfa_jsbsim.accounting import account, constant_commands
 from hfa_jsbsim.aircraft import GUSTS, WINDS, Equations
 from hfa_jsbsim.airframe import SLUG_TO_LB

@@ -26,6 +26,7 @@ from typing import Any
 
 import casadi as ca
 
+from hfa_aircraft.about import About, Source
 from hfa_aircraft.model import Model
 from hfa_aircraft.readers.daveml import names
 from hfa_aircraft.readers.daveml.document import Document, Variable, read_document
@@ -35,7 +36,6 @@ from hfa_aircraft.rigid.atmosphere import SEA_LEVEL
 from hfa_aircraft.rigid.motion import STATES, inertia_matrix, wind_axes
 from hfa_aircraft.rigid.tables import Interpolator
 from hfa_aircraft.signals import Signal
-from hfa_aircraft.source import About, Source
 from hfa_support.errors import BadInputError, shortened
 
 _GRAVITY = GRAVITY["english"]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hfa_aircraft.about import Source
 from hfa_aircraft.readers.derivatives.names import (
     ARGUMENTS,
     COEFFICIENTS,
@@ -23,7 +24,6 @@ from hfa_aircraft.readers.derivatives.names import (
     derivative_of,
 )
 from hfa_aircraft.rigid.atmosphere import ALTITUDES, FT_TO_M
-from hfa_aircraft.source import Source
 from hfa_support.errors import BadInputError, advice, file_faults, shortened, shown
 from hfa_support.files import read_toml, regular_file
 from hfa_support.units import SYSTEMS, conversion, si_unit

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
+from hfa_aircraft.about import Trimming
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
-from hfa_aircraft.trimming import Trimming
 
 
 def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -15,8 +15,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from hfa_aircraft.about import Source
 from hfa_aircraft.model import Model, Signal
-from hfa_aircraft.source import Source
 from hfa_prove.certificate import SCHEMA, read_content
 from hfa_prove.check.cover import Boxes
 from hfa_prove.check.equilibrium import Equilibrium

@@ -20,9 +20,9 @@ from controller import basis
 from controller.critic.critic import from_parts
 from hfa import Game, prove_critic, prove_solution, solve
 from hfa.paper import default_parameters, published_game
+from hfa_aircraft.about import Source
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model, Signal
-from hfa_aircraft.source import Source
 from hfa_model import INPUTS, LINEAR_STATES
 from hfa_prove import Family, prove_schedule
 from hfa_prove.certificate import sealed

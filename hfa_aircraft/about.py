@@ -1,13 +1,59 @@
-"""What a model knows about its own trims: initial values, alternatives and explanations."""
+"""What a model says about itself: its names, its domain, its trims and its source."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from hfa_support.reporting.report import Report
+
+
+@dataclass(frozen=True, eq=False)
+class About:
+    """Texts and names of a model in reports, options and files.
+
+    title: name in reports, or "" for the name of the model
+    notes: sentences for every report
+    aliases: name in another program -> name in the model
+    names_schedule: whether options and data contain the name of the scheduling variable
+        (--dihedral, dihedral_deg) instead of --at and scheduled
+    variants: names of other equations, which a design may treat differently
+    """
+
+    title: str = ""
+    notes: tuple[str, ...] = ()
+    aliases: Mapping[str, str] = field(default_factory=dict)
+    names_schedule: bool = False
+    variants: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Domain:
+    """States at which the equations of a model are valid, beside the limits of its signals.
+
+    range: state -> (largest absolute value, source). Larger values cause a warning.
+    envelope: function (x, p) of a trim -> limits of the states in flight, as state -> (lowest,
+        highest), if they differ from min and max. x and p have fields by name.
+    check: function of a state x, with fields by name, that raises BadInputError outside the domain
+    """
+
+    range: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    envelope: Callable[[Any, Any], Mapping[str, tuple[float, float]]] | None = None
+    check: Callable[[Any], None] | None = None
+
+    def limits_about(self, x: Any, p: Any) -> Mapping[str, tuple[float, float]]:
+        """Return the limits of the states in flight about a trim that `envelope` changes.
+
+        x, p: state and parameters of the trim, with fields by name
+        """
+        return {} if self.envelope is None else self.envelope(x, p)
+
+    def refuse_outside(self, x: Any) -> None:
+        """Raise BadInputError for a state outside the domain, with fields by name."""
+        if self.check is not None:
+            self.check(x)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,3 +115,29 @@ class Trimming:
                 values = {name: value for name, value in values.items() if name not in others}
                 values[group[0]] = begun[group[0]]
         return values
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """The file of a model, and how another process makes the model again.
+
+    text: argument of --aircraft from which the model was loaded, or ""
+    digest: hash of the files, or ""
+    native: `Model` that `hfa_aircraft.units.in_si` converted to this one, or None
+    reload: function that makes the model again, from `native`, or from text, digest and parameters
+        (name -> value). None for a model that is pickled.
+    """
+
+    text: str = ""
+    digest: str = ""
+    native: Any = None
+    reload: Callable[..., Any] | None = None
+
+    def reduced(self, parameters: Mapping[str, float]) -> tuple[Any, ...]:
+        """Return `reload` and its arguments, for pickle.
+
+        parameters: name -> value
+        """
+        if self.native is not None:
+            return self.reload, (self.native,)
+        return self.reload, (self.text, self.digest, parameters)
