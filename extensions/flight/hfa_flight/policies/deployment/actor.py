@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +14,15 @@ from controller.critic.network.network_file import network_in
 from controller.critic.network.row_network import RowNetwork
 from controller.critic.network.tensors import tensors_in
 from hfa_flight.policies.deployment.stable_baselines import Zip, is_stable_baselines, read_zip
+from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shown
 from hfa_support.files import regular_file
 
 #: Value of `normalizer` for a policy without one. Its training may have had a VecNormalize that
 #: normalized only rewards.
 NONE = "none"
+#: Entries by which the file of a gain K describes its columns, its rows and its sample time.
+_OF_GAIN = ("states", "inputs", "state_units", "input_units", "dt")
 SUFFIXES = (".zip", ".onnx", ".pt", ".pth", ".pkl", ".safetensors", ".json", ".npz")
 
 
@@ -35,6 +38,7 @@ class Actor:
     stored: settings in a Stable-Baselines3 zip, or None for another file.
     box: lowest and highest action stored in the file, (m,) each, or None.
     rows: version of `function` for many rows, or None.
+    of_gain: what the file of a gain K says about it: states, inputs, their units, and dt.
     """
 
     function: ca.Function
@@ -44,6 +48,7 @@ class Actor:
     stored: Zip | None = None
     box: tuple[np.ndarray, np.ndarray] | None = None
     rows: RowNetwork | None = None
+    of_gain: Mapping[str, Any] = field(default_factory=dict)
 
 
 def read_actor(
@@ -139,7 +144,10 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
     squash = bool(entries.get("squash", False))
     gain = stored_gain(path)
     if gain is not None:
-        return Actor(gain_function(gain), f"a gain {gain.shape[0]} x {gain.shape[1]}", squash)
+        entries_of_gain = read_arrays(path)
+        said = {name: entries_of_gain[name] for name in _OF_GAIN if name in entries_of_gain}
+        chain = f"a gain {gain.shape[0]} x {gain.shape[1]}"
+        return Actor(gain_function(gain), chain, squash, of_gain=said)
     if path.suffix.lower() == ".onnx" and "activation" in entries:
         raise BadInputError(
             f"policy.activation is given, but {path} contains the activations; remove "

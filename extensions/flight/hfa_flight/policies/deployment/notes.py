@@ -34,7 +34,7 @@ def notes_on_files(deployed: Deployed) -> list[str]:
     stored = deployed.deployment.actor.stored
     if deployed.past:
         return []
-    notes: list[str] = []
+    notes = _notes_on_gain(deployed)
     normalizer = deployed.deployment.normalizer
     if stored is not None and stored.timesteps > 0:
         of_normalizer = _note_on_normalizer(deployed, stored, normalizer)
@@ -43,6 +43,56 @@ def notes_on_files(deployed: Deployed) -> list[str]:
     if normalizer is not None:
         notes += _impossible_spreads(deployed, normalizer)
     return notes
+
+
+def _notes_on_gain(deployed: Deployed) -> list[str]:
+    """Return a sentence for each contradiction between a gain's file and the deployment file.
+
+    The file of a gain K may contain the names and units of its states and inputs, as `hfa solve`
+    writes them, and the sample time dt.
+    """
+    said = deployed.deployment.actor.of_gain
+    deployment = deployed.deployment
+    observed = [entry.get("formula", name) for name, entry in deployment.observation.items()]
+    notes = []
+    for key, table, listed in (
+        ("states", "observation", observed),
+        ("inputs", "action", [*deployment.action]),
+    ):
+        of_file = [str(name) for name in said.get(key, ())]
+        if of_file and of_file != listed:
+            notes.append(
+                f"K is a gain of the {key} {', '.join(of_file)}, but [{table}] lists "
+                f"{', '.join(listed)}"
+            )
+    if not notes:
+        notes += _notes_on_units(
+            deployed, observed, [str(unit) for unit in said.get("state_units", ())]
+        )
+    dt = said.get("dt")
+    if dt is not None and not math.isclose(float(dt), deployment.dt, rel_tol=1e-6):
+        notes.append(f"K is a gain for dt = {float(dt):g} s, but timing.dt is {deployment.dt:g} s")
+    return notes
+
+
+def _notes_on_units(deployed: Deployed, observed: list[str], units: list[str]) -> Iterator[str]:
+    """Yield a sentence for each observation in another unit than its column of K.
+
+    observed: names of the observations
+    units: units of the columns of K
+    """
+    entries = deployed.deployment.observation.values()
+    for name, entry, unit in zip(observed, entries, units, strict=False):
+        if name not in deployed.model.states:
+            continue
+        own = deployed.model.unit(name)
+        expected = {own.replace("rad", "deg"): math.radians(1.0), own: 1.0}.get(unit)
+        scale = float(entry.get("scale", 1.0))
+        if expected is not None and not math.isclose(scale, expected, rel_tol=1e-3):
+            yield (
+                f"K is a gain per {unit} of {name}, but the deployment file divides {name} in "
+                f"{own} by {scale:g}; scale = {expected:.6g} gives {unit}"
+            )
 
 
 def _note_on_normalizer(deployed: Deployed, stored: Zip, normalizer: Normalizer | None) -> str:
