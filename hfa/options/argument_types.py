@@ -56,7 +56,8 @@ def quantity(model: Model, name: str, text: str) -> float:
     """
     signals = {**model.rates, **model.signals}
     unit = signals[name].unit if name in signals else "1"
-    with_unit = re.fullmatch(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([a-zA-Z°µμ].*?)\s*", text)
+    digits = r"[-+]?[\d.]+(?:[eE][-+]?\d+)?"
+    with_unit = re.fullmatch(rf"\s*({digits})\s*((?![eE][-+]?\d)[a-zA-Z°µμ].*?)\s*", text)
     if with_unit is None:
         return math.radians(number(text)) if unit.startswith("rad") else number(text)
     factor = conversion(with_unit[2], unit)

@@ -36,7 +36,10 @@ def test_units_of_an_entry_of_a_table(old: str, new: str, tmp_path: Path) -> Non
     np.testing.assert_allclose(found, hfa.trim(hfa.load_model(UAV)).states, rtol=1e-4, atol=1e-6)
 
 
-@pytest.mark.parametrize("typed", ["58.3153kt", "58.3153 knots", "108km/h", "5905.51ft/min"])
+@pytest.mark.parametrize(
+    "typed",
+    ["58.3153kt", "58.3153 knots", "108km/h", "5905.51ft/min", "3e1", "+30.", "3.0E+1 m/s", ".3e2"],
+)
 def test_units_of_a_held_value(typed: str) -> None:
     """--hold accepts a value with a unit: each text is 30 m/s."""
     result = run("trim", "--aircraft", UAV, "--hold", f"speed={typed}", "--json")
