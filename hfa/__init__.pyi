@@ -12,7 +12,7 @@ from controller.critic.network.critic import from_network as from_network
 from controller.expansion.expansion import Expansion as Expansion, expand as expand
 from controller.game.linear_game import game as game
 from controller.game.zero_sum import Game as Game
-from controller.learning.certified import learn as learn
+from controller.learning.laws import learn as learn
 from controller.riccati.gare import Solution as Solution, solve as solve
 from controller.riccati.loop_margins import margins as margins
 from controller.riccati.lqr import lqr as lqr

@@ -20,17 +20,18 @@ if TYPE_CHECKING:
     from controller.game.zero_sum import Game
 
 DEFAULT_LAW = "certified"
+#: The laws of `controller.learning.laws`, whose import would delay every help.
+LEARNING_LAWS = (DEFAULT_LAW, "published", "modified", "integral-rl")
 
 
 def law_option(*laws: str) -> Any:
     """Return the option --law, which selects the learning law.
 
-    laws: accepted names besides the default learning law
+    laws: other policies than learned ones, which replace all but the default learning law
     """
-    choices = (*laws, DEFAULT_LAW)
-    about = f"learning law; the only choice is {DEFAULT_LAW}"
-    if laws:
-        about = f"policy: {', '.join(choices)}; default {DEFAULT_LAW}"
+    choices = (*laws, DEFAULT_LAW) if laws else LEARNING_LAWS
+    kind = "policy" if laws else "learning law"
+    about = f"{kind}: {', '.join(choices)}; default {DEFAULT_LAW}"
     return option(about, "NAME", one_of(*choices), default=DEFAULT_LAW)
 
 
@@ -45,14 +46,16 @@ def setting_option(
     """
 
     def kinds() -> dict[str, Callable[[str], Any]]:
-        from controller.learning.certified import CertifiedSettings
+        from controller.learning.laws import LAWS
 
-        of_law = {
-            field.name: partial(_converted, str(field.type)) for field in fields(CertifiedSettings)
+        of_laws = {
+            field.name: partial(_converted, str(field.type))
+            for law in LAWS.values()
+            for field in fields(law.settings)
         }
-        return {**of_law, **(more or {})}
+        return {**of_laws, **(more or {})}
 
-    return settings_option(about, kinds, f"law {DEFAULT_LAW!r}")
+    return settings_option(about, kinds, "a learning law")
 
 
 def _converted(kind: str, text: str) -> Any:
@@ -65,6 +68,8 @@ def _converted(kind: str, text: str) -> Any:
     """
     if kind.startswith("str"):
         return text
+    if kind == "bool":
+        return one_of("yes", "no")(text) == "yes"
     if kind.startswith("int"):
         return whole(0)(text)
     values = tuple(listed_numbers(text))
@@ -81,6 +86,6 @@ class Learning(Part):
 
     def learned(self, game: Game) -> TrainingRun:
         """Return the training run of the selected learning law on a game."""
-        from controller.learning.certified import learn
+        from controller.learning.laws import learn
 
         return learn(game, self.law, self.seed, progress=ProgressLine("learn"), **self.set)

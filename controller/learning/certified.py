@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -28,16 +28,13 @@ from controller.learning.bellman_equations import (
     newton_step,
 )
 from controller.learning.recording import Stack
-from controller.learning.ticks import Run, run, training_run
-from hfa_support.arguments import checks_arguments, need
+from controller.learning.ticks import Run, training_run
 from hfa_support.errors import (
     BadInputError,
     NoSolutionError,
-    refuse_unknown,
     refuse_unless_positive,
 )
 from hfa_support.matrices import checked_matrix
-from hfa_support.progress import Progress
 
 
 def decay_rate(time: float, eta: float, theta: float) -> float:
@@ -644,57 +641,3 @@ def certified_law(
     return CertifiedLaw(
         game, recording.choose(fitted, functions, samples), misfit, functions, chosen, seed
     )
-
-
-@checks_arguments
-def learn(
-    game: Game,
-    law: str = "certified",
-    seed: int = 0,
-    *,
-    pool: Stack | None = None,
-    progress: Progress | None = None,
-    **options: Any,
-) -> TrainingRun:
-    """Return the training run of the certified law on a game, with the learned value z'Pz and gain
-    K.
-
-    Use `run` for a learning law that you define yourself. The result is not verified.
-    `hfa.verify` verifies it with the matrix A of the game.
-
-    game: the game
-    law: "certified"
-    seed: seed of the samples
-    pool: recorded samples (z, F); by default states drawn with `seed`
-    progress: called with (fraction done, 1, text), or None
-    options: fields of `CertifiedSettings`
-
-    Raises BadInputError for an unknown law, an unknown or invalid option, for Q = 0, and for data
-    that cannot determine the weights. Raises NoSolutionError if the law cannot finish: the game has
-    no value at this delta, (A, B) is not stabilizable, or numbers overflow.
-
-    >>> import hfa
-    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
-    >>> hfa.learn(game, seed=1).K.round(4).tolist()
-    [[3.0972]]
-    """
-    need(game, Game, "learn: game", "a game: hfa.game(linear, Q, R, delta)")
-    if pool is not None:
-        need(pool, Stack, "learn: pool", Stack.how_to_make)
-    refuse_unknown("unknown law", law, ("certified",))
-    settings_of_law = [field.name for field in fields(CertifiedSettings)]
-    for name in options:
-        refuse_unknown(f"law '{law}' has no setting", name, settings_of_law)
-    if not game.without_cross_weights.Q.any():
-        weight = "Q - N R^-1 N'" if game.N.any() else "Q"
-        raise BadInputError(
-            f"{weight} is zero, but every learning law divides by z'Qz; give at least one state a "
-            "weight"
-        )
-    settings = CertifiedSettings(**options)
-    if progress is not None:
-        progress(0.0, 1.0, "choosing samples")
-    learner = certified_law(game, settings, seed, pool)
-    if progress is not None:
-        progress(0.0, 1.0, "learning")
-    return learner.conclude(run(learner, progress=progress))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controller.hfa_files import published_game
-from controller.learning.certified import learn
+from controller.learning.laws import learn
 from controller.riccati.gare import Solution, solve
 from hfa.page.claims import Claims
 from hfa.page.flights import StoredFlights

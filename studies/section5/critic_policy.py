@@ -10,10 +10,10 @@ import casadi as ca
 import numpy as np
 
 from controller.game.basis import Basis
+from controller.learning.published import PublishedLaw
 from hfa_aircraft.waveform import Waveform
 from hfa_flight.policies.policy import Measurements, Policy
 from hfa_support.errors import BadInputError
-from studies.update_law.published_law import PublishedLaw
 
 
 @dataclass(frozen=True, eq=False, repr=False)

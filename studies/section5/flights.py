@@ -14,6 +14,8 @@ import hfa
 from controller import Stack, basis, random_pool
 from controller.critic.training_run import TrainingRun
 from controller.game.basis import Basis
+from controller.learning.integral_rl import baseline_weights
+from controller.learning.published import PublishedSettings, published_law
 from controller.reference import feedforward as exact_feedforward, forcing
 from hfa import Game, Solution, learn, solve, verify
 from hfa.paper import published_game
@@ -30,8 +32,6 @@ from studies.section5.configuration import Configuration
 from studies.section5.critic_policy import CriticPolicy
 from studies.section5.learning_in_flight import certified_gains
 from studies.section5.metrics import Critic, flight_metrics, learning_metrics, residual_at
-from studies.update_law.integral_rl import baseline_weights, learn_by_integrals
-from studies.update_law.published_law import PublishedSettings, published_law
 from trim.hfa.printed import regenerate
 
 #: The two aircraft of Section 5.1: dihedral angle, deg.
@@ -459,17 +459,17 @@ def _train(setting: Setting, case: PaperCase, law: str, predefined_time: float) 
 
     The run is cached. Flights that differ only in plant or noise share the run.
 
-    law: "irl" or the name of a law of `learn`
+    law: name of a law of `learn`
     predefined_time: T_w, s
     """
     configuration = setting.configuration
     critic = setting.configuration.critic
     target = case.game
-    if law == "irl":
+    if law == "integral-rl":
         if configuration.irl.form == "lqr":
             target = case.game.with_delta(np.inf)
         chosen = vars(configuration.irl) | {"initial_weights": baseline_weights(case.game)}
-        learned = learn_by_integrals(case.game, critic.seed, **chosen)
+        learned = learn(case.game, "integral-rl", critic.seed, **chosen)
     else:
         chosen = {name: getattr(critic, name) for name in ("theta", "basis", "samples")}
         chosen |= {"predefined_time": predefined_time, "tick": configuration.flight.tick}
@@ -488,7 +488,7 @@ def _learned(
     A baseline gain is used until a learned gain is certified. The second result is a function from
     the policy's memory in a flight to the learned critic.
     """
-    learner = "irl" if law == INTEGRAL else "certified"
+    learner = "integral-rl" if law == INTEGRAL else "certified"
     learned, gains, first, certified = _train(setting, case, learner, predefined_time)
     tick = setting.configuration.flight.tick
     F = feedforward(case, reference)

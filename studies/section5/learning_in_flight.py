@@ -7,9 +7,9 @@ import numpy as np
 from controller import basis
 from controller.critic.training_run import TrainingRun
 from controller.game.zero_sum import is_semidefinite
+from controller.learning.integral_rl import baseline_gain
 from controller.riccati.balancing import is_hurwitz
 from hfa import Game
-from studies.update_law.integral_rl import baseline_gain
 
 
 def certified_gains(game: Game, learned: TrainingRun, tick: float) -> tuple[np.ndarray, float]:

@@ -15,12 +15,12 @@ import numpy as np
 
 from controller import random_pool, run
 from controller.critic.training_run import TrainingRun, settled_at
+from controller.learning.published import PublishedSettings, published_law
 from controller.riccati.balancing import is_hurwitz
 from hfa import Game, NoSolutionError, learn, verify
 from hfa.paper import published_game
 from hfa_model import published_models
 from hfa_support.reporting.data_files import jsonable
-from studies.update_law.published_law import PublishedSettings, published_law
 from verification import relative_error
 
 SCHEMA = "hfa.published-study/2"

@@ -30,9 +30,9 @@ from controller.game.basis import BASES
 from controller.learning import certified
 from controller.learning.bellman_equations import LQ, StackEquations, newton_step
 from controller.learning.certified import CertifiedSettings, Point, after, certified_law, decay_rate
+from controller.learning.integral_rl import probing_flight
 from hfa import BadInputError, Game, NoSolutionError, learn, solve, verify
 from hfa_model import VARIANTS
-from studies.update_law.integral_rl import probing_flight
 
 # The solution.
 

@@ -12,9 +12,9 @@ from tolerances import SAME_FORMULA
 from controller import Stack, basis, random_pool, record
 from controller.game.basis import BASES
 from controller.learning.bellman_equations import GAME, LQ, PartialGame
+from controller.learning.integral_rl import probing_flight
 from controller.learning.recording import choose, excitation, natural_spread, rank, unit_rows
 from hfa import BadInputError, Game
-from studies.update_law.integral_rl import probing_flight
 
 
 def worst_condition(stack: Stack) -> float:

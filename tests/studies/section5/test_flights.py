@@ -13,6 +13,7 @@ from linear_flight import simulate
 from project import ROOT
 from simulated_cases import SMALL, SimulatedCase
 
+from controller.learning.integral_rl import baseline_gain
 from controller.reference import forcing
 from hfa import fly, learn, solve
 from hfa_aircraft.waveform import Harmonic
@@ -37,7 +38,6 @@ from studies.section5.flights import (
 )
 from studies.section5.learning_in_flight import certified_gains
 from studies.section5.metrics import TRACKED
-from studies.update_law.integral_rl import baseline_gain
 
 #: Ten times the paper's step, which is sufficient for smooth gains. A flight takes a second.
 COARSE: dict[str, Any] = {"flight": {"step": 1e-3}}

@@ -11,13 +11,7 @@ import pytest
 from simulated_cases import measurements_of
 
 from controller import random_pool
-from controller.reference import forcing
-from hfa.paper import published_game
-from hfa_aircraft.waveform import zero
-from hfa_model import published_models
-from studies.section5.configuration import PaperFlight
-from studies.section5.critic_policy import CriticPolicy
-from studies.update_law.published_law import (
+from controller.learning.published import (
     PublishedLaw,
     PublishedSettings,
     Sample,
@@ -26,6 +20,12 @@ from studies.update_law.published_law import (
     published_law,
     update_direction,
 )
+from controller.reference import forcing
+from hfa.paper import published_game
+from hfa_aircraft.waveform import zero
+from hfa_model import published_models
+from studies.section5.configuration import PaperFlight
+from studies.section5.critic_policy import CriticPolicy
 
 REFERENCE = PaperFlight.REFERENCE
 

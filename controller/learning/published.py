@@ -9,19 +9,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller import Stack, basis, random_pool
 from controller.critic.training_run import TrainingRun
-from controller.game.basis import Basis
+from controller.game.basis import Basis, basis
+from controller.game.zero_sum import Game
 from controller.learning.bellman_equations import StackEquations
-from controller.learning.recording import choose
+from controller.learning.recording import Stack, choose, random_pool
 from controller.learning.ticks import Run, training_run
-from hfa import BadInputError, Game, NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError
 
 #: Largest number of history rows. The steps between two rows are one tick.
 ROWS = 1000
@@ -280,6 +280,7 @@ class PublishedLaw:
     stack: recorded samples, states z_j and drifts F_j
     basis: basis ψ, with M weights
     seed: seed of the recorded samples
+    name: name of the law
     """
 
     game: Game
@@ -287,6 +288,7 @@ class PublishedLaw:
     basis: Basis
     settings: PublishedSettings
     seed: int
+    name: str = "published"
 
     @cached_property
     def equations(self) -> StackEquations:
@@ -474,7 +476,8 @@ class PublishedLaw:
 
     def _overflow(self, step: int) -> str:
         return (
-            f"the published law overflowed at step {step} (t = {step * self.settings.step:.3g} s):"
+            f"the {self.name} law overflowed at step {step}"
+            f" (t = {step * self.settings.step:.3g} s):"
             " lambda_0 = {lambda_0:.2g}, alpha1 = {alpha1:.2g}, alpha2 = {alpha2:.2g} ask"
             " for an explicit step below {explicit_step_limit:.2g} s,".format(**self.facts)
             + f" the step is {self.settings.step:g} s; use law 'certified', or give gains"
@@ -483,7 +486,7 @@ class PublishedLaw:
     def conclude(self, finished: Run) -> TrainingRun:
         """Return the training run after all ticks."""
         return training_run(
-            "published",
+            self.name,
             self.game,
             self.equations,
             finished.history,
@@ -492,6 +495,54 @@ class PublishedLaw:
             seed=self.seed,
             diagnostics=self.facts,
         )
+
+
+#: Weight of every state in the LQ problem whose solution is the start of the modified law.
+START_Q = 1000.0
+
+
+@dataclass(frozen=True)
+class ModifiedSettings(PublishedSettings):
+    """Settings with which the update law stays bounded: gains by hand, scaled states, a quadratic
+    basis, and a start that stabilizes (`stabilizing_weights`), unless other weights are given.
+    """
+
+    basis: str = "quadratic"
+    gains: tuple[float, float] | None = (100.0, 100.0)
+    coordinates: str = "scaled"
+    initial_weights: float | tuple[float, ...] | None = None  # type: ignore[assignment]
+    recorded_weights: float | tuple[float, ...] | None = None  # type: ignore[assignment]
+
+
+def stabilizing_weights(game: Game, functions: Basis) -> tuple[float, ...]:
+    """Return the weights (M,) of the solution of the LQ problem with Q = `START_Q` I.
+
+    Raises NoSolutionError if (A, B) is not stabilizable.
+    """
+    from scipy.linalg import solve_continuous_are
+
+    try:
+        P = solve_continuous_are(game.A, game.B, START_Q * np.eye(len(game.A)), game.R)
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise NoSolutionError(
+            f"no stabilizing start: {error}; check that the inputs can stabilize the model"
+        ) from error
+    return tuple(functions.weights(P).tolist())
+
+
+def modified_law(
+    game: Game, chosen: ModifiedSettings, seed: int, pool: Stack | None = None
+) -> PublishedLaw:
+    """Return the law of Eq. (46) with the modifications that keep its weights bounded.
+
+    chosen, seed, pool: as for `published_law`
+    """
+    start = stabilizing_weights(game, basis(chosen.basis, len(game.A)))
+    first = start if chosen.initial_weights is None else chosen.initial_weights
+    stored = start if chosen.recorded_weights is None else chosen.recorded_weights
+    settings = replace(chosen, initial_weights=first, recorded_weights=stored)
+    law = published_law(game, settings, seed, pool)
+    return replace(law, name="modified")
 
 
 def published_law(

@@ -10,16 +10,16 @@ import pytest
 from learning_samples import QUADRATIC, lq, published, stable_game, value_of_policies
 from reference_riccati import relative_error
 
+import hfa
 from controller import basis, run
-from controller.riccati.balancing import is_hurwitz
-from hfa import BadInputError, NoSolutionError
-from studies.update_law.integral_rl import (
+from controller.learning.integral_rl import (
     IntegralLearning,
     IrlSettings,
     baseline_weights,
-    learn_by_integrals,
     probing_flight,
 )
+from controller.riccati.balancing import is_hurwitz
+from hfa import BadInputError, NoSolutionError
 
 
 def stable_learning(**changes: Any) -> IntegralLearning:
@@ -62,7 +62,7 @@ def test_each_iteration_evaluates_the_previous_policies(form: str) -> None:
 def test_a_stable_plant_is_learned_from_zero(seed: int) -> None:
     """For a stable plant, learning from zero weights converges to the exact P and K."""
     game, exact = published("published-5")
-    result = learn_by_integrals(game, seed)
+    result = hfa.learn(game, "integral-rl", seed)
     assert result.outcome == "settled"
     assert relative_error(result.P, exact.P) < 1e-9
     assert relative_error(result.K, exact.K) < 1e-9
@@ -75,10 +75,10 @@ def test_a_stable_plant_is_learned_from_zero(seed: int) -> None:
 def test_an_unstable_plant_needs_a_stabilizing_start() -> None:
     """For the unstable aircraft at 15 deg, learning converges only from a stabilizing policy."""
     game, exact = published("published-15")
-    from_nothing = learn_by_integrals(game)
+    from_nothing = hfa.learn(game, "integral-rl")
     assert not is_hurwitz(game.A - game.S @ from_nothing.P)
     assert relative_error(from_nothing.P, exact.P) > 0.05
-    learned = learn_by_integrals(game, initial_weights=baseline_weights(game))
+    learned = hfa.learn(game, "integral-rl", initial_weights=baseline_weights(game))
     assert learned.settled
     assert relative_error(learned.K, exact.K) < 1e-5
 
@@ -88,11 +88,13 @@ def test_an_unmeasured_disturbance_biases_the_gain(form: str) -> None:
     """A disturbance that is not measured causes an error of the learned gain."""
     game, _ = published("published-5")
     exact = published("published-5")[1] if form == "game" else lq("published-5")[1]
-    assert learn_by_integrals(game, form=form).settled
-    biased = learn_by_integrals(game, form=form, disturbance_measured=False)
+    assert hfa.learn(game, "integral-rl", form=form).settled
+    biased = hfa.learn(game, "integral-rl", form=form, disturbance_measured=False)
     assert not biased.settled
     assert relative_error(biased.K, exact.K) > 0.3
-    assert learn_by_integrals(game, form=form, disturbance_measured=False, disturbance=0.0).settled
+    assert hfa.learn(
+        game, "integral-rl", form=form, disturbance_measured=False, disturbance=0.0
+    ).settled
 
 
 def test_learning_does_not_depend_on_a(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -112,9 +114,9 @@ def test_data_without_a_result_are_refused() -> None:
     """Data of low rank, an overflowing flight and a policy without a value raise errors."""
     game, _ = published("published-5")
     with pytest.raises(BadInputError, match=r"rank of the flight is \d+ of 21"):
-        learn_by_integrals(game, intervals=21, interval=1e-4)
+        hfa.learn(game, "integral-rl", intervals=21, interval=1e-4)
     with pytest.raises(BadInputError, match=r"grows beyond 1e\+100; make interval"):
-        learn_by_integrals(published("published-15")[0], interval=1000.0)
+        hfa.learn(published("published-15")[0], "integral-rl", interval=1000.0)
     law = stable_learning()
     memory = law.start() | {
         "weights": np.array([1e200, 0.0, 1e200])

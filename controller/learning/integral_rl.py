@@ -19,7 +19,7 @@ from controller.learning import recording
 from controller.learning.bellman_equations import StackEquations
 from controller.learning.certified import enough_for, initial_weights
 from controller.learning.recording import Stack, natural_spread, record, refuse_poor, unit_rows
-from controller.learning.ticks import Run, run, training_run
+from controller.learning.ticks import Run, training_run
 from hfa_support.errors import BadInputError, NoSolutionError
 
 #: The baseline gain, used before any gain is certified, is the LQR for the game's Q and this
@@ -253,7 +253,7 @@ class IntegralLearning:
         richness = recording.excitation(rows, self.record.monomials)
         chosen = asdict(self.settings) | {"intervals": self.intervals}
         return training_run(
-            "irl",
+            "integral-rl",
             self.target,
             self.equations,
             finished.history,
@@ -264,14 +264,20 @@ class IntegralLearning:
         )
 
 
-def learn_by_integrals(game: Game, seed: int = 0, **options: Any) -> TrainingRun:
-    """Return the training run of the law on a simulated probing flight, with the quadratic basis.
+def integral_rl(
+    game: Game, chosen: IrlSettings, seed: int, pool: Stack | None = None
+) -> IntegralLearning:
+    """Return the law on a simulated probing flight, with the quadratic basis.
 
+    chosen: settings of the law
     seed: seed of the probing flight
-    options: fields of `IrlSettings`
+    pool: None; the data are those of the flight
+
+    Raises BadInputError if a pool is given.
     """
-    law = IntegralLearning(game, basis("quadratic", game.A.shape[0]), IrlSettings(**options), seed)
-    return law.conclude(run(law))
+    if pool is not None:
+        raise BadInputError("integral-rl records its own flight; leave out the pool")
+    return IntegralLearning(game, basis("quadratic", len(game.A)), chosen, seed)
 
 
 #: Number of sines in each channel. Three in each of m + k channels distinguish the n(n+1)/2

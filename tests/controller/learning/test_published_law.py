@@ -12,9 +12,7 @@ from reference_riccati import reference_solution, relative_error
 
 from controller import basis, run
 from controller.critic.training_run import TrainingRun
-from hfa import Game, NoSolutionError
-from hfa_model.published import published_data
-from studies.update_law.published_law import (
+from controller.learning.published import (
     PublishedLaw,
     PublishedSettings,
     Sample,
@@ -27,6 +25,8 @@ from studies.update_law.published_law import (
     theorem_gains,
     update_direction,
 )
+from hfa import Game, NoSolutionError
+from hfa_model.published import published_data
 
 #: Settings with which the law converges without flight: implicit steps in scaled coordinates.
 ALONE: dict[str, Any] = {
