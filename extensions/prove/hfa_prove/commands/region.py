@@ -17,6 +17,8 @@ from hfa_support.files import forget_read
 from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from hfa_prove.search.region_search import Region, RegionProblem
     from hfa_prove.statements.loop import Loop
 
@@ -138,13 +140,14 @@ def _prove(request: RegionRequest) -> int:
             save=save,
             earlier=_earlier(request, problem),
         )
-    if request.output.picture is not None:
-        from hfa_prove.picture import region_figure
-        from hfa_support.reporting.figure import save as save_figure
 
-        figure = region_figure(found, _box(given.linear))
-        save_figure(figure, request.output.picture, request.provenance.text())
-    request.print(region_report(found, given.words, given.timing))
+    def figure() -> Figure:
+        from hfa_prove.picture import region_figure
+
+        return region_figure(found, _box(given.linear))
+
+    report = region_report(found, given.words, given.timing)
+    request.show(report, figure=figure, write=lambda _: save(found))
     return 0
 
 
