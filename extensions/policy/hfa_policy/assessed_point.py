@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hfa_aircraft.march.refinement import IntegrationError
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.equilibrium import Equilibrium
 from hfa_flight.policies.deployment.sampled_loop import Delays, Margins
@@ -49,6 +50,8 @@ class AssessedPoint(Result):
         costs were compared.
     rough: flights with sensor noise or in moving air, or None if they were not requested.
     remarks: reasons why parts of the assessment are missing, one sentence each.
+    integration: integration error of some of the flights, or None without flights or on changed
+        aircraft.
     """
 
     deployed: Deployed = field(metadata=UNSTORED)
@@ -70,6 +73,7 @@ class AssessedPoint(Result):
     best: FlightCosts | None = None
     rough: RoughFlights | None = None
     remarks: tuple[str, ...] = ()
+    integration: IntegrationError | None = None
 
     @property
     @stored("spectral_radius")

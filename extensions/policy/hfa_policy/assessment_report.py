@@ -27,7 +27,11 @@ def report_parts(
     parts: list[Any] = [deployed.deployment.actor.chain]
     if any(point.best is not None for point in points):
         parts.append(_weights_text(deployed, points[0]))
-    parts += [loop_table(points), flights_table(points), *_bounds(points), *_evidence(points)]
+    parts += [loop_table(points), flights_table(points)]
+    error = points[0].integration
+    if error is not None and error.is_resolved:
+        parts.append(error.text())
+    parts += [*_bounds(points), *_evidence(points)]
     trims = [where_text([point], points) for point in points]
     rough = [point.rough for point in points if point.rough is not None]
     if rough:

@@ -30,6 +30,7 @@ from hfa_policy.flights import SampledFlight
 from hfa_policy.nonlinearity import nonlinearity
 from hfa_policy.outcomes import Outcomes, Place, ends_from_trim, fly_places, refuse_edges
 from hfa_policy.reach import HORIZON, Reach, reach_of, seconds_to_converge
+from hfa_policy.recorded_flights import resolved_flight
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from trim.point.operating_point import OperatingPoint
@@ -156,6 +157,9 @@ class Assessor:
         places = self.places(flight)
         plain: Sequence[Outcomes | None] = [None] * len(places)
         disturbed = plain
+        error = None
+        if self.samples and self.steady is None:
+            flight, error = resolved_flight(flight, places, self.seed)
         if self.samples:
             plain, disturbed = fly_places(flight, places, self.samples, self.seed, progress)
         with ThreadPoolExecutor() as pool:
@@ -164,7 +168,7 @@ class Assessor:
         if self.samples:
             seen = observation_ranges(flight, places, self.seed)
         rows = zip(places, late, plain, disturbed, seen, strict=True)
-        return [self._point(*row) for row in rows]
+        return [replace(self._point(*row), integration=error) for row in rows]
 
     def sampled_loops(self) -> list[SampledLoop]:
         """Return the spectral radius and the cost of the sampled loop at each trim.

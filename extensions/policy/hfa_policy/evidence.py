@@ -13,24 +13,19 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.riccati.gare import unconfirmed_solution
-from hfa_aircraft.march.ending import is_within
-from hfa_aircraft.march.march import march
-from hfa_flight.envelope import flight_envelope
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.equilibrium import EquilibriumSearch
 from hfa_policy.cost_above_optimum import lqr_at
-from hfa_policy.flights import SampledFlight, SampledRows
-from hfa_policy.outcomes import Place, seeded_starts
+from hfa_policy.flights import SampledFlight
+from hfa_policy.outcomes import Place
 from hfa_policy.reach import reach_of
+from hfa_policy.recorded_flights import recorded_flights
 from hfa_support.errors import NoSolutionError
 from hfa_support.native.bound import RowFunction
 
-#: Flights from each trim, and largest duration (s) and number of samples, in which the observations
-#: are recorded.
+#: Number of flights from each trim in which the observations are recorded.
 _FLIGHTS = 8
-_SECONDS = 10.0
-_SAMPLES = 1000
 #: Least number of observations of a normalizer's statistics.
 _MANY = 1000.0
 
@@ -129,29 +124,13 @@ def _extremes(
 
     seed: seed of the initial conditions
     """
-    deployed = flight.deployed
-    owners = np.repeat(np.arange(len(places)), _FLIGHTS)
-    starts = np.vstack([seeded_starts(place, _FLIGHTS, seed, pushed=False)[0] for place in places])
-    trims = np.array([deployed.trim_vector(place.point) for place in places])[owners]
-    seconds = min(_SECONDS, _SAMPLES * flight.dt)
-    window = flight.samples_in_window
-    ticks = window * max(1, round(seconds / (window * flight.dt)))
-    loop = SampledRows(flight.compiled(len(owners), seconds), flight.start(starts, trims), trims)
-    with np.errstate(all="ignore"):
-        flown, _ = march(loop, ticks)
-    X, memory, _ = flight.slices
-    states = flown.states[:, :, X]
-    before = flown.states[:, :, memory][:, :, -len(deployed.model.inputs) :]
-    observe = RowFunction(deployed.observe)
-    rows = (states, before, np.repeat(trims[:, None], ticks + 1, axis=1))
-    (observed,) = observe(*(each.reshape(-1, each.shape[2]) for each in rows))
-    observed = observed.reshape(len(owners), ticks + 1, -1)
-    envelopes = [flight_envelope(deployed.model, place.point) for place in places]
-    least = np.array([each.least for each in envelopes])[owners, None]
-    most = np.array([each.most for each in envelopes])[owners, None]
-    inside = np.logical_and.accumulate(is_within(states, least, most), axis=1)
-    inside[:, 0] = True
-    observed[~inside] = np.nan
+    flown = recorded_flights(flight, places, seed, _FLIGHTS)
+    count, samples = flown.inside.shape
+    rows = (flown.states, flown.before, np.repeat(flown.trims[:, None], samples, axis=1))
+    observe = RowFunction(flight.deployed.observe)
+    (observed,) = observe(*(each.reshape(count * samples, -1) for each in rows))
+    observed = observed.reshape(count, samples, -1)
+    observed[~flown.inside] = np.nan
     return np.fmin.reduce(observed, axis=1), np.fmax.reduce(observed, axis=1)
 
 

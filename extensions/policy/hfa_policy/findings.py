@@ -298,11 +298,19 @@ def _left_out(point: AssessedPoint) -> list[_Found]:
     return [_Found(Severity.NOTE, "; ".join(point.rough.left_out))]
 
 
+def _integration(point: AssessedPoint) -> list[_Found]:
+    error = point.integration
+    if error is None or error.is_resolved:
+        return []
+    return [_Found(Severity.WARNING, error.text())]
+
+
 #: Kinds of findings, in the order of the report.
 _KINDS: tuple[Callable[[AssessedPoint], list[_Found]], ...] = (
     *(_no_equilibrium, _saturation, _calm_in_rough_air, _departures, _limit_cycle, _own_mode),
     *(_instability, _convergence, _other_equilibrium, _disturbed_departures, _clipped_observations),
     *(_delay, _steady_state_error, _linear_cost, _off_slope, _judged_states, _kinks, _left_out),
+    _integration,
 )
 
 
