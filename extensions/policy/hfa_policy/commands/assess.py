@@ -170,7 +170,7 @@ class AssessRequest(Request):
     gust: tuple[float, ...] | None = gust_option()
     best: int | None = option(
         "number of flights at each trim to compare with the best flights found; 0: only with the "
-        "exact gain; default 5 if the deployment file contains [cost], else 0",
+        "exact gain; default 5 for a deployment file with [cost], else 0",
         "K",
         whole(0, _MOST_SAMPLES),
     )
