@@ -50,7 +50,7 @@ class DesignedGame(GameGiven):
         """Return the game on the linear model of an aircraft at a trim, of --design if given."""
         if self.design is None:
             return super().game_at(linear, aircraft)
-        from hfa_design.designed_game import designed_game
+        from hfa_design.options import designed_game
 
         aircraft.refuse(
             ("units",),

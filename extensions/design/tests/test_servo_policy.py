@@ -57,6 +57,25 @@ def servo_flight(
     )  # type: ignore[arg-type]
 
 
+def test_fly_accepts_a_controller_as_a_policy(point: OperatingPoint) -> None:
+    """`hfa.fly` of a controller equals the flight of its policy without commands.
+
+    Without actuators it is refused.
+    """
+    aircraft = point.model
+    controller = small_controller(aircraft)
+    none = CommandSteps((), np.zeros(0), np.zeros((0, 0)))
+    scenario = Scenario(duration=1.0, step=0.01, actuators=FREE)
+    initial = {"dihedral": 0.01}
+    law = servo_policy(controller, none, aircraft, point)
+    expected = fly(aircraft, point, law, 1.0, initial=initial, scenario=scenario)
+    flown = fly(aircraft, point, controller, 1.0, initial=initial, scenario=scenario)
+    np.testing.assert_array_equal(flown.states, expected.states)
+    assert not np.array_equal(flown.states[-1], flown.states[0])
+    with pytest.raises(BadInputError, match="requires actuators"):
+        fly(aircraft, point, controller, 1.0)
+
+
 def test_outputs_are_those_of_the_linear_model(
     published_aircraft: Model, point: OperatingPoint
 ) -> None:

@@ -200,7 +200,15 @@ class FlyRequest(Request):
             scenario = sampled_scenario(deployed, scenario, point)
             policy: Policy = deployed
         elif given.controller is not None:
-            policy, reference = self._controller_policy(given.controller, point, steps)
+            from controller.schedule.scheduled_controller import load_controller_or_gains
+            from hfa_flight.policies.given import controller_policy
+
+            controller = load_controller_or_gains(given.controller, model)
+            name = f"gains of {given.controller}"
+            condition = self.trim.common_condition.at
+            policy, scenario = controller_policy(
+                controller, point, scenario, steps, name, condition
+            )
         elif given.law == NONE:
             policy = open_loop(steps, tuple(model.inputs), scenario.tick, scenario.ticks)
         else:
@@ -213,33 +221,6 @@ class FlyRequest(Request):
             scenario = replace(scenario, reference=reference)
         envelope = flight_envelope(model, point, self.scenario.envelope)
         return PlannedFlight(model, point, policy, scenario, envelope)
-
-    def _controller_policy(
-        self, file: Path, point: OperatingPoint, steps: CommandSteps
-    ) -> tuple[Policy, Any]:
-        """Return the policy of --controller and the reference of the flight.
-
-        file: the file of --controller
-        steps: commands of --command
-
-        Raises BadInputError if --actuators is missing for a controller of `hfa design`.
-        """
-        from controller.schedule.gain_schedule import GainSchedule
-        from controller.schedule.scheduled_controller import load_controller_or_gains
-        from hfa_flight.policies.controller import servo_policy
-        from hfa_flight.policies.scheduled_gains import scheduled_gains
-
-        model = self.trim.aircraft
-        controller = load_controller_or_gains(file, model)
-        if isinstance(controller, GainSchedule):
-            condition = self.trim.common_condition.at
-            scheduled = scheduled_gains(f"gains of {file}", controller, point, steps, condition)
-            return scheduled, scheduled.path
-        if self.scenario.actuators is None:
-            raise BadInputError("--controller requires actuators; add --actuators LAG:RATE")
-        steps = CommandSteps(steps.names, steps.times, steps.values, *controller.command_filter)
-        policy = servo_policy(controller, steps, model, point)
-        return policy, CommandedStates(steps, model.linear)
 
 
 def _steps_of(given: Mapping[str, list[tuple[float, float]]]) -> CommandSteps:

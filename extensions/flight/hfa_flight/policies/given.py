@@ -1,7 +1,7 @@
 """Conversion of user input to the policy of a flight.
 
-The input may be a gain, a critic, a solution, a network, a deployment file, input steps or a Python
-function.
+The input may be a gain, a critic, a solution, a network, a deployment file, a scheduled controller,
+input steps or a Python function.
 """
 
 from __future__ import annotations
@@ -25,7 +25,10 @@ from controller.critic.critic_file import (
     single_parts,
 )
 from controller.game.linear_game import names_of_linear
+from controller.schedule.gain_schedule import GainSchedule
+from controller.schedule.scheduled_controller import ScheduledController
 from controller.tracking import Tracking
+from hfa_flight.policies.controller import servo_policy
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.policy import flown_deployment, sampled_scenario
 from hfa_flight.policies.policy import (
@@ -36,14 +39,17 @@ from hfa_flight.policies.policy import (
     function_policy,
     open_loop,
 )
+from hfa_flight.policies.scheduled_gains import scheduled_gains
 from hfa_flight.scenario import Scenario
-from hfa_flight.signals import CommandSteps
+from hfa_flight.signals import CommandedStates, CommandSteps
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, refuse_unknown, shown
+from trim.point.condition import TrimCondition, usual_condition
 from trim.point.operating_point import OperatingPoint
 
 _FORMS = (
-    "give a gain K, a critic, a solution, hfa.track(...), a Deployment, a file that "
-    "contains one of these, input steps {name: [(time, value), ...]} or a function of (t, X)"
+    "give a gain K, a critic, a solution, hfa.track(...), a Deployment, a scheduled controller, "
+    "a file that contains one of these, input steps {name: [(time, value), ...]} or a function of "
+    "(t, X)"
 )
 
 
@@ -75,6 +81,9 @@ def policy_and_scenario(
     if isinstance(given, Tracking):
         policy = GainPolicy("tracking", given.K, given.inputs)
         return policy, replace(scenario, reference=given.exact.reference)
+    if isinstance(given, ScheduledController | GainSchedule):
+        no_steps = CommandSteps((), np.zeros(0), np.zeros((0, 0)))
+        return controller_policy(given, point, scenario, no_steps)
     if hasattr(given, "K"):
         return GainPolicy(getattr(given, "origin", "exact"), given.K), scenario
     if callable(given):
@@ -86,6 +95,43 @@ def policy_and_scenario(
         return GainPolicy("gain", numbers_in("policy", given)), scenario
     except BadInputError as error:
         raise BadInputError(f"policy is {shown(given)}; {_FORMS}") from error
+
+
+def controller_policy(
+    controller: ScheduledController | GainSchedule,
+    point: OperatingPoint,
+    scenario: Scenario,
+    commands: CommandSteps,
+    name: str = "scheduled gains",
+    condition: Callable[[float], TrimCondition] | None = None,
+) -> tuple[Policy, Scenario]:
+    """Return the policy of a scheduled controller that follows commands, and the scenario with
+    their reference.
+
+    name: name of the policy of a gain schedule
+    condition: function from the scheduling variable to the trim condition of a gain schedule, by
+        default the model's
+
+    Raises BadInputError if the scenario of a dynamic controller has no actuators, and as
+    `scheduled_gains` and `servo_policy` do.
+    """
+    model = point.model
+    if isinstance(controller, ScheduledController):
+        controller = controller.gain_schedule() or controller
+    if isinstance(controller, GainSchedule):
+        trims = condition or usual_condition(model).at
+        policy = scheduled_gains(name, controller, point, commands, trims)
+        return policy, replace(scenario, reference=policy.path)
+    if scenario.actuators is None:
+        raise BadInputError(
+            "the controller requires actuators; add --actuators LAG:RATE, in Python "
+            "Scenario(actuators=...)"
+        )
+    commands = CommandSteps(
+        commands.names, commands.times, commands.values, *controller.command_filter
+    )
+    servo = servo_policy(controller, commands, model, point)
+    return servo, replace(scenario, reference=CommandedStates(commands, model.linear))
 
 
 def _policy_of_file(path: Path, point: OperatingPoint) -> Any:
