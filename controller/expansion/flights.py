@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.march.cost import Cost
 from hfa_aircraft.march.ending import FAR_OF_EXPANSION, OF_EXPANSION, has_decayed
 from hfa_aircraft.march.march import History, Rows, march
 from hfa_support.native.bound import RowFunction
@@ -45,7 +46,7 @@ class Flights:
         z = ca.SX.sym("z", expansion.states)
         u = expansion.policy(z)
         rates = expansion.rates(z, u)
-        cost = ca.bilin(game.Q, z) + 2 * ca.dot(z, ca.DM(game.N) @ u) + ca.bilin(game.R, u)
+        cost = Cost(game.Q, game.R, game.N).rate(z, u)
         if np.isfinite(game.delta):
             d = expansion.disturbance(z)
             rates += ca.DM(game.E) @ d

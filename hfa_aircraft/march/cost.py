@@ -11,28 +11,34 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Cost:
-    """Cost ∫ z'Qz + v'Rv dt of the deviations of states z and inputs v.
+    """Cost ∫ z'Qz + 2z'Nv + v'Rv dt of the deviations of states z and inputs v.
 
     Q: (k, k)
     R: (m, m)
+    N: (k, m), or None for 0
     """
 
     Q: np.ndarray
     R: np.ndarray
+    N: np.ndarray | None = None
 
     def rate(self, z: Any, v: Any) -> Any:
-        """Return the running cost z'Qz + v'Rv.
+        """Return the running cost z'Qz + 2z'Nv + v'Rv.
 
         As the rate of a further state, it is integrated with the order of the simulation.
 
         z, v: CasADi columns, or arrays (N, k) and (N, m). The result is then an array (N,)
         """
         if isinstance(z, np.ndarray):
-            return _squares(z, self.Q) + _squares(v, self.R)
-        return ca.bilin(ca.DM(self.Q), z, z) + ca.bilin(ca.DM(self.R), v, v)
+            crossed = 0.0 if self.N is None else 2.0 * np.einsum("ij,jk,ik->i", z, self.N, v)
+            return _squares(z, self.Q) + crossed + _squares(v, self.R)
+        of_states = ca.bilin(ca.DM(self.Q), z, z)
+        if self.N is not None:
+            of_states += 2 * ca.dot(z, ca.DM(self.N) @ v)
+        return of_states + ca.bilin(ca.DM(self.R), v, v)
 
     def of(self, times: np.ndarray, z: np.ndarray, v: np.ndarray, is_held: bool = False) -> float:
-        """Return the cost of a stored flight by the trapezoidal rule.
+        """Return the cost of a stored flight by the trapezoidal rule, for N = 0.
 
         times: (N,), s
         z: (N, k), deviations of the states from the requested trim
