@@ -485,7 +485,9 @@ class _Rows(Arithmetic):
                 return _plus({}, other, row.get(0, Fraction(0)))
         if self._degree_of(a) + self._degree_of(b) <= self._degree:
             return self._polynomial(a, b)
-        return self.node("square", a) if a == b else self.node("product", a, b)
+        # Taylor models, without expansion, evaluate squares together with other products
+        is_square = a == b and self._degree > 1
+        return self.node("square", a) if is_square else self.node("product", a, b)
 
     def divide(self, a: Row, b: Row) -> Row:
         if _is_constant(b) and b:

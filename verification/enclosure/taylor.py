@@ -281,23 +281,21 @@ class TaylorProgram:
         known: models of the earlier groups
         sizes: for each earlier group, the sum of all |c| plus the radius, (variables, boxes)
         """
-        parts = []
+        c: np.ndarray | float = 0.0
+        radius: np.ndarray | float = 0.0
+        size: np.ndarray | float = 0.0
         for group, block in argument.blocks.items():
             models = known[group]
             width, coefficients, boxes = models.c.shape
             flat = block @ models.c.reshape(width, coefficients * boxes)
+            c = c + flat.reshape(-1, coefficients, boxes)
             weights = argument.sizes[group]
-            of_group = (flat.reshape(-1, coefficients, boxes), weights @ models.radius)
-            parts.append((*of_group, weights @ sizes[group]))
-        if not parts:  # a row without terms
+            radius = radius + weights @ models.radius
+            size = size + weights @ sizes[group]
+        if isinstance(c, float):  # a row without terms
             zero = np.zeros_like(known[0].radius[:1])
             return Models(np.zeros_like(known[0].c[:1]), zero, zero)
-        c, radius, size = parts[0]
-        for part in parts[1:]:
-            c += part[0]
-            radius += part[1]
-            size += part[2]
-        own = self._row * size * _UPWARD + _TINY
+        own = np.asarray(self._row * size) * _UPWARD + _TINY
         return Models(c, (radius + own) * _UPWARD, own)
 
     def _product(self, a: Models, b: Models) -> Step:
