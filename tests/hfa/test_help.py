@@ -37,13 +37,15 @@ def test_help_is_short_and_ends_with_an_example(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_help_for_users_aircraft_omits_the_hfa(name: str) -> None:
-    """The help of a command for the user's aircraft does not mention the HFA or the paper."""
+    """The help of a command for the user's aircraft mentions neither the HFA, its dynamics, nor the
+    paper.
+    """
     if "--aircraft" not in hfa(*name.split(), "--help").out:
         return
     own = f"{ROOT / 'examples' / 'navion.py'}:NAVION"
     text = hfa(*name.split(), "--aircraft", own, "--help", "more").out
     assert text.startswith(f"usage: hfa {name} ")
-    words = ("HFA", "dihedral", "published", "the paper", "--dynamics")
+    words = ("HFA", "dihedral", "published (", "the paper", "--dynamics")
     assert [word for word in words if word in text] == []
 
 
