@@ -73,7 +73,7 @@ class BoxesSearch:
         self._clock = settings.clock
         self._degree = settings.degree
         self.equilibrium = equilibrium_near(self.loop, np.array(list(self.loop.trim.values())))
-        self.samples = Samples(self.loop, self.equilibrium)
+        self.samples = Samples(self.loop, self.equilibrium, self._clock)
         self.J = self.samples.J
         self._best = settings.earlier
         self._largest = 0.0 if self._best is None else self._best.set.size
@@ -93,6 +93,7 @@ class BoxesSearch:
             self._stopped = self._stopped or str(error)
         except KeyboardInterrupt:
             self._stopped = "interrupted"
+        self.samples.clock = None  # the obstacles have a clock of their own
         if self._best is None:
             kink = kink_at(self.loop, self.loop.closed, self.equilibrium)
             raise NoSolutionError(f"{self._stopped}; {kink}" if kink else self._stopped)

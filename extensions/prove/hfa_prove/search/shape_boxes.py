@@ -16,6 +16,7 @@ import scipy.linalg
 from scipy.optimize import linprog, minimize
 
 from hfa_prove.check.equilibrium import Equilibrium
+from hfa_prove.search.clock import Clock
 from hfa_prove.search.monomials import Monomials, PolynomialFunction
 from hfa_prove.search.obstacles import LevelSet
 from hfa_prove.statements.loop import Loop
@@ -80,9 +81,11 @@ class Samples:
 
     loop: the closed loop
     equilibrium: enclosure of the equilibrium states
+    clock: called at each evaluation of the rates, or None. It may raise OutOfTimeError.
     """
 
-    def __init__(self, loop: Loop, equilibrium: Equilibrium) -> None:
+    def __init__(self, loop: Loop, equilibrium: Equilibrium, clock: Clock | None = None) -> None:
+        self.clock = clock
         x = ca.SX.sym("x", len(loop.states))
         rates, outputs = loop.rates(x)
         both = ca.Function("f", [x], [ca.vertcat(rates, outputs)])
@@ -99,6 +102,8 @@ class Samples:
 
     def rates(self, z: np.ndarray) -> np.ndarray:
         """Return z' (N, n) at state deviations z (N, n)."""
+        if self.clock is not None:
+            self.clock(0.0, 1.0, "samples of V'")
         return values_at(self._program, z + self._x)[:, : z.shape[1]]
 
     def limited_signals(self, z: np.ndarray) -> dict[str, tuple[np.ndarray, float, float]]:

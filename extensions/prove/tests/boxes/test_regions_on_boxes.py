@@ -435,7 +435,7 @@ def test_a_set_beyond_a_limit_is_scaled() -> None:
     """The search scales a set that extends beyond a limit, so that it is just within the limit."""
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {"x": (-1.0, 0.6)}, none)
-    search = BoxesSearch(RegionProblem(loop), Settings(2, Clock(1.0)))
+    search = BoxesSearch(RegionProblem(loop), Settings(2, Clock(60.0)))
     for reach, expected in ((0.7, 0.6), (0.5, 0.5)):
         shape = Shape.of_matrix(np.eye(1) / reach**2, search.J, 2)
         part = search._part(shape, 1.0)
@@ -457,7 +457,7 @@ def test_an_obstacle_in_a_slow_direction_is_found() -> None:
     model = Model("needle", {name: Signal("m") for name in rates}, {}, equations, trim={})
     none = ca.Function("u", [ca.SX.sym("z", 4)], [ca.SX(0, 1)])
     loop = Loop(model, {}, dict.fromkeys(rates, 0.0), {}, {}, {}, none)
-    search = BoxesSearch(RegionProblem(loop), Settings(2, Clock(1.0)))
+    search = BoxesSearch(RegionProblem(loop), Settings(2, Clock(60.0)))
     bound = Shape.of_matrix(np.eye(4), search.J, 2).bound(search.samples, 1.0)
     assert bound.rises
     assert bound.level == pytest.approx(0.25, rel=0.02)
@@ -489,7 +489,7 @@ def test_a_set_grows_from_any_initial_v(weight: float) -> None:
     none = ca.Function("u", [ca.SX.sym("z", 2)], [ca.SX(0, 1)])
     limits = {"slow": (-1.0, 1.0), "fast": (-10.0, 10.0)}
     loop = Loop(model, {}, dict.fromkeys(states, 0.0), {}, {}, limits, none)
-    search = BoxesSearch(RegionProblem(loop), Settings(2, Clock(1.0)))
+    search = BoxesSearch(RegionProblem(loop), Settings(2, Clock(60.0)))
     P = solve_continuous_lyapunov(search.J.T, -np.diag([1.0, weight]))
     shape = Shape.of_matrix(P * np.linalg.inv(P)[0, 0], search.J, 2)
     first = search._good(shape, quick=True)
@@ -531,7 +531,7 @@ def test_a_maximum_of_v_bounds_the_level() -> None:
     """
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {"x": (-2.0, 2.0)}, none)
-    search = BoxesSearch(RegionProblem(loop), Settings(2, Clock(1.0)))
+    search = BoxesSearch(RegionProblem(loop), Settings(2, Clock(60.0)))
     shape = Shape.of_matrix(np.eye(1), search.J, 4)
     crested = replace(shape, coefficients=np.array([1.0, 0.0, -0.3]))
     assert crested.bound(search.samples, 1.5).level == pytest.approx(1.0 / 1.2, rel=0.01)

@@ -5,9 +5,15 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hfa.main import main
+from hfa_aircraft.model import Model, Signal
+from hfa_prove.search.region import proved_region
+from hfa_prove.search.region_search import RegionProblem
+from hfa_prove.statements.loop import Gain, Loop
+from hfa_support.errors import NoSolutionError
 
 PENDULUM = "examples/pendulum.py:PENDULUM"
 VAN_DER_POL = "examples/pendulum.py:VAN_DER_POL"
@@ -83,3 +89,33 @@ def test_a_resumed_search_proves_a_larger_set(
     assert quartic["extents"]["velocity"] > 1.05 * quadratic["extents"]["velocity"]
     mine = ["prove", "region", "--aircraft", PENDULUM, "--prover", "boxes", "--resume"]
     assert main([*mine, "-o", str(proof)]) == 2
+
+
+def test_a_refusal_names_what_was_tried(capsys: pytest.CaptureFixture[str]) -> None:
+    """Without time, both provers are tried and the message names the reason of each.
+
+    For the network of a file and for disturbances, only one prover applies.
+    """
+    words = ["prove", "region", "--aircraft", PENDULUM, "--seconds", "0.0001"]
+    assert main(words) == 1
+    error = capsys.readouterr().err
+    assert "no region was proved by squares or boxes: squares: the time limit" in error
+    assert "; boxes: the time limit" in error
+    assert main([*words, "--disturbance", "push=0.1"]) == 1
+    assert "no region was proved: the time limit" in capsys.readouterr().err
+    assert main([*words, "--disturbance", "push=0.1", "--prover", "boxes"]) == 2
+    assert "use --prover squares" in capsys.readouterr().err
+
+
+def test_the_state_where_a_search_ended_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """If no level is proved, the message names the state nearest to the trim with V' >= 0.
+
+    The checker is replaced by one that accepts nothing. For x' = -x + 4 x³, V' >= 0 at x = 0.5.
+    """
+    states = {"x": Signal(min=-1.0, max=1.0)}
+    model = Model("cubic", states, {}, lambda x, u, p, w: ({"x": -x.x + 4.0 * x.x**3}, {}), trim={})
+    loop = Loop(model, {}, {"x": 0.0}, {}, {}, {"x": (-1.0, 1.0)}, Gain(np.zeros((0, 1))))
+    for name in ("proved_level", "accepted"):
+        monkeypatch.setattr(f"hfa_prove.search.region_squares.{name}", lambda *_: None)
+    with pytest.raises(NoSolutionError, match=r"is proved; V' >= 0 at x -?0[.](5|49|50)"):
+        proved_region(RegionProblem(loop), ("squares",), degree=2, seconds=20.0)

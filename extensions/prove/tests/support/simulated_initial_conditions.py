@@ -40,7 +40,8 @@ def count_departures(
     statement: a proved statement
     farther: factor on the initial conditions. Above 1, leaving the set is not counted.
     """
-    V = PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
+    in_y = PolynomialFunction.of_terms(statement.terms)
+    V = in_y.substituted(statement.piece.M).scaled(1.0 / statement.rho)
     disturbed = bool(statement.loop.disturbances)
     plant = DisturbedPlant(statement.loop, V) if disturbed else Plant(statement.loop)
     generator = np.random.default_rng(seed)
