@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from textwrap import shorten
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -143,8 +144,14 @@ class Assessment(Result, Reported):
         is_linear = LINEAR in self.deployed.model.about.notes
         verdict = verdict_text(self.ok) + (" on the linear plant" if is_linear else "")
         ratios = self._cost_ratios()
-        lines = [f"{verdict}: {text}; {ratio}" for text in self._verdicts() for ratio in ratios]
-        return next((line for line in lines if len(line) <= _FIRST_LINE), lines[-1])
+        texts = self._verdicts()
+        for text in texts:
+            for ratio in ratios:
+                line = f"{verdict}: {text}; {ratio}"
+                if len(line) <= _FIRST_LINE:
+                    return line
+        room = _FIRST_LINE - len(f"{verdict}: ; {ratios[-1]}")
+        return f"{verdict}: {shorten(texts[-1], room, placeholder=' ...')}; {ratios[-1]}"
 
     def _verdicts(self) -> list[str]:
         """Return the sentence of the verdict, followed by shorter forms of it.
@@ -197,14 +204,15 @@ class Assessment(Result, Reported):
 
     def _further(self) -> list[str]:
         """Return what the first line leaves out: costs, findings worst first, the assumed trim."""
+        told = self.first_line
         lines = []
         dearest = self._dearest()
         if dearest is not None and dearest.best is not None:
             place = ""
             if len(self.points) > 1:
                 place = f"{where_text([dearest], self.points)}: "
-            lines += [f"{place}{sentence}" for sentence in dearest.best.sentences()]
-        told = self.first_line
+            sentences = [each for each in dearest.best.sentences() if each not in told]
+            lines += [f"{place}{sentence}" for sentence in sentences]
         lines += [each.text for each in self.findings if each.text not in told]
         return [*lines, *filter(None, [self.assumed])]
 

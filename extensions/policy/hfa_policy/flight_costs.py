@@ -146,7 +146,7 @@ class FlightCosts(Result):
             sentences.append(f"flights cost {_number(least)} to {_number(worst)} x {reference}")
         if self.lost:
             count = f"{self.lost} of {self.compared}"
-            sentences.append(f"{count} compared flights do not end at the trim")
+            sentences.append(f"{count} flights do not end at the trim")
         return sentences
 
     def _returns_text(self, returns: Returns) -> str:

@@ -33,6 +33,7 @@ from hfa_flight.problem import flight_problem
 from hfa_policy.assess import assess
 from hfa_policy.assessment import Assessment
 from hfa_policy.assessor import Assessor
+from hfa_policy.findings import Finding, Severity
 from hfa_policy.flights import SampledFlight
 from hfa_policy.outcomes import ends_from_trim, seeded_starts
 from hfa_policy.trims import trims_of
@@ -126,6 +127,18 @@ def test_returns_equal_those_of_the_simulated_flights():
         costs.append(np.trapezoid(z**2 @ [1.0, 0.1], flight.time) + held)
     assert point.best.returns.mean == pytest.approx(-np.mean(costs), rel=5e-3)
     assert point.best.returns.deviation == pytest.approx(np.std(costs), rel=5e-3)
+
+
+def test_the_first_line_has_at_most_80_columns(passing_assessment, monkeypatch):
+    """A long failure is shortened so that verdict and cost ratio fit into 80 columns."""
+    long = Finding(
+        Severity.FAILURE, "flights with " + "very " * 20 + "rough air leave the envelope"
+    )
+    monkeypatch.setattr(Assessment, "findings", property(lambda _: [long]))
+    line = passing_assessment.first_line
+    assert line.startswith("FAIL: flights with very ")
+    assert "x the best flight" in line
+    assert len(line) <= 80
 
 
 def test_the_json_contains_the_documented_keys(passing_assessment):

@@ -63,6 +63,7 @@ def test_a_flight_that_leaves_in_a_gust_fails(noisy_assessment):
     failing = replace(noisy_assessment, points=(replace(noisy_assessment.points[0], rough=rough),))
     assert not failing.ok
     assert failing.first_line.startswith("FAIL: 1 of 1 flights with a gust leaves the envelope")
+    assert len(failing.first_line) <= 80
 
 
 @pytest.mark.parametrize(
