@@ -192,7 +192,7 @@ class BestFlight(FoundFlight):
             if flown.lost:
                 lines.append(f"{policy.policy}: {flown.outcome()}")
             lines.append(_saturated(policy.policy, policy.saturated))
-        table = Table(("flight", "cost", "over the best", "outcome"), rows)
+        table = Table(("flight", "cost", "ratio", "outcome"), rows)
         parts = (
             self._checked(),
             table,
@@ -215,10 +215,6 @@ class BestFlight(FoundFlight):
         lines = [line_with_ratios(begin, ratios), self.destination(), *self.source_lines()]
         if self.reason is None and self.found.spread_of_guesses > MESHES_AGREE:
             lines.append(f"guesses differ by {100 * self.found.spread_of_guesses:.2g} %")
-        for flown, policy in zip(self.compared, self.policies, strict=True):
-            says = [] if policy.over_best is None else [f"{policy.over_best:.4g} x the best found"]
-            says += [flown.ending] if flown.lost else []
-            lines.append(f"{policy.policy}: {', '.join(says)}")
         return "\n".join(lines)
 
     def _bracket(self) -> str:

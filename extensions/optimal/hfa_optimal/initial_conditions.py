@@ -148,7 +148,7 @@ class StartsTable(OfProblem, Result, Reported):
             numbers = [_number(value) for value in (each.median, each.high, each.worst)]
             counts = (f"{each.left} of {self.found}", f"{each.converged} of {self.found}")
             rows.append((each.policy, *counts, *numbers))
-        header = ("cost over the best", "leave the envelope", "converge", "median", "90 %", "worst")
+        header = ("cost ratio", "leave", "converge", "median", "90 %", "worst")
         reasons = [each.reason for each in self.flights if each.reason is not None]
         refused = [(reason, str(reasons.count(reason))) for reason in dict.fromkeys(reasons)]
         if brackets:
@@ -167,16 +167,16 @@ class StartsTable(OfProblem, Result, Reported):
 
     def _title_lines(self) -> list[str]:
         """Return the first lines: flights found, median cost ratios, and what limits the result."""
-        count = f"found from {self.found} of {self.starts}"
+        count = f"{self.found} of {self.starts} found"
         if self.starts < self.asked:
             count += f" (interrupted; {self.asked} requested)"
         ratios = [(each.policy, each.median) for each in self.policies]
-        begin = f"Best flights: {count} initial conditions"
+        begin = f"Best flights: {count}"
         if self._bounded:
-            bound = bracket_sentence((each, each.best) for each in self._bounded)
-            begin = f"Best flights: {count}, {bound}"
+            begin += f", {bracket_sentence((each, each.best) for each in self._bounded)}"
         lines = [line_with_ratios(begin, ratios)]
-        lines.append(f"to {self.problem.model.title} {self.point.at_scheduled}".strip())
+        whose = f"{self.problem.model.title} {self.point.at_scheduled}".strip()
+        lines.append(f"to {whose}, from {self.starts} initial conditions")
         if self.upper_bounds:
             lines.append(f"{self.upper_bounds} only as the cheapest simulated flight")
         spread = max((each.spread for each in self.flights if each.spread is not None), default=0.0)

@@ -130,7 +130,7 @@ def test_the_table_contains_bound_and_cost(
     """
     assert main(["optimize", *AIRCRAFT, "--starts", "2", "--bound", str(certificate)]) == 0
     first, *lines = capsys.readouterr().out.splitlines()
-    assert first.startswith("Best flights: found from 2 of 2, between 1.00 and 1.")
+    assert first.startswith("Best flights: 2 of 2 found, between 1.00 and 1.")
     assert len(first) <= 80
     rows = [line.split() for line in lines if re.match("angle [+-]", line)]
     assert len(rows) == 2
