@@ -14,6 +14,7 @@ from hfa.options.output import ProgressLine
 from hfa.options.part import OfModel, option, part
 from hfa.options.request import Request, command
 from hfa.options.trim import Trim
+from hfa_prove.commands.options import refuse_no_certificate
 from hfa_support.errors import BadInputError
 from hfa_support.files import forget_read
 from trim.point.linearize import linearize
@@ -106,15 +107,7 @@ def cost(request: CostRequest) -> int:
     flint_or_refusal()
     if request.check is not None:
         return check(request, request.check)
-    if request.output.file is not None and request.output.file.suffix.lower() != ".json":
-        raise BadInputError(
-            f"{request.output.file}: a certificate must be a .json file; give a path "
-            "with the suffix .json"
-        )
-    if request.resume and request.output.file is None:
-        raise BadInputError(
-            "--resume requires an unfinished certificate; give the path with -o FILE.json"
-        )
+    refuse_no_certificate(request.output.file, resume=request.resume)
     return _prove(request)
 
 

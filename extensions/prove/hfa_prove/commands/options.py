@@ -70,14 +70,19 @@ def family_of(aircraft: Aircraft, trim: Trim, errors: float = 0.0) -> Family:
     return Family(trim.aircraft, trim.common_condition, spread)
 
 
-def refuse_no_certificate(output: Path | None) -> None:
+def refuse_no_certificate(output: Path | None, *, resume: bool = False) -> None:
     """Raise BadInputError if the output file of a certificate is not a .json file.
 
     output: path of the file, or None
+    resume: whether the certificate in the file is continued, which requires the file
     """
     if output is not None and output.suffix.lower() != ".json":
         raise BadInputError(
             f"{output}: a certificate must be a .json file; give a path with the suffix .json"
+        )
+    if resume and output is None:
+        raise BadInputError(
+            "--resume requires an unfinished certificate; give the path with -o FILE.json"
         )
 
 

@@ -51,11 +51,7 @@ def region(request: RegionRequest) -> int:
     )
     if request.check is not None:
         return check(request, request.check)
-    refuse_no_certificate(request.output.file)
-    if request.resume and request.output.file is None:
-        raise BadInputError(
-            "--resume requires an unfinished certificate; give the path with -o FILE.json"
-        )
+    refuse_no_certificate(request.output.file, resume=request.resume)
     return _prove(request)
 
 

@@ -130,16 +130,12 @@ def schedule(request: ScheduleRequest) -> int:
     from verification.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
-    refuse_no_certificate(request.output.file)
+    refuse_no_certificate(request.output.file, resume=request.resume)
     from hfa_prove.report import proof_report
     from hfa_prove.search.loops import exact_gains
     from hfa_prove.search.proof import CertificateFile
     from hfa_prove.search.schedule import prove_schedule
 
-    if request.resume and request.output.file is None:
-        raise BadInputError(
-            "--resume requires an unfinished certificate; give the path with -o FILE.json"
-        )
     intervals = request.intervals()
     family = family_of(request.aircraft, request.trim, request.error)
     low, high = request.ends(family)
