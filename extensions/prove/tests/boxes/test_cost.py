@@ -221,6 +221,7 @@ FORGED: dict[str, Any] = {
     "level negative": lambda s, w: s["pieces"][0].update(c=-1.0),
     "cube smaller": lambda s, w: s["pieces"][0].update(M=scaled(s["pieces"][0]["M"], 1.5)),
     "M singular": lambda s, w: s["pieces"][0].update(M=[[1.0, 1.0], [1.0, 1.0]]),
+    "beyond the cube": lambda s, w: s["pieces"][0].update(whole=True),
     "no piece": lambda s, w: s.update(pieces=[]),
     "Q smaller": lambda s, w: s.update(Q=scaled(s["Q"], 0.8)),
     "Q not symmetric": lambda s, w: s.update(Q=[[1.0, 0.1], [0.0, 1.0]]),

@@ -178,6 +178,15 @@ def test_squares_and_boxes_agree_on_one_statement(factor: float, is_in_cube: boo
                 read_and_check(made, SINK)
 
 
+def test_extents_do_not_depend_on_coordinates() -> None:
+    """The extents of an ellipsoid are those of z, in whatever coordinates V is stated."""
+    found = []
+    for content in (sink(), in_coordinates(0.5)):
+        statement = read_statement("region", content["statement"], Subject(SINK))
+        found.append(extents_of(statement, np.eye(2)))
+    assert found[0] == found[1]
+
+
 def _low_by_the_evidence_of_high(content: Content) -> None:
     content["statement"]["extents"]["x"] = [-1.0, 1.735]
     pair = content["witness"]["extents"]["x"]

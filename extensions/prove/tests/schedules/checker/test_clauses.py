@@ -486,6 +486,13 @@ def test_pairs_ascend() -> None:
         Fields("", {"a": [2.0, 1.0]}).pair("a")
 
 
+def test_texts_are_among_those_allowed() -> None:
+    """A list with a text that is not allowed is refused."""
+    assert Fields("", {"a": ["x"]}).texts("a", ("x", "y")) == ("x",)
+    with pytest.raises(Malformed, match="a"):
+        Fields("", {"a": ["z"]}).texts("a", ("x", "y"))
+
+
 def test_breakpoints_ascend() -> None:
     """Breakpoints that do not ascend strictly are refused."""
     assert Fields("", {"a": [1.0, 2.0]}).increasing("a").tolist() == [1.0, 2.0]

@@ -225,6 +225,17 @@ NAMED: dict[str, tuple[str, Change, str]] = {
         put(lambda numbers: [0.0, *numbers[1:]], *LOOP, "trim", "throttle"),
         "trim",
     ),
+    "a trim stated twice": (
+        "two trims",
+        put(lambda trims: trims * 2, *FLIGHT, "trims"),
+        "invalid entry: trims",
+    ),
+    "a game of an interval": (
+        "solution",
+        put(lambda ends: [ends[0], ends[0] + 0.1], *FLIGHT, "range"),
+        "invalid entry: range",
+    ),
+    "modes of no delta_min": ("solution", put(None, *CLAIM, "delta_min"), "invalid entry: modes"),
     "another kind": ("plant", put("schedule", "kind"), "flight"),
     "a retired kind": ("plant", put("models", "kind"), "kind"),
 }
