@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_aircraft.march.ending import Outcome
+from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.search.clock import Clock
-from hfa_prove.search.monomials import PolynomialFunction
 from hfa_prove.search.obstacles import starts_by_outcome
 from hfa_prove.search.region_search import Region
 from hfa_support.reporting.text import shown_unit, shown_values

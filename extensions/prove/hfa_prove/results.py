@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple, TypeVar
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.statements.cost import CostStatement
 from hfa_prove.statements.loop import Loop, stored_policy
 from hfa_prove.statements.plant import Plant
@@ -268,8 +269,6 @@ class ProvedRegion(ProvedResult):
         piece = self.statement.piece
         if np.array_equal(piece.M, np.eye(len(piece.M))):
             return self.statement.terms
-        from hfa_prove.search.monomials import PolynomialFunction
-
         return PolynomialFunction.of_terms(piece.W.terms).substituted(piece.M).terms
 
     @property
@@ -284,8 +283,6 @@ class ProvedRegion(ProvedResult):
         """Matrix P (n, n) of V = z'P z, or None if V has a degree above 2."""
         if self.degree > 2:
             return None
-        from hfa_prove.search.monomials import PolynomialFunction
-
         return PolynomialFunction.of_terms(self.terms).matrix()
 
     @property

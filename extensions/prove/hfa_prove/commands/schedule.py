@@ -131,7 +131,6 @@ def schedule(request: ScheduleRequest) -> int:
 
     flint_or_refusal()
     refuse_no_certificate(request.output.file, resume=request.resume)
-    from hfa_prove.report import proof_report
     from hfa_prove.search.loops import exact_gains
     from hfa_prove.search.proof import CertificateFile
     from hfa_prove.search.schedule import prove_schedule
@@ -160,5 +159,5 @@ def schedule(request: ScheduleRequest) -> int:
     proof = prove_schedule(
         family, loop, low, high, moving=request.rate, file=file, progress=progress
     )
-    request.print(proof_report(proof.statement, proof.data))
+    request.print(proof.report())
     return 0 if proof.proved else 1

@@ -19,9 +19,9 @@ from scipy.optimize import linprog
 from hfa_aircraft.march.cost import Cost
 from hfa_prove.check.cover import OpenBoxError
 from hfa_prove.check.equilibrium import Equilibrium
+from hfa_prove.monomials import Monomials
 from hfa_prove.search.clock import Clock
 from hfa_prove.search.flights import Inputs, flight_costs
-from hfa_prove.search.monomials import Monomials
 from hfa_prove.search.obstacles import first_obstacle
 from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.plant import Plant

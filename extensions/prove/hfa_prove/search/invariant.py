@@ -10,9 +10,9 @@ from itertools import product
 import casadi as ca
 import numpy as np
 
+from hfa_prove.monomials import PolynomialFunction, edge_points
 from hfa_prove.search.clock import Clock, OutOfTimeError
 from hfa_prove.search.level import LevelSearch, ProvedLevel, Setting, accepted, holding_ball
-from hfa_prove.search.monomials import PolynomialFunction, edge_points
 from hfa_prove.search.obstacles import LevelSet
 from hfa_prove.search.plant import Plant
 from hfa_prove.search.region_search import Region, lyapunov_matrices

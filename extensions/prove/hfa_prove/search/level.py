@@ -13,8 +13,8 @@ from scipy.optimize import nnls
 from hfa_prove.check.loop_squares import RegionLoop
 from hfa_prove.check.region_squares import check_region, limits_of
 from hfa_prove.fields import Fields
+from hfa_prove.monomials import PolynomialFunction, edge_points, ellipsoid
 from hfa_prove.search.clock import Clock
-from hfa_prove.search.monomials import PolynomialFunction, edge_points, ellipsoid
 from hfa_prove.search.squares import ONE, Terms, positive
 from hfa_prove.statements.loop import FREE, HIGHEST, LOWEST, Loop
 from hfa_prove.statements.region import (

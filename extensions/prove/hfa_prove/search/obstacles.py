@@ -10,8 +10,8 @@ import numpy as np
 
 from hfa_aircraft.march.ending import FAR, FAR_OF_STARTS, EndRule, Outcome, is_at_rest
 from hfa_aircraft.march.march import Rows, march
+from hfa_prove.monomials import PolynomialFunction, edge_points
 from hfa_prove.search.clock import Clock, OutOfTimeError
-from hfa_prove.search.monomials import PolynomialFunction, edge_points
 
 #: Function of state deviations (N, n), with values (N,).
 ValueOf = Callable[[np.ndarray], np.ndarray]

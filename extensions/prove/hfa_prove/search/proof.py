@@ -16,11 +16,13 @@ from hfa_aircraft.model import Model
 from hfa_prove.certificate import kind_of, write_certificate
 from hfa_prove.check import check_certificate
 from hfa_prove.fields import Rejected
+from hfa_prove.report import proof_report
 from hfa_prove.statements.game import GameStatement
 from hfa_prove.statements.schedule import ScheduleStatement
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.files import forget_read
 from hfa_support.provenance import Provenance
+from hfa_support.reporting.report import Report, Reported
 from hfa_support.version import VERSION
 
 Content = dict[str, Any]
@@ -32,8 +34,8 @@ _RARELY = 9.0
 _DIGITS = 55
 
 
-@dataclass(frozen=True, eq=False)
-class Proof:
+@dataclass(frozen=True, eq=False, repr=False)
+class Proof(Reported):
     """A statement with its proof.
 
     statement: the proved statement
@@ -54,6 +56,10 @@ class Proof:
     def proved(self) -> bool:
         """Whether the full claim is proved."""
         return bool(self.data["proved"])
+
+    def report(self) -> Report:
+        """Return the report of the proved statement."""
+        return proof_report(self.statement, self.data)
 
     def write(self, path: Path, origin: Provenance) -> None:
         """Write the certificate of the proof, with all digits of every double.

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
+from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.search.clock import Clock
-from hfa_prove.search.monomials import PolynomialFunction
 from hfa_prove.search.obstacles import LevelSet, LoopValues, Obstacles
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.region import RegionStatement

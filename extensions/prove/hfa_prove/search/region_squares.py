@@ -9,6 +9,7 @@ import numpy as np
 
 from hfa_prove.check.loop_squares import Equilibrium
 from hfa_prove.check.region_squares import extents_of
+from hfa_prove.monomials import PolynomialFunction, edge_points
 from hfa_prove.search.clock import OutOfTimeError
 from hfa_prove.search.level import (
     LevelSearch,
@@ -18,7 +19,6 @@ from hfa_prove.search.level import (
     holding_ball,
     proved_level,
 )
-from hfa_prove.search.monomials import PolynomialFunction, edge_points
 from hfa_prove.search.obstacles import LevelSet, LoopValues, first_obstacle, rises
 from hfa_prove.search.plant import Plant
 from hfa_prove.search.region_search import Region, Settings, lyapunov_matrices, refuse_unstable

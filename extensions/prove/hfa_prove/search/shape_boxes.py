@@ -16,8 +16,8 @@ import scipy.linalg
 from scipy.optimize import linprog, minimize
 
 from hfa_prove.check.equilibrium import Equilibrium
+from hfa_prove.monomials import Monomials, PolynomialFunction
 from hfa_prove.search.clock import Clock
-from hfa_prove.search.monomials import Monomials, PolynomialFunction
 from hfa_prove.search.obstacles import LevelSet
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.piece import Piece

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.search.level import MARGIN, LevelSearch, limits_within, lowest_degree
-from hfa_prove.search.monomials import PolynomialFunction
 from hfa_prove.search.squares import BASE, Identity, Squares, Terms, packed_monomials
 from hfa_prove.statements.region import LEVEL
 from verification.enclosure.polynomial import exponents_of, monomials, power_of_length

@@ -13,7 +13,7 @@ from simulated_initial_conditions import count_departures, random_points
 
 from hfa_aircraft.loading import load_model
 from hfa_prove.check import check_certificate
-from hfa_prove.search.monomials import PolynomialFunction
+from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.statements.region import RegionStatement
 
 ROOT = Path(__file__).parents[4]

@@ -30,9 +30,9 @@ from hfa_prove.check import check_certificate
 from hfa_prove.check.loop_squares import RegionLoop
 from hfa_prove.check.region_squares import check_region
 from hfa_prove.fields import Rejected
+from hfa_prove.monomials import PolynomialFunction, edge_points
 from hfa_prove.search.clock import Clock
 from hfa_prove.search.invariant import DisturbedPlant, invariant_region
-from hfa_prove.search.monomials import PolynomialFunction, edge_points
 from hfa_prove.search.obstacles import LevelSet
 from hfa_prove.search.plant import Plant, loop_at
 from hfa_prove.search.region_search import Region

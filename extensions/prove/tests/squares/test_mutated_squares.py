@@ -14,9 +14,9 @@ from tank import LIMITS, TANK
 from hfa_prove.certificate import read_content
 from hfa_prove.check.region_squares import check_region
 from hfa_prove.fields import NOT_PROVED
+from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.search.clock import Clock
 from hfa_prove.search.level import LevelSearch, Setting, accepted, holding_ball
-from hfa_prove.search.monomials import PolynomialFunction
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.region import RegionStatement

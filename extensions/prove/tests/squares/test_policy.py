@@ -23,8 +23,8 @@ from hfa_prove.check.loop_squares import RegionLoop
 from hfa_prove.check.region_squares import check_region
 from hfa_prove.commands.polynomials import policy_terms
 from hfa_prove.fields import Rejected
+from hfa_prove.monomials import PolynomialFunction, edge_points
 from hfa_prove.search.clock import Clock
-from hfa_prove.search.monomials import PolynomialFunction, edge_points
 from hfa_prove.search.obstacles import outcomes
 from hfa_prove.search.plant import Plant
 from hfa_prove.statements.loop import Gain

@@ -30,9 +30,9 @@ from hfa_prove.certificate import read_content
 from hfa_prove.check import check_certificate
 from hfa_prove.check.region_squares import check_region
 from hfa_prove.fields import Rejected
+from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.report_region import region_report
 from hfa_prove.search.clock import Clock
-from hfa_prove.search.monomials import PolynomialFunction
 from hfa_prove.search.obstacles import LevelSet, outcomes, starts_by_outcome
 from hfa_prove.search.plant import Plant
 from hfa_prove.search.region import proved_region

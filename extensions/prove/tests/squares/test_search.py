@@ -10,9 +10,9 @@ from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
 import hfa
 from hfa_aircraft.loading import load_model
+from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.search.clock import Clock
 from hfa_prove.search.level import Setting, ball_of, proved_level
-from hfa_prove.search.monomials import PolynomialFunction
 from hfa_prove.search.obstacles import first_obstacle, rises
 from hfa_prove.search.plant import Plant, loop_at
 from hfa_prove.statements.loop import Gain, Loop

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from hfa_prove.check import check_certificate
+from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.search.invariant import DisturbedPlant
-from hfa_prove.search.monomials import PolynomialFunction
 from hfa_prove.search.plant import Plant
 from hfa_prove.statements.region import RegionStatement
 

@@ -24,7 +24,7 @@ from hfa_model import INPUTS, LINEAR_STATES, choice
 from hfa_prove import Family, check_certificate, prove_schedule
 from hfa_prove.check.loop import closed_loop
 from hfa_prove.fields import Rejected
-from hfa_prove.report import checked_report, proof_report
+from hfa_prove.report import checked_report
 from hfa_prove.search.family import Box, TrimSearch
 from hfa_prove.search.loops import loop_of_gains, loop_of_servo
 from hfa_prove.search.uncertain_loop import common_lyapunov, decrease
@@ -184,9 +184,7 @@ def test_a_loop_with_actuators_is_proved_or_open(delay: float, slowest: float) -
     proof = prove_schedule(family(), loop, 14.0, 14.125)
     assert proof.proved == stands
     assert [run.most for run in proof.statement.loop] == ([0] if stands else [11])
-    assert proof_report(proof.statement, proof.data).title.startswith(
-        "Proved" if stands else "Left open"
-    )
+    assert proof.report().title.startswith("Proved" if stands else "Left open")
     assert proof.data["actuators"]["delay"] == delay
     random = drawn.default_rng(0)
     for _ in range(20 * stands):

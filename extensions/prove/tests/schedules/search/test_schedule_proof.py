@@ -25,7 +25,6 @@ from controller.schedule.gain_schedule import GainSchedule
 from hfa import BadInputError
 from hfa.paper import default_parameters
 from hfa_prove import check_certificate, prove_schedule
-from hfa_prove.report import proof_report
 from hfa_prove.search import proof as certificate
 from hfa_prove.search.loops import Loop
 from hfa_prove.search.proof import CertificateFile, Proof
@@ -98,10 +97,7 @@ def test_a_dihedral_rate_too_large_is_not_proved(
     monkeypatch.setattr("hfa_prove.search.schedule._SHARES", (1.5,))
     proof = prove_schedule(family(), exact_loop(14.0, 14.125), 14.0, 14.125, moving=True)
     assert (proof.proved, proof.data["dihedral_rate_deg_s"]) == (False, 0.0)
-    assert (
-        "open: a moving dihedral from 14 to 14.125 deg"
-        in proof_report(proof.statement, proof.data).text()
-    )
+    assert "open: a moving dihedral from 14 to 14.125 deg" in proof.report().text()
     assert counts(proof.statement.loop) == [(0, 0)]
 
 
@@ -134,8 +130,8 @@ def test_instability_between_two_angles_is_refuted(
     still_open = [run for run in runs if run.least < run.most]
     assert 0.0 < sum(run.high - run.low for run in still_open) < 0.03
     assert proof.data["decay_rate"] > 0.0
-    data = proof_report(proof.statement, proof.data).data
-    text = proof_report(proof.statement, proof.data).text()
+    data = proof.report().data
+    text = proof.report().text()
     found = (data["proved"], len(data["refuted"]), len(data["loop"]["open"]))
     assert found == (False, len(refuted), len(still_open))
     assert text.startswith("Refuted: every dihedral from 15 to")

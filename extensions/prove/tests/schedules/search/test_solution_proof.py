@@ -21,7 +21,7 @@ from hfa import BadInputError, Game, NoSolutionError, prove_critic, prove_soluti
 from hfa_prove import check_certificate
 from hfa_prove.check.game import solution_on
 from hfa_prove.fields import Rejected
-from hfa_prove.report import checked_report, proof_report
+from hfa_prove.report import checked_report
 from hfa_prove.search.game import ExactGame, prove_delta_min
 from verification.enclosure.balls import matrix, norm
 from verification.enclosure.series import TaylorModel
@@ -34,9 +34,7 @@ def test_the_solution_of_paper_s_game_is_proved(dynamics: str) -> None:
     """The solution of the paper's game is proved, and delta_min is bracketed."""
     proof = prove_solution(game_at(15.0, dynamics), family(dynamics), 15.0)
     assert proof.proved
-    assert ("A - S P is Hurwitz", "proved") in proof_report(proof.statement, proof.data).parts[
-        0
-    ].rows
+    assert ("A - S P is Hurwitz", "proved") in proof.report().parts[0].rows
     assert proof.data["relative_radius"] < 1e-12
     assert proof.data["unstable_modes"] == 2
     above = proof.data["delta_min_above"]
@@ -66,7 +64,7 @@ def test_open_stability_of_a_solution_is_null(monkeypatch: pytest.MonkeyPatch) -
     proof = prove_solution(scalar_game(2.0))
     assert not proof.proved
     assert proof.data["closed_loop_hurwitz"] is None
-    assert ("A - B K is Hurwitz", "open") in proof_report(proof.statement, proof.data).parts[0].rows
+    assert ("A - B K is Hurwitz", "open") in proof.report().parts[0].rows
 
 
 def test_a_root_that_does_not_stabilize_is_refused() -> None:
@@ -199,9 +197,7 @@ def test_a_destabilizing_gain_is_certified_as_unstable(
     checked = checked_report(check_certificate(tmp_path / "critic.json"))
     assert (checked.data["closed_loop_hurwitz"], checked.data["proved"]) == (False, False)
     assert checked.title.startswith("Verified, refuted, the gain does not stabilize")
-    assert proof_report(proof.statement, proof.data).title.startswith(
-        "Refuted: the gain of the critic does not"
-    )
+    assert proof.report().title.startswith("Refuted: the gain of the critic does not")
     game = Game(A=ONE, B=ONE, E=ONE, Q=ONE, R=ONE, delta=np.inf)
     proof = prove_critic(game, from_gain(game, ONE))
     assert proof.data["closed_loop_hurwitz"] is None
