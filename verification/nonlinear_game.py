@@ -74,10 +74,13 @@ class NonlinearComparison(Result):
         return all(each.error <= self.limit for each in self.errors)
 
     @cached_property
-    @stored()
-    def radius(self) -> Radius:
-        """Set z'Pz <= c in which simulated flights cost what the exact value predicts."""
-        return self.expansion.radii[-1]
+    @stored(optional=True)
+    def radius(self) -> Radius | None:
+        """Set z'Pz <= c in which simulated flights cost what the value of a right critic predicts.
+
+        None if the critic is wrong. The flights are simulated when the property is first used.
+        """
+        return self.expansion.radii[-1] if self.ok else None
 
     @property
     def sentence(self) -> str:
@@ -93,6 +96,11 @@ class NonlinearComparison(Result):
     def part(self) -> Part:
         """Return the part of a report: where the value is known, and the error of each degree."""
         radius = self.radius
+        if radius is None:
+            return (
+                f"Nonlinear game about the trim, to degree {self.errors[-1].degree}",
+                self._table(),
+            )
         where = "is not known by flights"
         if radius.c and math.isinf(radius.c):
             where = "agrees with flights everywhere"
