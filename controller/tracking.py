@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -114,11 +114,9 @@ class Tracking(Result, Reported):
         """The trim at the constant commands together, or at all commands if none is constant."""
         if not self.trims:
             return None
-        reference = self.exact.reference
-        constants = zip(self.game.names.states, reference.constant, reference.moving, strict=True)
-        steady = {name for name, value, moves in constants if value and not moves}
+        steady = _steady(self.game.names.states, self.exact.reference)
         for found in self.trims:
-            if set(found.command) == steady:
+            if set(found.command) == set(steady):
                 return found
         return self.trims[-1]
 
@@ -231,23 +229,40 @@ def track(
             channels[name] = channel(value if isinstance(value, str) else f"{value:.17g}")
         reference = stacked(channels, linear.states)
     gain = solution.K if K is None else solution.game.checked_gain(K)
-    exact = feedforward(solution.game, solution.P, reference)
-    return Tracking(exact, gain, duration, commanded_trims(linear, reference))
+    return tracked(linear, solution.game, solution.P, gain, reference, duration)
 
 
-def commanded_trims(linear: LinearModel, reference: Waveform) -> tuple[CommandedTrim, ...]:
+def tracked(
+    linear: LinearModel,
+    game: Game,
+    P: np.ndarray,
+    K: np.ndarray,
+    reference: Waveform,
+    duration: float = DURATION,
+) -> Tracking:
+    """Return the tracking of a reference of the states, (n,), by a policy with the gain K.
+
+    P: (n, n), of the exact value z'P z
+    K: (m, n)
+    """
+    exact = feedforward(game, P, reference)
+    return Tracking(exact, K, duration, _commanded_trims(linear, reference))
+
+
+def _steady(states: Sequence[str], reference: Waveform) -> dict[str, float]:
+    """Return the commands that do not change with time, state -> deviation."""
+    rows = zip(states, reference.constant.tolist(), reference.moving, strict=True)
+    return {name: value for name, value, moves in rows if value and not moves}
+
+
+def _commanded_trims(linear: LinearModel, reference: Waveform) -> tuple[CommandedTrim, ...]:
     """Return the trims at each command, at the constant commands together, and at all together."""
     point = linear.point
     if point is None or point.problem is None:
         return ()
-    moving = reference.moving
-    commands = {}
-    steady = {}
-    for name, value, moves in zip(linear.states, reference.constant, moving, strict=True):
-        if value or moves:
-            commands[name] = float(value)
-        if value and not moves:
-            steady[name] = float(value)
+    rows = zip(linear.states, reference.constant.tolist(), reference.moving, strict=True)
+    commands = {name: value for name, value, moves in rows if value or moves}
+    steady = _steady(linear.states, reference)
     groups = [{name: value} for name, value in commands.items()]
     for together in (steady, commands):
         if together and together not in groups:

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.reference import feedforward
-from controller.tracking import DURATION, Tracking, commanded_trims
+from controller.tracking import Tracking, tracked
 from hfa.options.argument_types import quantity
 from hfa.options.part import OfModel, option
 from hfa_aircraft.model import Model
@@ -70,8 +69,7 @@ def with_tracking(
     if named.linear is None:
         raise BadInputError("--reference requires an aircraft; remove --model and --design")
     commands = stacked(reference, named.linear.states)
-    exact = feedforward(named.game, P, commands)
-    tracking = Tracking(exact, K, DURATION, commanded_trims(named.linear, commands))
+    tracking = tracked(named.linear, named.game, P, K, commands)
     section = tracking.report()
     parts = (*report.parts, section.title, *section.parts)
     return replace(report, parts=parts).with_data(**Tracked(tracking).as_data())

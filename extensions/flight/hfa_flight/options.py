@@ -18,7 +18,7 @@ from hfa.options.part import OfModel, Part, option, part
 from hfa.options.request import Request
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
-from hfa_aircraft.waveform import Waveform
+from hfa_aircraft.waveform import constant
 from hfa_flight.actuators import ActuatorBank, ActuatorFault
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.gusts import Gust, OneMinusCosine
@@ -428,11 +428,13 @@ class ScenarioGiven(Part):
             duration=duration,
             tick=math.gcd(10, round(1000.0 * delay)) / 1000.0,
             initial=np.array([self.initial.get(name, 0.0) for name in model.states]),
-            disturbance=_constant([disturbed.get(name, 0.0) for name in names]),
+            disturbance=constant(np.array([disturbed.get(name, 0.0) for name in names])),
             actuators=actuators_of(model, self.actuators, self.fault),
             delay=delay,
             air={
-                name: _constant([value]) for name, value in disturbed.items() if name not in names
+                name: constant(np.array([value]))
+                for name, value in disturbed.items()
+                if name not in names
             },
         )
         if self.gust is not None and self.turbulence is not None:
@@ -444,12 +446,8 @@ class ScenarioGiven(Part):
             return replace(common, uncertainty=uncertainty, gust=gust).on(model)
         if turbulence is not None:
             gust = turbulence.air(point, common.tick, common.ticks, seed)
-        noise = _constant([self.noise.get(name, 0.0) for name in names])
+        noise = constant(np.array([self.noise.get(name, 0.0) for name in names]))
         return replace(common, noise=noise, errors=self.error, gust=gust).on(model)
-
-
-def _constant(values: list[float]) -> Waveform:
-    return Waveform(np.array(values), np.zeros(len(values)))
 
 
 def actuators_of(
