@@ -2,8 +2,9 @@
 
 The table is printed, stored, drawn and written into the documents. --quick tests the benchmarks: it
 runs each job once at a toy size and stores nothing. Names select single jobs, or all jobs of a
-subject. Only the stored figures of the selected jobs are replaced. After an interruption the
-finished runs are kept.
+subject. Only the stored figures of the selected jobs are replaced. Nothing is stored if the
+others were measured on another machine or with other versions. After an interruption the finished
+runs are kept.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
 from benchmarks import report
+from hfa_support.errors import BadInputError
 
 #: Number of runs. The row with the median ratio is stored, with the smallest and largest ratio.
 _RUNS = 3
@@ -50,7 +52,11 @@ def main(words: list[str] | None = None) -> int:
     print(report.markdown(report.figures(runs)))
     print(report.growth_markdown(report.growths(runs)))
     if not arguments.quick:
-        data = report.store(runs)
+        try:
+            data = report.store(runs)
+        except BadInputError as error:
+            print(f"error: {error}", file=sys.stderr)
+            return 2
         report.show(data)
         print(f"stored in {report.RESULTS} and {report.draw(data)}")
     return 0

@@ -14,6 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from hfa_support.errors import BadInputError
 from hfa_support.files import write_text
 from hfa_support.reporting.figure import new_figure, save
 from hfa_support.reporting.markup import markdown_table
@@ -340,16 +341,24 @@ def machine() -> dict[str, str]:
 def store(runs: Sequence[Results]) -> dict[str, Any]:
     """Write the results of the jobs to results.json, and return the content of the file.
 
-    Stored results of other jobs are kept if they were measured on the same machine with the same
-    versions.
+    Stored results of other jobs are kept. They share one machine and one set of versions.
 
     runs: results of the same jobs in each run; growing jobs have results in the first run only
+
+    Raises BadInputError if results of other jobs were stored by another machine or other versions.
     """
     new: dict[str, Any] = {"machine": machine(), "figures": figures(runs), "growth": growths(runs)}
-    if RESULTS.exists() and (old := stored())["machine"] == new["machine"]:
+    if RESULTS.exists():
+        old = stored()
+        fresh = {each["set"] for kind in ("figures", "growth") for each in new[kind]}
         for kind in ("figures", "growth"):
-            fresh = {each["set"] for each in new[kind]}
-            new[kind] += [each for each in old[kind] if each["set"] not in fresh]
+            kept = [each for each in old[kind] if each["set"] not in fresh]
+            if kept and old["machine"] != new["machine"]:
+                raise BadInputError(
+                    "nothing is stored: the other jobs were measured with another machine or other "
+                    "versions; run all jobs"
+                )
+            new[kind] += kept
     order = list(jobs())
     for kind in ("figures", "growth"):
         new[kind].sort(key=lambda each: order.index(each["set"]))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from known_models import model_at
@@ -13,6 +15,7 @@ from benchmarks.jobs_models import f16_case, f16_peer, peer_point, peer_system, 
 from benchmarks.report import Comparison, Growth, Limit, Row, Size
 from hfa.paper import default_parameters
 from hfa_model import LINEAR_STATES, STATES
+from hfa_support.errors import BadInputError
 from hfa_support.native import machine_code as generated
 from trim import trim_points
 
@@ -135,6 +138,23 @@ def test_the_run_of_median_ratio_is_stored() -> None:
     """The run with the median ratio of several runs is stored, with the range of all ratios."""
     found = report.figure([row(3.0, 1.0), row(9.0, 1.0), row(4.0, 1.0)])
     assert (found["ratio"], found["ratios"], found["runs"]) == (4.0, [3.0, 9.0], 3)
+
+
+def test_figures_of_other_jobs_are_kept_or_nothing_is_stored(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One job replaces its own stored figures; with another machine it replaces nothing."""
+    results = tmp_path / "results.json"
+    monkeypatch.setattr(report, "RESULTS", results)
+    first, second = list(report.jobs())[:2]
+    report.store([{first: [row(3.0, 1.0)], second: [row(5.0, 1.0)]}])
+    report.store([{first: [row(4.0, 1.0)]}])
+    assert [each["ratio"] for each in report.stored()["figures"]] == [4.0, 5.0]
+    before = results.read_bytes()
+    monkeypatch.setattr(report, "machine", lambda: {"processor": "another"})
+    with pytest.raises(BadInputError, match="run all jobs"):
+        report.store([{first: [row(9.0, 1.0)]}])
+    assert results.read_bytes() == before
 
 
 def test_a_slope_is_fitted_to_the_larger_sizes() -> None:
