@@ -4,7 +4,7 @@ BIN := .venv/bin
 
 STUDIES := $(patsubst studies/%/__main__.py,%,$(wildcard studies/*/__main__.py))
 
-.PHONY: report pictures docs studies test test-core test-all test-matrix fuzz lint bench notebooks lock clean
+.PHONY: report pictures docs studies test test-core test-all mutants test-matrix fuzz lint bench notebooks lock clean
 
 .venv/report: pyproject.toml requirements-report.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
@@ -65,6 +65,11 @@ test-core: .venv/tests
 # Files of long tests would wait behind each other: a worker without work takes tests of the others.
 test-all: .venv/ready test-core
 	$(BIN)/python -m pytest --dist worksteal
+
+# Plants each wrong line of tests/mutants/*.toml and says whether a fast test catches it. Takes hours; continues after an
+# interruption. LISTS names some lists: make mutants LISTS="trim flight".
+mutants: .venv/tests
+	$(BIN)/python tests/mutants.py $(LISTS)
 
 # Many hostile inputs by every way in: numbers FIRST, FIRST + 1, ... of each.
 FUZZ_INPUTS ?= 250
