@@ -14,6 +14,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import casadi as ca
@@ -61,14 +62,14 @@ class SampledFlight:
     moves: ca.Function | None = None
     winds: tuple[str, ...] = ()
 
-    @property
+    @cached_property
     def whole(self) -> int:
         """Number of complete samples in the delay."""
         samples = self.delay / self.dt
         nearest = round(samples)
         return nearest if abs(samples - nearest) <= _WHOLE else math.floor(samples)
 
-    @property
+    @cached_property
     def early(self) -> float:
         """Time after a sample, s, during which the earlier of two delayed commands still acts.
 
@@ -77,36 +78,36 @@ class SampledFlight:
         rest = self.delay - self.whole * self.dt
         return rest if rest > _WHOLE * self.dt else 0.0
 
-    @property
+    @cached_property
     def has_past(self) -> bool:
         """True if the state contains earlier observations, which the deployment's policy uses."""
         return self.moves is None and self.deployed.past > 0
 
-    @property
+    @cached_property
     def sizes(self) -> tuple[int, ...]:
         """Numbers of entries of the parts of the state: X, memory, past."""
         model = self.deployed.model
         past = self.deployed.past if self.has_past else 0
         return len(model.states), len(model.inputs) * (self.whole + 1), past
 
-    @property
+    @cached_property
     def slices(self) -> tuple[slice, ...]:
         """Slices of the parts of the state: X, memory, past."""
         return _slices(self.sizes)
 
-    @property
+    @cached_property
     def held_sizes(self) -> tuple[int, ...]:
         """Numbers of entries of the parts of what is held: raw, trim, push."""
         model = self.deployed.model
         trim = len(model.states) + len(model.inputs) + len(model.parameters)
         return len(self.deployed.commanded), trim, len(model.linear) + len(self.winds)
 
-    @property
+    @cached_property
     def held_slices(self) -> tuple[slice, ...]:
         """Slices of the parts of what is held: raw, trim, push."""
         return _slices(self.held_sizes)
 
-    @property
+    @cached_property
     def samples_in_window(self) -> int:
         """Number of samples in a window of `WINDOW` s, at least one."""
         return max(1, round(WINDOW / self.dt))
