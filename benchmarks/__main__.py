@@ -63,14 +63,7 @@ def main(words: list[str] | None = None) -> int:
 
 
 def _run(names: list[str], number: int, quick: bool) -> report.Results:
-    """Run jobs once and return their results, name of the job -> its comparisons and measurements.
-
-    The growing jobs (subject "scale") are measured only in the first run.
-
-    names: names of the jobs
-    number: number of the run, from 1
-    quick: whether the jobs have a toy size
-    """
+    """Return job -> comparisons and measurements; growing jobs run only the first time."""
     rows: dict[str, list[report.Row | report.Growth]] = {}
     for name in names:
         if number > 1 and name in report.SUBJECTS["scale"]:
@@ -85,10 +78,7 @@ def _run(names: list[str], number: int, quick: bool) -> report.Results:
 
 
 def _selected(names: list[str]) -> list[str]:
-    """Return the names of the selected jobs, in the order of the table.
-
-    names: names of jobs or subjects; empty for all jobs
-    """
+    """Return the names of the selected jobs, in the order of the table."""
     jobs = report.jobs()
     return [job for job, subject in jobs.items() if not names or {job, subject} & set(names)]
 

@@ -188,12 +188,7 @@ def c_flight(case: FlightCase, steps: int = STEPS) -> Callable[[], np.ndarray]:
 
 
 def _loop(quick: bool) -> list[Row]:
-    """Return the comparison of the project's simulation with hand-written C.
-
-    The list is empty without a C compiler.
-
-    quick: whether the simulation has a toy size
-    """
+    """Return the comparison of the project's simulation with hand-written C."""
     if c_compiler() is None:
         return []
     case = FlightCase()
@@ -241,13 +236,7 @@ def critic_plan(members: int, duration: float) -> MonteCarlo:
 
 
 def _members(quick: bool) -> list[Row]:
-    """Return the comparison of a Monte Carlo run on several processes with its simulations in
-    sequence.
-
-    The time includes the start of the processes, the compilation of the loop and the storage.
-
-    quick: whether the run has a toy size
-    """
+    """Return the comparison of a Monte Carlo run on several processes with one in sequence."""
     cores = os.cpu_count() or 1
     workers = max(2, cores)
     members, alone, duration = (4, 1, 0.05) if quick else (10 * workers, 4, 20.0)

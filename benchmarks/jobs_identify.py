@@ -92,10 +92,7 @@ class RecordCase:
         self.noise = np.array([each.noise for each in self.found.quantities.values()])
 
     def _integrated(self, start: np.ndarray) -> np.ndarray:
-        """Return the states (N, n) at the times of the record, integrated with SciPy's LSODA.
-
-        start: initial state, (n,)
-        """
+        """Return the states (N, n) at the times of the record, integrated with SciPy's LSODA."""
 
         def rates(time: float, x: np.ndarray) -> np.ndarray:
             place = min(int(time / _STEP), len(self.time) - 2)
@@ -204,14 +201,7 @@ class RecordCase:
 def _simulated_in_python(
     start: list[float], inputs: list[list[float]], k: Mapping[str, float]
 ) -> np.ndarray:
-    """Return the states (N, n) at the samples, simulated with Runge-Kutta steps of order 4.
-
-    The inputs are linear between the samples.
-
-    start: initial state, (n,)
-    inputs: inputs at the samples, (N, inputs)
-    k: name -> value of gravity, mass, inertias and aerodynamic derivatives
-    """
+    """Return the states (N, n) at the samples, simulated with Runge-Kutta steps of order 4."""
     h = _STEP
     x = start
     states = [x]
@@ -232,12 +222,7 @@ def _ahead(x: Sequence[float], step: float, rates: Sequence[float]) -> list[floa
 
 
 def _rates(x: Sequence[float], u: Sequence[float], k: Mapping[str, float]) -> list[float]:
-    """Return the time derivatives of the ten states of examples/uav.toml, in plain Python.
-
-    x: speed, alpha, beta, roll rate, pitch rate, yaw rate, roll, pitch, yaw, altitude
-    u: thrust, elevator, aileron, rudder
-    k: name -> value of gravity, mass, inertias and aerodynamic derivatives
-    """
+    """Return the time derivatives of the ten states of examples/uav.toml, in plain Python."""
     speed, alpha, beta, p, q, r, roll, pitch, _, altitude = x
     thrust, elevator, aileron, rudder = u
     area, span, chord = 0.55, 2.8956, 0.18994
@@ -281,22 +266,13 @@ def _rates(x: Sequence[float], u: Sequence[float], k: Mapping[str, float]) -> li
 
 
 def _3211(units: np.ndarray) -> np.ndarray:
-    """Return a 3-2-1-1 input of amplitude 1: values 1, -1, 1, -1 that last 3, 2, 1 and 1 units of
-    time.
-
-    The input is 0 before and after.
-
-    units: times since the beginning of the input, (N,), in units of the shortest pulse
-    """
+    """Return a 3-2-1-1 input of amplitude 1: 1, -1, 1, -1 for 3, 2, 1 and 1 units of time."""
     place = np.searchsorted([0.0, 3.0, 5.0, 6.0, 7.0], units, side="right")
     return np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])[place]
 
 
 def _record(quick: bool) -> list[Row]:
-    """Return comparisons of the identification of 11 parameters, one for each use of SciPy.
-
-    quick: whether the record has a toy size
-    """
+    """Return comparisons of the identification of 11 parameters, one for each use of SciPy."""
     case = RecordCase(1600 if quick else 3000, 1.1)
     job = f"{len(FREE)} unknowns from a record of {len(case.time)} samples"
     rows = []
@@ -328,13 +304,7 @@ _GOAL = 20.0
 
 
 def _large(quick: bool) -> list[Row]:
-    """Return the comparison of the time to identify 33 coefficients from four records with a goal.
-
-    Each record lasts 20 s, with 50 samples a second. The search begins with each coefficient 50 %
-    off.
-
-    quick: whether the records have a toy size
-    """
+    """Return the comparison of the time to identify 33 coefficients from four records."""
     table = read_toml(_UAV)
     true = from_derivatives(table | {"more": _FLAP | _MORE})
     free = [name for name in true.parameters if name.startswith("C")]

@@ -37,13 +37,7 @@ _ROWS = 256
 
 
 def _sweeps(quick: bool) -> list[Row]:
-    """Return comparisons of trims and linear models of the 737 over airspeed and altitude.
-
-    One comparison is without a compiler, and one with generated C. Without jsbsim the list is
-    empty.
-
-    quick: whether the sweeps have a toy size
-    """
+    """Return comparisons of trims and linear models of the 737 over airspeed and altitude."""
     if importlib.util.find_spec("jsbsim") is None:
         return []
     model = load_model("jsbsim:737")
@@ -73,13 +67,7 @@ def _sweeps(quick: bool) -> list[Row]:
 
 
 def _environments(quick: bool) -> list[Row]:
-    """Return comparisons of environments of the c172p with JSBSim: one or 256, with one frame or
-    six a step.
-
-    Without jsbsim the list is empty.
-
-    quick: whether the runs have a toy size
-    """
+    """Return comparisons of environments of the c172p with JSBSim, or an empty list."""
     if importlib.util.find_spec("jsbsim") is None:
         return []
     cases = ((1, 256, 3.0), (6, 256, 3.0), (1, 1, 1.0), (6, 1, 2.0))
@@ -87,13 +75,7 @@ def _environments(quick: bool) -> list[Row]:
 
 
 def _environment(frames: int, count: int, target: float, quick: bool) -> Row:
-    """Return the comparison of environments of the c172p, under random actions, with JSBSim.
-
-    frames: frames in a step, at JSBSim's 120 Hz
-    count: number of environments
-    target: required ratio of the times
-    quick: whether the run has a toy size
-    """
+    """Return the comparison of environments of the c172p, under random actions, with JSBSim."""
     import jsbsim
 
     dt = frames / _RATE
@@ -155,11 +137,7 @@ def _environment(frames: int, count: int, target: float, quick: bool) -> Row:
 
 
 def _sweep(model: Model, grid: np.ndarray, compiled: bool) -> None:
-    """Trim and linearize a model at all points, and assert that each point is trimmed.
-
-    grid: calibrated airspeed and altitude of each point, (points, 2)
-    compiled: whether machine code is used
-    """
+    """Trim and linearize a model at all points, and assert that each point is trimmed."""
     points = trim_points(model, ("kcas", "altitude"), grid, compile_code=compiled)
     assert (points.status == TRIMMED).all()
 

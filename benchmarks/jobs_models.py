@@ -48,13 +48,7 @@ _STATE = np.array([68.0, np.radians(2.8), np.radians(2.8), 0.0, 0.0, 0.0])
 
 
 def _start(quick: bool) -> list[Row]:
-    """Return comparisons of commands, in new processes, with `import control`.
-
-    The first round writes the bytecode of the modules and is not counted. The limits are the
-    times of Python processes in which NumPy starts no threads, as in `hfa`.
-
-    quick: whether each process is timed only once
-    """
+    """Return comparisons of commands, in new processes, with `import control`."""
     repeats = 1 if quick else 5
     environment = dict(os.environ)
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -86,12 +80,7 @@ def _start(quick: bool) -> list[Row]:
 
 
 def _games(quick: bool) -> list[Row]:
-    """Return the comparison of certified game solutions of the HFA with SciPy's solver.
-
-    The games are those from 0 to 20 degrees of dihedral. SciPy's solver computes no certificate.
-
-    quick: whether only a few games are solved
-    """
+    """Return the comparison of certified game solutions of the HFA with SciPy's solver."""
     from scipy.linalg import block_diag, solve_continuous_are
 
     count = 20 if quick else 1000
@@ -122,11 +111,7 @@ def _games(quick: bool) -> list[Row]:
 
 
 def _one_game(quick: bool) -> list[Row]:
-    """Return comparisons of certified solutions of random games with SciPy's, for several state
-    numbers.
-
-    quick: whether only a few games with the smallest number of states are solved
-    """
+    """Return comparisons of certified solutions of random games with SciPy's."""
     from benchmarks.jobs_scale import random_game
 
     rows = []
@@ -311,13 +296,7 @@ def evaluations(
 
 
 def _compiled(residual: ca.Function, function: ca.Function) -> Callable[..., Any]:
-    """Return a function in machine code that evaluates a CasADi function (z, c) at many points.
-
-    The arguments of the result are arrays with one row for each point.
-
-    residual: trim equations, a function (z, c) of unknowns and constants, which are compiled too
-    function: the CasADi function
-    """
+    """Return a function in machine code that evaluates a CasADi function (z, c) at many points."""
     flat = ca.vertcat(*(ca.vec(part) for part in function.call([*function.sx_in()])))
     one = ca.Function("one", function.sx_in(), [ca.densify(flat)])
     machine = compiled_trim(residual, one)
@@ -326,11 +305,7 @@ def _compiled(residual: ca.Function, function: ca.Function) -> Callable[..., Any
 
 
 def _trim(quick: bool) -> list[Row]:
-    """Return the comparison with python-control of one trim and its linear model, called from
-    Python.
-
-    quick: whether the trim is timed only once
-    """
+    """Return the comparison with python-control of one trim and its linear model."""
     flexible = aircraft()
     system = peer_system()
 
@@ -362,14 +337,7 @@ def _trim(quick: bool) -> list[Row]:
 
 
 def _angles(quick: bool) -> list[Row]:
-    """Return comparisons of trims and linear models of the HFA with python-control, at many
-    dihedrals.
-
-    The last comparison adds tracked modes. Without a C compiler, the one with generated C is
-    missing.
-
-    quick: whether the sweeps have a toy size
-    """
+    """Return comparisons of trims and linear models of the HFA at many dihedral angles."""
     count, peer_count = _counts(quick)
     flexible = aircraft()
     system = peer_system()
@@ -402,13 +370,7 @@ def _angles(quick: bool) -> list[Row]:
 
 
 def _with_modes(flexible: Model, angles: np.ndarray, limit: Limit) -> Limit:
-    """Return the least time of trims, linear models and modes, at many dihedral angles.
-
-    The time of the eigenvectors of A is added to the limit of the trims and linear models.
-
-    angles: dihedral angles, (N,), rad
-    limit: limit of the trims and linear models
-    """
+    """Return the least time of trims, linear models and modes, at many dihedral angles."""
     kept = [STATES.index(name) for name in LINEAR_STATES]
     A = trim_points(flexible, ("dihedral",), angles[:, None]).A[:, kept][:, :, kept]
     seconds = shortest(partial(np.linalg.eig, A), len(A), repeats=3)
@@ -509,19 +471,12 @@ def f16_peer(condition: TrimCondition) -> Callable[[str, Sequence[float]], list[
 
 
 def _f16(quick: bool) -> list[Row]:
-    """Return comparisons of trims of the F-16: straight flight (5 unknowns) and a turn (12
-    unknowns).
-
-    quick: whether the sweeps have a toy size
-    """
+    """Return comparisons of trims of the F-16: straight flight and a turn."""
     return [row for turning in (False, True) for row in _f16_flights(turning, *_counts(quick))]
 
 
 def _counts(quick: bool) -> tuple[int, int]:
-    """Return the number of points of a sweep for the project, and the number for the peer.
-
-    quick: whether the sweep has a toy size
-    """
+    """Return the number of points of a sweep for the project, and the number for the peer."""
     return (500, 2) if quick else (10_000, 100)
 
 

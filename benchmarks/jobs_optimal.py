@@ -43,12 +43,7 @@ _EVALUATIONS = ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g", "nlp_hess_l")
 
 
 def _best_flight(quick: bool) -> list[Row]:
-    """Return the comparison of the project's best flight of the GTM with rockit's.
-
-    Functions that are built once for an aircraft are not timed. The list is empty without rockit.
-
-    quick: whether the functions are called only once
-    """
+    """Return the comparison of the project's best flight of the GTM with rockit's."""
     if importlib.util.find_spec("rockit") is None:
         return []
     model = load_model(f"{_GTM}:GTM")
@@ -63,10 +58,7 @@ def _best_flight(quick: bool) -> list[Row]:
 
 
 def _ours(transcription: Transcription, start: np.ndarray) -> Callable[[], Any]:
-    """Return a function that finds the best flight with the project's transcription.
-
-    start: initial deviation from the trim, (states,)
-    """
+    """Return a function that finds the best flight with the project's transcription."""
     lengths = growing(_SECONDS, _INTERVALS, 1.0, 0.005)
     ends = np.append(0.0, np.cumsum(lengths))
     inside = (ends[:-1, None] + lengths[:, None] * collocation_points()[1:]).ravel()
@@ -80,16 +72,7 @@ def _ours(transcription: Transcription, start: np.ndarray) -> Callable[[], Any]:
 
 
 def _limit(transcription: Transcription, solve: Callable[[], Any], repeats: int) -> Limit:
-    """Return the least time of the project's solution: IPOPT's function evaluations and
-    factorizations.
-
-    The times of the evaluations are those that CasADi reports. One factorization per iteration is
-    added, of a sparse KKT matrix with the problem's sparsity.
-
-    transcription: the optimization problem
-    solve: function that solves the problem
-    repeats: number of solutions
-    """
+    """Return the least time: IPOPT's evaluations, and a KKT factorization per iteration."""
     solver = transcription._solver
     times = []
     for _ in range(repeats):
@@ -114,13 +97,7 @@ def _drawn(pattern: ca.Sparsity) -> sp.csc_matrix:
 
 
 def _rockit(problem: FlightProblem, start: np.ndarray) -> Callable[[], Any]:
-    """Return a function that finds the best flight with rockit.
-
-    The lengths of rockit's intervals increase geometrically, and its inputs are constant in each
-    interval.
-
-    start: initial deviation from the trim, (states,)
-    """
+    """Return a function that finds the best flight with rockit."""
     from rockit import DirectCollocation, GeometricGrid, Ocp
 
     of_states, of_inputs = problem.sizes

@@ -23,13 +23,7 @@ _GOAL = 30.0
 
 
 def _gtm_region(quick: bool) -> list[Row]:
-    """Return the comparison of one proof of the GTM's region of attraction with a goal for the
-    time.
-
-    The limit is the time of the Cholesky factorizations of the interior-point method.
-
-    quick: whether a smaller system takes the place of the GTM
-    """
+    """Return the comparison of one proof of the GTM's region with its Cholesky factorizations."""
     name = "pendulum.py:VAN_DER_POL" if quick else "gtm.py:GTM"
     aircraft = Path(__file__).parents[1] / "examples" / name
     sizes: list[int] = []
@@ -44,11 +38,7 @@ def _gtm_region(quick: bool) -> list[Row]:
 
 
 def _recorded(sizes: list[int]) -> contextlib.AbstractContextManager[Any]:
-    """Return a context manager that records the size of each matrix that `cho_factor` factors in
-    the `with` block.
-
-    sizes: list to which the sizes are appended
-    """
+    """Record the size of each matrix that `cho_factor` factors in the `with` block."""
     factor = scipy.linalg.cho_factor
 
     def recorded(matrix: np.ndarray, **options: bool) -> Any:
@@ -59,10 +49,7 @@ def _recorded(sizes: list[int]) -> contextlib.AbstractContextManager[Any]:
 
 
 def _factorizations(sizes: list[int]) -> float:
-    """Return the total time in which LAPACK factors matrices of given sizes (Cholesky), s.
-
-    sizes: numbers of rows
-    """
+    """Return the total time in which LAPACK factors matrices of given sizes (Cholesky), s."""
     total = 0.0
     for size, count in Counter(sizes).items():
         M = np.eye(size) + 1.0

@@ -59,13 +59,7 @@ _GROWING: dict[str, tuple[str, str, tuple[int, ...]]] = {
 
 
 def _growth(job: str, quick: bool) -> list[Growth]:
-    """Return the run time and peak memory of a job at increasing sizes.
-
-    Each size is measured in a new process.
-
-    job: name of the job
-    quick: whether only the first two sizes are measured
-    """
+    """Return the run time and peak memory of a job at increasing sizes."""
     name, unit, sizes = _GROWING[job]
     measured = []
     for size in sizes[:2] if quick else sizes:
@@ -78,21 +72,14 @@ def _growth(job: str, quick: bool) -> list[Growth]:
 
 
 def _points(count: int, folder: Path) -> Callable[[], object]:
-    """Return a function that stores trims of the HFA at `count` dihedral angles from 0 to 20
-    degrees.
-
-    folder: folder of the store
-    """
+    """Return a function that stores trims of the HFA at `count` dihedral angles."""
     steps = Steps(0.0, float(np.radians(20.0)) / count, count)
     plan = SweepPlan({"dihedral": steps}, hfa.aircraft())
     return lambda: stream_sweep(plan, folder / "store.zarr")
 
 
 def _flights(count: int, folder: Path) -> Callable[[], object]:
-    """Return a function that stores `count` simulated flights in turbulence with the exact gain.
-
-    folder: folder of the store
-    """
+    """Return a function that stores `count` simulated flights in turbulence with the exact gain."""
     plan = gain_plan(count, duration=0.1)
     return lambda: stream_members(plan, folder / "store.zarr")
 
@@ -143,10 +130,7 @@ def _solve(count: int, folder: Path) -> Callable[[], object]:
 
 
 def _solve_command(count: int, folder: Path) -> Callable[[], object]:
-    """Return a function that runs `hfa solve` on a plant file with `count` states.
-
-    folder: folder of the plant file
-    """
+    """Return a function that runs `hfa solve` on a plant file with `count` states."""
     game = random_game(count)
     plant = folder / "plant.npz"
     np.savez(plant, **{name: getattr(game, name) for name in ("A", "B", "E", "Q", "R")})
@@ -162,11 +146,7 @@ def _solve_command(count: int, folder: Path) -> Callable[[], object]:
 
 
 def _networks(width: int, folder: Path) -> Callable[[], object]:
-    """Return a function that checks a policy network in the usual box of states, without
-    simulations.
-
-    The network has two hidden layers of `width` units and random weights.
-    """
+    """Return a function that checks a random network of two layers in the usual box."""
     model = level_model(hfa.aircraft(), float(np.radians(15.0)))
     game = published_game(model.A, model.B)
     rng = np.random.default_rng(0)
@@ -182,13 +162,7 @@ def _networks(width: int, folder: Path) -> Callable[[], object]:
 
 
 def _sized(job: str, count: int) -> Size:
-    """Return the measured time and memory of a growing job at one size.
-
-    A job of the smallest size is run before. All modules are then loaded.
-
-    job: name of the job
-    count: size
-    """
+    """Return the measured time and memory of a growing job at one size."""
     prepared = {
         "points": _points,
         "flights": _flights,

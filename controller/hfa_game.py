@@ -38,10 +38,7 @@ def plant_names(linear: LinearModel) -> PlantNames:
 
 
 def _is_flexible(model: Model) -> bool:
-    """Return whether a model has all states and exactly the inputs of the paper's aircraft.
-
-    Further states are allowed.
-    """
+    """Return whether a model has all states and exactly the inputs of the paper's aircraft."""
     return set(LINEAR_STATES) <= set(model.linear) and tuple(model.inputs) == INPUTS
 
 

@@ -103,10 +103,7 @@ def _without_links_to_the_repository(_app: Any, _page: str, source: list[str]) -
 
 
 def _remove_dead_links(app: Any, error: Exception | None) -> None:
-    """Remove the links from source pages to anchors that do not exist in the reference.
-
-    Nothing is done if the build failed.
-    """
+    """Remove the links from source pages to anchors that do not exist in the reference."""
     if error is not None:
         return
     anchors: dict[Path, set[str]] = {}

@@ -88,10 +88,7 @@ def entries_of(text: list[str]) -> Iterator[tuple[list[str], list[str]]]:
 
 
 def _parted(lines: list[str]) -> tuple[list[str], list[str]]:
-    """Return the lines of a docstring before its examples, and the lines of its examples.
-
-    The examples begin at the first line with `>>>`.
-    """
+    """Return the lines of a docstring before its examples, and the lines of its examples."""
     begin = next((i for i, line in enumerate(lines) if line.startswith(">>>")), len(lines))
     return lines[:begin], lines[begin:]
 
@@ -102,10 +99,7 @@ def _members(owner: type) -> set[str]:
 
 
 def _parameters(routine: Any) -> dict[str, list[str]]:
-    """Return a dictionary with a blank description [""] for each parameter of a routine.
-
-    The parameters `self` and `cls` are omitted.
-    """
+    """Return a dictionary with a blank description [""] for each parameter of a routine."""
     names = [name for name in inspect.signature(routine).parameters if name not in ("self", "cls")]
     return {name: [""] for name in names}
 

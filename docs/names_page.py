@@ -119,10 +119,7 @@ def _row(package: str, name: str) -> str:
 
 
 def _text(package: str, name: str) -> list[str]:
-    """Return the docstring of the class or routine that a package exports under a name, as lines.
-
-    For another object, return the lines of the comment above its definition.
-    """
+    """Return the docstring, or the comment above the definition, of an exported name, as lines."""
     value = value_of(package, name)
     if isinstance(value, type) or inspect.isroutine(value):
         return (inspect.getdoc(value) or "").splitlines()

@@ -23,10 +23,7 @@ def notebook_page(path: Path) -> str:
 
 
 def _shown(output: dict[str, Any]) -> str:
-    """Return one output of a cell as a Markdown block.
-
-    A PNG picture is preferred to HTML, and HTML to text.
-    """
+    """Return one output of a cell as a Markdown block."""
     data = {kind: "".join(content) for kind, content in output.get("data", {}).items()}
     html = data.get("text/html", "")
     if "image/png" in data:

@@ -43,11 +43,9 @@ def main() -> int:
 
 
 def _end(number: int, _: object) -> None:
-    """Handle a signal: print one line, remove temporary files and end the process.
-
-    The process ends without an exception. Libraries that call Python may suppress or replace
-    exceptions.
-    """
+    """Handle a signal: print one line, remove temporary files and end the process."""
+    # The process ends without an exception. Libraries that call Python may suppress or replace
+    # exceptions.
     code = _ENDING[signal.Signals(number).name]
     try:
         if sys.stderr is not None:

@@ -72,10 +72,7 @@ def formats() -> dict[str, Any]:
 
 
 def _is_whole(text: str) -> bool:
-    """Return whether a declaration defines a complete result.
-
-    Other declarations define additional entries of a result.
-    """
+    """Return whether a declaration defines a complete result."""
     return ":" in text.split()[0]
 
 
@@ -85,18 +82,12 @@ def _name(result: type[Result]) -> str:
 
 
 def _part(result: type[Result]) -> dict[str, Any]:
-    """Return the schema of a class of results without its title, for use inside another result.
-
-    The title names a command that writes the result alone.
-    """
+    """Return the schema of a class of results without its title, for use inside another result."""
     return {key: value for key, value in json_schema(result).items() if key != "title"}
 
 
 def _joined(text: str) -> dict[str, Any]:
-    """Return the schema of a declared result, with the entries of all classes in the declaration.
-
-    The entries of `Stamp` are added. The entries of a class with "?" are optional.
-    """
+    """Return the schema of a declared result, with the entries of all its classes."""
     first, *added = classes_of(text)
     schema = json_schema(first)
     for kind, place in zip((*added, Stamp), (*text.split()[1:], ""), strict=True):

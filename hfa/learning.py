@@ -59,13 +59,7 @@ def setting_option(
 
 
 def _converted(kind: str, text: str) -> Any:
-    """Return the value of a setting of the learning law, from its text.
-
-    kind: annotation of the setting's field, for example "float | tuple[float, ...]"
-    text: the value as typed
-
-    Raises BadInputError if the text is not a number of this kind.
-    """
+    """Return the value of a setting of the learning law, from its text."""
     if kind.startswith("str"):
         return text
     if kind == "bool":

@@ -89,10 +89,7 @@ def reported(words: list[str], find: Find) -> int:
 
 
 def _failure(error: BaseException) -> tuple[str, int]:
-    """Return the error message and the exit code for an exception.
-
-    error: KeyboardInterrupt (Ctrl-C), or an exception of a class in `FAILURES`
-    """
+    """Return the error message and the exit code for an exception."""
     match error:
         case NoSolutionError():
             return str(error), FAILED
@@ -118,11 +115,7 @@ def _failure(error: BaseException) -> tuple[str, int]:
 
 
 def _run(words: list[str], find: Find) -> int:
-    """Run the command given by the command line, and return its exit code.
-
-    Raises BadInputError if the arguments are invalid, if the equations of the model call sys.exit,
-    or if a package is missing that the command requires (`install`).
-    """
+    """Run the command given by the command line, and return its exit code."""
     from hfa_support.files import inputs_kept
 
     _refuse_small_address_space()
@@ -179,14 +172,7 @@ def _refuse_small_address_space() -> None:
 
 
 def _request(command: Command, program: str, words: list[str]) -> Request:
-    """Return the request of a command, with the values of the options in its command line.
-
-    The model is loaded first. The other options are parsed with the names and units of the model.
-
-    command: the command
-    program: name of the program in messages, such as "hfa trim"
-    words: words of the command line after the name of the command
-    """
+    """Return the request of a command, with the values of the options in its command line."""
     from hfa_support.provenance import now
 
     model = _model(command.request, program, words)
@@ -219,12 +205,7 @@ def _refuse_to_overwrite(request: Request) -> None:
 
 
 def _print_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
-    """Print the warnings of a successful run as notes, each distinct text once.
-
-    - UserWarning: all are printed.
-    - warnings for programmers, such as deprecations: none is printed.
-    - other warnings, such as those of NumPy: at most `_MOST_NOTES` are printed.
-    """
+    """Print the warnings of a successful run as notes, each distinct text once."""
     caught = [each for each in caught if not issubclass(each.category, _FOR_PROGRAMMERS)]
     notes = [str(warning.message) for warning in caught if warning.category is UserWarning]
     others = [
@@ -236,14 +217,7 @@ def _print_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
 
 
 def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:
-    """Return the command in a command line, its name for messages, and the remaining words.
-
-    The name for messages is "hfa" and the name of the command.
-
-    words: command line without the program name
-
-    Raises BadInputError if no command has this name, and SystemExit after --help or --version.
-    """
+    """Return the command in a command line, its name for messages, and the remaining words."""
     if words[:1] == ["help"]:
         words = [*words[1:], "--help"]
     name, options = found_in(words)

@@ -14,11 +14,7 @@ GROUPS = ("model", "critic", "flight", "proof", "exchange")
 
 
 def _group(name: str, entries: Mapping[str, CommandEntry]) -> str:
-    """Return one group of commands as text for the overview, one line for each command.
-
-    name: heading of the group
-    entries: name of each command -> its entry
-    """
+    """Return one group of commands as text for the overview, one line for each command."""
     examples = [entry.example for entry in entries.values() if entry.example]
     title = f"{name}, for example {examples[0]}" if examples else name
     return "\n".join([title, *(f"  {each:<16}{entry.about}" for each, entry in entries.items())])

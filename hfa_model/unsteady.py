@@ -89,85 +89,55 @@ EFFECTS = ("local_motion", "apparent_mass", "lift_lag", "gust_lag", "finite_span
 
 
 class _PanelMotion(NamedTuple):
-    """Motion of a panel relative to the air around it.
+    """Motion of a panel relative to the air around it."""
 
-    panel: "center" or "outer"
-    wind: wind at the panel
-    calm: velocity relative to the air, ft/s, with the headwind but without updraft and outward gust
-    moving: velocity relative to the air, ft/s, with all gusts
-    turn: pitch rate about the spanwise axis of the panel, rad/s
-    """
-
-    panel: str
-    wind: Wind
+    panel: str  # "center" or "outer"
+    wind: Wind  # wind at the panel
+    # velocity relative to the air, ft/s, with the headwind but without updraft and outward gust
     calm: Velocity
-    moving: Velocity
-    turn: Quantity
+    moving: Velocity  # velocity relative to the air, ft/s, with all gusts
+    turn: Quantity  # pitch rate about the spanwise axis of the panel, rad/s
 
 
 class _Strip(NamedTuple):
-    """Wing or tail of a panel.
+    """Wing or tail of a panel."""
 
-    name: "center" or "outer" for the wing, "tail_center" or "tail_outer" for the tail
-    control: change of the angle of attack equivalent to the control deflection, rad
-    behind: distance from the wing's quarter chord back to the strip's three-quarter chord, ft
-    downwash: downwash angle, rad
-    chord: chord of the wing or tail, ft
-    """
-
-    name: str
-    control: Quantity
+    name: str  # "center" or "outer" for the wing, "tail_center" or "tail_outer" for the tail
+    control: Quantity  # change of the angle of attack equivalent to the control deflection, rad
+    # distance from the wing's quarter chord back to the strip's three-quarter chord, ft
     behind: Quantity
-    downwash: Quantity
-    chord: Quantity
+    downwash: Quantity  # downwash angle, rad
+    chord: Quantity  # chord of the wing or tail, ft
 
 
 class _LaggedPanel(NamedTuple):
-    """Loads on one panel with lagged lift, and the rates of the panel's lag states.
+    """Loads on one panel with lagged lift, and the rates of the panel's lag states."""
 
-    loads: sum of the loads on wing and tail
-    lift_coefficient: lift coefficient of the wing
-    rates: name of a lag state -> rate, rad/s
-    """
-
-    loads: PanelLoads[Quantity]
-    lift_coefficient: Quantity
-    rates: dict[str, Quantity]
+    loads: PanelLoads[Quantity]  # sum of the loads on wing and tail
+    lift_coefficient: Quantity  # lift coefficient of the wing
+    rates: dict[str, Quantity]  # name of a lag state -> rate, rad/s
 
 
 class _Plate(NamedTuple):
-    """Wing or tail as a plate that accelerates the air around it.
+    """Wing or tail as a plate that accelerates the air around it."""
 
-    mass: apparent mass, slug
-    half_chord: half of the chord, ft
-    span: span of the plate, ft
-    aft: distance from the wing's quarter chord back to the plate's mid-chord, ft
-    """
-
-    mass: Quantity
-    half_chord: Quantity
-    span: Quantity
-    aft: Quantity
+    mass: Quantity  # apparent mass, slug
+    half_chord: Quantity  # half of the chord, ft
+    span: Quantity  # span of the plate, ft
+    aft: Quantity  # distance from the wing's quarter chord back to the plate's mid-chord, ft
 
 
 class _CarriedAir(NamedTuple):
-    """Loads of the air accelerated by a plate.
+    """Loads of the air accelerated by a plate."""
 
-    The loads are those at zero acceleration minus M_a a. The accelerations are a = (w_b', q', η''),
-    with w_b = V sin α.
+    # The loads are those at zero acceleration minus M_a a. The accelerations are a = (w_b', q',
+    # η''), with w_b = V sin α.
 
-    forward: force along the x axis of the body at zero acceleration, lbf
-    downward: force along the z axis of the body at zero acceleration, lbf
-    pitching_moment: pitching moment at zero acceleration, ft lbf
-    hinge_moment: hinge moment of one outer panel at zero acceleration, ft lbf
-    mass: M_a, (3, 3)
-    """
-
-    forward: Quantity
-    downward: Quantity
-    pitching_moment: Quantity
-    hinge_moment: Quantity
-    mass: Any
+    forward: Quantity  # force along the x axis of the body at zero acceleration, lbf
+    downward: Quantity  # force along the z axis of the body at zero acceleration, lbf
+    pitching_moment: Quantity  # pitching moment at zero acceleration, ft lbf
+    hinge_moment: Quantity  # hinge moment of one outer panel at zero acceleration, ft lbf
+    mass: Any  # M_a, (3, 3)
 
 
 @dataclass(frozen=True)

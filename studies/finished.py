@@ -74,9 +74,6 @@ def row_by_row(
 
 
 def _digest(content: Mapping[str, Any]) -> str:
-    """Return a SHA-256 digest of a finished part. Its stored digest and provenance are left out.
-
-    Equal results have equal digests.
-    """
+    """Return a SHA-256 digest of a finished part. Its stored digest and provenance are left out."""
     told = {name: value for name, value in content.items() if name not in ("digest", "provenance")}
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()

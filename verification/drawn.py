@@ -208,29 +208,19 @@ class DrawnAircraft:
         return self._loops(K, _abscissa(itself.A - itself.B @ K), drawn)
 
     def _loops(self, K: np.ndarray, own: float, drawn: Sequence[LinearModel]) -> Draws:
-        """Return the number of stable loops A - B K, and the band of the largest real part.
-
-        own: largest real part of the eigenvalues for the given aircraft, 1/s
-        drawn: linear models of the drawn aircraft
-        """
+        """Return the number of stable loops A - B K, and the band of the largest real part."""
         slowest = [_abscissa(each.A - each.B @ K) for each in drawn]
         bands = {"abscissa of the loop": band_of(own, slowest, "1/s")}
         stable = sum(each < 0.0 for each in slowest)
         return replace(self._draws(len(drawn), bands), stable=stable)
 
     def _alone(self, bands: Mapping[str, Band], drawn: Sequence[LinearModel]) -> Draws:
-        """Return the result without a gain, with the number of stable linear models.
-
-        drawn: linear models of the drawn aircraft that have a trim
-        """
+        """Return the result without a gain, with the number of stable linear models."""
         stable = sum(_abscissa(each.A) < 0.0 for each in drawn)
         return replace(self._draws(len(drawn), bands), stable_alone=stable)
 
     def _draws(self, trimmed: int, bands: Mapping[str, Band]) -> Draws:
-        """Return a result with these bands and without counts of stable aircraft.
-
-        trimmed: number of aircraft that have a trim
-        """
+        """Return a result with these bands and without counts of stable aircraft."""
         return Draws(len(self.models), self.seed, self.parameters, trimmed, None, None, bands)
 
 

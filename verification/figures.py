@@ -131,12 +131,7 @@ def _draw_errors(
 def _heat_map(
     figure: Figure, axes: Axes, title: str, matrix: np.ndarray, size: float | None
 ) -> None:
-    """Draw a matrix as a heat map with a color bar.
-
-    title: title of the map
-    matrix: P or K, or their relative differences
-    size: limit of the color scale for P or K; None for relative differences
-    """
+    """Draw a matrix as a heat map with a color bar."""
     from matplotlib.colors import SymLogNorm
 
     axes.set_title(title)

@@ -162,10 +162,7 @@ class Regeneration(ByValue, Result, Reported):
 
 
 def _figure(pairs: tuple[RegeneratedPair, ...]) -> Figure:
-    """Return a figure of computed minus printed entries, in half units of the last printed digit.
-
-    pairs: computed and printed models
-    """
+    """Return a figure of computed minus printed entries, in half units of the last digit."""
     figure = new_figure(10.0, 7.0)
     columns = list(zip(*(pair.entries for pair in pairs), strict=True))
     shown = [column for column in columns if any(entry.printed for entry in column)]

@@ -249,12 +249,7 @@ class Verdict(Checked, Result, Reported):
         return self._first_lines(limit_cost)[0]
 
     def _first_lines(self, limit_cost: float | None) -> list[str]:
-        """Return the headline of the report, and a line for each further finding.
-
-        The findings are an equilibrium off the trim, the cost, stability, errors and the L2 gain.
-
-        limit_cost: as for `holds`
-        """
+        """Return the headline of the report, and a line for each further finding."""
         failed = [check for check in self.checks if not check.ok]
         where = f"on the {self.game}, {self.box.name}"
         if self.flights is not None:
@@ -400,15 +395,7 @@ class Verdict(Checked, Result, Reported):
     def _farthest_entries(
         self, entries: Sequence[tuple[Any, ...]], states: tuple[str, ...]
     ) -> Part:
-        """Return a table of the entries of P and K with the largest errors, and a note on omitted
-        entries.
-
-        The errors are relative to the largest entry of the matrix. The entries keep their order.
-        Only the upper triangle of P is used.
-
-        entries: rows of `entry_rows`
-        states: names of the states
-        """
+        """Return a table of the entries of P and K with the largest relative errors."""
         largest = {
             "P": float(np.abs(self.exact.P).max()) or 1.0,
             "K": float(np.abs(self.exact.K).max()) or 1.0,
@@ -461,12 +448,7 @@ def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
 
 
 def _failures(checks: Sequence[Check]) -> Part:
-    """Return a line for each failed check with its reason, and a line with the number of passed
-    checks.
-
-    Checks of other kinds than "error" are first, and the errors of P and K are first among the
-    errors. Only the names of failures beyond the first `_FAILURES` are printed.
-    """
+    """Return a line for each failed check with its reason, and the number of passed checks."""
 
     def order(check: Check) -> tuple[bool, bool]:
         return check.kind == "error", check.name not in ("P_rel_error", "K_rel_error")

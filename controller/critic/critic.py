@@ -184,12 +184,7 @@ class Critic(Reported):
         return np.asarray(columns.T.reshape(*rows.shape[:-1], -1))
 
     def _beyond_quadratic(self, z: ca.SX) -> ca.SX:
-        """Return W'ψ(z) without the monomials z_i z_j, as an expression of z.
-
-        The expression is 0 if the critic has no weights or no basis.
-
-        z: (n,), symbols
-        """
+        """Return W'ψ(z) without the monomials z_i z_j, as an expression of z."""
         terms = ca.SX(0.0)
         if self.weights is None or self.basis is None:
             return terms

@@ -199,13 +199,7 @@ def entries_in(path: str | Path) -> dict[str, Any]:
 
 
 def _part_by_shape(array: np.ndarray, game: Game | DiscreteGame) -> str:
-    """Return which of "W", "P" and "K" an unnamed array is, according to its shape.
-
-    array: (n, n) for P, (m, n) for K, one row or column of any length for W
-    game: the game with n states and m inputs
-
-    Raises BadInputError if the shape fits none, or both P and K.
-    """
+    """Return which of "W", "P" and "K" an unnamed array is, according to its shape."""
     shapes = {"P": game.A.shape, "K": game.B.T.shape}
     fitting = [name for name, shape in shapes.items() if array.shape == shape]
     if not fitting and max(array.shape, default=1) == array.size:

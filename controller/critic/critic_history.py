@@ -131,18 +131,7 @@ def rows_over_time(
 
 
 def _stacked(name: str, value: Any, count: int, size: tuple[int, ...], psi: Basis) -> np.ndarray:
-    """Return W, P or K of a file with the times along the first axis.
-
-    The shape of the result is (N, *size) for a history, and (*size) for an array without times.
-
-    name: "W", "P" or "K", for messages
-    value: the array; a matrix at each time may also be stored as (N, m n) or (m, n, N)
-    count: number of times N
-    size: shape of the array at one time
-    psi: basis of W, for messages
-
-    Raises BadInputError for any other shape.
-    """
+    """Return W, P or K of a file with the times along the first axis."""
     array = numbers_in(name, value)
     if array.shape in ((count, *size), size):
         return array

@@ -90,14 +90,7 @@ def expressions(text: str, symbols: Mapping[str, ca.SX], known: str) -> list[ca.
 
 
 def _expression(node: ast.AST, symbols: Mapping[str, ca.SX], known: str) -> ca.SX:
-    """Return the CasADi expression of one node of the Python syntax tree of a formula.
-
-    node: node of the tree
-    symbols: name -> symbol
-    known: text with the permitted names, for an error message
-
-    Raises BadInputError for an unknown name or operation.
-    """
+    """Return the CasADi expression of one node of the Python syntax tree of a formula."""
     match node:
         case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
             return ca.SX(float(number))

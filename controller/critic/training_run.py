@@ -214,8 +214,7 @@ class TrainingRun(Result, Reported):
         )
 
     def _records(self) -> Table:
-        """Return a table with the time, the residuals and the weights, one row for each recorded
-        time."""
+        """Return a table of time, residuals and weights, one row for each recorded time."""
         columns = [f"W{i + 1}" for i in range(self.weights.shape[1])]
         units = self.weight_units
         if units:

@@ -271,26 +271,15 @@ def bellman_residual(problem: DiscreteGame, P: np.ndarray) -> float:
 
 
 class _Certified(NamedTuple):
-    """Certified solution of a game in normal form.
+    """Certified solution of a game in normal form."""
 
-    X: solution of the Riccati equation of `form`, (n, n)
-    form: the game, in the coordinates in which X is accurate
-    certificate: the checks that X passed
-    """
-
-    X: np.ndarray
-    form: StepForm
-    certificate: Certificate
+    X: np.ndarray  # solution of the Riccati equation of `form`, (n, n)
+    form: StepForm  # the game, in the coordinates in which X is accurate
+    certificate: Certificate  # the checks that X passed
 
 
 def _certified(form: StepForm) -> _Certified:
-    """Return the certified solution X of the Riccati equation of a game.
-
-    X is computed from the Schur form of the equivalent continuous-time game, and compared with X by
-    refined doubling. The certificate contains the checks of `_checks` and the agreement of both.
-
-    Raises NoSolutionError if a check fails or a matrix to be inverted is singular.
-    """
+    """Return the certified solution X of the Riccati equation of a game."""
     try:
         form = form.turned()
         X = form.refined(by_schur(form.equivalent))
@@ -306,17 +295,7 @@ def _certified(form: StepForm) -> _Certified:
 
 
 def _checks(form: StepForm, X: np.ndarray) -> tuple[Check, ...]:
-    """Return the six checks of a solution X of the Riccati equation:
-
-    - residual of Bellman's equation, relative to the largest term
-    - change of X in a Newton step, relative to the largest entry of X
-    - smallest eigenvalue of X, relative to the largest entry of X
-    - smallest eigenvalue of I - E'X E
-    - spectral radius of A - B K + E L, the loop with the worst disturbance
-    - spectral radius of A - B K, the loop without disturbance
-
-    A, B and E are those of `form`, which contain the discount.
-    """
+    """Return the six checks of a solution X of the Riccati equation."""
     gains = form.policies(X)
     size = float(largest(X)) or 1.0
     loop = form.A - form.B @ gains.K
@@ -347,21 +326,16 @@ def _checks(form: StepForm, X: np.ndarray) -> tuple[Check, ...]:
 
 
 def _gain_check(radius: float) -> Check:
-    """Return the check that the gain K in the user's coordinates stabilizes the discounted loop.
-
-    radius: spectral radius of sqrt(discount) (A - B K)
-    """
+    """Return the check that the gain K in the user's coordinates stabilizes the discounted loop."""
     reason = f"sqrt(discount) (A - B K) of the returned K has radius {radius:.6g}"
     return below("gain_radius", radius, 1.0, reason)
 
 
 def _refuse_unreached(problem: DiscreteGame, form: StepForm) -> None:
-    """Raise NoSolutionError if a mode of sqrt(discount) A does not decay and is uncontrollable.
-
-    The test uses A and B of the plant, because rounding of A - B R⁻¹ N' couples every mode to the
-    inputs. If N is not 0, a mode that is coupled to the inputs by at most `FAINT_REACH` is also
-    refused, because P would have no correct digits.
-    """
+    """Raise NoSolutionError if a mode of sqrt(discount) A does not decay and is uncontrollable."""
+    # The test uses A and B of the plant, because rounding of A - B R⁻¹ N' couples every mode to the
+    # inputs. If N is not 0, a mode that is coupled to the inputs by at most `FAINT_REACH` is also
+    # refused, because P would have no correct digits.
     root = math.sqrt(problem.discount)
     A = form.T @ (root * problem.step.A) @ np.linalg.inv(form.T)
     B = form.T @ problem.step.B
@@ -394,12 +368,7 @@ def _mode_text(value: complex) -> str:
 
 
 def _smallest_delta(form: StepForm, progress: Progress | None) -> DeltaMin:
-    """Return the smallest δ for which a game has a value, found by bisection of log δ.
-
-    progress: called during the search, or None
-
-    Raises NoSolutionError with the reason if there is no solution even for δ = inf.
-    """
+    """Return the smallest δ for which a game has a value, found by bisection of log δ."""
     without = form.with_delta(math.inf)
     try:
         X, accurate, _ = _certified(without)
@@ -418,11 +387,9 @@ def _smallest_delta(form: StepForm, progress: Progress | None) -> DeltaMin:
 
 
 def _existence(form: StepForm) -> Answer:
-    """Return whether a game has a value at its δ, and the reason if the game has no value.
-
-    A value exists if the equivalent continuous-time game has a value and δ² I - α E'P E > 0. The
-    answer is None if the computation fails, or if rounding hides the sign.
-    """
+    """Return whether a game has a value at its δ, and the reason if the game has no value."""
+    # A value exists if the equivalent continuous-time game has a value and δ² I - α E'P E > 0. The
+    # answer is None if the computation fails, or if rounding hides the sign.
     try:
         answer = existence(form.equivalent)
         if not answer.exists:
@@ -443,13 +410,7 @@ def _existence(form: StepForm) -> Answer:
 
 
 def _obstacle(form: StepForm, failure: str) -> str:
-    """Return one line that explains why a game has no solution even without disturbance.
-
-    The line names the first mode that does not decay and is uncontrollable, or that is undamped and
-    has no cost. If there is no such mode, the line contains `failure`.
-
-    failure: failed check of the certificate
-    """
+    """Return one line that explains why a game has no solution even without disturbance."""
     size = float(np.linalg.norm(form.A, 2)) or 1.0
     for value in np.linalg.eigvals(form.A):
         if abs(value) < 1.0 - RANK:

@@ -108,10 +108,7 @@ class StepForm(NormalForm):
         )
 
     def _scaled(self, D: np.ndarray) -> Self:
-        """Return the game in the coordinates D y, without rounding.
-
-        D: (n,), powers of two
-        """
+        """Return the game in the coordinates D y, without rounding."""
         factors = D[:, None] / D
         return replace(
             self,
@@ -124,11 +121,7 @@ class StepForm(NormalForm):
         )
 
     def _turned_by(self, W: np.ndarray, D: np.ndarray) -> Self:
-        """Return the game in the coordinates D W'y, with A in twice the digits.
-
-        W: orthogonal matrix, (n, n)
-        D: scales, (n,)
-        """
+        """Return the game in the coordinates D W'y, with A in twice the digits."""
         A, low = similar((self.A, self.low), W, D)
         return replace(super()._turned_by(W, D), A=A, low=low)
 
@@ -165,15 +158,10 @@ class StepForm(NormalForm):
         return _of_rates_near_one(min(games, key=_size))
 
     def _at_pole(self, sign: float) -> NormalForm:
-        """Return the equivalent continuous-time game by the map with its pole at z = -sign.
-
-        Let r = √2 ξ - E w, with the new state ξ. Then (A + I) y + B u = r, with A, B and E
-        multiplied by `sign`. All solutions are [u; y] = Y r + Z v. The smallest |u|² + |C y|² of a
-        solution, with C'C = Q, is |M r|². The new input is the part that v adds to this cost.
-
-        Raises np.linalg.LinAlgError if no equivalent game exists. Raises NoValueError if |M E|
-        exceeds δ.
-        """
+        """Return the equivalent continuous-time game by the map with its pole at z = -sign."""
+        # Let r = √2 ξ - E w, with the new state ξ. Then (A + I) y + B u = r, with A, B and E
+        # multiplied by `sign`. All solutions are [u; y] = Y r + Z v. The smallest |u|² + |C y|² of
+        # a solution, with C'C = Q, is |M r|². The new input is the part that v adds to this cost.
         n = len(self.A)
         m = self.B.shape[1]
         A = sign * self.A, sign * self.low
@@ -269,11 +257,9 @@ def _size(form: NormalForm) -> float:
 
 
 def _of_rates_near_one(form: NormalForm) -> NormalForm:
-    """Return a continuous-time game in a unit of time in which its rates are near 1.
-
-    With fast sampling, the rates would otherwise be very small. The unit is the old unit times a
-    power of four.
-    """
+    """Return a continuous-time game in a unit of time in which its rates are near 1."""
+    # With fast sampling, the rates would otherwise be very small. The unit is the old unit times a
+    # power of four.
     root = 2.0 ** -round(math.log(_size(form), 4.0))
     return replace(
         form,

@@ -54,11 +54,7 @@ class Basis(Reported):
 
     @cached_property
     def _factors(self) -> tuple[np.ndarray, np.ndarray]:
-        """Indices of the states in each monomial and their powers, (M, k) each.
-
-        k is the largest number of states in a monomial. Monomials with fewer states are padded with
-        powers of 0.
-        """
+        """Indices of the states in each monomial and their powers, (M, k) each."""
         most = int(np.count_nonzero(self.exponents, axis=1).max())
         factors = np.argsort(self.exponents == 0, axis=1, kind="stable")[:, :most]
         return factors, np.take_along_axis(self.exponents, factors, axis=1)
@@ -141,10 +137,7 @@ def basis(name: str, states: int) -> Basis:
 
 
 def _paper(states: int) -> np.ndarray:
-    """Return the exponents (4, 6) of the fourth powers in the basis "paper".
-
-    Raises BadInputError if the plant does not have six states.
-    """
+    """Return the exponents (4, 6) of the fourth powers in the basis "paper"."""
     if states != PAPER_STATES:
         raise BadInputError(
             f"basis 'paper' requires {PAPER_STATES} states, not {states}; choose 'quadratic'"

@@ -118,14 +118,7 @@ def stored_game(
 
 
 def _discrete(stored: Mapping[str, Any], game: Game) -> DiscreteGame | None:
-    """Return the discrete-time game of a plant file, or None for a plant in continuous time.
-
-    stored: entries of the file, with `discount` for discrete time
-    game: game with the matrices of the file
-
-    Raises BadInputError if the file of a continuous-time plant contains entries for discrete time,
-    or if such an entry is not valid.
-    """
+    """Return the discrete-time game of a plant file, or None for a plant in continuous time."""
     if not is_discrete(stored):
         for key in DISCRETE_KEYS:
             if key in stored and key != "time":
@@ -140,13 +133,7 @@ def _discrete(stored: Mapping[str, Any], game: Game) -> DiscreteGame | None:
 
 
 def _unused(stored: Mapping[str, Any]) -> list[str]:
-    """Return a list with one note that names the unused entries of a plant file.
-
-    The list is empty if all entries are used, or if this project wrote the file (`schema` begins
-    with "hfa.").
-
-    stored: entries of the file
-    """
+    """Return a list with one note that names the unused entries of a plant file."""
     schema = words(stored, "schema")
     if schema and schema[0].startswith("hfa."):
         return []
@@ -161,16 +148,7 @@ def _unused(stored: Mapping[str, Any]) -> list[str]:
 
 
 def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> Game:
-    """Return the game of a plant file, with defaults for the entries that are missing.
-
-    A note that lists the missing entries and their defaults is appended to `notes`.
-
-    parts: entries of the file, with A and B
-    defaults: default values
-    notes: list of notes for the user
-
-    Raises BadInputError if Q or R is missing and has no default, or if an entry is not valid.
-    """
+    """Return the game of a plant file, with defaults for the entries that are missing."""
     n, m = parts["B"].shape
     values = {"E": np.eye(n), "delta": math.inf, **defaults.values}
     described = {"E": "the identity", "delta": "inf (no disturbance)", **defaults.words}
@@ -188,11 +166,7 @@ def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> G
 
 
 def _provenance(stored: dict[str, Any]) -> dict[str, str]:
-    """Return name -> text for the entries of a plant file that describe the origin of the plant.
-
-    JSON and .mat files store the texts in the structure `provenance`. .npz files store the texts in
-    entries such as `provenance.version`.
-    """
+    """Return name -> text for the entries of a plant file that describe the origin of the plant."""
     block = stored.get("provenance", {})
     entries = dict(block) if isinstance(block, dict) else {}
     for key in stored:

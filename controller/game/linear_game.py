@@ -67,15 +67,7 @@ def game(
 
 
 def _weights(matrix: str, given: Any, names: tuple[str, ...]) -> np.ndarray:
-    """Return Q or R as an array. A given matrix or diagonal keeps its shape.
-
-    matrix: "Q" or "R", for messages
-    given: a matrix, its diagonal, or name -> weight
-    names: names of the states or inputs
-
-    Raises BadInputError for an unknown name, a weight that is not a number, or an input without a
-    weight.
-    """
+    """Return Q or R as an array. A given matrix or diagonal keeps its shape."""
     if len(labels_of(given)) == 1:
         given = dict(given)
     if not isinstance(given, Mapping):

@@ -234,10 +234,7 @@ class Game(ByValue, Reported):
 
 
 def _indefinite_weights(game: Game) -> str:
-    """Return the message that [[Q, N], [N', R]] is not positive semidefinite.
-
-    Since R is positive definite, the condition is Q - N R⁻¹ N' >= 0.
-    """
+    """Return the message that [[Q, N], [N', R]] is not positive semidefinite."""
     least = np.linalg.eigvalsh(game.Q - game.N @ game.F)[0]
     return (
         "[[Q, N], [N', R]] is not positive semidefinite (smallest eigenvalue of Q - N R^-1 N' "
@@ -246,11 +243,7 @@ def _indefinite_weights(game: Game) -> str:
 
 
 def _with_diagonal(name: str, weights: Any) -> Any:
-    """Return Q or R as a matrix if it is given by its diagonal, (n,), and otherwise unchanged.
-
-    name: "Q" or "R", for messages
-    weights: the given weights
-    """
+    """Return Q or R as a matrix if it is given by its diagonal, (n,), and otherwise unchanged."""
     if isinstance(weights, np.ndarray):
         is_row = weights.ndim == 1
     else:

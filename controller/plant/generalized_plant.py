@@ -402,11 +402,7 @@ def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | State
 
 
 def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateFeedback:
-    """Return the certified solution for one δ.
-
-    Raises NoSolutionError if no solution exists or a check fails. The message does not state
-    delta_min.
-    """
+    """Return the certified solution for one δ."""
     answer = conditions(plant, delta)
     if not answer.exists:
         verdict = "is undecided" if answer.exists is None else "fails"
@@ -433,10 +429,7 @@ def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateF
 
 
 def _state_feedback(plant: GeneralizedPlant, X: np.ndarray, delta: float) -> StateFeedback:
-    """Return the certified gain for a solution X of the control equation, with checks of its loop.
-
-    X: (n, n), in the plant's `axes`
-    """
+    """Return the certified gain for a solution X of the control equation."""
     axes = plant.axes
     apart = plant.apart
     L, F = apart.sides[0].policies(X, delta)
@@ -451,15 +444,7 @@ def _state_feedback(plant: GeneralizedPlant, X: np.ndarray, delta: float) -> Sta
 def _output_feedback(
     plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: float
 ) -> OutputFeedback:
-    """Return the central controller for solutions X and Y, with its checks.
-
-    The checks compare the coupling with δ², test the closed loop, and compare the controller with
-    that derived from the transposed plant.
-
-    X, Y: (n, n), in the plant's `axes`
-
-    Raises NoSolutionError if the algebraic loop with D22 has no solution.
-    """
+    """Return the central controller for solutions X and Y, with its checks."""
     axes = plant.axes
     apart = plant.apart
     radius, _ = _radius(X, Y)
@@ -523,13 +508,9 @@ def central_controller(
 
 
 def _feedthrough(plant: GeneralizedPlant, delta: float) -> np.ndarray:
-    """Return the Dk of the central controller, with which the gain of D11 + D12 Dk D21 is below δ.
-
-    In orthonormal coordinates of z and w, D11 = [[a, b], [c, d]], where u and y reach only the
-    block d. This block of D12 Dk D21 is
-
-      -d - c a' (δ² I - a a')⁻¹ b.
-    """
+    """Return Dk of the central controller: the gain of D11 + D12 Dk D21 is below δ."""
+    # In orthonormal coordinates of z and w, D11 = [[a, b], [c, d]], where u and y reach only the
+    # block d. This block of D12 Dk D21 is -d - c a' (δ² I - a a')⁻¹ b.
     m = plant.D12.shape[1]
     p = len(plant.D21)
     (U, R), (V, S) = (np.linalg.qr(each, mode="complete") for each in (plant.D12, plant.D21.T))
@@ -579,10 +560,7 @@ def loop_checks(
 
 
 def _gain_of_optimal_loop(plant: GeneralizedPlant) -> float:
-    """Return an upper bound of δ_min: the L2 gain from w to z with the H2-optimal controller.
-
-    Returns inf if the H2-optimal controller cannot be computed in double precision.
-    """
+    """Return an upper bound of δ_min: the L2 gain from w to z with the H2-optimal controller."""
     values = []
     for side in plant.sides:
         value = solution_that_holds(NormalForm.of(side.game(math.inf)))
@@ -625,11 +603,7 @@ def _barely_met(plant: GeneralizedPlant) -> str:
 
 
 def _response_difference(one: Controller, other: Controller) -> float:
-    """Return the largest |K1(jω) - K2(jω)| / |K1(jω)| over a grid of frequencies.
-
-    The frequencies are around those of the poles of K1. At a frequency where K1 is zero, the value
-    is |K2(jω)|.
-    """
+    """Return the largest |K1(jω) - K2(jω)| / |K1(jω)| over a grid of frequencies."""
     poles = np.abs(np.linalg.eigvals(one[0]))
     grid = np.geomspace(1e-2 * max(poles.min(), 1e-6), 1e2 * poles.max(), 60)
     first, second = (C @ responses(A, B, grid) + D for A, B, C, D in (one, other))
@@ -678,19 +652,14 @@ def conditions(plant: GeneralizedPlant, delta: float) -> Answer:
 
 
 def _coupling_by_signs(control: Found, filter_: Found, delta: float) -> Answer:
-    """Return whether ρ(XY) < δ², or None if undecided, provided that X and Y exist.
-
-    With the bases [X1; X2] and [Y1; Y2] of the stable subspaces, the condition is that
-
-      [[X1'X2, X2'Y2/δ], [Y2'X2/δ, Y1'Y2]]
-
-    is positive definite. The eigenvalues of this matrix are accurate even if X or Y is too large
-    for double precision. If X or Y is singular and not 0, the matrix is never positive definite,
-    and the result is None or False.
-
-    Source: Benner, Byers, Mehrmann and Xu, A robust numerical method for the γ-iteration in
-        H-infinity control, Linear Algebra and its Applications 425 (2007).
-    """
+    """Return whether ρ(XY) < δ², or None if undecided, provided that X and Y exist."""
+    # With the bases [X1; X2] and [Y1; Y2] of the stable subspaces, the condition is that
+    # [[X1'X2, X2'Y2/δ], [Y2'X2/δ, Y1'Y2]]
+    # is positive definite. The eigenvalues of this matrix are accurate even if X or Y is too large
+    # for double precision. If X or Y is singular and not 0, the matrix is never positive definite,
+    # and the result is None or False.
+    # Source: Benner, Byers, Mehrmann and Xu, A robust numerical method for the γ-iteration in
+    # H-infinity control, Linear Algebra and its Applications 425 (2007).
     assert control.subspace is not None
     assert filter_.subspace is not None
     X1, X2 = np.split(control.subspace.basis, 2)
@@ -713,11 +682,9 @@ def _coupling_by_signs(control: Found, filter_: Found, delta: float) -> Answer:
 def _coupling_by_radius(
     forms: list[NormalForm], X: np.ndarray, Y: np.ndarray, delta: float
 ) -> Answer:
-    """Return whether ρ(XY) < δ², or None if the error of ρ hides the answer.
-
-    ρ(XY) = max a'X a over all a with a a' <= Y. To first order, a change dX of X adds a'(dX)a at
-    the maximizing a. A change dY of Y adds b'(dY)b, with b = X a ρ^-½.
-    """
+    """Return whether ρ(XY) < δ², or None if the error of ρ hides the answer."""
+    # ρ(XY) = max a'X a over all a with a a' <= Y. To first order, a change dX of X adds a'(dX)a at
+    # the maximizing a. A change dY of Y adds b'(dY)b, with b = X a ρ^-½.
     radius, a = _radius(X, Y)
     if radius == 0.0:
         return Answer(True)
@@ -732,9 +699,7 @@ def _coupling_by_radius(
 
 
 def _keeps_gain(plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: float) -> bool:
-    """Return whether the closed loop with the controller for X and Y has a verified gain below
-    δ.
-    """
+    """Return whether the loop with the controller for X and Y has a verified gain below δ."""
     try:
         controller = central_controller(plant, X, Y, delta)
         return all(check.ok for check in loop_checks(*closed_plant(plant, controller), delta))
@@ -743,10 +708,8 @@ def _keeps_gain(plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: fl
 
 
 def _radius(X: np.ndarray, Y: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return ρ(XY) for X, Y >= 0, and a vector a with a a' <= Y and a'X a = ρ(XY).
-
-    The result does not depend on units.
-    """
+    """Return ρ(XY) for X, Y >= 0, and a vector a with a a' <= Y and a'X a = ρ(XY)."""
+    # The result does not depend on units.
     half = scaled_root(Y)
     product = half.T @ X @ half
     values, vectors = np.linalg.eigh((product + product.T) / 2.0)

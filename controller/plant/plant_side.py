@@ -111,10 +111,7 @@ class Side(NamedTuple):
         return np.linalg.solve(R[:m], Q[:, :m].T), Q[:, m:].T
 
     def _sizes(self, delta: float) -> Sizes:
-        """Return magnitudes of the terms from which the matrices of the game at δ are computed.
-
-        The magnitude of an entry is the sum of the absolute values of its terms.
-        """
+        """Return magnitudes of the terms from which the matrices of the game at δ are computed."""
         past, rest = self._split()
         into = np.abs(self.B) @ np.abs(past)
         A = np.abs(self.A) + into @ np.abs(self.C)
@@ -134,13 +131,8 @@ class Side(NamedTuple):
 
 
 def _inverse_sizes(D: np.ndarray, sizes: np.ndarray, delta: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return bounds |M⁻¹| |M| |M⁻¹| and |L⁻¹| |M| |L⁻¹|' |L⁻¹| on the rounding errors of M⁻¹ and
-    L⁻¹.
-
-    M = I - D D'/δ² = L L'. The bounds are relative to the unit roundoff.
-
-    sizes: magnitudes of the terms of D, from which |M| is computed
-    """
+    """Return relative bounds |M⁻¹| |M| |M⁻¹| and |L⁻¹| |M| |L⁻¹|' |L⁻¹| of the rounding errors."""
+    # M = I - D D'/δ² = L L'. The bounds are relative to the unit roundoff.
     M = np.eye(len(D)) - D @ D.T / delta**2
     parts = np.eye(len(D)) + sizes @ sizes.T / delta**2
     inverse = np.abs(np.linalg.inv(M))

@@ -74,12 +74,10 @@ class Spectrum(NamedTuple):
         return distance / norm, frequency
 
     def _likely_frequencies(self) -> np.ndarray:
-        """Return frequencies near which σ_min(M - jω I) may be smallest, rad/s.
-
-        The frequencies are |Im λ| of the eigenvalues λ nearest to the imaginary axis. To first
-        order, the distance of λ is |Re λ| divided by the condition number of λ. If the matrix has
-        at most `FEW` different |Im λ|, all are returned.
-        """
+        """Return frequencies near which σ_min(M - jω I) may be smallest, rad/s."""
+        # The frequencies are |Im λ| of the eigenvalues λ nearest to the imaginary axis. To first
+        # order, the distance of λ is |Re λ| divided by the condition number of λ. If the matrix has
+        # at most `FEW` different |Im λ|, all are returned.
         if len(np.unique(np.abs(self.eigenvalues.imag))) <= FEW:
             return np.unique(np.abs(self.eigenvalues.imag))
         values, vectors = np.linalg.eig(self.balanced)
@@ -88,9 +86,7 @@ class Spectrum(NamedTuple):
         return np.unique(np.abs(values.imag[nearest]))
 
     def _least_singular_value(self, frequencies: np.ndarray) -> tuple[float, float]:
-        """Return the smallest σ_min(M - jω I) over the given frequencies ω, and its frequency,
-        rad/s.
-        """
+        """Return the smallest σ_min(M - jω I) over frequencies ω, and its frequency, rad/s."""
         shifted = self.balanced - 1j * frequencies[:, None, None] * np.eye(len(self.balanced))
         smallest = np.linalg.svd(shifted, compute_uv=False)[:, -1]
         index = int(np.argmin(smallest))

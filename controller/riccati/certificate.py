@@ -279,12 +279,7 @@ def shown_reach(form: NormalForm, X: np.ndarray, loops: Loops) -> np.ndarray:
 def _certified_in(
     form: NormalForm, given: NormalForm | None = None
 ) -> tuple[np.ndarray, NormalForm, tuple[Check, ...]]:
-    """Return the solution X computed in the coordinates of `form`, the form, and the tests of X.
-
-    given: as for `hamiltonian_checks`
-
-    Raises NoSolutionError if a test fails, with the reason of the first failed test.
-    """
+    """Return the solution X computed in the coordinates of `form`, the form, and the tests of X."""
     from controller.riccati.careful_derivations import by_refined_doubling, by_schur
 
     checks = hamiltonian_checks(form, given)

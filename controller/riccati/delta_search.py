@@ -76,10 +76,7 @@ class _Answers:
 
     @property
     def refused(self) -> float:
-        """Largest δ below `good` shown to have no solution, or 0 if there is none.
-
-        A refusal above `good` is due to rounding.
-        """
+        """Largest δ below `good` shown to have no solution, or 0 if there is none."""
         return max((delta for delta in self._deltas(False) if delta < self.good), default=0.0)
 
     @property
@@ -137,10 +134,7 @@ def smallest_delta(
 
 
 def _climb(answers: _Answers, begin: float) -> None:
-    """Evaluate `begin`, 4 `begin`, 16 `begin` and so on, until a δ has a solution.
-
-    Raises NoSolutionError if no δ up to `MOST` times `begin` is found to have a solution.
-    """
+    """Evaluate `begin`, 4 `begin`, 16 `begin` and so on, until a δ has a solution."""
     delta = begin
     while not answers.at(delta).exists:
         last = answers.at(delta)
@@ -159,26 +153,14 @@ def _climb(answers: _Answers, begin: float) -> None:
 
 
 def _descend(answers: _Answers, least: float) -> None:
-    """Evaluate smaller and smaller δ, each 1/4 of the one before, until one is shown to have no
-    solution.
-
-    The search begins at 1/4 of the smallest δ with a solution and ends at `least`. An undecided δ
-    does not end the search.
-    """
+    """Evaluate smaller δ, each 1/4 of the one before, until one has no solution."""
     delta = answers.good / 4.0
     while delta >= least and answers.at(delta).exists is not False:
         delta /= 4.0
 
 
 def _narrow(answers: _Answers, ends: Callable[[], tuple[float, float]], tolerance: float) -> None:
-    """Divide the interval between a lower and an upper δ until their ratio is at most
-    1 + tolerance.
-
-    Of two successive divisions, one at least halves the interval of log δ. The division also ends
-    if the lower δ is 0.
-
-    ends: function that returns the present lower and upper δ
-    """
+    """Divide the interval of δ until the ratio of its ends is at most 1 + tolerance."""
     low, high = ends()
     bisects = False
     while low and high > low * (1.0 + tolerance):
@@ -190,18 +172,11 @@ def _narrow(answers: _Answers, ends: Callable[[], tuple[float, float]], toleranc
 
 
 def _share(low: Answer, high: Answer, width: float, tolerance: float) -> float:
-    """Return where to divide an interval of log δ, from 0 at its lower end to 1.
-
-    The interval is divided near the zero of the line through the excess at both ends. The excess
-    of the next δ then probably has the sign of that of the nearer end, so that the interval becomes
-    much shorter. Without an excess, the interval is halved.
-
-    low, high: answers at the ends
-    width: of the interval of log δ
-    tolerance: final width
-
-    Source: Oliveira and Takahashi, ACM Transactions on Mathematical Software 47 (2020), 5.
-    """
+    """Return where to divide an interval of log δ, from 0 at its lower end to 1."""
+    # The interval is divided near the zero of the line through the excess at both ends. The excess
+    # of the next δ then probably has the sign of that of the nearer end, so that the interval
+    # becomes much shorter. Without an excess, the interval is halved.
+    # Source: Oliveira and Takahashi, ACM Transactions on Mathematical Software 47 (2020), 5.
     if not low.excess < 0.0 < high.excess:
         return 0.5
     zero = low.excess / (low.excess - high.excess)

@@ -32,10 +32,7 @@ def add(left: Pair, right: Pair) -> Pair:
 
 
 def _sum(left: np.ndarray, right: np.ndarray, low: np.ndarray) -> Pair:
-    """Return left + right + low as a pair, for arrays of doubles.
-
-    low: terms of the size of the rounding error of left + right, in the shape of the sum
-    """
+    """Return left + right + low as a pair, for arrays of doubles."""
     high = left + right
     back = high - left
     low = (left - (high - back)) + (right - back) + low
@@ -105,13 +102,9 @@ def _halves(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _slices(rows: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Return the slices of rows, and the remainders before the first and after each slice.
-
-    A slice contains so few bits that sums of products of two slices have no rounding error. All
-    entries of a row have the same scale.
-
-    rows: (..., n)
-    """
+    """Return the slices of rows, and the remainders before the first and after each slice."""
+    # A slice contains so few bits that sums of products of two slices have no rounding error. All
+    # entries of a row have the same scale.
     bits = (53 - (SLICES * rows.shape[-1]).bit_length()) // 2
     largest = np.abs(rows).max(axis=-1, keepdims=True, initial=0.0)
     # A number added to this one keeps only the bits of the first slice.

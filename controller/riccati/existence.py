@@ -100,11 +100,7 @@ def value_found(form: NormalForm) -> Found:
 
 
 def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
-    """Return the decision whether the value of a game exists, made in the coordinates of `form`
-    alone.
-
-    given: as for `hamiltonian_checks`
-    """
+    """Return whether the value of a game exists, decided in the coordinates of `form` alone."""
     n = len(form.A)
     if not form.Q.any():
         poles = spectrum(form.A)

@@ -79,16 +79,11 @@ def swept_gain(loop: np.ndarray, E: np.ndarray, C: np.ndarray) -> SweptGain:
 
 
 class _Peak(NamedTuple):
-    """Peak of the gain on a grid of frequencies.
+    """Peak of the gain on a grid of frequencies."""
 
-    grid: frequencies, (N,), rad/s
-    gains: at these frequencies, (N,)
-    place: index of the peak
-    """
-
-    grid: np.ndarray
-    gains: np.ndarray
-    place: int
+    grid: np.ndarray  # frequencies, (N,), rad/s
+    gains: np.ndarray  # at these frequencies, (N,)
+    place: int  # index of the peak
 
     @property
     def gain(self) -> float:
@@ -105,11 +100,7 @@ class _Peak(NamedTuple):
 
 
 def _peaks(gains_at: Gains, grid: np.ndarray) -> list[_Peak]:
-    """Return the largest peaks of the gain on a grid, `MOST_PEAKS` at most.
-
-    gains_at: gain at each frequency
-    grid: frequencies, (N,), rad/s
-    """
+    """Return the largest peaks of the gain on a grid, `MOST_PEAKS` at most."""
     gains = gains_at(grid, 1.0 - RIVAL)
     surrounded = np.concatenate([[-math.inf], gains, [-math.inf]])
     is_peak = (gains >= surrounded[:-2]) & (gains >= surrounded[2:])
@@ -119,14 +110,10 @@ def _peaks(gains_at: Gains, grid: np.ndarray) -> list[_Peak]:
 
 
 def _sweep_grid(eigenvalues: np.ndarray) -> np.ndarray:
-    """Return a grid that resolves every resonance as `frequency_grid`, with the fewest points.
-
-    Where the points of `frequency_grid` around several resonances overlap, one of these sets is
-    enough. The step is the smallest that the logarithmic grid or a resonance needs. The frequencies
-    of the poles are on the grid.
-
-    eigenvalues: poles, (n,), 1/s
-    """
+    """Return a grid that resolves every resonance as `frequency_grid`, with the fewest points."""
+    # Where the points of `frequency_grid` around several resonances overlap, one of these sets is
+    # enough. The step is the smallest that the logarithmic grid or a resonance needs. The
+    # frequencies of the poles are on the grid.
     dense = frequency_grid(eigenvalues)
     widths = np.abs(eigenvalues.real)
     centers = np.abs(eigenvalues.imag)
@@ -159,8 +146,6 @@ def frequency_grid(eigenvalues: np.ndarray, per_decade: int = GRID_PER_DECADE) -
 
 
 def _distinct(frequencies: np.ndarray) -> np.ndarray:
-    """Return the frequencies in ascending order, and only one of several that are equal up to
-    rounding, so that a peak is between distinct neighbors.
-    """
+    """Return the frequencies in ascending order, equal ones (up to rounding) only once."""
     found = np.unique(frequencies)
     return found[np.append(True, np.diff(found) > _SAME * found[1:])]

@@ -85,12 +85,7 @@ def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
 
 
 def _refuse_bad_plants(A: np.ndarray, B: np.ndarray, like: Game) -> None:
-    """Raise BadInputError if A and B are not (N, n, n) and (N, n, m), or if a plant is invalid.
-
-    The message contains the index of the first invalid plant.
-
-    like: game with E, Q and R, whose shapes must fit
-    """
+    """Raise BadInputError if A and B are not (N, n, n) and (N, n, m), or if a plant is invalid."""
     if A.ndim != 3 or B.ndim != 3 or A.shape[:2] != B.shape[:2] or A.shape[1] != A.shape[2]:
         raise BadInputError(
             f"A has shape {A.shape} and B has shape {B.shape}; give stacks (N, n, n) and (N, n, m)"

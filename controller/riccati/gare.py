@@ -256,17 +256,12 @@ def solution_of(form: NormalForm, certified: Certified, game: Game) -> Solution:
 
 
 def _abscissa_error(form: NormalForm, certified: Certified) -> float:
-    """Return the change of the largest real part of the eigenvalues of A - B K by rounding, 1/s.
-
-    The result is a first-order bound, or inf if A - B K is defective. Rounding affects A, B and
-    K. A change D of the matrix moves the eigenvalue with right eigenvector x and left eigenvector y
-    by y'D x / y'x. Rounding changes A by at most n ε |A|, and the gain by at most n ε |K|, in the
-    coordinates of the normal form and in those of the solution. Source: Golub and Van Loan, Matrix
-    Computations, Section 7.2.2.
-
-    form: normal form of the game
-    certified: certified solution of the game, possibly in other coordinates
-    """
+    """Return the change of the largest real part of the eigenvalues of A - B K by rounding, 1/s."""
+    # The result is a first-order bound, or inf if A - B K is defective. Rounding affects A, B and
+    # K. A change D of the matrix moves the eigenvalue with right eigenvector x and left eigenvector
+    # y by y'D x / y'x. Rounding changes A by at most n ε |A|, and the gain by at most n ε |K|, in
+    # the coordinates of the normal form and in those of the solution. Source: Golub and Van Loan,
+    # Matrix Computations, Section 7.2.2.
     form_of_X = certified.form
     A = form_of_X.A
     B = form_of_X.B

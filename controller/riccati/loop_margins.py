@@ -140,13 +140,7 @@ def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
 
 
 def _peak_of(locus: Loci, grid: np.ndarray) -> float:
-    """Return the frequency at which |M| of one loop is largest, rad/s.
-
-    The largest value on the grid is refined.
-
-    locus: ω (N,) -> M of the loop, (N, 1) or (N,)
-    grid: (N,), rad/s
-    """
+    """Return the frequency at which |M| of one loop is largest, rad/s."""
     for _ in range(_REFINEMENTS):
         peak = int(np.abs(locus(grid)).argmax())
         grid = np.linspace(grid[max(peak - 1, 0)], grid[min(peak + 1, len(grid) - 1)], _POINTS)
@@ -154,13 +148,8 @@ def _peak_of(locus: Loci, grid: np.ndarray) -> float:
 
 
 def _crossings(loop: ClosedLoop, sign: float) -> np.ndarray:
-    """Return all frequencies at which Re M or Im M of one loop may be 0, rad/s.
-
-    The frequencies are |Im λ| of the zeros λ of M(s) ± M(-s), the eigenvalues of a matrix pencil.
-
-    loop: closed loop with one input and output
-    sign: 1 for Re M, -1 for Im M
-    """
+    """Return all frequencies at which Re M or Im M of one loop may be 0, rad/s."""
+    # The frequencies are |Im λ| of the zeros λ of M(s) ± M(-s), the eigenvalues of a matrix pencil.
     from scipy.linalg import eig
 
     n = len(loop.A)
@@ -221,29 +210,19 @@ def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> L
 
 
 class _Crossings(NamedTuple):
-    """Frequencies at which Re M or Im M of a loop changes its sign.
+    """Frequencies at which Re M or Im M of a loop changes its sign."""
 
-    frequencies: (J,), rad/s
-    values: (J,), M at these frequencies
-    jumps: indices of the grid intervals in which the sign changes only because two curves were
-        interchanged
-    """
-
-    frequencies: np.ndarray
-    values: np.ndarray
+    frequencies: np.ndarray  # (J,), rad/s
+    values: np.ndarray  # (J,), M at these frequencies
+    # indices of the grid intervals in which the sign changes only because two curves were
+    # interchanged
     jumps: np.ndarray
 
 
 def _crossings_of(
     part: Callable[[np.ndarray], np.ndarray], loci: Loci, grid: np.ndarray, seen: np.ndarray
 ) -> _Crossings:
-    """Return the frequencies between points of a grid at which Re M or Im M changes its sign.
-
-    part: np.real or np.imag
-    loci: as for `margin_of`
-    grid: (N,), rad/s
-    seen: eigenvalues of M on the grid, (N, k), each column a continuous curve
-    """
+    """Return the frequencies between points of a grid at which Re M or Im M changes its sign."""
     # If l is 0 or infinite up to rounding, rounding changes the sign of Im M.
     is_lost = np.minimum(np.abs(seen - 0.5), np.abs(seen + 0.5)) < 0.1 * ROUNDING
     above = part(seen) > 0.0
@@ -275,12 +254,7 @@ def _crossings_of(
 
 
 def _followed(loci: np.ndarray) -> np.ndarray:
-    """Return the eigenvalues of M for k loops, (N, k), reordered so that each column is continuous.
-
-    The eigenvalues at each frequency are assigned to the nearest ones at the frequency before.
-
-    loci: eigenvalues on a grid of N frequencies, (N, k), each row in any order
-    """
+    """Return the eigenvalues of M of k loops, (N, k), reordered to continuous columns."""
     if loci.shape[1] == 1:
         return loci
     from scipy.optimize import linear_sum_assignment

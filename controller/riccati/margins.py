@@ -232,11 +232,7 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
 
 
 def _between(low: float, high: float) -> float:
-    """Return a frequency inside an interval of frequencies, rad/s.
-
-    low: lower end
-    high: upper end, possibly inf
-    """
+    """Return a frequency inside an interval of frequencies, rad/s."""
     if math.isinf(high):
         return 4.0 * low or 1.0
     return math.sqrt(low * high) if 0.0 < 4.0 * low < high else 0.5 * (low + high)
@@ -249,14 +245,7 @@ def _above(
     pieces: list[Piece],
     cut: float,
 ) -> list[Piece]:
-    """Return those parts of frequency intervals in which σ_max(D M D⁻¹) is above a level.
-
-    The parts are sorted by the value of σ_max(D M D⁻¹) inside them, the largest last.
-
-    scaling: log D, (m,)
-    pieces: frequency intervals (low, high), rad/s
-    cut: a frequency at which σ_max(D M D⁻¹) is not above the level, rad/s
-    """
+    """Return those parts of frequency intervals in which σ_max(D M D⁻¹) is above a level."""
     D = np.exp(scaling)
     C = D[:, None] * loop.C
     through = D[:, None] * loop.D / D
@@ -330,13 +319,8 @@ def best_scaling(M: np.ndarray, start: np.ndarray | None = None, slack: float = 
 
 
 def _norm_and_slope(log_D: np.ndarray, M: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return σ = σ_max(D M D⁻¹) and its gradient ∂σ/∂log D_i = σ (|u_i|² - |v_i|²), (m,).
-
-    u and v are the singular vectors of σ. D_m is fixed, and the last entry of the gradient is 0.
-
-    log_D: (m,)
-    M: (m, m), complex
-    """
+    """Return σ = σ_max(D M D⁻¹) and its gradient ∂σ/∂log D_i = σ (|u_i|² - |v_i|²), (m,)."""
+    # u and v are the singular vectors of σ. D_m is fixed, and the last entry of the gradient is 0.
     D = np.exp(log_D)
     scaled = D[:, None] * M / D
     squares, vectors = np.linalg.eigh(scaled @ scaled.conj().T)
@@ -360,13 +344,7 @@ def scaled_norm(M: np.ndarray, log_D: np.ndarray) -> np.ndarray:
 
 
 def _osborne_scaling(M: np.ndarray) -> np.ndarray:
-    """Return log D, (..., m), for which the rows and columns of D M D⁻¹ have about equal norms.
-
-    Diagonal entries are excluded from the norms. The result is an initial scaling for
-    `best_scaling`.
-
-    M: (..., m, m), one matrix or a stack
-    """
+    """Return log D, (..., m), for which the rows and columns of D M D⁻¹ have about equal norms."""
     off = np.abs(M) ** 2 * (1.0 - np.eye(M.shape[-1]))
     log_D = np.zeros(M.shape[:-1])
     for _ in range(SWEEPS):

@@ -391,11 +391,7 @@ class NormalForm:
         return form._turned_by(np.eye(n), 1.0 / balance)
 
     def _turned_by(self, W: np.ndarray, D: np.ndarray) -> Self:
-        """Return the game in the coordinates D W'y, rounded once at the end.
-
-        W: (n, n), orthogonal up to rounding
-        D: (n,), powers of two
-        """
+        """Return the game in the coordinates D W'y, rounded once at the end."""
         inverse = precise_inverse(W)
         Q = product(product(transposed(inverse), exact(self.Q)), inverse)[0]
         return replace(

@@ -178,11 +178,7 @@ def why_refused(form: NormalForm, failure: str, progress: Progress | None = None
 
 
 def _some_solution(form: NormalForm) -> Certified:
-    """Return the certified solution of the game for delta = inf, or otherwise for its own delta.
-
-    Raises NoSolutionError with the reason if the inputs do not reach a mode that does not decay, or
-    if neither solution is certified.
-    """
+    """Return the certified solution of the game for delta = inf, or otherwise for its own delta."""
     (reached,) = reach_checks(form)
     if not reached.ok:
         raise _without_solution(form, reached.reason)
@@ -304,16 +300,10 @@ def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
 
 
 def _eigenvalues(A: np.ndarray, size: float) -> list[tuple[complex, float]]:
-    """Return the eigenvalues of A, each with a bound of its error due to rounding of A, to first
-    order.
-
-    The bound is y'|D|x / |y'x| for a change D of the entries by rounding. The bound is at most
-    `_NEAR_AXIS` times the norm of A, and has this value for a defective A. Source: Golub and Van
-    Loan, Section 7.2.2.
-
-    A: (n, n)
-    size: norm of A
-    """
+    """Return the eigenvalues of A and first-order bounds of their errors by rounding of A."""
+    # The bound is y'|D|x / |y'x| for a change D of the entries by rounding. The bound is at most
+    # `_NEAR_AXIS` times the norm of A, and has this value for a defective A. Source: Golub and Van
+    # Loan, Section 7.2.2.
     values, right = np.linalg.eig(A)
     most = _NEAR_AXIS * size
     try:
@@ -326,11 +316,7 @@ def _eigenvalues(A: np.ndarray, size: float) -> list[tuple[complex, float]]:
 
 
 def _mode_text(eigenvalue: complex, error: float) -> str:
-    """Return the name of a mode for a message, "mode with eigenvalue 0.5 ± 1i".
-
-    eigenvalue: 1/s
-    error: real and imaginary parts up to this magnitude are shown as 0
-    """
+    """Return the name of a mode for a message, "mode with eigenvalue 0.5 ± 1i"."""
     real = eigenvalue.real if abs(eigenvalue.real) > error else 0.0
     text = f"mode with eigenvalue {real:.4g}"
     if abs(eigenvalue.imag) > error:

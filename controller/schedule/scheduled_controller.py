@@ -308,10 +308,7 @@ class ScheduledController(ByValue, Reported):
             )
 
     def _between(self, first: float, last: float) -> str:
-        """Return a range of the scheduling variable as text, such as "5 to 20 deg".
-
-        first, last: ends of the range
-        """
+        """Return a range of the scheduling variable as text, such as "5 to 20 deg"."""
         schedule = self.model.schedule
         lowest = shown_value(first, self.model.unit(schedule))
         return f"{lowest} to {self.model.describe(schedule, last)}"
@@ -352,10 +349,7 @@ class ScheduledController(ByValue, Reported):
         return f"{len(self.breakpoints)} {kind} from {self._between(first, last)}"
 
     def _summary(self, limit: str) -> str:
-        """Return one line on delta, measurements, inputs, commands and command filter.
-
-        limit: "delta_min" for a game, else "gamma_min"
-        """
+        """Return one line on delta, measurements, inputs, commands and command filter."""
         parts = []
         if limit == "delta_min":
             delta = self.about.get("delta")
@@ -370,10 +364,7 @@ class ScheduledController(ByValue, Reported):
         return "; ".join(parts)
 
     def _data(self) -> dict[str, Any]:
-        """Return the JSON data of the controller, with the units of its signals.
-
-        Compared with a controller file, name and trims are omitted.
-        """
+        """Return the JSON data of the controller, with the units of its signals."""
         stored = _stored(self)
         signals = (*self.measurements, *self.commands)
         kinds = {"signal": signals, "state": self.states, "input": self.inputs}
@@ -430,21 +421,13 @@ def in_units_of(controller: ScheduledController, model: Model) -> ScheduledContr
 
 
 def _factors(before: Model, after: Model, names: Iterable[str]) -> np.ndarray:
-    """Return the factors that convert named signals from the units of one model to those of
-    another.
-
-    The factor is 1 for a name that implies no unit.
-
-    before, after: the two models
-    """
+    """Return the factors that convert named signals between the units of two models."""
     found = [conversion(signal_unit(before, name), signal_unit(after, name)) for name in names]
     return np.array([1.0 if factor is None else factor for factor in found])
 
 
 def _key(model: Model) -> str:
-    """Return the key under which files and data store the scheduling values of a model's
-    controller.
-    """
+    """Return the key under which files store the scheduling values of a controller."""
     return f"{model.schedule}s" if model.about.names_schedule else "places"
 
 
@@ -532,10 +515,7 @@ def _is_controller(content: Mapping[str, Any]) -> bool:
 
 
 def _controller_of(content: Mapping[str, Any], model: Model) -> ScheduledController:
-    """Return the controller that the arrays of a file represent.
-
-    Raises BadInputError if the controller was made for another model.
-    """
+    """Return the controller that the arrays of a file represent."""
     texts: dict[str, Any] = {key: str(content[key]) for key in _TEXTS}
     if texts["dynamics"] not in (model.name, *model.about.variants):
         raise BadInputError(

@@ -205,16 +205,7 @@ class LearnedChecks(Result):
 def _show_learned(
     request: LearnRequest, named: NamedGame, run: TrainingRun, verdict: Verdict, H: Any = None
 ) -> int:
-    """Print and save a learned critic with its checks, and return the exit code.
-
-    The exit code is 0 if all checks pass, otherwise 1.
-
-    request: the options of `hfa learn`
-    named: the game and its plant
-    run: training run of the critic
-    verdict: comparison of the critic with the exact solution
-    H: learned Q-function of a discrete-time plant, or None in continuous time
-    """
+    """Print and save a learned critic with its checks, and return the exit code."""
     from hfa_support.reporting.checks import checks_block
 
     judged = LearnedChecks(verdict.checks, verdict.ok, H).as_data()

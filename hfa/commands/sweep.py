@@ -119,16 +119,7 @@ class SweptTrim(Trim):
     def _listed_axes(
         self, listing: Path, condition: TrimCondition, ranges: Mapping[str, Range]
     ) -> dict[str, Any]:
-        """Return the axes of a sweep over a list of points, name -> value at each point, (N,).
-
-        A variable that an option sets to one value is an axis with this value at all points.
-
-        listing: CSV file of points
-        condition: trim condition of the sweep
-        ranges: name -> values, for the variables that options set
-
-        Raises BadInputError if an option gives several values, or a variable that is also a column.
-        """
+        """Return the axes of a sweep over a list of points, name -> value at each point, (N,)."""
         axes: dict[str, Any] = _listed(listing, condition)
         rows = len(next(iter(axes.values())))
         for name, values in {**self.hold, **ranges}.items():
@@ -215,17 +206,7 @@ def _in_store(request: SweepRequest, store: Path) -> int:
 
 
 def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
-    """Return name -> value at each point, (N,), from a CSV file of trim points.
-
-    The first row contains names. Each further row is one point, with values in the units of --hold
-    (angles in degrees).
-
-    path: the CSV file
-    condition: trim condition, whose model defines the names and units
-
-    Raises BadInputError for an unreadable file, for a name that is repeated or cannot be held, if
-    there are no values, for a row of another length, and for an invalid value.
-    """
+    """Return name -> value at each point, (N,), from a CSV file of trim points."""
     try:
         lines = regular_file(path).read_text("utf-8-sig").splitlines()
         table_rows = [row for row in csv.reader(lines) if any(cell.strip() for cell in row)]

@@ -50,14 +50,7 @@ _SETTINGS: dict[str, Callable[[str], Any]] = {
 
 
 def _critics(text: str) -> list[Path]:
-    """Return the paths of the critic files given by --weights.
-
-    text: path of one file, or of a folder with critic files. The files of a folder are sorted by
-        the numbers in their names.
-
-    Raises BadInputError if the folder contains no critic, if the file does not exist, or if its
-    suffix is not supported.
-    """
+    """Return the paths of the critic files given by --weights."""
     folder = Path(text)
     if not folder.is_dir():
         return [critic_path(text)]
@@ -207,28 +200,14 @@ def _judged_game(request: VerifyRequest, named: NamedGame) -> Game | DiscreteGam
 
 
 def _figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
-    """Return a figure that compares critics with the exact solution.
-
-    - one critic: the critic and the exact solution
-    - several critics: their errors
-
-    verdicts: source of each critic -> its verdict
-    origin: description of the game
-    """
+    """Return a figure that compares critics with the exact solution."""
     from verification.figures import verdicts_figure
 
     return verdicts_figure(verdicts, origin)
 
 
 def _about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list[str]:
-    """Return the lines of the report on Q, R and delta of the game.
-
-    If the grade is "near" and no cost limit is given, a line on --limit-cost is added.
-
-    named: the game
-    verdict: verdict on the critic
-    limit_cost: value of --limit-cost, percent, or None if not given
-    """
+    """Return the lines of the report on Q, R and delta of the game."""
     lines = [named.weights_line()]
     if limit_cost is None and verdict.grade == "near":
         lines.append(f"Near the optimum, exit code 1; --limit-cost {NEAR:g} accepts it")
@@ -236,14 +215,7 @@ def _about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list
 
 
 def _nearby(request: VerifyRequest, game: Game) -> Nearby:
-    """Return other games, to one of which a critic may belong by mistake.
-
-    - the games of the printed matrices whose B has the same shape
-    - the games at other dihedral angles
-
-    request: the options of `hfa verify`
-    game: the game of the request
-    """
+    """Return other games, to one of which a critic may belong by mistake."""
     from hfa_model.published import published_models
 
     @cache
@@ -262,10 +234,7 @@ def _nearby(request: VerifyRequest, game: Game) -> Nearby:
 
 
 def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
-    """Raise BadInputError if an option of `hfa verify` has no effect or contradicts another option.
-
-    paths: files of critics, empty if the critic is learned
-    """
+    """Raise BadInputError if an option has no effect or contradicts another option."""
     if not any(map(is_network, paths)):
         request.refuse(
             ("reading.network",), "applies only to a network; give a network with --weights"
@@ -303,19 +272,7 @@ def _check_file(
     *,
     alone: bool,
 ) -> Verdict:
-    """Return the verdict on the critic in a file.
-
-    A file with one critic for each of several times is checked as a history.
-
-    path: the critic file
-    request: the options of `hfa verify`
-    named: the game of the request, with its plant
-    game: the game whose solution the critic approximates
-    scope: data for the checks, without the nonlinear plant
-    alone: whether it is the only critic, which is then also compared with the nonlinear game
-
-    Raises BadInputError if --set predefined_time is given for a critic without time.
-    """
+    """Return the verdict on the critic in a file."""
     critics = critics_in(path, game, request.reading.reading(request.learning.set))
     predefined_time = request.learning.set.get("predefined_time")
     is_history = critics[-1].time is not None

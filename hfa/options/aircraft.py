@@ -47,11 +47,7 @@ def aircraft_help(model: Model | None) -> str:
 
 
 def _parameters(model: Model | None, text: str) -> ParameterSet | Path:
-    """Return the parameters that --parameters gives: those of the HFA, or the file for an aircraft
-    of the user.
-
-    model: None while the model is unknown, which `Aircraft.loaded` loads with the parameters
-    """
+    """Return the parameters of the HFA, or the file while the model is unknown."""
     return Path(text) if model is None or is_own(model) else load_parameters(text)
 
 

@@ -93,10 +93,7 @@ def reported(report: Report, draws: Draws) -> Report:
 
 
 def _drawn(count: int, aircraft: Aircraft, trim: Trim, point: OperatingPoint) -> DrawnAircraft:
-    """Return `count` aircraft with random parameters.
-
-    point: trim of the aircraft with the given parameters
-    """
+    """Return `count` aircraft with random parameters."""
     from verification.drawn import DrawnAircraft
 
     spread = aircraft.spread(trim.held_parameters)

@@ -51,10 +51,7 @@ def diagonal(text: str) -> np.ndarray:
 
 
 def _rows(text: str) -> np.ndarray:
-    """Return the matrix with the rows in the text "a,b;c,d", (2, 2).
-
-    Raises BadInputError if an entry is not a number, or if the rows have different lengths.
-    """
+    """Return the matrix with the rows in the text "a,b;c,d", (2, 2)."""
     rows = [listed_numbers(row) for row in text.split(";")]
     if len({len(row) for row in rows}) > 1:
         raise BadInputError(f"is {text}; give rows of equal length, a,b;c,d")
@@ -62,10 +59,7 @@ def _rows(text: str) -> np.ndarray:
 
 
 def _diagonal_option(name: str) -> Any:
-    """Return a request field whose option sets the diagonal of Q or R.
-
-    name: "Q" or "R"
-    """
+    """Return a request field whose option sets the diagonal of Q or R."""
     about = f"diagonal of {name}; default"
     help_text = of_hfa(f"{about}: values of the paper", f"{about} {USUAL_WEIGHTS[name]}")
     return option(help_text, "a,b,...", diagonal, names=f"--{name}", rare=True)

@@ -170,11 +170,7 @@ class ProgressLine:
             print_to_stderr(line, end="\r\033[K" if done >= total else "")
 
     def _announce(self, done: float, total: float) -> None:
-        """Print a note with the remaining time of a long run, at most once.
-
-        The time is estimated from the progress in the first `_TRIAL` seconds. The note is printed
-        if more than `_LONG` seconds remain.
-        """
+        """Print a note with the remaining time of a long run, at most once."""
         now = time.monotonic()
         is_next = self._first is not None and done < self._first[1]  # of several computations
         if self._first is None or is_next or not done:  # preparation until now

@@ -223,13 +223,7 @@ def help_text(parser: Parser, more: bool) -> str:
 
 
 def _options_text(parser: Parser, more: bool) -> str:
-    """Return the usage, the description and the options of a command.
-
-    Options that need a package which is not installed are omitted.
-
-    parser: parser of the command
-    more: whether rare options are explained, or only listed by name
-    """
+    """Return the usage, the description and the options of a command."""
     declared = []
     for action in parser._actions:
         option = parser.options.get(action.dest)

@@ -22,10 +22,7 @@ if TYPE_CHECKING:
 
 
 def _commanded(model: Model, name: str, text: str) -> Waveform:
-    """Return the command of a state, (1,), in the units of the model; angles are typed in degrees.
-
-    Raises BadInputError for an unknown state, or a text that is no signal.
-    """
+    """Return the command of a state, (1,), in the units of the model (typed in degrees)."""
     if name not in model.linear:
         raise BadInputError(f"is unknown; {choice_of(name, model.linear)}")
     one = quantity(model, name, "1")

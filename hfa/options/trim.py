@@ -73,9 +73,7 @@ def scheduled(
 
 
 def _usual(model: Model) -> str:
-    """Return the help of --hold, which lists up to four of the variables that a trim holds by
-    default.
-    """
+    """Return the help of --hold, with up to four variables that a trim holds by default."""
     held = [
         f"{name} {model.describe(name, value)}"
         for name, value in model.trim.items()
@@ -98,21 +96,12 @@ def condition_or_list(model: Model, text: str) -> TrimCondition | Path:
 
 
 def _name(model: Model, text: str) -> str:
-    """Return the model's name of a variable.
-
-    text: this name, or an alias of the variable
-    """
+    """Return the model's name of a variable."""
     return model.about.aliases.get(text, text)
 
 
 def _start(model: Model, text: str) -> OperatingPoint | dict[str, float]:
-    """Return the initial point of the trim search that --start gives.
-
-    - a file: the operating point in it
-    - NAME=VALUE,NAME=VALUE: name -> value, in internal units
-
-    Raises BadInputError for an unreadable file, an unknown variable or an invalid value.
-    """
+    """Return the initial point of the trim search that --start gives."""
     if "=" not in text or Path(text).exists():
         return OperatingPoint.load(Path(text), model)
     values = {}
@@ -212,12 +201,7 @@ class Trim(Part):
         return condition
 
     def _refuse_doubles(self) -> None:
-        """Raise BadInputError if the same variable is given by two of the options --free, --hold
-        and --at.
-
-        --free and a single value of --at may give the same variable. The value is then the initial
-        guess.
-        """
+        """Raise BadInputError if two of --free, --hold and --at give the same variable."""
         for name in self.free:
             if name in self.hold:
                 raise BadInputError(
@@ -275,10 +259,7 @@ class Trim(Part):
             raise self._advised(failure) from None
 
     def _advised(self, failure: TrimError) -> TrimError:
-        """Return the error of a failed trim, with the reason and advice on options added.
-
-        If alpha is held and a trim with free alpha exists, the message also advises --free alpha.
-        """
+        """Return the error of a failed trim, with the reason and advice on options added."""
         error = explained(failure, self.aircraft, self.condition)
         if "alpha" not in self.condition.imposed:
             return error

@@ -11,10 +11,7 @@ MOST_WORKERS = 1000
 
 
 def _workers(text: str) -> int | str:
-    """Return the number of worker processes, or the address of a Dask scheduler.
-
-    text: a whole number, or an address with "://", which is returned as text
-    """
+    """Return the number of worker processes, or the address of a Dask scheduler."""
     return text if "://" in text else whole(1, MOST_WORKERS)(text)
 
 

@@ -139,10 +139,7 @@ def report(request: ReportRequest) -> int:
 
 
 def _written(job: MainJob, report: Report, place: Path, provenance: Provenance) -> str:
-    """Write the page and return a line with the names of the written files.
-
-    place: an .html file for the page, or a folder for the page, its pictures and its numbers
-    """
+    """Write the page and return a line with the names of the written files."""
     html = page(job, report, provenance)
     if place.suffix:
         write_text(place, html)
@@ -162,10 +159,7 @@ def _written(job: MainJob, report: Report, place: Path, provenance: Provenance) 
 
 
 def _pictures_of_angles(numbers: Path) -> set[str]:
-    """Return the names of the pictures at the angles of an earlier report, or none.
-
-    numbers: numbers.json of the earlier report
-    """
+    """Return the names of the pictures at the angles of an earlier report, or none."""
     try:
         data = json.loads(numbers.read_text("utf-8"))
         return {critic_picture(angle["dihedral_deg"]) for angle in data["angles"]}

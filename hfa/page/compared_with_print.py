@@ -33,10 +33,7 @@ def printed_comparison_tables(model: LinearModel, published: PublishedModel) -> 
 
 
 def _toned(entry: EntryRow) -> str:
-    """Return the table cell of a computed entry, colored by its deviation from the printed entry.
-
-    The cell has no color if the entry is 0 and printed as 0.
-    """
+    """Return the table cell of a computed entry, colored by its deviation from the print."""
     shown = four_decimals(entry.computed)
     if entry.is_zero:
         return shown

@@ -127,12 +127,7 @@ def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def _policy(flight: Mapping[str, Any]) -> Cell:
-    """Return the table cell for a policy's flight.
-
-    The cell contains the cost and its ratio to the best flight's cost, with a mark if the flight
-    leaves the limits. For a flight without a cost, the cell states that the flight does not
-    converge.
-    """
+    """Return the table cell for a policy's flight."""
     if flight["cost"] is None:
         return Cell("does not converge", "bad")
     cost = f"{flight['cost']:,.0f} ({flight['over_best']:.1f}x)"

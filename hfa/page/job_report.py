@@ -187,11 +187,7 @@ def point_report(job: MainJob, angle: Angle) -> Report:
 
 
 def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
-    """Return the report of the linear model at an angle.
-
-    If the paper prints this linear model and the report is in the paper's units, each printed entry
-    is shown below the computed entry.
-    """
+    """Return the report of the linear model at an angle."""
     bands = (
         entry_bands(job.parameters, angle.condition, model) if has_bands(job.parameters) else None
     )
@@ -264,10 +260,7 @@ def _link(section: str, title: str) -> str:
 
 
 def _folded(section: str, part: Report) -> str:
-    """Return a section of the page as HTML that is folded until the user opens it.
-
-    section: HTML id of the section
-    """
+    """Return a section of the page as HTML that is folded until the user opens it."""
     return (
         f'<details id="{section}"><summary><h2>{html.escape(part.title)}</h2></summary>'
         f"<section>{replace(part, title='').html(2)}</section></details>"

@@ -115,13 +115,7 @@ def _figure(
     y: dict[str, Any],
     legend: bool = True,
 ) -> PlotlyFigure:
-    """Return a Plotly figure with one frame for each position of the slider.
-
-    traces: all initial traces
-    moving: for each frame, the traces that replace the last initial traces
-    x, y: Plotly's settings of the axes
-    legend: whether a legend is shown
-    """
+    """Return a Plotly figure with one frame for each position of the slider."""
     layout = {
         "xaxis": x,
         "yaxis": y,
@@ -183,12 +177,7 @@ def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | 
 
 
 def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> list[dict[str, Any]]:
-    """Return the traces of a front view at a trim: panels, lift, weight, hinges, and values as
-    text.
-
-    point: the trim, or None for empty traces
-    scale: length of an arrow divided by its force, in the units of the model
-    """
+    """Return the traces of a front view at a trim, or empty traces without a trim."""
     if point is None:
         return [{"x": [], "y": []} for _ in _FIXED]
     panels = panels_from_the_front(aircraft, point)
@@ -220,21 +209,13 @@ def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> lis
 
 
 def _arrows(starts: list[np.ndarray], forces: list[np.ndarray], scale: float) -> list[np.ndarray]:
-    """Return the start and the end point of the arrow of each force, as arrays (2, 2).
-
-    starts: point at which each force acts, (2,)
-    forces: each force, (2,)
-    scale: length of an arrow divided by its force
-    """
+    """Return the start and the end point of the arrow of each force, as arrays (2, 2)."""
     pairs = zip(starts, forces, strict=True)
     return [np.array([start, start + scale * force]) for start, force in pairs]
 
 
 def _pieces(pieces: list[np.ndarray]) -> dict[str, Any]:
-    """Return one Plotly trace that draws several separate lines.
-
-    pieces: end points of each line, (2, 2)
-    """
+    """Return one Plotly trace that draws several separate lines."""
     gap = np.full((1, 2), np.nan)
     return _line(np.concatenate([part for piece in pieces for part in (piece, gap)]))
 
@@ -261,10 +242,7 @@ def locus_plot(swept: Sweep) -> InteractivePlot | None:
 
 
 def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
-    """Return a root locus with one line for each mode, and marks at the angle chosen by the slider.
-
-    shown: mask of the modes that are drawn, (n,)
-    """
+    """Return a root locus, a line for each mode, with marks at the slider's angle."""
     angles = np.degrees(swept.values[:, -1])
     roots = swept.eigenvalues[:, shown]
     names = [swept.mode_names[column] for column in np.flatnonzero(shown).tolist()]
@@ -297,11 +275,7 @@ def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
 
 
 def _roots(angles: Any, roots: np.ndarray) -> dict[str, Any]:
-    """Return a Plotly trace of eigenvalues. The hover text shows angle, frequency and damping.
-
-    angles: deg, (N,)
-    roots: eigenvalues, (N,)
-    """
+    """Return a Plotly trace of eigenvalues. The hover text shows angle, frequency and damping."""
     size = np.abs(roots)
     with np.errstate(invalid="ignore", divide="ignore"):
         hover = np.broadcast_arrays(angles, size, np.where(size > 0, -roots.real / size, 0.0))

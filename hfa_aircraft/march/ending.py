@@ -331,10 +331,7 @@ class Endings:
         return np.asarray(self._standing[flying] >= patience.standing)
 
     def _cycling(self, flying: np.ndarray, swings: np.ndarray, number: int) -> np.ndarray:
-        """Return a mask of the flights in a limit cycle, decided at the end of each block.
-
-        number: number of earlier windows
-        """
+        """Return a mask of the flights in a limit cycle, decided at the end of each block."""
         patience = self._patience
         blocks = self._swings[:, flying]
         blocks[0] = np.minimum(blocks[0], swings)

@@ -61,12 +61,7 @@ class Stepper(Protocol):
 
 
 class _OneFlight:
-    """Stepper of one flight by one compiled function of all steps in a tick.
-
-    one: ([t; x], held) -> [t; x] after a step, and values observed before it
-    observed: (t, x, held) -> observed values, (k,)
-    is_long: whether compilation to machine code saves time
-    """
+    """Stepper of one flight by one compiled function of all steps in a tick."""
 
     def __init__(
         self, one: ca.Function, observed: ca.Function, step: float, steps: int, *, is_long: bool
@@ -217,11 +212,7 @@ class Ticks:
 
 
 def _step(rate: ca.Function, observed: ca.Function, step: float, parts: int) -> ca.Function:
-    """Return the function from [t; x] and the held inputs to [t; x] after a step and the values
-    observed before it.
-
-    parts: number of substeps in a step
-    """
+    """Return the function ([t; x], held) -> ([t; x] after a step, values observed before it)."""
     now = ca.SX.sym("now", 1 + rate.numel_in(1))
     held = ca.SX.sym("held", rate.numel_in(2))
     t = now[0]

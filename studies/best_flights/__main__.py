@@ -149,9 +149,7 @@ def drawn(flights: Sequence[BestFlight]) -> Figure:
 
 
 def _draw(axes: Axes, best: BestFlight, name: str) -> None:
-    """Draw a signal of the best flight found and of the exact game policy, with its limits, in a
-    panel.
-    """
+    """Draw a signal of the best flight and of the exact policy, with its limits."""
     unit = best.model.unit(name)
     limits = shown_values(np.array(limits_of(best.problem)[name]), unit)
     exact = best.compared[-1]

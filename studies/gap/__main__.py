@@ -128,12 +128,7 @@ def _row(
 
 
 def _over(summaries: Sequence[dict[str, Any]], key: str, which: str) -> str:
-    """Return a cost ratio of one algorithm over all its training runs, as text.
-
-    summaries: results of the training runs
-    key: "over_best" or "over_lqr"
-    which: "median" for the median of the runs' medians, "worst" for the largest ratio of any run
-    """
+    """Return a cost ratio of one algorithm over all its training runs, as text."""
     values = [each[key][which] for each in summaries if each[key] is not None]
     if not values:
         return "-"

@@ -140,12 +140,7 @@ def _median_and_worst(ratios: Sequence[float]) -> dict[str, float] | None:
 
 
 def _delay(run: Run, point: OperatingPoint) -> dict[str, Any]:
-    """Return the entries on the sampled loop of a policy at a trim, for the results.
-
-    - radius: spectral radius
-    - first_unstable_delay: s, or None if the loop is unstable without delay or no unstable delay
-      was found
-    """
+    """Return the entries on the sampled loop of a policy at a trim, for the results."""
     deployment = deployment_of(point, run.policy)
     assessed = hfa.assess(point.model, deployment, [point], samples=0).points[0]
     stable = assessed.radius < 1.0

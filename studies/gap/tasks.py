@@ -82,9 +82,7 @@ def cost_of(point: OperatingPoint) -> tuple[dict[str, float], dict[str, float]]:
 
 
 def _widths(point: OperatingPoint) -> dict[str, float]:
-    """Return the half-width of the initial-condition box in each state of the linear model, by
-    name.
-    """
+    """Return linear state -> half-width of the initial-condition box."""
     model = point.model
     return dict(zip(model.linear, start_box(model, point).tolist(), strict=True))
 

@@ -89,11 +89,7 @@ _START_SPREAD = 0.3
 
 
 def _with_newtons(method: str) -> Variant:
-    """Return the published dynamics in which one method is replaced by that of the `newton`
-    dynamics.
-
-    method: name of the method
-    """
+    """Return the published dynamics with one method of the `newton` dynamics."""
     changed: type[Published] = type(
         f"PublishedWith_{method}", (Published,), {method: getattr(Newton, method)}
     )
@@ -276,10 +272,7 @@ def run_identification(seed: int = 0, progress: Progress | None = None) -> Ident
 
 
 def _agreeing(sums: Sequence[float]) -> int:
-    """Return the number of initial guesses from which the smallest sum of squares is reached.
-
-    sums: sum of squares reached from each guess
-    """
+    """Return the number of initial guesses from which the smallest sum of squares is reached."""
     return sum(value < min(sums) * (1 + 1e-6) + 1e-9 for value in sums)
 
 
@@ -369,12 +362,7 @@ class _Problem:
         return list(z * self._system.scales)
 
     def entries(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (entry - print) / half unit for each printed entry that depends on θ, and the
-        Jacobian.
-
-        The Jacobian includes the change of the trim. The last result is cached, because the solver
-        requests values and Jacobian separately.
-        """
+        """Return (entry - print) / half unit of each entry that depends on θ, and the Jacobian."""
         if self._last is None or not np.array_equal(self._last[0], theta):
             values = []
             jacobians = []
@@ -441,14 +429,10 @@ def _as_fit(problem: _Problem, theta: np.ndarray) -> Fit:
 
 
 def _rounding_covariance(relative: np.ndarray) -> np.ndarray:
-    """Return the covariance of the rounding errors of the printed entries, in half units².
-
-    The rounding error of an entry, uniform within ±h, has the variance h²/3. Entries with equal
-    derivatives are the same number printed at both angles, for example B(speed, throttle). Their
-    rounding errors are equal, and the second entry contains no further information.
-
-    relative: Jacobian of the entries with respect to relative parameters
-    """
+    """Return the covariance of the rounding errors of the printed entries, in half units²."""
+    # The rounding error of an entry, uniform within ±h, has the variance h²/3. Entries with equal
+    # derivatives are the same number printed at both angles, for example B(speed, throttle). Their
+    # rounding errors are equal, and the second entry contains no further information.
     distance = np.abs(relative[:, None, :] - relative[None, :, :]).max(axis=2)
     same = distance < 1e-6 * np.abs(relative).max(axis=1)
     return np.where(same | np.eye(len(relative), dtype=bool), 1 / 3, 0.0)

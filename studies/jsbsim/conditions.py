@@ -64,13 +64,7 @@ def _trimmed(
 
 
 def _residual(name: str, held: Mapping[str, float], free: tuple[str, ...]) -> float:
-    """Return the largest acceleration that JSBSim computes at a trim, ft/s² or rad/s².
-
-    The result is 0 for an exact steady flight.
-
-    name: name of the aircraft
-    held, free: imposed values and free variables of the trim
-    """
+    """Return the largest acceleration that JSBSim computes at a trim, ft/s² or rad/s²."""
     gravity = GRAVITY * (RADIUS / (RADIUS + held["altitude"])) ** 2
     _, point = _trimmed(name, held, free, gravity)
     item = {
@@ -82,15 +76,9 @@ def _residual(name: str, held: Mapping[str, float], free: tuple[str, ...]) -> fl
 
 
 def _earth(name: str, held: Mapping[str, float], heading: float) -> tuple[float, float]:
-    """Return the errors of alpha (deg) and throttle of a level trim on JSBSim's earth.
-
-    The aircraft is trimmed again with gravity changed by JSBSim's downward acceleration at the
-    trim. The errors are the differences between the two trims.
-
-    name: name of the aircraft
-    held: values imposed on the trim
-    heading: deg
-    """
+    """Return the errors of alpha (deg) and throttle of a level trim on JSBSim's earth."""
+    # The aircraft is trimmed again with gravity changed by JSBSim's downward acceleration at the
+    # trim. The errors are the differences between the two trims.
     _, point = _trimmed(name, held, (), GRAVITY)
     state = point.states._asdict() | {"yaw": math.radians(heading)}
     item: dict[str, Any] = {

@@ -82,10 +82,7 @@ def trimmed(name: str, **parameters: float) -> tuple[Model, OperatingPoint]:
 
 
 def _at(name: str, model: Model, state: Mapping[str, float], inputs: Mapping[str, float]) -> Any:
-    """Return the request to JSBSim for a state with inputs.
-
-    name: name of the aircraft in JSBSim
-    """
+    """Return the request to JSBSim for a state with inputs."""
     point = {"state": dict(state), "commands": dict(inputs), "held": positions(model, inputs)}
     return {"aircraft": name, "point": point}
 
@@ -154,11 +151,7 @@ def slopes_in_equilibrium(model: Model, point: OperatingPoint) -> dict[str, np.n
 
 
 def _rates(state: Mapping[str, float], answer: Mapping[str, float]) -> np.ndarray:
-    """Return JSBSim's derivatives of speed, alpha, beta and angular velocity, (6,).
-
-    state: state of the aircraft, by name
-    answer: JSBSim's response at this state
-    """
+    """Return JSBSim's derivatives of speed, alpha, beta and angular velocity, (6,)."""
     speed, alpha, beta = (state[name] for name in ("speed", "alpha", "beta"))
     along = np.array(
         [
@@ -231,13 +224,7 @@ def _simulated(
     inputs: Mapping[str, float],
     pulse: Mapping[str, float],
 ) -> dict[str, float]:
-    """Return the final value of each state in a flight simulated by the classical Runge-Kutta
-    method.
-
-    state: initial state, by name
-    inputs: input -> value at the trim
-    pulse: input -> increment between 1 and 2 s
-    """
+    """Return the final value of each state of a flight by the Runge-Kutta method."""
     step = 0.005
     x = np.array([state[name] for name in model.states])
 

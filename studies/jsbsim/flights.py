@@ -118,10 +118,7 @@ def trimmed(name: str) -> tuple[Model, OperatingPoint]:
 
 
 def _condition(name: str) -> dict[str, float]:
-    """Return the values imposed on the trim of an aircraft, by name.
-
-    Raises BadInputError if the study has no level trim of this aircraft.
-    """
+    """Return the values imposed on the trim of an aircraft, by name."""
     if name in CONDITIONS:
         return dict(zip(("kcas", "altitude"), CONDITIONS[name], strict=True))
     for row in json.loads(RESULTS.read_text())["aircraft"]:
@@ -203,12 +200,7 @@ def simulated(model: Model, flight: Mapping[str, Any], start: Mapping[str, float
 
 
 def _settled(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -> np.ndarray:
-    """Return the initial state of a flight, (n,).
-
-    States that JSBSim reports have JSBSim's values. The other states are in equilibrium.
-
-    start: JSBSim's states at the start of the flight
-    """
+    """Return the initial state of a flight, (n,)."""
     u = [flight["commands"][name] for name in model.inputs]
     names = list(model.states)
     x = np.array([start.get(name, 0.0) for name in names])
@@ -227,11 +219,7 @@ def _settled(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]
 
 
 def _second(model: Model) -> ca.Function:
-    """Return the CasADi function (x, u) -> states after each of the integration steps of one
-    second.
-
-    u has a column for each step.
-    """
+    """Return the function (x, u of each step) -> states after each step of one second."""
     x = ca.SX.sym("x", len(model.states))
     u = ca.SX.sym("u", len(model.inputs))
     p = [signal.start for signal in model.parameters.values()]

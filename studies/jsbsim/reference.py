@@ -147,12 +147,7 @@ def responses(items: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> lis
 
 
 def _request(items: Sequence[Mapping[str, Any]], seconds: float) -> list[Any]:
-    """Return the responses that one child process writes before it ends or the time limit is
-    reached.
-
-    items: requests
-    seconds: time limit, s
-    """
+    """Return the responses that one child process writes within the time limit."""
     command = [sys.executable, "-m", "studies.jsbsim.reference"]
     try:
         process = subprocess.run(
@@ -183,11 +178,9 @@ def main() -> int:
 
 
 def _response(item: Mapping[str, Any]) -> dict[str, Any]:
-    """Return JSBSim's response to a request, or {"error": message}.
-
-    A response with nan is computed again, because JSBSim's first step reads uninitialized memory
-    (fokker50).
-    """
+    """Return JSBSim's response to a request, or {"error": message}."""
+    # A response with nan is computed again, because JSBSim's first step reads uninitialized memory
+    # (fokker50).
     answer: dict[str, Any] = {}
     for _ in range(_TRIES):
         try:
@@ -200,9 +193,7 @@ def _response(item: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _found(item: Mapping[str, Any]) -> dict[str, Any]:
-    """Return JSBSim's response to a request for a flight, a trim, or an evaluation at a fixed
-    state.
-    """
+    """Return JSBSim's response to a request: a flight, a trim, or one fixed state."""
     point = item["point"]
     simulator = _simulator(item)
     for name in _missing(item["aircraft"], item.get("root")):
@@ -214,23 +205,15 @@ def _found(item: Mapping[str, Any]) -> dict[str, Any]:
 
 @lru_cache
 def _missing(aircraft: str, root: str | None) -> list[str]:
-    """Return the names of the properties that JSBSim reports as missing when it initializes an
-    aircraft.
-
-    JSBSim reports each missing property by an exception. A separate simulator is used, because the
-    exceptions affect later results.
-
-    root: folder that contains the folder "aircraft", or None for JSBSim's
-    """
+    """Return the properties that JSBSim reports as missing when an aircraft is initialized."""
+    # JSBSim reports each missing property by an exception. A separate simulator is used, because
+    # the exceptions affect later results.
     simulator = _simulator({"aircraft": aircraft, "root": root, "point": {}})
     return _run(simulator.run_ic, simulator)
 
 
 def _simulator(item: Mapping[str, Any]) -> Any:
-    """Return a JSBSim simulator with the aircraft of a request.
-
-    The earth is a sphere without rotation, unless the request selects JSBSim's earth.
-    """
+    """Return a JSBSim simulator with the aircraft of a request."""
     import jsbsim
 
     name = item["aircraft"]
@@ -258,21 +241,13 @@ def _simulator(item: Mapping[str, Any]) -> Any:
 
 
 def _load_model(simulator: Any, name: str) -> None:
-    """Load an aircraft into the simulator.
-
-    Raises RuntimeError if JSBSim reports a failure.
-    """
+    """Load an aircraft into the simulator."""
     if not simulator.load_model(name):
         raise RuntimeError("JSBSim does not load it")
 
 
 def _cut(root: Path, name: str, held: Iterable[str], folder: Path) -> Path:
-    """Copy JSBSim's files of one aircraft to a folder, and return the folder of the copy.
-
-    In the copy, components that would set a held property write to another property instead.
-
-    held: names of the held properties
-    """
+    """Copy JSBSim's files of one aircraft to a folder, and return the folder of the copy."""
     copy = folder / "data"
     shutil.copytree(root / "aircraft" / name, copy / "aircraft" / name)
     shutil.copytree(root / "systems", copy / "systems")
@@ -286,10 +261,7 @@ def _cut(root: Path, name: str, held: Iterable[str], folder: Path) -> Path:
 
 
 def _start(simulator: Any, state: Mapping[str, float], commands: Mapping[str, float]) -> None:
-    """Set the state and the commands of the simulator, and start the engines.
-
-    Mixture and propeller levers are set as in the model.
-    """
+    """Set the state and the commands of the simulator, and start the engines."""
     wind = [commands.get(f"wind_{axis}", 0.0) for axis in ("north", "east", "down")]
     for name, full_name in _INITIAL.items():
         simulator[full_name] = state.get(name, 0.0)
@@ -336,11 +308,7 @@ def _stop(simulator: Any, number: int) -> None:
 
 
 def _over_ground(state: Mapping[str, float], wind: Sequence[float]) -> list[float]:
-    """Return the velocity of the aircraft over ground in body axes, ft/s, (3,).
-
-    state: airspeed, ft/s, and angles, rad
-    wind: north, east and down components, ft/s
-    """
+    """Return the velocity of the aircraft over ground in body axes, ft/s, (3,)."""
     roll, pitch, yaw, alpha, beta = (
         state.get(name, 0.0) for name in ("roll", "pitch", "yaw", "alpha", "beta")
     )
@@ -370,13 +338,7 @@ def _load(simulator: Any, commands: Mapping[str, float]) -> None:
 
 
 def _run(step: Callable[[], Any], simulator: Any) -> list[str]:
-    """Run a step of the simulation, and return the properties that JSBSim reports as missing.
-
-    Missing properties are set to 0, and the step is repeated. FlightGear would set these
-    properties. Raises RuntimeError after `_MISSING` properties.
-
-    step: function that runs the step
-    """
+    """Run a step of the simulation, and return the properties that JSBSim reports as missing."""
     names: list[str] = []
     for _ in range(_MISSING):
         try:
@@ -445,18 +407,16 @@ def _freeze_state(simulator: Any) -> None:
 
 
 def _simulated(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
-    """Simulate a flight in JSBSim and return the final states.
-
-    If the request contains "changes", the result also contains "start" and "states". "start"
-    contains the states at the start of the flight, including those of engines. "states" contains
-    the states at the end of each interval. Entries of the request:
-    - "flight": duration, s
-    - "step": time step, s, by default 1 ms
-    - "rest": time before the flight in which engines settle, s
-    - "pulse": increments of commands between 1 and 2 s
-    - "changes": list of [time, {command: value}], in order
-    - "interval": time between stored states, s, by default 1 s
-    """
+    """Simulate a flight in JSBSim and return the final states."""
+    # If the request contains "changes", the result also contains "start" and "states". "start"
+    # contains the states at the start of the flight, including those of engines. "states" contains
+    # the states at the end of each interval. Entries of the request:
+    # - "flight": duration, s
+    # - "step": time step, s, by default 1 ms
+    # - "rest": time before the flight in which engines settle, s
+    # - "pulse": increments of commands between 1 and 2 s
+    # - "changes": list of [time, {command: value}], in order
+    # - "interval": time between stored states, s, by default 1 s
     commands = dict(point.get("commands", {}))
     length = point.get("step", _FINE)
     _start(simulator, point["state"], commands)
@@ -489,12 +449,7 @@ def _simulated(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _lean(simulator: Any, commands: Mapping[str, float], leaned: dict[str, float]) -> None:
-    """Set the mixture commands for the current air pressure, as in the model.
-
-    A command that a component has changed is not set.
-
-    leaned: name of the command -> value set in the previous step, updated in place
-    """
+    """Set the mixture commands for the current air pressure, as in the model."""
     mixture = commands.get("mixture", 1.0) * simulator["atmosphere/delta"]
     for name in _mixtures(simulator):
         if leaned[name] == simulator[name]:
@@ -537,9 +492,7 @@ def _command(simulator: Any, commands: Mapping[str, float]) -> None:
 
 
 def _linearized(simulator: Any) -> dict[str, Any]:
-    """Return A and B from JSBSim's finite differences, with JSBSim's names of the states and
-    inputs.
-    """
+    """Return A and B from JSBSim's finite differences, with JSBSim's names."""
     import jsbsim
 
     linear = jsbsim.FGLinearization(simulator)
@@ -561,10 +514,7 @@ def _contents(simulator: Any) -> dict[str, float]:
 
 
 def _unsettled(simulator: Any) -> list[float]:
-    """Return the quantities that become constant when engines settle.
-
-    These are propeller speeds in rpm and accelerations.
-    """
+    """Return the quantities that become constant when engines settle."""
     count = simulator.get_propulsion().get_num_engines()
     names = [f"{_engine(number)}/propeller-rpm" for number in range(count)]
     names += [_MEASURED[axis] for axis in AXES]
@@ -572,9 +522,7 @@ def _unsettled(simulator: Any) -> list[float]:
 
 
 def _engine(number: int) -> str:
-    """Return the path of an engine's properties. As in JSBSim, the path of engine 0 has no
-    index.
-    """
+    """Return the path of an engine's properties; engine 0 has no index."""
     return f"propulsion/engine[{number}]" if number else "propulsion/engine"
 
 

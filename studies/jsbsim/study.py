@@ -45,12 +45,7 @@ def study(name: str) -> dict[str, Any]:
 
 
 def _trimmed(model: Model, held: Mapping[str, float]) -> dict[str, Any]:
-    """Return the result of a trim at a condition, or the reason why there is no trim.
-
-    If level flight has no trim, a glide with idle throttle is trimmed.
-
-    held: values imposed on the trim, by name
-    """
+    """Return the result of a trim at a condition, or the reason why there is no trim."""
     gravity = GRAVITY * (RADIUS / (RADIUS + held["altitude"])) ** 2
     flown = model.with_parameters(gravity=gravity)
     condition = release(usual_condition(flown), hold=held)
@@ -80,11 +75,7 @@ def _solution(model: Model, condition: TrimCondition) -> OperatingPoint | None:
 
 
 def _add(point: dict[str, Any], solution: OperatingPoint) -> None:
-    """Add the states, commands and held properties of a trim to its entry in the results.
-
-    point: the entry, changed in place
-    solution: the trim
-    """
+    """Add the states, commands and held properties of a trim to its entry in the results."""
     point["state"] = solution.states._asdict()
     contents = {
         name: signal.start
@@ -119,15 +110,7 @@ def positions(model: Model, inputs: Mapping[str, float]) -> dict[str, float]:
 
 
 def _measure(name: str, points: list[dict[str, Any]]) -> None:
-    """Add the residual of each trim to its entry in the results.
-
-    The residual is the largest acceleration that JSBSim computes at the trim, ft/s² or rad/s².
-    Properties that are inputs of the model are held, so JSBSim's control system does not change
-    them.
-
-    name: name of the aircraft
-    points: entries of the trims, changed in place
-    """
+    """Add the residual of each trim to its entry in the results."""
     measurable = [point for point in points if point["kind"] != "none"]
     answers = measured(name, measurable, 300.0) if measurable else []
     for point, answer in zip(measurable, answers, strict=True):

@@ -139,10 +139,7 @@ def reproduce(
 
 
 def _has_pictures(place: Path, names: Sequence[str]) -> bool:
-    """Return whether the .png and .npz files of each figure in a folder are complete.
-
-    names: names of the figures
-    """
+    """Return whether the .png and .npz files of each figure in a folder are complete."""
     try:
         for name in names:
             imread(place / f"{name}.png")
@@ -251,10 +248,7 @@ def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[st
 
 
 def _failed(flight: Mapping[str, Any]) -> bool:
-    """Return whether a flight under a law of this project failed.
-
-    A flight fails if it leaves the envelope or if the learned critic does not pass its checks.
-    """
+    """Return whether a flight under a law of this project failed."""
     if flight["law"] not in OWN:
         return False
     facts = flight["metrics"].get("learning", {}).get("facts", {})

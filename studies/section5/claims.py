@@ -184,11 +184,7 @@ def _spread(values: np.ndarray) -> float:
 
 
 def _gain_error(group: str, *, at_the_end: bool = False) -> Measure:
-    """Return a function that measures the largest |K - K*| / |K*| in a group of flights.
-
-    K is the gain of the learned value, and K* is the gain of the exact solution. The error is that
-    at the predefined time T_w, or at the end of the flight if `at_the_end` is True.
-    """
+    """Return a function that measures the largest |K - K*| / |K*| in a group of flights."""
 
     def of(evidence: Evidence, plan: FlightPlan) -> float:
         record = evidence.record(plan)
@@ -216,10 +212,7 @@ def _final_abscissa(evidence: Evidence, law: str) -> float:
 
 
 def _printed_coupling(evidence: Evidence, law: str) -> float:
-    """Return the smaller of two ratios of norms of the pitch-rate row, one for A and one for B.
-
-    A ratio is the norm of this row as printed at 5 deg, divided by its norm as printed at 15 deg.
-    """
+    """Return the smaller of two ratios of norms of the pitch-rate row, one for A and one for B."""
     row = LINEAR_STATES.index("pitch_rate")
     sizes = [
         [np.linalg.norm(matrix[row]) for matrix in (model.A, model.B)]
@@ -229,11 +222,7 @@ def _printed_coupling(evidence: Evidence, law: str) -> float:
 
 
 def _eigenvalue_difference(evidence: Evidence, law: str) -> float:
-    """Return the largest difference of a quoted eigenvalue from the nearest one of A, 1/s.
-
-    A is the matrix printed at 5 deg. The paper quotes magnitudes without signs, so the signs of the
-    eigenvalues are ignored.
-    """
+    """Return the largest difference of a quoted eigenvalue from the nearest one of A, 1/s."""
     eigenvalues = np.linalg.eigvals(published_models()[1].A)
     folded = np.abs(eigenvalues.real) + 1j * np.abs(eigenvalues.imag)  # quoted without signs
     quoted = published_data()["eigenvalues_quoted_for_5_deg"][
@@ -297,12 +286,7 @@ def _entries() -> tuple[dict[str, Any], ...]:
 def _each(
     must: str, each: tuple[dict[str, str], ...] = ({},), **claim: Any
 ) -> Iterator[dict[str, Any]]:
-    """Yield one claim for each dictionary in `each`, or a single claim without `each`.
-
-    The words of the dictionary replace the placeholders {..} of the claim.
-
-    must: relation and limit, for example "<= 0.1"
-    """
+    """Yield one claim for each dictionary in `each`, or a single claim without `each`."""
     relation, limit = must.split()
     asked = {"relation": relation, "limit": limit if limit.isidentifier() else float(limit)}
     for words in each:
@@ -355,14 +339,7 @@ def check_claim(claim: Claim, evidence: Evidence) -> dict[str, Any]:
 
 
 def _reason(claim: Claim, checks: Mapping[str, Check], limit: float) -> str:
-    """Return the reason for a verdict: data missing from the paper, measured value, limit and
-        cause.
-
-    If the modified law does not satisfy the claim, the value for the exact optimum is added.
-
-    checks: law -> check of the claim
-    limit: limit of the claim
-    """
+    """Return the reason for a verdict: missing data, measured value, limit and cause."""
     own = checks[claim.subject]
     parts = [f"the paper would have to give {claim.missing}"] if claim.missing else []
     told = own.reason or f"{claim.measured}: {own.value:.3g}"

@@ -69,11 +69,9 @@ class CriticPolicy(Policy):
 
     @cached_property
     def _stack(self) -> ca.Function:
-        """Function W -> Σ_j σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)].
-
-        The sum is over the recorded samples, and ē_j = σ̄_j'W + ē_j(0). The matrix products are not
-        expanded, because compiling 250 samples entry by entry would take minutes.
-        """
+        """Function W -> Σ_j σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)]."""
+        # The sum is over the recorded samples, and ē_j = σ̄_j'W + ē_j(0). The matrix products are
+        # not expanded, because compiling 250 samples entry by entry would take minutes.
         stored = self.law.recorded(np.zeros(self.law.basis.size))
         regressors = ca.DM(stored.regressors)
         weights = ca.MX.sym("W", self.law.basis.size)
@@ -82,10 +80,7 @@ class CriticPolicy(Policy):
         return ca.Function("stack", [weights], [push], {"never_inline": True})
 
     def _current(self, t: ca.SX, z: ca.SX, memory: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Return the regressor σ, (M,), and Bellman residual e of the current state (Eq. 32-33).
-
-        The policies are those of the current weights.
-        """
+        """Return the regressor σ, (M,), and Bellman residual e of the current state (Eq. 32-33)."""
         e = self.law.equations
         y = z / self._scales
         drift = (ca.mtimes(ca.DM(self.law.game.A), z) + self.forcing.at(t)) / self._scales
@@ -116,10 +111,7 @@ def gradient(basis: Basis, z: ca.SX) -> ca.SX:
 
 
 def _derivative(z: list[ca.SX], exponents: list[int], channel: int) -> ca.SX:
-    """Return ∂/∂z_channel of the monomial Π z_i^exponents[i].
-
-    The result is a structural zero if the monomial does not contain z_channel.
-    """
+    """Return ∂/∂z_channel of the monomial Π z_i^exponents[i]."""
     if exponents[channel] == 0:
         return ca.SX(1, 1)
     value = ca.SX(exponents[channel])

@@ -147,14 +147,10 @@ class PaperFigure:
 
 @dataclass(frozen=True)
 class _Panels:
-    """Builder of panels from the records of flights.
+    """Builder of panels from the records of flights."""
 
-    T_w: predefined time, s, drawn as a vertical line
-    by: property that distinguishes the lines of a panel, "law" or "uncertainty"
-    """
-
-    T_w: float
-    by: str = "law"
+    T_w: float  # predefined time, s, drawn as a vertical line
+    by: str = "law"  # property that distinguishes the lines of a panel, "law" or "uncertainty"
 
     def label(self, record: FlightRecord) -> str:
         """Return the legend label of a flight."""
@@ -163,10 +159,7 @@ class _Panels:
         return name if record.held else f"{name}{_LOST}{record.lost_at:.2g} s)"
 
     def marks(self, records: Iterable[FlightRecord] = ()) -> tuple[tuple[float, str], ...]:
-        """Return the vertical lines of a panel as (time in s, label).
-
-        The times are T_w, and the first time at which each law applies a learned gain.
-        """
+        """Return the vertical lines of a panel as (time in s, label)."""
         begins = {
             record.learned_from: record.plan.law for record in records if record.learned_from > 0.0
         }
@@ -183,22 +176,13 @@ class _Panels:
         values: Values,
         **more: Any,
     ) -> PlotPanel:
-        """Return a panel with one line for each flight.
-
-        label: label of the vertical axis
-        values: function from a record to the values of a line, which may end before the flight does
-        more: further fields of the panel
-        """
+        """Return a panel with one line for each flight."""
         drawn = [(self.label(record), record.times, values(record)) for record in records]
         lines = tuple(Line(name, times[: len(value)], value) for name, times, value in drawn)
         return PlotPanel(title, label, lines, **{"marked": self.marks(records)} | more)
 
     def states(self, state: str, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
-        """Return a panel of one state in several flights, as deviation from the trim, with its
-        command.
-
-        state: name of the state
-        """
+        """Return a panel of a state in several flights, as deviation, with its command."""
         row = LINEAR_STATES.index(state)
         label = f"{_SYMBOLS[state]} - trim, {getattr(STATE_UNITS, state)}"
         panel = self._of_flights(title, label, records, _column("states", row))
@@ -218,12 +202,7 @@ class _Panels:
     def inputs(
         self, titles: Sequence[str], groups: Sequence[Sequence[FlightRecord]]
     ) -> tuple[PlotPanel, ...]:
-        """Return panels of the five inputs, as deviations from the trim.
-
-        The panels are in rows for the inputs and columns for the groups of flights.
-
-        titles: titles of the columns
-        """
+        """Return panels of the five inputs, as deviations from the trim."""
         panels = []
         for row, name in enumerate(INPUTS):
             unit = getattr(INPUT_UNITS, name)
@@ -242,13 +221,7 @@ class _Panels:
         return tuple(panels)
 
     def weights(self, record: FlightRecord, title: str, *, increments: bool = False) -> PlotPanel:
-        """Return a panel of the weights W of a critic over time.
-
-        The weights that are largest at the end have labels. The other weights are drawn as one
-        bundle.
-
-        increments: whether to show W(t + tick) - W(t) instead of W(t)
-        """
+        """Return a panel of the weights W of a critic over time."""
         assert record.critic is not None
         weights = record.critic.weights
         order = np.argsort(-np.abs(weights[-1]), kind="stable")
@@ -263,10 +236,7 @@ class _Panels:
         return PlotPanel(title, label, (bundle, *lines), "symlog", self.marks())
 
     def residuals(self, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
-        """Return a panel of the Bellman residual |e| of the learned value at the simulated error z.
-
-        The unit of |e| is that of the cost rate z'Qz.
-        """
+        """Return a panel of the Bellman residual |e|, a cost rate, at the simulated error z."""
 
         def size(record: FlightRecord) -> np.ndarray:
             return np.maximum(np.abs(record.residual), _FLOOR)
@@ -276,10 +246,7 @@ class _Panels:
         )
 
     def updates(self, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
-        """Return a panel of the relative rate of change of the learned weights, 1/s.
-
-        The rate is |W(t + tick) - W(t)| / tick / |W(end)|.
-        """
+        """Return a panel of the relative rate of change of the learned weights, 1/s."""
 
         def speed(record: FlightRecord) -> np.ndarray:
             assert record.critic is not None
@@ -366,14 +333,7 @@ def _eight_figures(
     groups: Sequence[Sequence[Sequence[FlightRecord]]],
     learned: Sequence[tuple[FlightRecord, str]],
 ) -> Iterator[PaperFigure]:
-    """Yield eight figures of states, inputs and learning, with two columns each.
-
-    first: number of the first figure
-    title: title with {} for the subject of the figure
-    columns: titles of the columns
-    groups: for each of states, inputs and learning, a list of the flights in each column
-    learned: (flight, title) for each panel of weights
-    """
+    """Yield eight figures of states, inputs and learning, with two columns each."""
 
     def panels_in_columns(
         panel: Callable[..., PlotPanel], group: Sequence[Sequence[FlightRecord]]

@@ -295,10 +295,7 @@ def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRec
 
 
 def _simulated(configuration: Configuration, loop: CompiledLoop) -> tuple[Deviations, float]:
-    """Return a simulated flight until it leaves the envelope, and the time of leaving, s.
-
-    The time is inf if the flight stays within the envelope. At least the initial state is returned.
-    """
+    """Return a simulated flight until it leaves the envelope, and the time of leaving, s."""
     limit = configuration.flight.lost_beyond
 
     def sound_rows(bounded: np.ndarray, memory: np.ndarray) -> np.ndarray:
@@ -384,15 +381,7 @@ def _published(
     frozen: bool,
     reference: Waveform,
 ) -> tuple[Policy, Learned]:
-    """Return the policy that learns by Eq. (46) with recorded samples, as printed or modified.
-
-    The second result is a function from the policy's memory in a flight to the learned critic.
-
-    name: name of the law
-    predefined_time: T_w, s
-    frozen: whether learning stops at T_w
-    reference: command x_d
-    """
+    """Return the policy that learns by Eq. (46) with recorded samples, as printed or modified."""
     configuration = setting.configuration
     critic = setting.configuration.critic
     own = configuration.published_as_printed
@@ -438,30 +427,19 @@ def _published(
 
 
 class _Training(NamedTuple):
-    """A training run whose gains are used in the flights of one case.
+    """A training run whose gains are used in the flights of one case."""
 
-    run: training run with its weights over time
-    gains: gain at each tick, (N, m, n)
-    certified_from: time when a learned gain replaces the baseline, s
-    certified: whether the last critic passes the checks against the exact solution of the learned
-      problem (game or LQ)
-    """
-
-    run: TrainingRun
-    gains: np.ndarray
-    certified_from: float
+    run: TrainingRun  # training run with its weights over time
+    gains: np.ndarray  # gain at each tick, (N, m, n)
+    certified_from: float  # time when a learned gain replaces the baseline, s
+    # whether the last critic passes the checks against the exact solution of the learned problem
+    # (game or LQ)
     certified: bool
 
 
 @lru_cache(maxsize=4)
 def _train(setting: Setting, case: PaperCase, law: str, predefined_time: float) -> _Training:
-    """Return the training run of a law for one of the two aircraft.
-
-    The run is cached. Flights that differ only in plant or noise share the run.
-
-    law: name of a law of `learn`
-    predefined_time: T_w, s
-    """
+    """Return the training run of a law for one of the two aircraft."""
     configuration = setting.configuration
     critic = setting.configuration.critic
     target = case.game
@@ -483,11 +461,7 @@ def _train(setting: Setting, case: PaperCase, law: str, predefined_time: float) 
 def _learned(
     setting: Setting, case: PaperCase, law: str, predefined_time: float, reference: Waveform
 ) -> tuple[Policy, Learned]:
-    """Return the policy with the gain K(t) of a training run that proceeds during the flight.
-
-    A baseline gain is used until a learned gain is certified. The second result is a function from
-    the policy's memory in a flight to the learned critic.
-    """
+    """Return the policy with the gain K(t) of a training run that proceeds during the flight."""
     learner = "integral-rl" if law == INTEGRAL else "certified"
     learned, gains, first, certified = _train(setting, case, learner, predefined_time)
     tick = setting.configuration.flight.tick

@@ -161,10 +161,7 @@ def designed_servo(aircraft: Model) -> ScheduledController:
 
 
 def _paper(on: Start) -> Policy:
-    """Return the exact policy of the paper's game at the trim.
-
-    The policy has six states and five inputs. It includes neither actuators nor integrators.
-    """
+    """Return the exact policy of the paper's game at the trim."""
     model = linearize(on.aircraft, on.point)
     return GainPolicy("paper", solve(published_game(model.A, model.B)).K)
 

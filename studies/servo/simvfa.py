@@ -107,14 +107,12 @@ def reference_model(built: DesignModel) -> ReferenceModel:
 
 
 def _third_row(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """Return an output row c, (n,), for which the plant (A, B, [C; c]) is square with stable zeros.
-
-    The relative degree is unchanged. With T = [B⁺; N'] and N'B = 0, the part of T z that no input
-    drives directly is a smaller plant with the same outputs. If C B has full rank for the smaller
-    plant, c is the gain of an LQR and the zeros are the closed-loop eigenvalues. Otherwise the
-    reduction is repeated. Source: Qu, Wiese, Annaswamy, Lavretsky, Squaring-up in the presence of
-    transmission zeros, 2014.
-    """
+    """Return an output row c, (n,), with which (A, B, [C; c]) is square with stable zeros."""
+    # The relative degree is unchanged. With T = [B⁺; N'] and N'B = 0, the part of T z that no input
+    # drives directly is a smaller plant with the same outputs. If C B has full rank for the smaller
+    # plant, c is the gain of an LQR and the zeros are the closed-loop eigenvalues. Otherwise the
+    # reduction is repeated. Source: Qu, Wiese, Annaswamy, Lavretsky, Squaring-up in the presence of
+    # transmission zeros, 2014.
     from scipy.linalg import null_space, solve_continuous_are
 
     m = B.shape[1]
@@ -572,12 +570,7 @@ class AdaptiveDegree3(AdaptivePolicy):
     def _of_errors(
         memory: MemoryParts, scaled: ca.SX, mixed: ca.SX, path: tuple[ca.SX, ca.SX]
     ) -> ca.SX:
-        """Return the term F_e of the equations in the docstring of the class.
-
-        scaled: R⁻¹S e_y
-        mixed: S e_y
-        path: (B3, A)
-        """
+        """Return the term F_e of the equations in the docstring of the class."""
         bar = Filter(memory, _Y).drive(scaled)
         bar_12 = Filter(memory, _Y)
         psi_4 = Tuner(memory, _Y, _Y)
@@ -597,13 +590,7 @@ class AdaptiveDegree3(AdaptivePolicy):
         error: ca.SX,
         path: tuple[ca.SX, ca.SX],
     ) -> ca.SX:
-        """Return the term F_ε of the equations in the docstring of the class.
-
-        psi_1: Ψ1 and its derivatives
-        drift: ε and its derivative
-        error: S1 e_y
-        path: (B3, A)
-        """
+        """Return the term F_ε of the equations in the docstring of the class."""
         bar_1 = Filter(memory, _M).drive(product_rate(psi_1, drift)).high()
         effect = memory.take(_M, _M, np.eye(_M))
         bar_12 = Filter(memory, _M)
@@ -616,10 +603,7 @@ class AdaptiveDegree3(AdaptivePolicy):
 
 
 def _along(path: tuple[ca.SX, ca.SX], moved: ca.SX, still: ca.SX) -> ca.SX:
-    """Return B32 moved + B3 still, where B32 = A B3 + (α1 / α2) B3.
-
-    path: (B3, A)
-    """
+    """Return B32 moved + B3 still, where B32 = A B3 + (α1 / α2) B3."""
     B3, A = path
     return ca.mtimes(A, ca.mtimes(B3, moved)) + ca.mtimes(B3, A1 / A2 * moved + still)
 

@@ -118,12 +118,7 @@ def third_printed_entries(model: LinearModel) -> tuple[EntryRow, ...]:
 
 
 def _half_unit(digits: str) -> float:
-    """Return half a unit of the last decimal of a printed number.
-
-    For a number without decimals, a bound on the rounding error is returned.
-
-    digits: the printed number
-    """
+    """Return half a unit of the last decimal of a printed number."""
     decimals = len(digits.partition(".")[2])
     return 0.5 * 10.0**-decimals if decimals else _ROUNDING
 

@@ -54,16 +54,11 @@ class Matrices(NamedTuple):
 
 
 class _Kept(NamedTuple):
-    """Positions of the states and outputs that a reduced model keeps.
+    """Positions of the states and outputs that a reduced model keeps."""
 
-    rows: states that are kept
-    following: omitted states that follow the other states without delay
-    outputs: outputs that are kept
-    """
-
-    rows: list[int]
-    following: list[int]
-    outputs: list[int]
+    rows: list[int]  # states that are kept
+    following: list[int]  # omitted states that follow the other states without delay
+    outputs: list[int]  # outputs that are kept
 
 
 Names = str | tuple[str, ...] | list[str] | None

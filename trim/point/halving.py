@@ -94,35 +94,22 @@ def _halved_steps(
 
 
 class _Search(NamedTuple):
-    """State of Newton's method at the N points that have not converged.
+    """State of Newton's method at the N points that have not converged."""
 
-    points: indices of the points, (N,)
-    size: |r| at the best unknowns, (N,)
-    jacobian: J at the best unknowns, (N, m, k)
-    step: Newton step from the best unknowns, (N, k)
-    share: fraction of the step to be tried next, (N,)
-    """
-
-    points: np.ndarray
-    size: np.ndarray
-    jacobian: np.ndarray
-    step: np.ndarray
-    share: np.ndarray
+    points: np.ndarray  # indices of the points, (N,)
+    size: np.ndarray  # |r| at the best unknowns, (N,)
+    jacobian: np.ndarray  # J at the best unknowns, (N, m, k)
+    step: np.ndarray  # Newton step from the best unknowns, (N, k)
+    share: np.ndarray  # fraction of the step to be tried next, (N,)
 
     def of(self, rows: np.ndarray) -> _Search:
-        """Return the state of the search at some of the points.
-
-        rows: indices or mask
-        """
+        """Return the state of the search at some of the points."""
         return _Search(*(part[rows] for part in self))
 
     def improved_by(
         self, residual: np.ndarray, jacobian: np.ndarray, moving: np.ndarray | None
     ) -> np.ndarray:
-        """Return the mask (N,) of the trials at which |r| decreases, or |J⁻¹ r| with the last J.
-
-        residual, jacobian: r (N, m) and J (N, m, k) at the trials
-        """
+        """Return the mask (N,) of the trials at which |r| decreases, or |J⁻¹ r| with the last J."""
         decreases = _norm(residual) < self.size
         if decreases.all():
             return decreases

@@ -159,15 +159,11 @@ def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarra
 
 
 class _PartOfUnknowns(NamedTuple):
-    """Residuals of a trim problem as functions of the unknowns that are not constant.
-
-    constant: scaled unknowns (k,), of which all but the moving ones keep their values
-    moving: indices of the other unknowns
-    """
+    """Residuals of a trim problem as functions of the unknowns that are not constant."""
 
     problem: TrimProblem
-    constant: np.ndarray
-    moving: np.ndarray
+    constant: np.ndarray  # scaled unknowns (k,), of which all but the moving ones keep their values
+    moving: np.ndarray  # indices of the other unknowns
 
     def all_unknowns(self, values: np.ndarray) -> np.ndarray:
         """Return the scaled unknowns (k,), with given values of those that move."""

@@ -26,27 +26,18 @@ _MEETING = 1e-9
 
 
 class _Modes(NamedTuple):
-    """Eigenvalues and eigenvectors of A at one point or at many points.
+    """Eigenvalues and eigenvectors of A at one point or at many points."""
 
-    values: (.., n), eigenvalues
-    right: (.., n, n), eigenvectors as columns
-    left: (.., n, n), left eigenvectors as rows; left right = 1
-    """
-
-    values: np.ndarray
-    right: np.ndarray
-    left: np.ndarray
+    values: np.ndarray  # (.., n), eigenvalues
+    right: np.ndarray  # (.., n, n), eigenvectors as columns
+    left: np.ndarray  # (.., n, n), left eigenvectors as rows; left right = 1
 
     def at(self, points: np.ndarray) -> _Modes:
         """Return all modes of the points with these indices."""
         return _Modes(self.values[points], self.right[points], self.left[points])
 
     def some(self, point: int, modes: np.ndarray) -> _Modes:
-        """Return some modes of one point.
-
-        point: index of the point
-        modes: indices of the modes
-        """
+        """Return some modes of one point."""
         right = self.right[point][:, modes]
         return _Modes(self.values[point, modes], right, self.left[point, modes])
 

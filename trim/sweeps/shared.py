@@ -14,15 +14,11 @@ from trim.point.system import Equations, RowsOf, TrimSystem
 
 
 class _Shared(NamedTuple):
-    """Functions of rows in which terms without unknowns are computed beforehand.
+    """Functions of rows in which terms without unknowns are computed beforehand."""
 
-    constants: constants -> constants and these terms
-    residual, linear: `residual_rows` and `linear_rows` of these
-    """
-
-    constants: RowFunction
-    residual: RowFunction
-    linear: RowFunction
+    constants: RowFunction  # constants -> constants and these terms
+    residual: RowFunction  # `residual_rows` and `linear_rows` of these
+    linear: RowFunction  # `residual_rows` and `linear_rows` of these
 
 
 class SharedSystem(TrimSystem):

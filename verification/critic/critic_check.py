@@ -154,18 +154,12 @@ def verify(
 
 
 class _OverTime(NamedTuple):
-    """What a history or a training run adds to the verdict on its last critic.
+    """What a history or a training run adds to the verdict on its last critic."""
 
-    table: errors over time, or None for a critic without a history.
-    checks: checks of the data and the settling time.
-    sections: sections of the report.
-    reason: why the data do not determine the critic, or "".
-    """
-
-    table: ErrorTable | None
-    checks: list[Check]
-    sections: list[Section]
-    reason: str = ""
+    table: ErrorTable | None  # errors over time, or None for a critic without a history
+    checks: list[Check]  # checks of the data and the settling time
+    sections: list[Section]  # sections of the report
+    reason: str = ""  # why the data do not determine the critic, or ""
 
 
 _NO_TIME = _OverTime(None, [], [])
@@ -186,11 +180,7 @@ def _history_section(table: ErrorTable) -> Section:
 def _searched(
     axis: TimeAxis, critic: Critic, box: np.ndarray, limit: float, scope: Scope
 ) -> Findings:
-    """Return the errors that are searched for, and the simulations of the critic.
-
-    box: half-widths of the box of states, (n,)
-    limit: largest relative error that passes
-    """
+    """Return the errors that are searched for, and the simulations of the critic."""
     from verification.network.search import findings_of
 
     return findings_of(axis, critic, box, limit, scope)
@@ -199,10 +189,7 @@ def _searched(
 def _nonlinear(
     critic: Critic, linear: LinearModel, axis: TimeAxis, limit: float, sections: list[Section]
 ) -> NonlinearComparison | None:
-    """Return the comparison with the nonlinear game, and add its section.
-
-    The result is None if the game has no power series at the trim; the section says why.
-    """
+    """Return the comparison with the nonlinear game, and add its section."""
     from verification.nonlinear_game import compare_with_nonlinear
 
     if not isinstance(axis.exact, Solution):
@@ -232,10 +219,7 @@ def axis_of(game: Game | DiscreteGame) -> TimeAxis:
 
 
 def _critics(game: Game | DiscreteGame, given: object) -> Sequence[Critic]:
-    """Return what is judged as critics: one, or one for each time of a history.
-
-    Raises BadInputError for anything else, and for a history of critics without a time.
-    """
+    """Return what is judged as critics: one, or one for each time of a history."""
     if isinstance(given, Critic):
         return (given,)
     if isinstance(given, TrainingRun):
@@ -258,11 +242,7 @@ def _is_history(given: object) -> TypeGuard[Sequence[Critic]]:
 
 
 def _errors(axis: TimeAxis, box: np.ndarray, limit: float, critic: Critic) -> list[Check]:
-    """Return the checks of a critic's errors, without those that are searched for.
-
-    box: half-widths of the box of states, (n,)
-    limit: limit of each error
-    """
+    """Return the checks of a critic's errors, without those that are searched for."""
     errors = critic_errors(axis.step, critic, axis.exact, limit, box)
     return errors + axis.more_errors(critic, box, limit)
 
@@ -275,10 +255,7 @@ def _reason(
     scope: Scope,
     box: np.ndarray,
 ) -> str:
-    """Return the mistake that explains a wrong critic, or "" if none is recognized.
-
-    box: half-widths of the box of states, (n,)
-    """
+    """Return the mistake that explains a wrong critic, or "" if none is recognized."""
     if not critic.finite:
         return ""
     from verification.reasons.diagnosis import diagnose
@@ -291,10 +268,7 @@ def _reason(
 
 
 def _polynomial_section(critic: Critic) -> Section:
-    """Return a section of the report on a network with one layer, whose value is a polynomial.
-
-    The errors of such a network are bounded without a search.
-    """
+    """Return a section of the report on a network with one layer, whose value is a polynomial."""
     data = {
         "output": "V",
         "precision": critic.precision,

@@ -206,22 +206,12 @@ class InTime:
 
 
 def _smallest_eigenvalue(P: np.ndarray) -> float:
-    """Return the smallest eigenvalue of (P + P')/2, relative to the largest entry of |P|.
-
-    The result is 0 for P = 0.
-    """
+    """Return the smallest eigenvalue of (P + P')/2, relative to the largest entry of |P|."""
     return float(np.linalg.eigvalsh((P + P.T) / 2.0)[0] / np.abs(P).max()) if np.any(P) else 0.0
 
 
 def _loop_section(game: Game, K: np.ndarray, lost: FlightCost) -> Section:
-    """Return a section of the report that compares a critic with the optimum.
-
-    The section lists the cost above the optimum, the L2 gain, the distance to instability and the
-    disk margin.
-
-    K: gain of the critic, (m, n)
-    lost: cost, L2 gain and distance to instability of the critic and the optimum
-    """
+    """Return a section of the report that compares a critic with the optimum."""
     learned = None
     if math.isfinite(lost.gain):
         with suppress(NoSolutionError):

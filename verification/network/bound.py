@@ -72,14 +72,9 @@ def prove(
 def _halves(
     centres: np.ndarray, half_widths: np.ndarray, gaps: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the centres and half-widths of both halves of each box.
-
-    Each box is halved across the input with the largest gap. If a gap is not finite or all are 0,
-    the box is halved across its widest input.
-
-    centres, half_widths: (boxes, n)
-    gaps: (boxes, n), contribution of each input to the width of the box's bound
-    """
+    """Return the centres and half-widths of both halves of each box."""
+    # Each box is halved across the input with the largest gap. If a gap is not finite or all are 0,
+    # the box is halved across its widest input.
     boxes = np.arange(len(centres))
     # Without information on the gaps, as without a bound, the widest input is halved.
     known = np.all(np.isfinite(gaps), axis=1) & np.any(gaps > 0.0, axis=1)

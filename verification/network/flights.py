@@ -164,13 +164,7 @@ def starts_in(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
 
 
 def _reach(loop: Loop, b: np.ndarray, few: int) -> float:
-    """Return the largest tested multiple of the box from which all simulations converge, or 0.
-
-    The multiples are powers of two from 2^-k to 2^k, k = `DOUBLINGS`. The simulations from all
-    smaller tested multiples converge too.
-
-    few: number of initial conditions for each multiple
-    """
+    """Return the largest tested multiple of the box from which all simulations converge, or 0."""
 
     def converges(size: float) -> bool:
         return all(loop.simulate(start) is not None for start in size * starts_in(b, few))

@@ -151,10 +151,7 @@ class Comparison(NamedTuple):
 
 
 def _floored(sizes: np.ndarray) -> np.ndarray:
-    """Return the largest magnitudes of several quantities, bounded below, as scales of errors.
-
-    The lower bound is `SMALL` times the largest of them. If all are 0, the scales are 1.
-    """
+    """Return the largest magnitudes of several quantities, bounded below, as scales of errors."""
     return np.maximum(sizes, SMALL * sizes.max() or 1.0)
 
 
@@ -182,18 +179,15 @@ def findings_of(
 def _searched_and_proved(
     about: Comparison, limit: float, scope: Scope
 ) -> tuple[float, tuple[Found, ...], Proof | None]:
-    """Search for the largest errors, then prove a bound for a network.
-
-    Returns the largest error at the origin, the largest errors found in the box, and the proof or
-    None. Only graphs of scalars (SX) are proved. The errors of a polynomial are bounded already.
-
-    - No error above the limit is found: the limit is proved for all errors.
-    - An error above the limit is found, but not of the policy: the limit is proved for the policy.
-    - The error of the policy exceeds the limit: `_MARGIN` times this error is proved for the
-      policy.
-
-    If the proof finds a larger error, the search is repeated from that state.
-    """
+    """Search for the largest errors, then prove a bound for a network."""
+    # Returns the largest error at the origin, the largest errors found in the box, and the proof or
+    # None. Only graphs of scalars (SX) are proved. The errors of a polynomial are bounded already.
+    # - No error above the limit is found: the limit is proved for all errors.
+    # - An error above the limit is found, but not of the policy: the limit is proved for the
+    # policy.
+    # - The error of the policy exceeds the limit: `_MARGIN` times this error is proved for the
+    # policy.
+    # If the proof finds a larger error, the search is repeated from that state.
     end = time.monotonic() + scope.seconds
     origin, worst = search(about)
     functions = about.functions
@@ -296,13 +290,7 @@ def _sizes(values: ca.DM) -> np.ndarray:
 def _climber(
     errors: ca.SX, z: ca.SX, b: np.ndarray
 ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """Return the function that finds a local maximizer y of a weighted error in the box.
-
-    It maps (weights, initial y) to a maximizer of weights'errors(b y) for |y_i| <= 1.
-
-    errors: expressions in the symbols z
-    b: half-widths of the box of z
-    """
+    """Return the function that finds a local maximizer y of a weighted error in the box."""
     from scipy.optimize import minimize
 
     w = type(z).sym("w", errors.numel())

@@ -59,19 +59,13 @@ class ChangedEntry(Result):
 
 
 class _Edit(NamedTuple):
-    """Text of an entry for which the approximate answer has every printed digit.
-
-    text: the text
-    slip: misprint that turns the text into the text in the file
-    value: number that the text represents
-    lowest: lowest value of the entry for which the answer has every digit, to first order
-    highest: highest value of the entry for which the answer has every digit, to first order
-    """
+    """Text of an entry for which the approximate answer has every printed digit."""
 
     text: str
-    slip: str
-    value: float
-    lowest: float
+    slip: str  # misprint that turns the text into the text in the file
+    value: float  # number that the text represents
+    lowest: float  # lowest value of the entry for which the answer has every digit, to first order
+    # highest value of the entry for which the answer has every digit, to first order
     highest: float
 
 
@@ -114,10 +108,7 @@ def edits_tried(file: PrintedFile) -> int:
 
 
 def _positions(file: PrintedFile) -> Iterator[tuple[Position, str]]:
-    """Yield the position and the text of each number of the plant, except formulas.
-
-    For Q and R, only the upper triangle is included.
-    """
+    """Yield the position and the text of each number of the plant, except formulas."""
     for name, block in file.typed.items():
         for row, texts in enumerate(block.texts):
             for column, text in enumerate(texts):
@@ -127,11 +118,7 @@ def _positions(file: PrintedFile) -> Iterator[tuple[Position, str]]:
 
 
 def _fitting(file: PrintedFile, position: Position, text: str) -> list[_Edit]:
-    """Return the texts of an entry for which the approximate answer has every printed digit.
-
-    position: position of the entry
-    text: text of the entry in the file
-    """
+    """Return the texts of an entry for which the approximate answer has every printed digit."""
     slips = _edits(text)
     values = np.array([float(edit) for edit in slips])
     blocks = file.answer.values()
@@ -157,10 +144,7 @@ def _fitting(file: PrintedFile, position: Position, text: str) -> list[_Edit]:
 
 
 def _moves(misfits: np.ndarray, slopes: np.ndarray, allowed: np.ndarray) -> tuple[float, float]:
-    """Return the smallest and the largest x with |misfits - slopes x| <= allowed.
-
-    The inequality must hold for each printed entry. Entries with slope 0 are ignored.
-    """
+    """Return the smallest and the largest x with |misfits - slopes x| <= allowed."""
     depends = slopes != 0.0
     centers = misfits[depends] / slopes[depends]
     widths = allowed[depends] / np.abs(slopes[depends])
@@ -168,10 +152,7 @@ def _moves(misfits: np.ndarray, slopes: np.ndarray, allowed: np.ndarray) -> tupl
 
 
 def _by_interval(edits: list[_Edit]) -> list[list[_Edit]]:
-    """Return the edits of an entry in groups.
-
-    The intervals of the edits in a group overlap.
-    """
+    """Return the edits of an entry in groups."""
     groups: list[list[_Edit]] = []
     for edit in sorted(edits, key=lambda edit: edit.lowest):
         if groups and edit.lowest <= max(before.highest for before in groups[-1]):
@@ -184,15 +165,7 @@ def _by_interval(edits: list[_Edit]) -> list[list[_Edit]]:
 def _likeliest(
     file: PrintedFile, position: Position, text: str, edits: list[_Edit]
 ) -> ChangedEntry | None:
-    """Return the first edit that the certified answer confirms, or None if no edit is confirmed.
-
-    The edits are ordered by the likelihood of their misprint, then by the distance from the middle
-    of the interval.
-
-    position: position of the entry
-    text: text of the entry in the file
-    edits: edits of the entry with overlapping intervals
-    """
+    """Return the first edit that the certified answer confirms, or None if no edit is confirmed."""
     lowest = min(edit.lowest for edit in edits)
     highest = max(edit.highest for edit in edits)
     middle = (lowest + highest) / 2.0
@@ -209,11 +182,7 @@ def _likeliest(
 
 
 def _edits(text: str) -> dict[str, str]:
-    """Return right text -> misprint that turns the right text into the given text.
-
-    If several misprints turn a text into the given text, the likeliest is returned. Texts with the
-    value of the given text are omitted.
-    """
+    """Return right text -> misprint that turns the right text into the given text."""
     match = re.fullmatch(r"([+-]?)([\d.]+)(.*)", text)
     assert match is not None
     sign, digits, exponent = match.groups()
@@ -228,10 +197,7 @@ def _edits(text: str) -> dict[str, str]:
 
 
 def _without_leading_zeros(digits: str) -> str:
-    """Return a number without leading zeros, but with at least one digit before the point.
-
-    The result for 00.5 is 0.5.
-    """
+    """Return a number without leading zeros, but with at least one digit before the point."""
     stripped = digits.lstrip("0")
     if not stripped or stripped.startswith("."):
         return f"0{stripped}"
@@ -265,10 +231,7 @@ def _with_neighbours_interchanged(digits: str) -> Iterator[str]:
 
 
 def _with_the_point_elsewhere(digits: str) -> Iterator[str]:
-    """Yield the same digits with the decimal point at each position.
-
-    The positions include one place before the first and one place after the last digit.
-    """
+    """Yield the same digits with the decimal point at each position."""
     plain = digits.replace(".", "")
     yield f"0.0{plain}"
     for moved in range(len(plain) + 1):

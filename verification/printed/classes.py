@@ -126,10 +126,7 @@ def fitting_time(file: PrintedFile) -> str:
 def _by_digits(
     file: PrintedFile, P: np.ndarray, comparison: Comparison
 ) -> tuple[Class, str] | None:
-    """Return the class and its reason if they follow from the digits alone, or None.
-
-    P: matrix of the exact value x'P x, (n, n)
-    """
+    """Return the class and its reason if they follow from the digits alone, or None."""
     if not comparison.outside.any():
         return "as printed", f"all {len(comparison.printed)} entries"
     if _is_cut_off(comparison):
@@ -150,11 +147,7 @@ def _by_digits(
 
 
 def _exceeds_noise(comparison: Comparison) -> bool:
-    """Return whether the wrong entries are too far off to be noise of a learned answer.
-
-    An error is too far off if noise of the same absolute and the same relative size would exceed
-    `_ABOVE_NOISE` half units in every other entry.
-    """
+    """Return whether the wrong entries are too far off to be noise of a learned answer."""
     outside = comparison.outside
     error = np.abs(comparison.printed - comparison.exact)[outside].min()
     relative = (np.abs(comparison.printed - comparison.exact) / _sizes(comparison))[outside].min()
@@ -173,13 +166,7 @@ def _sizes(comparison: Comparison) -> np.ndarray:
 def _by_search(
     file: PrintedFile, comparison: Comparison, changed: tuple[ChangedEntry, ...], mistake: str
 ) -> tuple[Class, str] | None:
-    """Return the class and its reason if a changed entry or a known mistake explains the answer.
-
-    The result is None if nothing explains the answer.
-
-    changed: changes of one entry of the plant that make every digit right
-    mistake: known mistake, or ""
-    """
+    """Return the class and its reason if a changed entry or a known mistake explains the answer."""
     is_evident = _is_evident(file, comparison)
     is_inexact = file.learned or file.plant_rounded
     explanations = [mistake] if mistake else []
@@ -197,13 +184,7 @@ def _by_search(
 
 
 def _explained(failure: NoSolutionError, file: PrintedFile, progress: Progress | None) -> str:
-    """Return the error message for a plant without a certified answer.
-
-    The message names the other kind of time, continuous or discrete, or changed entries, if they
-    make every printed digit right.
-
-    failure: error of the solver
-    """
+    """Return the error message for a plant without a certified answer."""
     other_time = fitting_time(file)
     if other_time:
         return f"{failure}; {other_time}"
@@ -218,12 +199,10 @@ def _explained(failure: NoSolutionError, file: PrintedFile, progress: Progress |
 
 
 def _is_evident(file: PrintedFile, comparison: Comparison) -> bool:
-    """Return whether the wrong entries are sufficient evidence for a changed entry of the plant.
-
-    An error of r half units occurs by chance in one of r cases. For a learned answer or a rounded
-    plant, noise or rounding may explain such errors. The chance over all edits tried must then also
-    be small.
-    """
+    """Return whether the wrong entries are sufficient evidence for a changed entry of the plant."""
+    # An error of r half units occurs by chance in one of r cases. For a learned answer or a rounded
+    # plant, noise or rounding may explain such errors. The chance over all edits tried must then
+    # also be small.
     evidence = comparison.evidence()
     if evidence[1:].sum() < _EVIDENCE:
         return False
@@ -233,10 +212,7 @@ def _is_evident(file: PrintedFile, comparison: Comparison) -> bool:
 
 
 def _by_rounding(used: float) -> tuple[Class, str]:
-    """Return the class and the reason of an answer whose plant is printed with rounded entries.
-
-    used: result of `rounding_used`
-    """
+    """Return the class and the reason of an answer whose plant is printed with rounded entries."""
     if used <= 1.0:
         return "not decided", f"{used:.2g} of the rounding of the plant explains it"
     return "cannot tell", f"{used:.3g} times the rounding of the plant would explain it"
@@ -292,11 +268,7 @@ def _is_cut_off(comparison: Comparison) -> bool:
 
 
 def _asymmetric_block(file: PrintedFile) -> str:
-    """Return the name of the first asymmetric matrix, "P" or "H", or "" if none is asymmetric.
-
-    A matrix is asymmetric if at least two mirrored pairs differ by more than the rounding of their
-    printed digits. P of a learned answer is not checked, because it may be slightly asymmetric.
-    """
+    """Return the name of the first asymmetric matrix, "P" or "H", or "" if none is asymmetric."""
     names = ("H",) if file.learned else ("P", "H")
     for name in names:
         if name in file.answer:
@@ -309,11 +281,7 @@ def _asymmetric_block(file: PrintedFile) -> str:
 
 
 def _wrong_entry(file: PrintedFile, comparison: Comparison, wrong: Position) -> str:
-    """Return a sentence with the printed and the exact value of a wrong entry.
-
-    wrong: position of the entry. If its matrix contains several wrong entries, the first is
-        described.
-    """
+    """Return a sentence with the printed and the exact value of a wrong entry."""
     outside = [comparison.positions[index] for index in np.flatnonzero(comparison.outside)]
     position = next(position for position in outside if position.block == wrong.block)
     index = comparison.positions.index(position)
@@ -325,13 +293,7 @@ def _wrong_entry(file: PrintedFile, comparison: Comparison, wrong: Position) -> 
 
 
 def _known_mistake(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> str:
-    """Return the known mistake that explains the printed answer, or "".
-
-    Discrete instead of continuous time, or the reverse, also counts as a mistake. A mistake must
-    explain every digit, or most of the error of a learned answer.
-
-    P: matrix of the exact value x'P x, (n, n)
-    """
+    """Return the known mistake that explains the printed answer, or ""."""
     question = fitting_time(file)
     if question:
         return question
@@ -353,14 +315,7 @@ def _known_mistake(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> 
 def _mistaken_answers(
     file: PrintedFile, P: np.ndarray
 ) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
-    """Yield (known mistake, answer with this mistake).
-
-    The mistakes are opposite signs, factors of 2, other orders of the weights W, and interchanged
-    states. Interchanged states are omitted for plants that are too large to be searched
-    (`not_searched`).
-
-    P: matrix of the exact value x'P x, (n, n)
-    """
+    """Yield (known mistake, answer with this mistake)."""
     exact = answer_of(file.plant, P)
     for name in ("K", "L"):
         if name in file.answer:

@@ -155,10 +155,7 @@ def in_signs(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def _mirrored(position: Position) -> Position:
-    """Return the position in the upper triangle for an entry of a symmetric matrix, P or H.
-
-    The position of an entry of another matrix is returned unchanged.
-    """
+    """Return the position in the upper triangle for an entry of a symmetric matrix, P or H."""
     if position.block in _SYMMETRIC and position.row > position.column:
         return Position(position.block, position.column, position.row)
     return position

@@ -256,10 +256,7 @@ def answer_change(
 
 
 def _lyapunov(plant: Plant, F: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return the solution Z of the Lyapunov equation of a plant.
-
-    The equation is F'Z + Z F + right = 0, or Z = α F'Z F + right in discrete time.
-    """
+    """Return the solution Z of the Lyapunov equation of a plant."""
     from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
     symmetric = (right + right.T) / 2.0

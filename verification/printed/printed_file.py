@@ -177,14 +177,8 @@ def read_block(
 
 
 def _multiplied(name: str, rows: list[list[str]], exponent: int) -> list[list[str]]:
-    """Return the rows of numbers times a power of ten, as text.
-
-    A number "0" has as many decimals as the number with the most decimals.
-
-    name: name of the matrix, for messages
-
-    Raises BadInputError for a number with an exponent and for a formula.
-    """
+    """Return the rows of numbers times a power of ten, as text."""
+    # A number "0" has as many decimals as the number with the most decimals.
     decimals = max(len(word.partition(".")[2]) for row in rows for word in row)
     multiplied = []
     for row in rows:
@@ -201,12 +195,7 @@ def _multiplied(name: str, rows: list[list[str]], exponent: int) -> list[list[st
 
 
 def _value_of(text: str, parameters: Mapping[str, float]) -> float:
-    """Return the value of a formula with named numbers, such as "m*g/l".
-
-    parameters: name -> value
-
-    Raises BadInputError for other text, and for a value that is not finite.
-    """
+    """Return the value of a formula with named numbers, such as "m*g/l"."""
     symbols = {name: ca.SX(value) for name, value in parameters.items()}
     try:
         (formula,) = expressions(text, symbols, ", ".join(["numbers", *parameters]))
@@ -225,12 +214,7 @@ def _value_of(text: str, parameters: Mapping[str, float]) -> float:
 
 
 def _number(word: str, parameters: Mapping[str, float]) -> tuple[float, float]:
-    """Return the value of a number or formula, and half a unit of its last digit.
-
-    The half unit of a formula is 0.
-
-    Raises BadInputError for other text and for overflow.
-    """
+    """Return the value of a number or formula, and half a unit of its last digit."""
     match = _DECIMAL.fullmatch(word)
     if match is None:
         lacks_space = not re.search(r"[*/(A-Za-z]", _DECIMAL.sub("", word))  # 0.1-0.2
@@ -309,12 +293,7 @@ def _table(content: dict[str, Any], name: str, keys: tuple[str, ...]) -> dict[st
 
 
 def _parameters(content: dict[str, Any]) -> dict[str, float]:
-    """Return name -> value of the table [parameters], or {} if there is no such table.
-
-    Each value is a number, or a formula of the preceding names.
-
-    Raises BadInputError if `parameters` is not a table or a value is wrong.
-    """
+    """Return name -> value of the table [parameters], or {} if there is no such table."""
     if "parameters" not in content:
         return {}
     parameters: dict[str, float] = {}
@@ -329,10 +308,7 @@ def _parameters(content: dict[str, Any]) -> dict[str, float]:
 
 
 def _exponent(scale: Any) -> int:
-    """Return the exponent of a scale, a power of ten such as "1.0e+04".
-
-    Raises BadInputError for another scale.
-    """
+    """Return the exponent of a scale, a power of ten such as "1.0e+04"."""
     match = _FACTOR.fullmatch(str(scale))
     if match is None:
         raise BadInputError(f'scale is {shown(scale)}; give a power of ten such as "1.0e+04"')
@@ -358,10 +334,7 @@ def _scalar(name: str, block: Block) -> float:
 
 
 def _completed(typed: dict[str, Block], parameters: Mapping[str, float]) -> str:
-    """Replace a single number for Q or R by a diagonal matrix with this number.
-
-    Return a note on the replaced matrices, or "" if none is replaced.
-    """
+    """Replace a single number for Q or R by a diagonal matrix with this number."""
     readings = []
     for name, size in (("Q", len(typed["A"].values)), ("R", typed["B"].values.shape[1])):
         block = typed[name]

@@ -142,10 +142,7 @@ def check_printed(path: Path, progress: Progress | None = None) -> PrintedVerdic
 
 
 def _cost_above_optimum(file: PrintedFile) -> float:
-    """Return an upper bound on the cost above the optimum of the printed policy, percent.
-
-    If K is not printed, the policy is that of the printed H, P or W.
-    """
+    """Return an upper bound on the cost above the optimum of the printed policy, percent."""
     game = file.plant.game()
     printed = {name: block.values for name, block in file.answer.items()}
     if "K" in printed:
@@ -160,10 +157,7 @@ def _cost_above_optimum(file: PrintedFile) -> float:
 
 
 def _rows(comparison: Comparison) -> list[tuple[Any, ...]]:
-    """Return block, row, column, printed value, exact value, half unit and error of each entry.
-
-    Rows and columns are counted from 1. The error is in units of the tolerance.
-    """
+    """Return block, row, column, printed value, exact value, half unit and error of each entry."""
     rows = []
     for index, position in enumerate(comparison.positions):
         rows.append(

@@ -169,14 +169,7 @@ def diagnose(
 def _of_view(
     view: View, usual: Sequence[Hypothesis], other_games: Iterable[Hypothesis] = ()
 ) -> str:
-    """Return the text of the best explanation of the error in a matrix, or "".
-
-    Exact common mistakes are preferred to other games, and other games to common mistakes with
-    noise.
-
-    usual: common mistakes
-    other_games: hypotheses that the critic solves another game
-    """
+    """Return the text of the best explanation of the error in a matrix, or ""."""
     cause = named(view, usual, EXACT)
     if not cause.says:
         cause = named(view, other_games, EXACT)
@@ -184,10 +177,7 @@ def _of_view(
 
 
 def _usual(game: Game, view: View, critic: Critic) -> list[Hypothesis]:
-    """Return hypotheses of common mistakes in a matrix of a critic.
-
-    For P, mistakes in the critic's weights are included.
-    """
+    """Return hypotheses of common mistakes in a matrix of a critic."""
     hypotheses = list(of_matrix(game, view))
     if view.kind == "P" and critic.weights is not None and critic.basis is not None:
         hypotheses += of_weights(critic.weights, view.exact, critic.basis)
@@ -195,13 +185,7 @@ def _usual(game: Game, view: View, critic: Critic) -> list[Hypothesis]:
 
 
 def _views(game: Game, critic: Critic, P: np.ndarray, K: np.ndarray) -> tuple[View | None, View]:
-    """Return the critic's and the exact matrix P, and the critic's and the exact gain K.
-
-    The first result is None if the critic has no P.
-
-    P: exact matrix, (n, n)
-    K: exact gain, (m, n)
-    """
+    """Return the critic's and the exact matrix P, and the critic's and the exact gain K."""
     units = NormalForm.of(game).units
     inputs = np.outer(np.sqrt(np.diag(game.R)), units)
     value = None
@@ -225,10 +209,7 @@ def alike(P: np.ndarray, units: np.ndarray) -> np.ndarray:
 
 
 def _rounded(gain: View) -> str:
-    """Return the sentence for a critic whose P is within the limit, but not the gain of this P.
-
-    gain: the critic's and the exact gain
-    """
+    """Return the sentence for a critic whose P is within the limit, but not the gain of this P."""
     return (
         "P is right within the limit; the K that follows from it is off by "
         f"{error_of(gain, gain.judged):.2g}: it needs more digits of P"
@@ -236,10 +217,7 @@ def _rounded(gain: View) -> str:
 
 
 def _beyond_quadratic(critic: Critic) -> str:
-    """Return a sentence on the largest weight of a basis function that is not quadratic, or "".
-
-    The result is "" if all these weights are 0 or the critic has no weights.
-    """
+    """Return a sentence on the largest weight of a basis function that is not quadratic, or ""."""
     if critic.weights is None or critic.basis is None:
         return ""
     beyond = critic.basis.quadratic_size
@@ -253,11 +231,7 @@ def _beyond_quadratic(critic: Critic) -> str:
 
 
 def _another_root(axis: TimeAxis, P: np.ndarray) -> str:
-    """Return a sentence that P is another root of the Riccati equation, or "" if P is not.
-
-    The result is "" if the relative residual exceeds `_ROOT`, or if the loop with both policies of
-    P is stable.
-    """
+    """Return a sentence that P is another root of the Riccati equation, or "" if P is not."""
     residual = float(axis.residuals(P[None])[0])
     loop = axis.game_loop(P)
     if residual > _ROOT or loop.ok:
@@ -277,13 +251,7 @@ def _of_network(
     box: np.ndarray,
     others: Callable[[View], Iterator[Hypothesis]],
 ) -> str:
-    """Return a sentence on the mistake that explains most of a network's error, or "".
-
-    The error is that at the origin or over the box.
-
-    box: half-widths of the box of states, (n,)
-    others: function from a view to hypotheses that the critic solves another game
-    """
+    """Return a sentence on the mistake that explains most of a network's error, or ""."""
     game = axis.step
     exact = axis.exact
     own_policy = "policy" in critic.network and not critic.implies_policy
@@ -323,12 +291,7 @@ def _of_network(
 
 
 def _of_variants(game: Game, exact: Exact, critic: Critic, box: np.ndarray) -> Iterator[Cause]:
-    """Yield how well another reading of a network's file explains the error, for each reading.
-
-    Each reading gives two results, one at the origin and one over the box.
-
-    box: half-widths of the box of states, (n,)
-    """
+    """Yield how well another reading of a network's file explains the error, for each reading."""
     views = [
         _network_views(exact, Answer(critic.P, critic.K), critic, box)[0],
         _network_views(exact, nearest_linear(game, critic, box), critic, box)[0],
@@ -344,15 +307,10 @@ def _of_variants(game: Game, exact: Exact, critic: Critic, box: np.ndarray) -> I
 
 
 def _network_views(exact: Exact, answer: Answer, critic: Critic, box: np.ndarray) -> list[View]:
-    """Return views of a network's matrix P, if there is one, and of the network's gain K.
-
-    For a network of V, the weights of an entry of P are products of two half-widths of the box. The
-    weights of a row of another matrix are the half-widths, divided by the weighted norm of the
-    exact row.
-
-    answer: matrices P and K that represent the network. P may be None.
-    box: half-widths of the box of states, (n,)
-    """
+    """Return views of a network's matrix P, if there is one, and of the network's gain K."""
+    # For a network of V, the weights of an entry of P are products of two half-widths of the box.
+    # The weights of a row of another matrix are the half-widths, divided by the weighted norm of
+    # the exact row.
 
     def by_row(matrix: np.ndarray) -> np.ndarray:
         sizes = np.linalg.norm(matrix * box, axis=1, keepdims=True)

@@ -225,11 +225,7 @@ def of_matrix(game: Game, view: View) -> Iterator[Hypothesis]:
 
 
 def _factors(view: View, noun: str, meant: str) -> Iterator[Hypothesis]:
-    """Yield hypotheses that all entries of a matrix are multiplied by one factor.
-
-    noun: noun for the matrix in the sentence, "value" or "gain"
-    meant: definition of the correct matrix in the sentence
-    """
+    """Yield hypotheses that all entries of a matrix are multiplied by one factor."""
     for mistake, factor in _FACTORS.items():
         yield Hypothesis(f"the {noun} {mistake}: {meant}", factor * view.judged)
     weights = view.weights**2
@@ -252,11 +248,9 @@ def _nearest_power_of_ten(ratio: float) -> int:
 
 
 def _one_entry(view: View) -> Iterator[Hypothesis]:
-    """Yield the hypothesis of a wrong sign or decimal point in the entry with the largest error.
-
-    In P, the mirrored entry is corrected too. Nothing is yielded unless the critic's entry is about
-    ± a power of ten times the exact entry.
-    """
+    """Yield the hypothesis of a wrong sign or decimal point in the entry with the largest error."""
+    # In P, the mirrored entry is corrected too. Nothing is yielded unless the critic's entry is
+    # about ± a power of ten times the exact entry.
     if view.known < 1 + REDUNDANT:
         return
     errors = np.abs(view.judged - view.exact) * view.weights
@@ -348,14 +342,7 @@ def _symmetric_factors(view: View) -> np.ndarray:
 def _scales(
     view: View, noun: str, factors: np.ndarray, degree: float
 ) -> Iterator[tuple[str, np.ndarray, str]]:
-    """Yield mistakes that the factors of states or inputs suggest: signs, degrees and scales.
-
-    Each item is (sentence, divisors of the states or inputs, `Hypothesis.fitted`).
-
-    noun: noun for the quantity of a factor, such as "state"
-    factors: fitted factor of each state or input
-    degree: factor of a quantity in degrees
-    """
+    """Yield mistakes that the factors of states or inputs suggest: signs, degrees and scales."""
     flipped = factors < 0.0
     with np.errstate(all="ignore"):
         angles = np.abs(np.log(np.abs(factors) / degree)) < _DEGREE_BAND
@@ -372,10 +359,7 @@ def _scales(
 
 
 def _listed(noun: str, where: np.ndarray) -> str:
-    """Return the indices in a mask as text, such as "state 2" or "states 2, 3 and 5".
-
-    Indices are counted from 1.
-    """
+    """Return the indices in a mask as text, such as "state 2" or "states 2, 3 and 5"."""
     *numbers, last = (str(index + 1) for index in np.flatnonzero(where))
     return f"{noun}s {', '.join(numbers)} and {last}" if numbers else f"{noun} {last}"
 
@@ -385,10 +369,7 @@ def _order_text(noun: str, order: Sequence[int] | np.ndarray) -> str:
 
 
 def _best_order(away: np.ndarray) -> np.ndarray:
-    """Return the permutation (n,) for which the sum of away[i, order[i]] is smallest.
-
-    away: distance of each row from each exact row, (n, n)
-    """
+    """Return the permutation (n,) for which the sum of away[i, order[i]] is smallest."""
     from scipy.optimize import linear_sum_assignment
 
     return np.asarray(linear_sum_assignment(np.nan_to_num(away, nan=1e300, posinf=1e300))[1])

@@ -115,22 +115,14 @@ def other_games(game: Game | DiscreteGame, nearby: Nearby | None = None) -> Othe
 
 
 class _OtherTimes:
-    """Hypotheses that a critic of a game in continuous time solves another game.
-
-    game: the game to be solved
-    nearby: other games that the critic may solve
-    """
+    """Hypotheses that a critic of a game in continuous time solves another game."""
 
     def __init__(self, game: Game, nearby: Nearby) -> None:
         self.game = game
         self._families = lru_cache(lambda: families(game, nearby))
 
     def of_matrix(self, view: View) -> Iterator[Hypothesis]:
-        """Yield hypotheses that a critic given by P or K solves another game.
-
-        The LQR is yielded if it leaves at most `_SAME` of the error. Otherwise another game is
-        yielded only if it explains the critic's difference from the LQR.
-        """
+        """Yield hypotheses that a critic given by P or K solves another game."""
         allowed = math.inf
         lqr = [family for family in self._families() if family.is_lqr]
         for hypothesis in answers(view, lqr, EXACT.left[""]):
@@ -151,26 +143,18 @@ class _OtherTimes:
                 yield is_answer(view, answer, says)
 
     def of_network(self, view: View) -> Iterator[Hypothesis]:
-        """Yield hypotheses that a network solves another game.
-
-        view: the matrix that represents the network
-        """
+        """Yield hypotheses that a network solves another game."""
         yield from answers(view, self._families(), OF_NETWORKS.left[""])
 
 
 class _OtherSteps:
-    """Hypotheses that a critic of a game in discrete time solves another game.
-
-    problem: the game to be solved
-    """
+    """Hypotheses that a critic of a game in discrete time solves another game."""
 
     def __init__(self, problem: DiscreteGame) -> None:
         self.problem = problem
 
     def of_matrix(self, view: View) -> Iterator[Hypothesis]:
-        """Yield hypotheses that a critic solves the game in continuous time, or the game without
-        disturbance, discount or cross weights.
-        """
+        """Yield games in continuous time, or without disturbance, discount or cross weights."""
         problem = self.problem
         step = problem.step
         if problem.continuous is not None:
@@ -261,12 +245,7 @@ def _another(
     game_at: Callable[[float], Game],
     starts: tuple[float, ...] = (),
 ) -> Family:
-    """Return a family of games in continuous time.
-
-    says: x -> description of the difference from the given game
-    game_at: x -> game
-    starts: initial values of a search for x, () for a single game
-    """
+    """Return a family of games in continuous time."""
     return Family(
         lambda noun, x: f"this is the {noun} of another game, {says(x)}",
         lambda x: solved(game_at(x)),
@@ -275,20 +254,12 @@ def _another(
 
 
 def _named(description: str, game: Game) -> Family:
-    """Return the family that contains a single game.
-
-    description: difference of this game from the critic's game, which the report inserts in a
-        sentence, such as "of the matrices printed for 5 deg"
-    """
+    """Return the family that contains a single game."""
     return _another(lambda _: description, lambda _: game)
 
 
 def _along_log(what: str, unit: str, game_at: Callable[[float], Game]) -> Family:
-    """Return the family of games with a positive parameter, exp(x).
-
-    what, unit: text before and after the value of the parameter
-    game_at: value of the parameter -> game
-    """
+    """Return the family of games with a positive parameter, exp(x)."""
     return _another(
         lambda x: f"{what} {math.exp(x):.4g} {unit}",
         lambda x: game_at(math.exp(x)),
@@ -308,15 +279,10 @@ def fastest_rate(game: Game) -> float:
 
 
 def _in_steps(whose: str, game: Game, rate: float) -> Iterator[Family]:
-    """Yield families of games in discrete time, with a time step of exp(x) s:
-
-    - inputs held over a step,
-    - inputs held over a step, with a cost that is not multiplied by the step,
-    - Euler's rule.
-
-    whose: description of the game
-    rate: fastest rate of the plant, rad/s, which limits the step
-    """
+    """Yield families of games in discrete time, with a time step of exp(x) s."""
+    # - inputs held over a step,
+    # - inputs held over a step, with a cost that is not multiplied by the step,
+    # - Euler's rule.
     starts = tuple(math.log(time) for time in _TIMES)
     plausible = (math.log(_SHORTEST_STEP / rate), math.log(_LONGEST_STEP / rate))
     held_at = lru_cache(maxsize=None)(partial(held, game))  # the first two seek the same steps
@@ -457,13 +423,7 @@ def _is_diagonal(matrix: np.ndarray) -> bool:
 
 
 def _fitted(terms: list[np.ndarray], constant: np.ndarray) -> np.ndarray | None:
-    """Return the least-squares solution x of Σ x_i terms_i + constant = 0, or None.
-
-    The result is None if there are too few equations.
-
-    terms: symmetric matrices, (n, n) each
-    constant: symmetric matrix, (n, n)
-    """
+    """Return the least-squares solution x of Σ x_i terms_i + constant = 0, or None."""
     upper = np.triu_indices(len(constant))
     matrix = np.array([term[upper] for term in terms]).T
     if len(matrix) < matrix.shape[1] + REDUNDANT:
@@ -474,14 +434,7 @@ def _fitted(terms: list[np.ndarray], constant: np.ndarray) -> np.ndarray | None:
 def _with_weights(
     game: Game, name: str, noun: str, diagonal: np.ndarray
 ) -> Iterator[tuple[str, Answer]]:
-    """Yield the sentence and the solution for a game with another diagonal Q or R.
-
-    Nothing is yielded if no solution exists.
-
-    name: "Q" or "R"
-    noun: "state" or "input"
-    diagonal: diagonal of Q or R
-    """
+    """Yield the sentence and the solution for a game with another diagonal Q or R."""
     weights = np.diag(getattr(game, name))
     changed = np.flatnonzero(np.abs(diagonal - weights) > _SAME_WEIGHT * np.abs(weights))
     says = f"with {name} = diag({', '.join(f'{entry:.4g}' for entry in diagonal)})"
@@ -495,16 +448,7 @@ def _with_weights(
 
 
 def _nearest(view: View, family: Family, explained: float) -> float | None:
-    """Return the parameter x of the game in a family that is closest to the critic, or None.
-
-    The search is by least squares, within the limits of the family. The result is None in these
-    cases:
-    - No solution exists at the initial values.
-    - The remaining relative difference is above `explained`, and above `_REACHED` times the
-      difference at the best initial value.
-
-    explained: part of the difference that the search may leave
-    """
+    """Return the parameter x of the game in a family that is closest to the critic, or None."""
     from scipy.optimize import least_squares
 
     @lru_cache

@@ -138,14 +138,7 @@ def _of_states(
     variants: Mapping[str, Callable[[], Critic]],
     asked: str = "",
 ) -> Critic:
-    """Return the critic of a network whose inputs are the states, or states and inputs (a Q).
-
-    stored: content of the file
-    scales: (n,), factors on the states
-    origin: description of the critic
-    variants: mistake -> function that reads the network with this mistake corrected
-    asked: requested part of the file, for messages
-    """
+    """Return the critic of a network whose inputs are the states, or states and inputs (a Q)."""
     n, m = game.B.shape
     functions = {}
     for name, function in stored.functions.items():
@@ -177,17 +170,7 @@ def _on_basis(
     parts: Mapping[str, str],
     origin: str,
 ) -> Critic:
-    """Return the critic V of a single layer whose inputs are the functions of a basis.
-
-    game: game of the critic
-    stored: content of the file
-    psi: functions of the basis
-    scales: (n,), factors on the states before the functions
-    parts: kind of `OUTPUTS` -> requested part of the file
-    origin: description of the critic
-
-    Raises BadInputError if the layer has several outputs, or if another kind than V is requested.
-    """
+    """Return the critic V of a single layer whose inputs are the functions of a basis."""
     layer = stored.on_basis
     assert layer is not None
     if len(layer.weight) != 1:
@@ -212,10 +195,7 @@ def _on_basis(
 
 
 def _parts(network: str) -> dict[str, str]:
-    """Return the requested parts of a file by kind, from text such as "V=value,policy=actor".
-
-    The kind of an item without "=" is "". Raises BadInputError for a kind that is not in `OUTPUTS`.
-    """
+    """Return the requested parts of a file by kind, from text such as "V=value,policy=actor"."""
     parts: dict[str, str] = {}
     for item in network.split(","):
         output, equals, part = item.strip().rpartition("=")
@@ -241,18 +221,7 @@ def is_taken_as_policy(name: str, size: int, m: int) -> bool:
 
 
 def _kinds(sizes: Mapping[str, int], n: int, m: int, part: str) -> dict[str, str]:
-    """Return the kind of each output of a network, by name of the output.
-
-    A name in `OUTPUTS` is a kind. The kind of another output follows from its size.
-
-    sizes: name -> number of entries
-    n, m: number of states and of inputs of the plant
-    part: the requested part of the file
-
-    Raises BadInputError in these cases:
-    - No kind has the size of an output, or several kinds have this size.
-    - There are several outputs, but not one V and one policy.
-    """
+    """Return the kind of each output of a network, by name of the output."""
     counts = {"V": 1, "gradient": n, "policy": m, "V+policy": 1 + m}
     kinds = {}
     for name, size in sizes.items():

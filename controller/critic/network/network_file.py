@@ -147,12 +147,7 @@ def network_in(
 
 
 def _layers(tensors: Mapping[str, np.ndarray], suffix: str) -> list[Layer]:
-    """Return the layers of a state dict in order of evaluation.
-
-    suffix: suffix of the file
-
-    Raises BadInputError if the tensors are not a chain of linear layers.
-    """
+    """Return the layers of a state dict in order of evaluation."""
     layers = []
     for name, array in tensors.items():
         if name.rpartition(".")[2] == "bias" and name.removesuffix("bias") + "weight" in tensors:
@@ -179,14 +174,7 @@ def _layers(tensors: Mapping[str, np.ndarray], suffix: str) -> list[Layer]:
 def _no_chain(
     name: str, array: np.ndarray, reason: str, tensors: Mapping[str, np.ndarray]
 ) -> BadInputError:
-    """Return the error for a tensor that is not part of the chain of layers.
-
-    If the file contains several networks, the message proposes one of them.
-
-    name, array: name and value of the tensor
-    reason: predicate of the message, such as "is not a weight"
-    tensors: all tensors of the file
-    """
+    """Return the error for a tensor that is not part of the chain of layers."""
     message = f"tensor {shortened(name)!r} {array.shape} {reason}"
     networks = roots(tensors)
     if len(networks) < 2:
@@ -214,10 +202,7 @@ def _numbers(layer: Layer) -> list[int]:
 
 
 def _as_saved(layers: list[Layer]) -> list[Layer]:
-    """Return the layers in the order in which they were saved.
-
-    Raises BadInputError if the numbers in the names of one kind decrease.
-    """
+    """Return the layers in the order in which they were saved."""
     last: dict[str, Layer] = {}
     for layer in layers:
         before = last.get(_kind(layer))
@@ -232,11 +217,7 @@ def _as_saved(layers: list[Layer]) -> list[Layer]:
 
 
 def _as_numbered(layers: list[Layer]) -> list[Layer]:
-    """Return the layers in the order of their numbers.
-
-    Raises BadInputError if their names differ by more than numbers: the file format does not store
-    an order.
-    """
+    """Return the layers in the order of their numbers."""
     if len({_kind(layer) for layer in layers}) > 1:
         names = shortened(", ".join(layer.name for layer in layers), 80)
         raise BadInputError(
@@ -248,10 +229,7 @@ def _as_numbered(layers: list[Layer]) -> list[Layer]:
 
 
 def _with_activations(layers: list[Layer], activation: str | None) -> list[tuple[Layer, str]]:
-    """Return each layer with the name of its activation, or "" without an activation.
-
-    activation: text "BETWEEN" or "BETWEEN,OUTPUT", or None
-    """
+    """Return each layer with the name of its activation, or "" without an activation."""
     between, last = _activations(layers, activation)
     return list(zip(layers, [between] * (len(layers) - 1) + [last], strict=True))
 
@@ -276,12 +254,7 @@ def composed(steps: list[tuple[Layer, str]]) -> tuple[ca.Function, RowNetwork | 
 
 
 def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]:
-    """Return the names of the activations between the layers and at the output, "" for none.
-
-    Raises BadInputError for an unknown activation, and for several layers without `activation`.
-
-    activation: text "BETWEEN" or "BETWEEN,OUTPUT", or None
-    """
+    """Return the names of the activations between the layers and at the output, "" for none."""
     if activation is None and len(layers) > 1:
         raise BadInputError(
             'a state dict does not contain the activation; give activation="tanh" (or '
@@ -295,11 +268,7 @@ def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]
 
 
 def _chain(name: str, steps: list[tuple[Layer, str]]) -> str:
-    """Return the description of a network, such as "6 -> tanh 64 -> 1 (layers 0, 2)".
-
-    name: name of the network, or ""
-    steps: layers with the names of their activations
-    """
+    """Return the description of a network, such as "6 -> tanh 64 -> 1 (layers 0, 2)"."""
     words = [f"{activation} {layer.outputs}".strip() for layer, activation in steps]
     chain = " -> ".join([str(steps[0][0].inputs), *words])
     names = ", ".join(layer.name for layer, _ in steps if layer.name)

@@ -110,11 +110,9 @@ def _cast(x: np.ndarray, to: int, **_: Any) -> np.ndarray:
 def _split(
     x: np.ndarray, sizes: Any = None, axis: int = 0, num_outputs: int = 1, split: Any = None
 ) -> tuple[np.ndarray, ...]:
-    """Return consecutive parts of x along an axis, as the ONNX operator Split does.
-
-    The parts have the lengths `sizes` or `split`. Without lengths, there are `num_outputs` parts of
-    equal length, of which the last may be shorter.
-    """
+    """Return consecutive parts of x along an axis, as the ONNX operator Split does."""
+    # The parts have the lengths `sizes` or `split`. Without lengths, there are `num_outputs` parts
+    # of equal length, of which the last may be shorter.
     sizes = split if sizes is None else sizes
     if sizes is None:
         length = -(-x.shape[axis] // num_outputs)
@@ -399,17 +397,7 @@ def _evaluate(
     operators: Mapping[str, Callable[..., Any]],
     arrays: dict[str, Any],
 ) -> tuple[list[str], str]:
-    """Evaluate the nodes of a graph in order, and add their results to `arrays`.
-
-    Returns two results:
-    - the operators that depend on the network's inputs, with the sizes of their results
-    - the lowest precision of the nodes' constants
-
-    operators: name -> function of the operator
-    arrays: name -> array of each input and constant
-
-    Raises BadInputError for an unsupported operator and for results with too many numbers.
-    """
+    """Evaluate the nodes of a graph in order, and add their results to `arrays`."""
     steps = []
     precision = "float64"
     scalars = 0
@@ -438,14 +426,7 @@ def _evaluate(
 def _inputs_of(
     graph: Any, constants: set[str], states: int, inputs: int
 ) -> dict[str, tuple[int, ...]]:
-    """Return the shape of each input of a graph, by name.
-
-    Raises BadInputError unless the inputs are the state of the plant, or for a Q the state and the
-    input as one or two arrays.
-
-    constants: names of the inputs that are constants
-    states, inputs: number of states and of inputs of the plant
-    """
+    """Return the shape of each input of a graph, by name."""
     shapes = {}
     for item in graph.input:
         if item.name not in constants:
@@ -502,10 +483,7 @@ def check_width(width: int, states: int, inputs: int) -> None:
 def _constants(
     onnx: Any, tensors: Mapping[str, Any], folder: Path | None = None
 ) -> tuple[dict[str, np.ndarray], str]:
-    """Return the arrays of ONNX tensors by name, and the precision of their weights.
-
-    folder: folder of the files that may contain the data of a tensor
-    """
+    """Return the arrays of ONNX tensors by name, and the precision of their weights."""
     arrays = {}
     for name, tensor in tensors.items():
         if tensor.data_location == onnx.TensorProto.EXTERNAL:
@@ -517,13 +495,7 @@ def _constants(
 
 
 def _external(onnx: Any, tensor: Any, folder: Path | None) -> np.ndarray:
-    """Return the array of a tensor stored in a separate file.
-
-    Raises BadInputError if the file is not in the folder of the graph, or if this folder is
-    unknown.
-
-    folder: folder of the graph, or None if unknown
-    """
+    """Return the array of a tensor stored in a separate file."""
     entries = {entry.key: entry.value for entry in tensor.external_data}
     location = entries.get("location", "")
     beside = folder is not None and (folder / location).resolve().parent == folder.resolve()
@@ -545,14 +517,7 @@ def _evaluated(
     node: Any,
     arrays: Mapping[str, Any],
 ) -> tuple[list[np.ndarray], str]:
-    """Return the outputs of a node and the precision of its constant.
-
-    The precision is "float64" if the node contains no constant. Raises BadInputError for an
-    unsupported operator, input or attribute, and for a result that is too large.
-
-    operators: name -> function of the operator
-    arrays: name -> array of each result so far
-    """
+    """Return the outputs of a node and the precision of its constant."""
     name = node.op_type
     if node.domain not in ("", "ai.onnx"):
         name = f"{node.domain}.{name}"
@@ -601,14 +566,7 @@ def _refuse_unread(
 
 
 def _size_of(name: str, inputs: list[Any], attributes: Mapping[str, Any]) -> int:
-    """Return the number of entries of an operator's result, before the result is computed.
-
-    It is 0 for an operator that cannot enlarge its input.
-
-    name: name of the operator
-    inputs: arrays on which the operator acts
-    attributes: attributes of the operator
-    """
+    """Return the number of entries of an operator's result, before the result is computed."""
     if name in _SIZES:
         return _SIZES[name](*inputs, **attributes)
     shapes = [np.shape(array) for array in inputs if array is not None]
@@ -622,12 +580,7 @@ def _size_of(name: str, inputs: list[Any], attributes: Mapping[str, Any]) -> int
 
 
 def _refuse_more(name: str, size: int, inputs: Any) -> None:
-    """Raise BadInputError if an operator's result would be too large, before memory is allocated.
-
-    name: name of the operator
-    size: number of entries of the result
-    inputs: arrays on which the operator acts
-    """
+    """Raise BadInputError if the result of an operator would be too large."""
     is_symbolic = any(np.asarray(array).dtype == object for array in inputs if array is not None)
     most = _MOST_SCALARS if is_symbolic else LARGEST_NETWORK
     if size > most:
@@ -638,13 +591,7 @@ def _refuse_more(name: str, size: int, inputs: Any) -> None:
 
 
 def _outputs_of(graph: Any, outputs: Mapping[str, str]) -> dict[str, str]:
-    """Return the requested outputs of a graph, as key -> name of the output.
-
-    The key is the requested kind. If several outputs are requested by "", each name is its own key.
-    Raises BadInputError for a name that is not an output of the graph.
-
-    outputs: requested kind, such as "policy" -> name of an output, or "" for all outputs
-    """
+    """Return the requested outputs of a graph, as key -> name of the output."""
     names = [item.name for item in graph.output]
     found = {}
     for kind, output in outputs.items():

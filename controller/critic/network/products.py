@@ -87,22 +87,12 @@ class Products:
         return on_rows
 
     def _value(self, entries: ca.SX, values: list[ca.MX]) -> ca.MX:
-        """Return an expression in terms of x and the large products, evaluated at given values.
-
-        entries: the expression, a column of CasADi scalars
-        values: values of x and of the first products, in the order in which they were formed
-        """
+        """Return an expression in terms of x and the large products, evaluated at given values."""
         part, places = self._part(entries, len(values))
         return part(*(values[place] for place in places))
 
     def _part(self, entries: ca.SX, count: int) -> tuple[ca.Function, list[int]]:
-        """Return a CasADi Function that computes an expression from x and the large products.
-
-        The second result lists the positions of its arguments among x and the products.
-
-        entries: the expression, a column of CasADi scalars
-        count: number of symbols, x and the first products, that may occur in the expression
-        """
+        """Return a CasADi Function that computes an expression from x and the large products."""
         places = [0]
         for place in range(1, count):
             if ca.depends_on(entries, self._symbols[place]):

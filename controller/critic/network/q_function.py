@@ -49,13 +49,7 @@ def policy_of(Q: ca.Function, states: int) -> ca.Function:
 
 
 def _degree(Q: ca.Function, states: int) -> float:
-    """Return an upper bound on the degree of Q in u, or inf if Q may not be a polynomial.
-
-    inf does not imply that Q is not a polynomial in u.
-
-    Q: graph of scalars
-    states: number of entries before u in the argument
-    """
+    """Return an upper bound on the degree of Q in u, or inf if Q may not be a polynomial."""
     degrees = np.zeros(Q.sz_w())
     largest = 0.0
     for index in range(Q.n_instructions()):
@@ -74,11 +68,7 @@ def _degree(Q: ca.Function, states: int) -> float:
 
 
 def _degree_of(operation: int, degrees: list[float]) -> float:
-    """Return an upper bound on the degree of the result of an operation, or inf if none is known.
-
-    operation: a CasADi operation code
-    degrees: degrees of the operands
-    """
+    """Return an upper bound on the degree of an operation's result, or inf if none is known."""
     if operation in (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE):
         return max(degrees)
     if operation == ca.OP_MUL:

@@ -115,10 +115,7 @@ def _is_spread(name: str) -> bool:
 
 
 def _has_word(name: str, part: str) -> bool:
-    """Return whether the name of a tensor contains one of the words of "word+word".
-
-    A word that is a number must be at the beginning of the name.
-    """
+    """Return whether the name of a tensor contains one of the words of "word+word"."""
     for word in part.split("+"):
         is_first = f".{name}.".startswith(f".{word}.")
         if word and (is_first or (not word.isdigit() and f".{word}." in f".{name}.")):

@@ -99,11 +99,9 @@ def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.nda
 
 
 def _safetensors(content: bytes) -> dict[str, np.ndarray]:
-    """Return the tensors of a safetensors file by name.
-
-    The first eight bytes contain the length of a JSON object. Its entries give the position of each
-    tensor in the data that follow.
-    """
+    """Return the tensors of a safetensors file by name."""
+    # The first eight bytes contain the length of a JSON object. Its entries give the position of
+    # each tensor in the data that follow.
     begin = 8 + int.from_bytes(content[:8], "little")
     header = json.loads(content[8:begin])
     data = memoryview(content)[begin:]
@@ -126,13 +124,9 @@ def _dtype(kind: str) -> str:
 
 
 def _view(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.ndarray:
-    """Return a tensor of a torch file: the entries storage[offset + Σ index_i stride_i].
-
-    Replaces torch._utils._rebuild_tensor_v2. Raises BadInputError for an entry outside the storage
-    and for a shape that is not of integers.
-
-    storage: array of all entries in the file's storage
-    """
+    """Return a tensor of a torch file: the entries storage[offset + Σ index_i stride_i]."""
+    # Replaces torch._utils._rebuild_tensor_v2. Raises BadInputError for an entry outside the
+    # storage and for a shape that is not of integers.
     numbers = (offset, *size, *stride) if isinstance(size, tuple) else (None,)
     if not isinstance(stride, tuple) or any(type(number) is not int for number in numbers):
         raise BadInputError(
@@ -185,11 +179,9 @@ def refuse_pickle_bomb(content: bytes) -> None:
 
 
 def _refuse_shared_tuples(content: bytes) -> None:
-    """Raise BadInputError if a tuple or frozenset has more than `_MOST_STEPS` leaves.
-
-    Each use of a shared leaf counts. A tuple that is a dictionary key is hashed while the pickle is
-    read, and hashing visits all its leaves.
-    """
+    """Raise BadInputError if a tuple or frozenset has more than `_MOST_STEPS` leaves."""
+    # Each use of a shared leaf counts. A tuple that is a dictionary key is hashed while the pickle
+    # is read, and hashing visits all its leaves.
     stack: list[int] = []
     marks: list[int] = []
     memory: dict[Any, int] = {}
@@ -238,10 +230,7 @@ def refuse_shared(stored: Any) -> None:
 
 
 def _inside(value: Any) -> list[Any]:
-    """Return the objects that an unpickled object contains: items, keys and values, or attributes.
-
-    The result is [] for an array and for a class.
-    """
+    """Return the objects in an unpickled object: items, keys and values, or attributes."""
     if isinstance(value, dict):
         return [*value, *value.values()]
     if isinstance(value, (list, tuple, set, frozenset)):
@@ -313,10 +302,7 @@ def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
 
 
 def _torch_zip(content: bytes) -> dict[str, np.ndarray]:
-    """Return the tensors in a file of torch.save, or in the policy.pth of a Stable-Baselines3 zip.
-
-    Raises BadInputError for a TorchScript file.
-    """
+    """Return the tensors of torch.save, or of policy.pth in a Stable-Baselines3 zip."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         _refuse_large(archive)
         names = archive.namelist()
@@ -334,12 +320,7 @@ def _torch_zip(content: bytes) -> dict[str, np.ndarray]:
 
 
 def _flattened(prefix: str, stored: Any, depth: int = 0) -> dict[str, np.ndarray]:
-    """Return the arrays of nested dictionaries, lists and tuples by names such as "model.0.weight".
-
-    At most four levels are read.
-
-    prefix: beginning of the names, such as "model."
-    """
+    """Return the arrays of nested containers by names such as "model.0.weight"."""
     if isinstance(stored, np.ndarray):
         return {prefix.removesuffix("."): stored}
     tensors: dict[str, np.ndarray] = {}

@@ -77,10 +77,7 @@ def _class_of(module: Any) -> str:
 
 
 def _parts(name: str, module: Any) -> Iterator[tuple[str, Any]]:
-    """Yield (name, module) for each part of nested Sequentials, in order of evaluation.
-
-    Identity modules are skipped. Raises BadInputError for an unsupported module.
-    """
+    """Yield (name, module) for each part of nested Sequentials, in order of evaluation."""
     kind = _class_of(module)
     if kind == "Sequential":
         for place, part in enumerate(module):
@@ -115,10 +112,7 @@ def _numbers(name: str, tensor: Any) -> np.ndarray:
 
 
 def _activation(module: Any) -> str:
-    """Return the name of an activation module.
-
-    Raises BadInputError if one of its settings is not supported.
-    """
+    """Return the name of an activation module."""
     kind = _class_of(module)
     name, usual = _ACTIVATIONS[kind]
     for setting, value in usual.items():

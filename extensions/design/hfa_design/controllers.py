@@ -140,10 +140,7 @@ def design_controller(
 
 
 def _warn_of_kinks(linear_models: Sequence[LinearModel]) -> None:
-    """Issue one warning if an entry of any A or B is the mean of two slopes at a kink.
-
-    The warning describes the first kink, and states the number of linear models with kinks.
-    """
+    """Issue one warning if an entry of any A or B is the mean of two slopes at a kink."""
     kinked = [linear for linear in linear_models if linear.kinks]
     if kinked:
         first = kinked[0]
@@ -195,10 +192,7 @@ def controller_at(model: Model, linear: LinearModel, design: Design) -> LinearCo
 
 
 def _state_feedback(built: DesignModel) -> Feedback:
-    """Return the exact gain of the game as feedback of all states.
-
-    Raises NoSolutionError if the game has no certified solution.
-    """
+    """Return the exact gain of the game as feedback of all states."""
     game = built.game()
     exact = unconfirmed_solution(game)
     n = len(built.A)
@@ -215,10 +209,7 @@ def _state_feedback(built: DesignModel) -> Feedback:
 
 
 def _output_feedback(built: DesignModel) -> Feedback:
-    """Return the central controller of the game as feedback of the sensors.
-
-    Raises NoSolutionError if no controller is certified.
-    """
+    """Return the central controller of the game as feedback of the sensors."""
     plant = GeneralizedPlant.measured(built.game(), built.C, built.V, built.D)
     central: Any = solve_plant(plant, built.design.delta)
     return Feedback(
@@ -233,15 +224,12 @@ def _output_feedback(built: DesignModel) -> Feedback:
 
 
 def _shaped(model: Model, built: DesignModel, shaping: Shaping) -> LinearController:
-    """Return the controller of a loop-shaping design, with the states [x_m; weights; x̂].
-
-      u = u_m - W1 F x̂
-
-    W1 is the diagonal matrix of the input gains, W2 contains the output weights, and F is the state
-    feedback of the shaped plant. x_m, u_m and y_m are states, inputs and outputs of the reference
-    model, which follows the commands. x̂ is the observer's estimate of the shaped plant's state,
-    from y_s = W2 (y - y_m) and the applied inputs.
-    """
+    """Return the controller of a loop-shaping design, with the states [x_m; weights; x̂]."""
+    # u = u_m - W1 F x̂
+    # W1 is the diagonal matrix of the input gains, W2 contains the output weights, and F is the
+    # state feedback of the shaped plant. x_m, u_m and y_m are states, inputs and outputs of the
+    # reference model, which follows the commands. x̂ is the observer's estimate of the shaped
+    # plant's state, from y_s = W2 (y - y_m) and the applied inputs.
     design = built.design
     z = np.zeros
     answer, A_m, B_m = _followed_model(model, built, shaping.following)
@@ -281,10 +269,7 @@ def _shaped(model: Model, built: DesignModel, shaping: Shaping) -> LinearControl
 def _followed_model(
     model: Model, built: DesignModel, following: Following
 ) -> tuple[DesignModel, np.ndarray, np.ndarray]:
-    """Return the reference model of a loop-shaping design, and A and B of its response to commands.
-
-    The reference model is the design model with the actuators of the settings `following`.
-    """
+    """Return the reference model of a loop-shaping design, and A and B of its response."""
     design = built.design
     slow = dict.fromkeys(design.inputs, Actuator(bandwidth=following.bandwidth))
     answer = design_model(model, built.model, replace(design, actuators=slow))
@@ -301,10 +286,7 @@ def _followed_model(
 
 
 def _names(design: Design) -> tuple[tuple[str, ...], tuple[str, ...], tuple[float, ...]]:
-    """Return the names of a controller's states, the names of its commands, and its command filter.
-
-    The filter is (bandwidth in rad/s, damping), or () for a design without loop shaping.
-    """
+    """Return the names of states and commands, and the command filter (rad/s, damping) or ()."""
     if design.shaping is None:
         commands = tuple(f"{name}{COMMAND_SIGNALS[0]}" for name in design.integrals)
         if not design.sensors:
@@ -324,11 +306,7 @@ def _names(design: Design) -> tuple[tuple[str, ...], tuple[str, ...], tuple[floa
 
 
 def _measurements(design: Design) -> tuple[str, ...]:
-    """Return the names of the signals that the controller of a design measures.
-
-    They are the sensors, except sensors of integrals, and the integrated outputs. In a design
-    without sensors, all plant states are measured.
-    """
+    """Return the names of the signals that the controller of a design measures."""
     names = design.sensors or design.plant_states
     plain = [name for name in names if not name.endswith("_integral")]
     return tuple(dict.fromkeys([*plain, *design.integrals]))

@@ -163,13 +163,7 @@ class Design:
             self._check_shaping(where, self.shaping)
 
     def _check_shaping(self, where: str, shaping: Shaping) -> None:
-        """Raise BadInputError if the loop-shaping settings are incomplete or inconsistent.
-
-        The errors are an unknown name, an input without an actuator or rate weight, an entry with a
-        wrong number of values, and breakpoints that are missing or do not increase.
-
-        where: beginning of the message, "design NAME:"
-        """
+        """Raise BadInputError if the loop-shaping settings are incomplete or inconsistent."""
         following = shaping.following
         measured = [*shaping.outputs]
         _refuse_names(f"{where} unknown input with a rate", [*following.rates], self.inputs)
@@ -199,12 +193,7 @@ class Design:
             )
 
     def _require_for_every_input(self, where: str, what: str, table: Mapping[str, Any]) -> None:
-        """Raise BadInputError if a setting is missing for some input.
-
-        where: beginning of the message, "design NAME:"
-        what: name of the setting, for the message
-        table: input -> setting
-        """
+        """Raise BadInputError if a setting is missing for some input."""
         for name in self.inputs:
             if name not in table:
                 raise BadInputError(f"{where} input {name} has no {what}; add one for every input")
@@ -234,11 +223,7 @@ class Design:
 
 
 def _refuse_names(unknown: str, names: Sequence[str], choices: Sequence[str]) -> None:
-    """Raise BadInputError if a name is not among the choices or occurs twice.
-
-    unknown: beginning of the message, such as "design NAME: unknown sensor"
-    names: the names to check
-    """
+    """Raise BadInputError if a name is not among the choices or occurs twice."""
     for name in names:
         refuse_unknown(unknown, name, choices)
         if names.count(name) > 1:
@@ -348,12 +333,7 @@ def design_of(name: str, data: Mapping[str, Any], model: Model) -> Design:
 def _shaping_of(
     name: str, entries: Mapping[str, Any], breakpoints: str, model: Model
 ) -> Shaping | None:
-    """Return the settings in [shaping], or None if this table is missing.
-
-    breakpoints: name of the entry with the breakpoints, such as dihedrals
-
-    Raises BadInputError if there are also entries of a game.
-    """
+    """Return the settings in [shaping], or None if this table is missing."""
     if "shaping" not in entries:
         return None
     for game_entry in ("integrals", "disturbance", "delta", "weights", "sensors"):
@@ -373,13 +353,7 @@ def _shaping_of(
 
 
 def _actuators_of(name: str, entries: Mapping[str, Any]) -> dict[str, Actuator]:
-    """Return the actuators in [actuators.INPUT], by input.
-
-    name: name of the design, for messages
-    entries: entries of the design file
-
-    Raises BadInputError if an actuator is invalid.
-    """
+    """Return the actuators in [actuators.INPUT], by input."""
     actuators = {}
     for key, numbers in entries.get("actuators", {}).items():
         if numbers.get("order") in (1, 2):
@@ -390,10 +364,7 @@ def _actuators_of(name: str, entries: Mapping[str, Any]) -> dict[str, Actuator]:
 
 
 def _merged(whole: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entries of `whole`, with entries replaced or added by `changes`.
-
-    Tables that are in both are merged by the same rule.
-    """
+    """Return the entries of `whole`, with entries replaced or added by `changes`."""
     merged = {**whole, **changes}
     for key, change in changes.items():
         if isinstance(whole.get(key), dict) and isinstance(change, dict):

@@ -106,13 +106,10 @@ class DesignModel(Reported):
         return Game(A=self.A, B=self.B, E=self.E, Q=Q, R=R, delta=self.design.delta, names=names)
 
     def _check_integrals(self) -> None:
-        """Raise BadInputError if the inputs cannot hold every integrated output at an arbitrary
-        value.
-
-        The inputs can if [A B; C D], with the rows of the integrated outputs, has full row rank.
-        Otherwise the plant has a transmission zero at 0. Nothing is raised if [A B] alone lacks
-        full row rank, because the solver then reports a mode at 0.
-        """
+        """Raise BadInputError if the inputs cannot hold every integrated output at any value."""
+        # The inputs can if [A B; C D], with the rows of the integrated outputs, has full row rank.
+        # Otherwise the plant has a transmission zero at 0. Nothing is raised if [A B] alone lacks
+        # full row rank, because the solver then reports a mode at 0.
         names = self.design.integrals
         plant = len(self.states) - len(names)
         rows = np.hstack([self.A[:, :plant], self.B])
@@ -181,12 +178,7 @@ def design_model(model: Model, linear: LinearModel, design: Design) -> DesignMod
 
 
 def _add_actuator(A: np.ndarray, b: np.ndarray, design: Design, name: str) -> None:
-    """Write the dynamics of an input's actuator into A and into b.
-
-    A: (n, n)
-    b: column of B for this input, (n,)
-    name: name of the input
-    """
+    """Write the dynamics of an input's actuator into A and into b."""
     actuator = design.actuators[name]
     position = design.states.index(f"{name}_position")
     stiffness = actuator.bandwidth**actuator.order
@@ -202,12 +194,7 @@ def _add_actuator(A: np.ndarray, b: np.ndarray, design: Design, name: str) -> No
 def _refuse_direct_effects(
     design: Design, winds: tuple[str, ...], by_commands: np.ndarray, by_winds: np.ndarray
 ) -> None:
-    """Raise BadInputError if a disturbance acts directly on a sensor.
-
-    winds: disturbances of the model
-    by_commands: (p, m), direct effect of the commands on the sensors
-    by_winds: (p, len(winds)), direct effect of the disturbances of the model on the sensors
-    """
+    """Raise BadInputError if a disturbance acts directly on a sensor."""
     columns = {"commands": by_commands}
     for column, name in enumerate(winds):
         columns[name] = by_winds[:, column : column + 1]
@@ -230,10 +217,7 @@ def selection(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:
 
 
 def _full_rank(rows: np.ndarray) -> bool:
-    """Return whether the rows of a matrix are linearly independent beyond rounding.
-
-    The result does not depend on the units of rows and columns.
-    """
+    """Return whether the rows of a matrix are linearly independent beyond rounding."""
     scaled = rows.copy()
     for axis in (1, 0, 1, 0, 1):
         size = np.linalg.norm(scaled, axis=axis, keepdims=True)

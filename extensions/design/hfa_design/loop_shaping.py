@@ -176,11 +176,9 @@ def following_model(
 def _held_for_ever(
     M: np.ndarray, steered: np.ndarray, outputs: np.ndarray, chosen: Following
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return Π and Γ with M Π + steered Γ = Π S and outputs Π = [I 0 0], for `following_model`.
-
-    With x_m = Π w and u' = Γ w, the outputs equal the commands for all time. S is the matrix of the
-    command filter w' = S w. Raises NoSolutionError if Π and Γ do not exist.
-    """
+    """Return Π and Γ with M Π + steered Γ = Π S and outputs Π = [I 0 0], for `following_model`."""
+    # With x_m = Π w and u' = Γ w, the outputs equal the commands for all time. S is the matrix of
+    # the command filter w' = S w. Raises NoSolutionError if Π and Γ do not exist.
     q = len(outputs)
     size, m = steered.shape
     bandwidth, damping = chosen.filter

@@ -175,14 +175,10 @@ class LoopRow(NamedTuple):
 
 
 class _Cell(NamedTuple):
-    """Entry of a table of margins.
-
-    margin: the margin
-    where: text that names the loop or the scheduling value of the margin
-    """
+    """Entry of a table of margins."""
 
     margin: LoopMargin
-    where: str
+    where: str  # text that names the loop or the scheduling value of the margin
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -279,15 +275,7 @@ class MarginTable(Checked, Result, Reported):
 def _smallest_table(
     names: tuple[str, ...], cells_by_name: Mapping[tuple[str, ...], list[_Cell]]
 ) -> Table:
-    """Return a table of the smallest gain, phase and delay margins, with a row for each set of
-    margins.
-
-    A row names the loop or scheduling value of the smallest gain margin and of the smallest phase
-    margin.
-
-    names: headers of the first columns
-    cells_by_name: entries of the first columns -> margins
-    """
+    """Return a table of the smallest gain, phase and delay margins, a row for each set."""
     rows = []
     for words, cells in cells_by_name.items():
         gain = min(cells, key=lambda cell: cell.margin.gain)

@@ -176,10 +176,7 @@ class NonlinearPlant(Plant):
         return components(ca.DM(np.array(self.point.states)) + x)
 
     def _in(self, winds: Winds) -> Model:
-        """Return the model with all disturbances named in `winds`.
-
-        If the model does not declare them all, its gust disturbances are added by `in_gusts`.
-        """
+        """Return the model with all disturbances named in `winds`."""
         return self.model if set(winds) <= set(self.model.disturbances) else in_gusts(self.model)
 
 
@@ -410,13 +407,7 @@ class ClosedLoop:
         return Measurements(states - self._reference(t), states, positions, rates, updraft)
 
     def _measured(self, plant: ca.SX, of_linear: ca.SX) -> ca.SX:
-        """Return the states of the plant with sensor noise, (n,).
-
-        The states outside the linear model have no noise.
-
-        plant: (n,), deviations of the states from trim
-        of_linear: (k,), measured values of the states of the linear model
-        """
+        """Return the states of the plant with sensor noise, (n,)."""
         chosen = ca.DM(self.plant.chosen)
         return plant + ca.mtimes(chosen.T, of_linear - ca.mtimes(chosen, plant))
 
@@ -479,8 +470,5 @@ class ClosedLoop:
 
 
 def _offsets(sizes: Sequence[int]) -> list[int]:
-    """Return the index at which each part of a vector begins, and the length of the vector.
-
-    sizes: sizes of the parts, in order
-    """
+    """Return the index at which each part of a vector begins, and the length of the vector."""
     return [0, *np.cumsum(sizes).tolist()]

@@ -173,11 +173,7 @@ def fly(
 
 
 def _figures(flight: Flight) -> Figures:
-    """Return the figures that must not depend on the integration step.
-
-    They are the largest deviations, the cost, and the time of a departure. Changes are relative, at
-    least to `_SMALL` nominal values.
-    """
+    """Return the figures that must not depend on the integration step."""
     model = flight.model
     nominal = {name: model.states[name].nominal for name in model.states}
     figures = {
@@ -196,14 +192,7 @@ def _figures(flight: Flight) -> Figures:
 def _scenario_of_flight(
     model: Model, given: Scenario, seconds: float | None, initial: Any
 ) -> Scenario:
-    """Return the scenario for a flight of a model, with its duration and initial condition.
-
-    seconds: duration, or None for that of the scenario
-    initial: deviations by name or (n,), or None for those of the scenario
-
-    Raises BadInputError if random quantities are not drawn yet, an initial state is unknown, or the
-    scenario does not fit the model.
-    """
+    """Return the scenario for a flight of a model, with its duration and initial condition."""
     if given.uncertainty != Uncertainty():
         raise BadInputError(
             "the random quantities of the scenario are not drawn; call scenario.drawn(seed, "
@@ -612,11 +601,7 @@ class Flight(StatesAndInputs, Result, Reported):
         return Report(self.title(), parts, notes, self.as_data(), self._records())
 
     def _air_notes(self, through_air: bool) -> list[str]:
-        """Return notes on moving air for the report: which flow angles are limited, and the gust.
-
-        through_air: whether the envelope limits the angle of attack relative to the air in place of
-            alpha
-        """
+        """Return notes on moving air: which flow angles are limited, and the gust."""
         gust = self.loop.scenario.gust
         limited = [OVER_GROUND] if through_air else []
         if gust is None:
@@ -626,10 +611,7 @@ class Flight(StatesAndInputs, Result, Reported):
         return [*filter(None, [*limited, gust.text(self.model)])]
 
     def _states(self, moving: bool) -> Table:
-        """Return a table of the states, one row each: deviations, errors, envelope, prediction.
-
-        moving: whether a row for the angle of attack relative to the air is added
-        """
+        """Return a table of the states, one row each: deviations, errors, envelope, prediction."""
         model = self.model
         header = ["state", "unit", "largest deviation", "final deviation", "rms error, 2nd half"]
         header.append("envelope")
@@ -687,10 +669,7 @@ class Flight(StatesAndInputs, Result, Reported):
         return FlightHistory(history=columns)
 
     def _records(self) -> Table:
-        """Return the time history as a table of numbers, one row for each tick.
-
-        The header contains the units.
-        """
+        """Return the time history as a table of numbers, one row for each tick."""
         history = self.history().history
         model = self.point.model
         units = {"time": "s"} | {name: model.unit(name) for name in (*model.states, *model.inputs)}
@@ -709,10 +688,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
 
 def _tracking_table(commanded: Mapping[str, Any]) -> Table:
-    """Return a table of the tracking errors of the commanded outputs: rms, largest error and unit.
-
-    commanded: result of `Policy.tracking_errors`
-    """
+    """Return a table of the tracking errors: rms, largest error and unit."""
     rows = []
     for name, errors in commanded.items():
         unit = errors["unit"]

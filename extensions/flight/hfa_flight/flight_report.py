@@ -79,10 +79,7 @@ def drawn_flight(figure: Figure, result: Flight, title: str) -> Figure:
 
 
 def _moves(result: Flight, index: int) -> bool:
-    """Return whether a state or its reference changes during the flight by more than rounding.
-
-    index: index of the state
-    """
+    """Return whether a state or its reference changes during the flight by more than rounding."""
     model = result.point.model
     name = tuple(model.states)[index]
     values = result.states[:, index]
@@ -92,10 +89,7 @@ def _moves(result: Flight, index: int) -> bool:
 
 
 def _widened(axes: Axes, nominal: float, unit: str) -> None:
-    """Widen the vertical range of a panel to hide rounding errors.
-
-    The range is at least 2 % of the nominal size of the variable.
-    """
+    """Widen the vertical range of a panel to hide rounding errors."""
     low, high = axes.get_ylim()
     least = 0.02 * float(shown_values(nominal, unit))
     if high - low < least:
@@ -104,13 +98,7 @@ def _widened(axes: Axes, nominal: float, unit: str) -> None:
 
 
 def _draw_state(axes: Axes, result: Flight, index: int) -> None:
-    """Draw one state over time in a panel, as absolute values.
-
-    The panel shows the reference, the linear prediction, the nonlinear flight and the envelope. In
-    moving air, the panel of alpha also shows the angle of attack relative to the air.
-
-    index: index of the state
-    """
+    """Draw one state over time in a panel, as absolute values."""
     model = result.point.model
     name = tuple(model.states)[index]
     unit = model.unit(name)
@@ -192,11 +180,7 @@ def _limits_with_unit(limits: tuple[float, float], unit: str) -> str:
 
 
 def _limit_lines(axes: Axes, limited: np.ndarray, limits: tuple[float, float], unit: str) -> None:
-    """Draw each limit that the values approach within 20 % of the distance between the limits.
-
-    limited: (N,), values of the variable during the flight
-    limits: lowest and highest permitted value
-    """
+    """Draw each limit that the values approach within 20 % of the distance between the limits."""
     lowest, highest = limits
     for limit, near in (
         (lowest, limited.min() < lowest + 0.2 * (highest - lowest)),

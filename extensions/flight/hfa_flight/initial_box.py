@@ -54,11 +54,7 @@ def usual_box(problem: FlightProblem) -> np.ndarray:
 
 
 def _inside(problem: FlightProblem, half: np.ndarray) -> np.ndarray:
-    """Return half-widths of a box, reduced where the box would exceed the limits of the states,
-    (k,).
-
-    half: half-widths, (k,)
-    """
+    """Return half-widths, (k,), reduced where the box would exceed limits of states."""
     lowest, highest = (limit[: len(half)] for limit in problem.state_limits)
     return np.minimum(half, _INSIDE * np.minimum(-lowest, highest))
 

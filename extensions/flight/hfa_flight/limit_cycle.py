@@ -157,27 +157,17 @@ def oscillation(model: Model, flight: Deviations, driven_until: float) -> LimitC
 
 
 class _Swings(NamedTuple):
-    """An oscillation of one variable, evaluated over complete half-periods.
+    """An oscillation of one variable, evaluated over complete half-periods."""
 
-    amplitude: mean of the peaks
-    frequency: rad/s, from the first and the last zero crossing
-    rate: decay rate of the amplitude, 1/s, by least squares of log amplitude. The rate of a growing
-        oscillation is negative
-    """
-
-    amplitude: float
-    frequency: float
+    amplitude: float  # mean of the peaks
+    frequency: float  # rad/s, from the first and the last zero crossing
+    # decay rate of the amplitude, 1/s, by least squares of log amplitude. The rate of a growing
+    # oscillation is negative
     rate: float
 
 
 def _swings(times: np.ndarray, values: np.ndarray) -> _Swings | None:
-    """Return the oscillation of values about their least-squares line.
-
-    Returns None if the values cross the line fewer than `CROSSINGS` times.
-
-    times: (N,), s
-    values: (N,)
-    """
+    """Return the oscillation of values about their least-squares line."""
     off_line = values - values.mean()
     off_line = off_line - np.polyval(np.polyfit(times, off_line, 1), times)
     for _ in range(_ROUNDS):
@@ -199,11 +189,7 @@ def _swings(times: np.ndarray, values: np.ndarray) -> _Swings | None:
 
 
 def _peak(values: np.ndarray) -> float:
-    """Return the peak of the values of a half-period.
-
-    The peak is the vertex of the parabola through the largest value and its neighbors, or the
-    largest value if a neighbor is missing.
-    """
+    """Return the peak of the values of a half-period."""
     place = int(values.argmax())
     if not 0 < place < len(values) - 1:
         return float(values[place])
@@ -213,14 +199,7 @@ def _peak(values: np.ndarray) -> float:
 
 
 def _line(times: np.ndarray, values: np.ndarray, frequency: float) -> np.ndarray:
-    """Return the straight line through an oscillating signal, (N,), without the oscillation.
-
-    The line is fitted together with one harmonic by least squares.
-
-    times: (N,), s
-    values: (N,)
-    frequency: frequency of the harmonic, rad/s
-    """
+    """Return the straight line through an oscillating signal, (N,), without the oscillation."""
     t = times - times.mean()
     terms = [np.ones_like(t), t, np.cos(frequency * t), np.sin(frequency * t)]
     level, slope = np.linalg.lstsq(np.column_stack(terms), values, rcond=None)[0][:2]

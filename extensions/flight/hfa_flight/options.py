@@ -242,15 +242,7 @@ def _length_of(model: Model) -> str:
 
 
 def _turbulence(text: str) -> Turbulence:
-    """Return the turbulence that a typed text specifies.
-
-    The text is one of:
-
-    - a level, optionally with altitude and span
-    - "own" with intensity and scale, optionally with span
-
-    Raises BadInputError if the text has another form.
-    """
+    """Return the turbulence that a typed text specifies."""
     word, *typed = text.split(":")
     spectrum, _, level = word.rpartition("-")
     least, most = (2, 3) if level == "own" else (0, 2)

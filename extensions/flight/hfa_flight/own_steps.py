@@ -101,11 +101,7 @@ def _is_disturbed(loop: ClosedLoop) -> bool:
 
 
 class _OwnSteps:
-    """Stepper of a JSBSim aircraft by JSBSim's own integration.
-
-    loop: the closed loop
-    make: function from the step in s to a stepper with the methods `begin` and `advance`
-    """
+    """Stepper of a JSBSim aircraft by JSBSim's own integration."""
 
     def __init__(self, loop: CompiledLoop, make: Callable[[float], Any]) -> None:
         plant = loop.loop.plant
@@ -123,10 +119,7 @@ class _OwnSteps:
     def __call__(
         self, time: float, state: np.ndarray, held: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states after each step, and the values observed before it.
-
-        At time 0, the JSBSim simulation is restarted.
-        """
+        """Return the states after each step, and the values observed before it."""
         if time == 0.0:
             self._own.begin(self._trim + state[0], self._parameters, self._inputs)
         after = np.empty((1, self.steps, self.sizes[0]))

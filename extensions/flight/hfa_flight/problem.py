@@ -226,11 +226,7 @@ class FlightProblem:
         return z
 
     def _deviations_of_trim(self, other: OperatingPoint) -> np.ndarray:
-        """Return another trim as deviations z from the trim of the problem, (k,).
-
-        Raises BadInputError if `other` is a trim of another model, or differs in a state outside
-        the linear model.
-        """
+        """Return another trim as deviations z from the trim of the problem, (k,)."""
         other.refuse_other(self.model)
         off: np.ndarray = np.array(other.states) - np.array(self.point.states)
         for place, name in enumerate(self.model.states):

@@ -81,10 +81,7 @@ class CommandSteps(Reported):
         return np.array(function(times[None])).T.reshape(len(times), len(self.names))
 
     def _summed(self, t: Any, response: Callable[[Any], Any]) -> ca.SX:
-        """Return Σ_i (R_i - R_i-1) response(t - t_i), (k,).
-
-        response: function of the time since a step, 0 for a future step
-        """
+        """Return Σ_i (R_i - R_i-1) response(t - t_i), (k,)."""
         total = ca.SX.zeros(len(self.names))
         jumps = np.diff(self.values, axis=0, prepend=np.zeros((1, len(self.names))))
         for begin, jump in zip(self.times.tolist(), jumps, strict=True):
@@ -92,11 +89,9 @@ class CommandSteps(Reported):
         return total
 
     def _response(self, late: Any) -> tuple[Any, Any]:
-        """Return the step response s and its derivative s' at τ = max(late, 0) s after a step.
-
-        s = 1 - e c - ζω e σ,  s' = ω² e σ,
-        e = exp(-ζωτ),  c = cosh(vτ),  σ = sinh(vτ)/v,  v² = ω² (ζ² - 1)
-        """
+        """Return the step response s and its derivative s' at τ = max(late, 0) s after a step."""
+        # s = 1 - e c - ζω e σ, s' = ω² e σ with e = exp(-ζωτ), c = cosh(vτ), σ = sinh(vτ)/v and
+        # v² = ω² (ζ² - 1)
         middle = self.damping * self.bandwidth
         tau = ca.fmax(late, 0.0)
         v = self.bandwidth * math.sqrt(abs(self.damping**2 - 1))

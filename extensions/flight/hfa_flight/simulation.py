@@ -74,10 +74,7 @@ class CompiledLoop:
         return finer
 
     def _runge_kutta(self, parts: int) -> Stepper:
-        """Return the stepper of the Runge-Kutta method, as machine code if that saves time.
-
-        parts: number of Runge-Kutta steps in place of each
-        """
+        """Return the stepper of the Runge-Kutta method, as machine code if that saves time."""
         scenario = self.loop.scenario
         parts *= _parts_of_a_step(self.loop)
         steps = scenario.steps_per_tick
@@ -138,12 +135,7 @@ class CompiledLoop:
         return flight
 
     def _flight(self, times: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> Deviations:
-        """Return the time history of some steps.
-
-        times: (N,), s
-        rows: state of the loop, y
-        columns: observed values
-        """
+        """Return the time history of some steps."""
         parts = self.loop.parts(rows)
         errors, inputs, winds, angle = np.split(columns, self._ends, axis=1)
         limited = parts.plant
@@ -155,10 +147,7 @@ class CompiledLoop:
 
 
 class _Flying:
-    """One flight of a closed loop, for `march`.
-
-    parameters: parameters of the plant, for an uncertain plant
-    """
+    """One flight of a closed loop, for `march`."""
 
     def __init__(
         self,
@@ -198,13 +187,9 @@ class _Flying:
         return self._held
 
     def _delayed(self, tick: int, time: float) -> np.ndarray:
-        """Return the delay's held inputs of a tick, [time; u_0; u_1], (1 + 2 m,).
-
-        u_0 and u_1 are the delayed commands at this tick and at the next one. The loop interpolates
-        between both. Until the delay has passed, they are 0, the trim.
-
-        time: start of the tick, s
-        """
+        """Return the delay's held inputs of a tick, [time; u_0; u_1], (1 + 2 m,)."""
+        # u_0 and u_1 are the delayed commands at this tick and at the next one. The loop
+        # interpolates between both. Until the delay has passed, they are 0, the trim.
         due = tick - self._late
         if due < 0:
             return np.concatenate([[time], np.zeros(2 * self._commands[0].size)])
@@ -217,10 +202,7 @@ def _is_lost(flight: Deviations) -> np.ndarray:
 
 
 def _parts_of_a_step(loop: ClosedLoop) -> int:
-    """Return the number of Runge-Kutta substeps per step that the policy's fastest mode requires.
-
-    Raises BadInputError if this number exceeds `_MOST_PARTS`.
-    """
+    """Return the Runge-Kutta substeps per step that the policy's fastest mode requires."""
     step = loop.scenario.step
     parts = max(1, math.ceil(loop.policy.fastest * step / LONGEST_STEP - 1e-9))
     if parts > _MOST_PARTS:

@@ -149,16 +149,12 @@ def outliers(search: Search, fit: Fit) -> Iterator[str]:
 
 @dataclass(frozen=True, eq=False)
 class _Freed:
-    """Fit with one additional unknown: a given parameter or an error of a column.
-
-    value: estimate of the additional unknown
-    widened: ratio of the variance of this estimate to its variance for white residuals
-    """
+    """Fit with one additional unknown: a given parameter or an error of a column."""
 
     search: Search
     fit: Fit
-    value: float
-    widened: float
+    value: float  # estimate of the additional unknown
+    widened: float  # ratio of the variance of this estimate to its variance for white residuals
 
 
 def sensor_fault(
@@ -277,20 +273,14 @@ def _clear(
 
 @dataclass(frozen=True)
 class _Undone:
-    """Correction of a faulty column.
+    """Correction of a faulty column."""
 
-    column: the faulty column
-    factor: factor on the column, not applied if columns are exchanged
-    is_about_first: whether the factor applies to the deviation from the first value of the column
-    text: description of the fault, for the report
-    other: column with which `column` is exchanged, or "" for a correction by a factor
-    """
-
-    column: str
-    factor: float
+    column: str  # the faulty column
+    factor: float  # factor on the column, not applied if columns are exchanged
+    # whether the factor applies to the deviation from the first value of the column
     is_about_first: bool
-    text: str
-    other: str = ""
+    text: str  # description of the fault, for the report
+    other: str = ""  # column with which `column` is exchanged, or "" for a correction by a factor
 
     def on(self, model: Model, record: Record) -> Record:
         """Return the record with the correction applied."""

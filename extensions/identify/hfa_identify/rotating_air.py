@@ -89,12 +89,9 @@ def in_rotating_air(model: Model) -> Model:
 
 @dataclass(frozen=True)
 class _InRotatingAir:
-    """Equations (x, u, p, w) -> (rates by state, outputs by name) of a model in rotating air.
+    """Equations (x, u, p, w) -> (rates by state, outputs by name) of a model in rotating air."""
 
-    model: model in air that does not rotate
-    """
-
-    model: Model
+    model: Model  # model in air that does not rotate
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Any]:
         """Return rates by state and outputs by name."""

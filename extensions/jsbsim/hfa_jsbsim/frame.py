@@ -308,28 +308,17 @@ def refuse_surface(name: str, pilot_input: PilotInput, is_position: bool) -> Non
 
 
 class _View(NamedTuple):
-    """Quantities derived from the motion that the forces of a frame depend on.
+    """Quantities derived from the motion that the forces of a frame depend on."""
 
-    to_earth: rotation matrix from inertial axes to axes fixed to the earth, (3, 3).
-    to_body: rotation matrix from inertial to body axes, (3, 3).
-    place: position in axes fixed to the earth, ft.
-    drift: velocity due to the earth's rotation at this position, inertial axes, ft/s.
-    velocity: velocity relative to the ground, body axes, ft/s.
-    rates: angular velocity relative to the ground, body axes, rad/s.
-    planet_rates: angular velocity of the earth, body axes, rad/s.
-    states: states in the order of `STATES`.
-    angle_rates: time derivatives of alpha and beta, rad/s.
-    """
-
-    to_earth: Any
-    to_body: Any
-    place: Any
-    drift: Any
-    velocity: Any
-    rates: Any
-    planet_rates: Any
-    states: Any
-    angle_rates: Any
+    to_earth: Any  # rotation matrix from inertial axes to axes fixed to the earth, (3, 3)
+    to_body: Any  # rotation matrix from inertial to body axes, (3, 3)
+    place: Any  # position in axes fixed to the earth, ft
+    drift: Any  # velocity due to the earth's rotation at this position, inertial axes, ft/s
+    velocity: Any  # velocity relative to the ground, body axes, ft/s
+    rates: Any  # angular velocity relative to the ground, body axes, rad/s
+    planet_rates: Any  # angular velocity of the earth, body axes, rad/s
+    states: Any  # states in the order of `STATES`
+    angle_rates: Any  # time derivatives of alpha and beta, rad/s
 
 
 def _viewed(parts: dict[str, Any], wind: Any, planet: Planet) -> _View:

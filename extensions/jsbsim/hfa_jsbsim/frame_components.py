@@ -24,11 +24,7 @@ class _Past:
         self._properties = properties
 
     def of(self, name: str, compute: Callable[[], Any]) -> ca.SX:
-        """Return the symbol of a stored value, as it was at the end of the previous frame.
-
-        name: key of the value in the component
-        compute: function without arguments that returns the value in this frame
-        """
+        """Return the symbol of a stored value, as it was at the end of the previous frame."""
         return self._properties.remember(f"{self._key} {name}", compute)
 
     def unless_first(self, value: Any, begin: Any) -> ca.SX:

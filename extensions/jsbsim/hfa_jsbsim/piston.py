@@ -105,10 +105,7 @@ def _set(file: EngineFile, around: Surroundings, name: str, default: float) -> A
 
 
 class _Breathing:
-    """Flow resistance of the air box and throttle of a piston engine.
-
-    The resistances are computed from the pressures in the engine's file.
-    """
+    """Flow resistance of the air box and throttle of a piston engine."""
 
     def __init__(self, engine: Element) -> None:
         self.stroke = engine.value_of("stroke", 4.375, "IN")
@@ -127,14 +124,9 @@ class _Breathing:
         self.throttle = idle_impedance * (_STANDARD_PRESSURE / lowest - 1.0) - self.air_box
 
     def pressure_ratio(self, throttle: Any, piston_speed: Any) -> Any:
-        """Return the ratio of the pressure behind the throttle to the ram pressure.
-
-        The ratio also increases beyond full throttle. A trim search therefore has a descent
-        direction there.
-
-        throttle: 0 to 1
-        piston_speed: mean speed of the pistons, ft/s
-        """
+        """Return the ratio of the pressure behind the throttle to the ram pressure."""
+        # The ratio also increases beyond full throttle. A trim search therefore has a descent
+        # direction there.
         impedance = self.peak_speed / ca.fmax(piston_speed, _SLOWEST)
         closed = (1.0 - throttle) * ca.fabs(1.0 - throttle)
         return impedance / (impedance + self.air_box + closed * self.throttle)

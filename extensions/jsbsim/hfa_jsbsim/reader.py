@@ -222,11 +222,7 @@ class _Declaration:
             )
 
     def model(self, source: Source, notes: list[Note]) -> Model:
-        """Return the model of the aircraft.
-
-        source: name of the aircraft, and digest of its files
-        notes: notes for the user about the files
-        """
+        """Return the model of the aircraft."""
         states = self._states()
         outputs = self._outputs()
         moving = tuple(name for name in states if name not in ("yaw", "altitude"))
@@ -545,11 +541,7 @@ class _Declaration:
         ]
 
         def begin(imposed: Mapping[str, Any]) -> dict[str, Any]:
-            """Return initial values by name, {} if no altitude or no positive speed is imposed.
-
-            imposed: name -> number, or array of a common length. Used names are speed (ft/s), mach,
-                kcas, altitude (ft), gamma (rad) and parameters.
-            """
+            """Return initial values by name, {} if no altitude or no positive speed is imposed."""
             altitude = imposed.get("altitude")
             if altitude is None:
                 return {}

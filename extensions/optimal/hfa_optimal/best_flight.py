@@ -218,11 +218,7 @@ class BestFlight(FoundFlight):
         return "\n".join(lines)
 
     def _bracket(self) -> str:
-        """Return sentences on the least cost.
-
-        With a certificate, they state the interval that contains the least cost. Without a
-        certificate, they state that no cheaper flight was found.
-        """
+        """Return sentences on the least cost."""
         if self.bracket is None:
             return (
                 "No cheaper flight from this initial condition was found. This does not prove that "

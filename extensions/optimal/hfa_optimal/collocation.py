@@ -123,11 +123,7 @@ def collocation_points() -> np.ndarray:
 
 
 def _lagrange(points: np.ndarray, tau: np.ndarray) -> np.ndarray:
-    """Return the values of the p Lagrange polynomials at tau, (N, p).
-
-    points: nodes of the polynomials, (p,)
-    tau: (N,)
-    """
+    """Return the values of the p Lagrange polynomials at tau, (N, p)."""
     columns = []
     for index, point in enumerate(points):
         others = np.delete(points, index)
@@ -152,13 +148,8 @@ def mesh(seconds: float, intervals: int, fastest: float, step: float) -> np.ndar
 
 
 def _on_steps(ends: np.ndarray, step: float) -> np.ndarray:
-    """Return the lengths of intervals, rounded to multiples of the simulation step, s, (N,).
-
-    Each length is at least one step. The simulation can then apply the proposed inputs exactly.
-
-    ends: boundaries of the intervals, s, (N + 1,)
-    step: simulation step, s
-    """
+    """Return the lengths of intervals, rounded to multiples of the simulation step, s, (N,)."""
+    # Each length is at least one step. The simulation can then apply the proposed inputs exactly.
     whole = np.round(ends / step).astype(int)
     number = np.arange(len(whole))
     whole = np.maximum.accumulate(whole - number) + number
@@ -193,11 +184,7 @@ def adapted_mesh(
 
 
 def _leading(points: np.ndarray) -> np.ndarray:
-    """Return the factors on the values of a polynomial at p points that add up to its leading
-    coefficient.
-
-    points: (p,)
-    """
+    """Return the factors on values at p points that add up to the leading coefficient."""
     return np.array([1.0 / np.prod(point - points[points != point]) for point in points])
 
 
@@ -364,11 +351,7 @@ class Transcription:
         )
 
     def _bounds(self, begin: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return lower and upper bounds of the unknowns.
-
-        begin: initial deviations of the followed states, (followed,)
-        margin: as in `solve`
-        """
+        """Return lower and upper bounds of the unknowns."""
         problem = self.problem
         of_states, of_inputs = problem.sizes
         points = self.intervals * DEGREE
@@ -387,11 +370,7 @@ class Transcription:
 
     @cached_property
     def _solver(self) -> ca.Function:
-        """IPOPT solver of the nonlinear program, with the exact Jacobian and Hessian.
-
-        The parameters of the program are the initial state, the lengths of the intervals, the scale
-        of the cost and the factor on R.
-        """
+        """IPOPT solver of the nonlinear program, with the exact Jacobian and Hessian."""
         problem = self.problem
         k = len(problem.followed)
         both = k + len(problem.inputs)
@@ -463,15 +442,8 @@ class Transcription:
     def _objective(
         self, chosen: ca.DM, lengths: ca.MX, scale: ca.MX, price: ca.MX
     ) -> tuple[ca.MX, ca.MX, ca.MX]:
-        """Return shares, W and F of the quadratic part sum_i shares_i r_i'W r_i + w'F w.
-
-        w are the unknowns, and r_i are states and inputs at the collocation point i.
-
-        chosen: result of `points_of_unknowns`
-        lengths: length of the interval of each collocation point, (1, N DEGREE)
-        scale: factor on the cost
-        price: factor on R
-        """
+        """Return shares, W and F of the quadratic part sum_i shares_i r_i'W r_i + w'F w."""
+        # w are the unknowns, and r_i are states and inputs at the collocation point i.
         problem = self.problem
         k = len(problem.followed)
         m = len(problem.inputs)
@@ -500,21 +472,13 @@ class Transcription:
 
 
 def _without_symbols(expression: ca.MX, symbols: list[ca.MX]) -> ca.MX:
-    """Return an expression with 0 substituted for the given symbols.
-
-    The value of the expression must not depend on these symbols.
-    """
+    """Return an expression with 0 substituted for the given symbols."""
     zeros = [ca.MX.zeros(symbol.numel()) for symbol in symbols]
     (constant,) = ca.substitute([expression], symbols, zeros)
     return constant
 
 
 def _blocks(side_by_side: ca.MX, count: int, rows: int, columns: int) -> ca.MX:
-    """Return the sparse block-diagonal matrix of the given blocks.
-
-    side_by_side: blocks, (rows, count columns)
-    count: number of blocks
-    rows, columns: size of a block
-    """
+    """Return the sparse block-diagonal matrix of the given blocks."""
     pattern = ca.diagcat(*[ca.Sparsity.dense(rows, columns)] * count)
     return ca.MX(pattern, ca.vec(ca.densify(side_by_side)))

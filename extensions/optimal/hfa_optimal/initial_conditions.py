@@ -134,9 +134,7 @@ class StartsTable(OfProblem, Result, Reported):
 
     @property
     def _bounded(self) -> list[Bracket]:
-        """Bounds of the least cost from those initial conditions that have a best flight and a
-        positive lower bound.
-        """
+        """Bounds of the least cost that are positive and belong to a best flight."""
         brackets = [each.bracket for each in self.flights if each.bracket is not None]
         return [each for each in brackets if each.best is not None and each.lower_bound > 0.0]
 

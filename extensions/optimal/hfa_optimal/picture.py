@@ -62,10 +62,7 @@ def drawn(
 def _draw(
     axes: Axes, problem: FlightProblem, name: str, flights: list[tuple[SimulatedFlight, str]]
 ) -> None:
-    """Draw one state or input of all flights and its limits in a panel.
-
-    The vertical range fits the first flight and all flights that converge.
-    """
+    """Draw one state or input of all flights and its limits in a panel."""
     model = problem.model
     unit = model.unit(name)
     limits = model.limits[name]

@@ -268,18 +268,7 @@ def _confirmed_quickest(
     horizon: float,
     simulated: list[SimulatedFlight],
 ) -> QuickestFlight:
-    """Return the quickest flight whose proposal the simulation confirms.
-
-    The mesh is refined until the times of two meshes agree and the simulation confirms the
-    proposal.
-
-    z: initial deviations of the states, (k,)
-    v: initial deviations of the inputs in the guesses, (m,)
-    horizon: horizon of the linear loop, s
-    simulated: list to which the flights that refute proposals are added
-
-    Raises NoSolutionError, with the reason, if no proposal is confirmed.
-    """
+    """Return the quickest flight whose proposal the simulation confirms."""
     problem = flights.problem
     equations = Equations.of(problem)
     best = _from_guesses(Transcription(problem, _MESHES[0], equations, True), z, v, horizon)
@@ -312,17 +301,7 @@ def _confirmed_quickest(
 
 
 def _from_guesses(program: Transcription, z: np.ndarray, v: np.ndarray, horizon: float) -> Proposal:
-    """Return the quickest feasible proposal found from several guesses.
-
-    In each guess, states and inputs go linearly to the trim. The duration of a guess is a fraction
-    of the horizon.
-
-    z: initial deviations of the states, (k,)
-    v: initial deviations of the inputs in the guesses, (m,)
-    horizon: horizon of the linear loop, s
-
-    Raises NoSolutionError if no proposal is feasible.
-    """
+    """Return the quickest feasible proposal found from several guesses."""
     count = program.intervals
     inside = ((np.arange(count)[:, None] + collocation_points()[1:]) / count).ravel()
     states = (1.0 - inside)[:, None] * z
@@ -340,10 +319,7 @@ def _from_guesses(program: Transcription, z: np.ndarray, v: np.ndarray, horizon:
 def _on_finer(
     flights: Flights, program: Transcription, guess: Proposal, reserve: float
 ) -> Proposal:
-    """Return a proposal solved again, on a mesh that is adapted to it.
-
-    reserve: fraction of the distance to each limit that the proposal leaves to the policy
-    """
+    """Return a proposal solved again, on a mesh that is adapted to it."""
     of_states, of_inputs = flights.problem.sizes
     largest_z = largest_deviations(guess)
     largest_z = np.maximum(largest_z, _SMALLEST * of_states[: len(largest_z)])

@@ -187,14 +187,7 @@ class BestFlights:
     def _confirmed_best(
         self, start: np.ndarray, seconds: float | None, simulated: list[SimulatedFlight]
     ) -> Found:
-        """Return the best flight whose proposal the simulation confirms.
-
-        start: initial deviations z, (k,)
-        seconds: horizon, s, or None
-        simulated: list to which the flights that follow proposals are added
-
-        Raises the errors of `found`, and NoSolutionError if no proposal is confirmed.
-        """
+        """Return the best flight whose proposal the simulation confirms."""
         horizon = self.horizon(start) if seconds is None else seconds
         for _ in range(_EXTENSIONS):
             horizon = self.flights.tick * math.ceil(horizon / self.flights.tick)
@@ -215,11 +208,7 @@ class BestFlights:
         )
 
     def _unfinished(self, proposal: Proposal) -> str:
-        """Return the reason why the horizon of a proposal is too short, or "" if it is long enough.
-
-        The reason is a large cost after the horizon, or that the linear policy then leaves the
-        limits.
-        """
+        """Return why the horizon of a proposal is too short, or ""."""
         share = proposal.tail / proposal.cost
         if share > (DRIFTING_TAIL if self.problem.carried else TAIL):
             return f"{100 * share:.2g} % of the cost remains at the end"
@@ -257,15 +246,7 @@ class BestFlights:
         proposals: Mapping[str, Proposal],
         simulated: list[SimulatedFlight],
     ) -> Found:
-        """Return the cheapest flight that the simulation confirms, from proposals on finer meshes.
-
-        seconds: horizon, s
-        linear: flight of the linear optimum
-        proposals: name of a guess -> proposal on the coarsest mesh
-        simulated: list to which the flights that follow proposals are added
-
-        Raises NoSolutionError, with the reason, if no proposal is confirmed.
-        """
+        """Return the cheapest flight that the simulation confirms, on finer meshes."""
         finer = {}
         for name in _distinct(proposals):
             proposal = self._finer(2 * INTERVALS, proposals[name], MARGIN)
@@ -290,18 +271,7 @@ class BestFlights:
         best: Proposal,
         simulated: list[SimulatedFlight],
     ) -> tuple[SimulatedFlight, Proposal, dict[int, float]]:
-        """Return the simulated flight, the proposal that it follows, and the costs on all meshes.
-
-        The mesh is refined until the costs on two meshes agree and the simulation confirms the
-        proposal.
-
-        seconds: horizon, s
-        meshes: number of intervals -> cost, for the meshes used before
-        best: proposal on the last of these meshes
-        simulated: list to which the flights that follow proposals are added
-
-        Raises NoSolutionError, with the reason, if no proposal is confirmed.
-        """
+        """Return the confirmed flight, its proposal, and number of intervals -> cost."""
         agreed = None
         intervals = len(best.lengths)
         for _ in range(_DIVISIONS):
@@ -333,11 +303,9 @@ class BestFlights:
         raise NoSolutionError(reason)
 
     def _alternating(self, proposal: Proposal) -> str:
-        """Return a note on each input that alternates between its limits in a proposal, or "".
-
-        An input alternates if it passes `_ALTERNATES` times or more from more than half of one
-        limit to more than half of the opposite limit.
-        """
+        """Return a note on each input that alternates between its limits in a proposal, or ""."""
+        # An input alternates if it passes `_ALTERNATES` times or more from more than half of one
+        # limit to more than half of the opposite limit.
         lowest, highest = self.problem.input_limits
         texts = []
         for column, name in enumerate(self.problem.inputs):
@@ -354,14 +322,7 @@ class BestFlights:
     def _simulated(
         self, best: Proposal, seconds: float, factor: float
     ) -> tuple[SimulatedFlight, Proposal]:
-        """Return the simulated flight that follows a proposal, and the followed proposal.
-
-        If the flight leaves the limits, a second proposal with narrower limits is followed instead,
-        provided that it is feasible.
-
-        seconds: horizon, s
-        factor: factor on the margin to the limits in the second proposal
-        """
+        """Return the simulated flight that follows a proposal, and the followed proposal."""
         flown = self.flights.follow(best, (1.0 + AFTER) * seconds)
         if flown.departure is None:
             return flown, best
@@ -373,18 +334,7 @@ class BestFlights:
     def _from_guesses(
         self, start: np.ndarray, seconds: float, linear: SimulatedFlight
     ) -> dict[str, Proposal]:
-        """Return the feasible proposal on the coarsest mesh for each initial guess, by name of the
-        guess.
-
-        If the first guesses lead to different optima, or IPOPT fails for one, further guesses are
-        tried.
-
-        start: initial deviations z, (k,)
-        seconds: horizon, s
-        linear: flight of the linear optimum
-
-        Raises NoSolutionError if no proposal is feasible.
-        """
+        """Return name of a guess -> feasible proposal on the coarsest mesh."""
         first = {
             "linear loop": self._linear_guess(start),
             "slow decay": self._decay(start, 3.0 / seconds),
@@ -418,20 +368,7 @@ class BestFlights:
         adapted: list[tuple[Proposal, Proposal]],
         price: float = 1.0,
     ) -> dict[str, Proposal]:
-        """Return the feasible proposal on the coarsest mesh for each given guess, by name of the
-        guess.
-
-        A first proposal on a geometric mesh is solved again on a mesh that is adapted to this
-        proposal. If a first proposal equals an earlier one, the earlier second proposal is
-        returned.
-
-        start: initial deviations z, (k,)
-        seconds: horizon, s
-        guesses: name -> function from times, s, to (z, v)
-        adapted: pairs (first proposal, second proposal); a pair is added for each new first
-            proposal
-        price: factor on R in the first proposal
-        """
+        """Return name of a guess -> proposal on a mesh adapted to a first proposal."""
         lengths = self._mesh(seconds, INTERVALS)
         coarsest = self._transcription(INTERVALS)
         proposals = {}
@@ -448,14 +385,9 @@ class BestFlights:
         return proposals
 
     def _finer(self, intervals: int, guess: Proposal, margin: float) -> Proposal:
-        """Return the proposal solved again on a mesh of `intervals` intervals.
-
-        The mesh is adapted to the given proposal. If the new proposal is infeasible, it is replaced
-        by one on a geometric mesh, which may be infeasible too.
-
-        guess: the given proposal, from which IPOPT begins
-        margin: fraction by which the limits of the states are narrowed
-        """
+        """Return the proposal solved again on a mesh of `intervals` intervals."""
+        # The mesh is adapted to the given proposal. If the new proposal is infeasible, it is
+        # replaced by one on a geometric mesh, which may be infeasible too.
         adapted = adapted_mesh(guess, intervals, self.flights.step, self._weights)
         for lengths in (adapted, self._mesh(float(guess.lengths.sum()), intervals)):
             z, v = sampled(guess.at, lengths)
@@ -480,9 +412,7 @@ class BestFlights:
         return mesh(seconds, intervals, fastest, self.flights.step)
 
     def _linear_guess(self, start: np.ndarray) -> Guess:
-        """Return a guess: the trajectory of the linear loop without limits, with v clipped to
-        its limits.
-        """
+        """Return as guess the linear loop without limits, with v clipped to its limits."""
 
         def guess(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             z = exponentials(self._loop * times[:, None, None]) @ start
@@ -491,13 +421,7 @@ class BestFlights:
         return guess
 
     def _decay(self, start: np.ndarray, rate: float, v: np.ndarray | None = None) -> Guess:
-        """Return a guess in which z and v decay exponentially.
-
-        start: initial deviations z, (k,)
-        rate: decay rate, 1/s
-        v: initial deviations of the inputs, (m,), clipped to `_LARGEST_INPUT` nominal values; None
-            means 0
-        """
+        """Return a guess in which z and v decay exponentially."""
         begin = np.zeros(len(self.problem.inputs)) if v is None else v
         most = _LARGEST_INPUT * self.problem.sizes[1]
         begin = np.clip(begin, -most, most)

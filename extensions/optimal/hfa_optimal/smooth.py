@@ -99,22 +99,15 @@ def smoothed(function: ca.Function, points: np.ndarray, part: float) -> ca.Funct
 
 @dataclass(frozen=True)
 class _Kink:
-    """Smoothing of one kink, which is where the argument of an operation is 0.
+    """Smoothing of one kink, which is where the argument of an operation is 0."""
 
-    width: half-width of the blend, or 0 without a blend
-    levels: the two values of an argument that takes only two values, or None
-    """
-
-    width: float
+    width: float  # half-width of the blend, or 0 without a blend
+    # the two values of an argument that takes only two values, or None
     levels: tuple[float, float] | None = None
 
     @staticmethod
     def of(values: np.ndarray, part: float) -> _Kink:
-        """Return the smoothing of a kink.
-
-        values: values of the kink's argument at the points, (N,)
-        part: half-width of the blend in standard deviations of the argument
-        """
+        """Return the smoothing of a kink."""
         finite = values[np.isfinite(values)]
         size = np.abs(finite).max(initial=0.0)
         if len(finite) < len(values) or np.ptp(finite) <= _VARIES * size:
@@ -129,15 +122,10 @@ class _Kink:
         return _Kink(width)
 
     def step(self, argument: ca.SX, otherwise: ca.SX) -> tuple[ca.SX, bool]:
-        """Return the smoothed result of a comparison with 0, and whether it is smoothed.
-
-        - With a blend, the result is 1 above the width, 0 below -width, and smooth between.
-        - For two levels of opposite signs, the result is linear between the levels.
-        - Otherwise the result is `otherwise`, not smoothed.
-
-        argument: value that is compared with 0
-        otherwise: exact result of the comparison
-        """
+        """Return the smoothed result of a comparison with 0, and whether it is smoothed."""
+        # - With a blend, the result is 1 above the width, 0 below -width, and smooth between.
+        # - For two levels of opposite signs, the result is linear between the levels.
+        # - Otherwise the result is `otherwise`, not smoothed.
         if self.levels is not None:
             low, high = self.levels
             if low < 0.0 < high:
@@ -149,11 +137,7 @@ class _Kink:
         return 0.5 + t * (15.0 - t**2 * (10.0 - 3.0 * t**2)) / 16.0, True
 
     def size(self, argument: ca.SX) -> ca.SX:
-        """Return a smooth copy of the absolute value of the argument, with two continuous
-        derivatives.
-
-        Within the width the copy is a polynomial.
-        """
+        """Return a copy of the absolute value with two continuous derivatives."""
         sharp = ca.fabs(argument)
         if self.width == 0.0:
             return sharp
@@ -165,21 +149,15 @@ class _Kink:
 
 @dataclass
 class _Replay:
-    """Evaluation of a function's instructions on symbols, with smoothed kinks.
+    """Evaluation of a function's instructions on symbols, with smoothed kinks."""
 
-    function: CasADi SX function of a column (n,) with one result
-    symbol: argument of the function, (n,)
-    kinks: smoothing of each kink, in the order of the instructions; None smooths no kink
-    arguments: arguments of the kinks found so far
-    work: work vector, index -> value
-    soft: indices in the work vector of smooth values between 0 and 1, which replace truth values
-    """
-
-    function: ca.Function
-    symbol: ca.SX
+    function: ca.Function  # CasADi SX function of a column (n,) with one result
+    symbol: ca.SX  # argument of the function, (n,)
+    # smoothing of each kink, in the order of the instructions; None smooths no kink
     kinks: list[_Kink] | None = None
-    arguments: list[ca.SX] = field(default_factory=list)
-    work: dict[int, ca.SX] = field(default_factory=dict)
+    arguments: list[ca.SX] = field(default_factory=list)  # arguments of the kinks found so far
+    work: dict[int, ca.SX] = field(default_factory=dict)  # work vector, index -> value
+    # indices in the work vector of smooth values between 0 and 1, which replace truth values
     soft: set[int] = field(default_factory=set)
 
     def run(self) -> ca.SX:
@@ -205,12 +183,7 @@ class _Replay:
         return ca.densify(ca.vertcat(ca.SX(0, 1), *self.arguments))
 
     def _value(self, number: int, code: int, places: list[int]) -> tuple[ca.SX, bool]:
-        """Return the value of an instruction, and whether this value is a smooth truth value.
-
-        number: index of the instruction
-        code: CasADi's code of the operation
-        places: indices of the operands in the work vector
-        """
+        """Return the value of an instruction, and whether this value is a smooth truth value."""
         if code == ca.OP_CONST:
             return ca.SX(self.function.instruction_constant(number)), False
         if code == ca.OP_INPUT:
@@ -238,14 +211,12 @@ class _Replay:
         return middle + half if code == ca.OP_FMAX else middle - half
 
     def _chosen(self, code: int, places: list[int], operands: list[ca.SX]) -> tuple[ca.SX, bool]:
-        """Return the value of a logical operation, and whether it is a smooth truth value.
-
-        With smooth operands a and b:
-        - not a is 1 - a
-        - a and b is a b
-        - a or b is a + b - a b
-        - a branch that a selects is multiplied by a
-        """
+        """Return the value of a logical operation, and whether it is a smooth truth value."""
+        # With smooth operands a and b:
+        # - not a is 1 - a
+        # - a and b is a b
+        # - a or b is a + b - a b
+        # - a branch that a selects is multiplied by a
         is_soft = [place in self.soft for place in places]
         if not any(is_soft) or (code == ca.OP_IF_ELSE_ZERO and not is_soft[0]):
             return _applied(code, operands), False

@@ -130,9 +130,7 @@ def exponentials(matrices: np.ndarray) -> np.ndarray:
 
 
 def _slopes(problem: FlightProblem, proposal: Proposal) -> tuple[np.ndarray, np.ndarray]:
-    """Return the Jacobians A, (N, k, k), and B, (N, k, m), at the middle of each interval of a
-    proposal.
-    """
+    """Return A, (N, k, k), and B, (N, k, m), at the middle of each interval."""
     of_states, of_inputs = problem.sizes
     z, v = proposal.at(proposal.ends[:-1] + 0.5 * proposal.lengths)
     both = np.hstack([z / of_states, v / of_inputs])

@@ -149,10 +149,7 @@ def _with_costs(
     bound: Path | None,
     progress: Progress | None,
 ) -> AssessedPoint:
-    """Return the result at a trim with the costs of some flights, or with a remark if none exist.
-
-    best, bound, progress: as in `assessment_of`
-    """
+    """Return the result at a trim with the costs of some flights, or a remark why none exist."""
     deployed = assessor.deployed
     count = min(COMPARED, assessor.samples)
     searched = deployed.deployment.cost is not None and count > 0

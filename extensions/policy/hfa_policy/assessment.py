@@ -154,11 +154,7 @@ class Assessment(Result, Reported):
         return f"{verdict}: {shorten(texts[-1], room, placeholder=' ...')}; {ratios[-1]}"
 
     def _verdicts(self) -> list[str]:
-        """Return the sentence of the verdict, followed by shorter forms of it.
-
-        The sentence states where the policy holds. If the policy fails although it holds, the
-        sentence is that of the first failure.
-        """
+        """Return the sentence of the verdict, followed by shorter forms of it."""
         if self.holds and not self.ok:
             failure = self.findings[0].text
             return [failure, failure.partition(" (")[0], failure.partition(":")[0]]
@@ -175,10 +171,7 @@ class Assessment(Result, Reported):
         return [f"{text}{rate}, not {where}", f"{text}, not {where}", text]
 
     def _failing_changes(self) -> list[str]:
-        """Return a list with the phrase on changed aircraft on which the policy does not hold.
-
-        The phrase contains the number of these aircraft and describes the first.
-        """
+        """Return a list with the phrase on changed aircraft on which the policy does not hold."""
         failing = [variation for variation in self.variations if not variation.holds]
         if not failing:
             return []
@@ -244,11 +237,7 @@ class Assessment(Result, Reported):
 
 
 def _meets(point: AssessedPoint, name: str, need: float) -> bool:
-    """Return whether the result at a trim satisfies a requirement.
-
-    name: "delay" (s), "margin" (disk margin) or "cost" (percent)
-    need: required value
-    """
+    """Return whether the result at a trim satisfies a requirement."""
     if name == "delay":
         if point.delays is None or not point.holds:
             return False

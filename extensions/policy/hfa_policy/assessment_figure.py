@@ -69,10 +69,7 @@ def drawn_assessment(points: Sequence[AssessedPoint], figure: Figure) -> Figure:
 
 
 def _draw_margins(axes: Axes, points: Sequence[AssessedPoint], shades: np.ndarray) -> None:
-    """Draw the disk margin of each trim, 0 without margins.
-
-    shades: color of each trim, (N, 4)
-    """
+    """Draw the disk margin of each trim, 0 without margins."""
     margins = [point.margins for point in points]
     disks = [0.0 if margin is None else margin.disk.disk for margin in margins]
     axes.bar(np.arange(len(disks)), disks, color=shades, width=0.6)

@@ -110,11 +110,7 @@ def _bounds(points: Sequence[AssessedPoint]) -> list[Any]:
 
 
 def _evidence(points: Sequence[AssessedPoint]) -> list[Any]:
-    """Return the tables of the actions' effects and of the observations, with their captions.
-
-    The actions are shown at the trim at which one of them is nearest to reversed, and the
-    observations at that at which one is farthest from the training.
-    """
+    """Return the tables of the actions' effects and of the observations, with their captions."""
     parts: list[Any] = []
     with_actions = [point for point in points if point.actions]
     if with_actions:

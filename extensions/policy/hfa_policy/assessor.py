@@ -108,12 +108,7 @@ class Assessor:
     def _place(
         self, search: EquilibriumSearch, widths: np.ndarray, equilibrium: Equilibrium | None
     ) -> Place:
-        """Return the description of one trim for flights: box, equilibrium and modes.
-
-        search: search for the equilibrium at this trim
-        widths: half-widths of the initial-condition box, (k,)
-        equilibrium: the equilibrium, or None if it does not exist
-        """
+        """Return the description of one trim for flights: box, equilibrium and modes."""
         point = search.point
         if equilibrium is None:
             return Place(point, widths, None, False, steady=self.steady)
@@ -229,10 +224,7 @@ class Assessor:
         )
 
     def _cost(self, reach: Reach, chain: Chain, remarks: list[str]) -> CostAboveOptimum | None:
-        """Return the cost above the optimum, or None without weights or an optimum.
-
-        remarks: list to which the reason is added if there is no optimum
-        """
+        """Return the cost above the optimum, or None without weights or an optimum."""
         if self.deployed.deployment.cost is None:
             return None
         lost = cost_above_optimum(self.deployed, reach.loop, chain)
@@ -243,10 +235,7 @@ class Assessor:
 
 
 def _margins(chain: Chain, remarks: list[str]) -> Margins | None:
-    """Return the margins of a stable loop, or None.
-
-    remarks: list to which the reason is added if the computation fails
-    """
+    """Return the margins of a stable loop, or None."""
     if chain.radius >= 1.0:
         return None
     try:
@@ -263,17 +252,7 @@ def _nearer(
     search: EquilibriumSearch,
     widths: np.ndarray,
 ) -> Equilibrium | None:
-    """Return the equilibrium to which flights from a trim converge, or None.
-
-    Two candidates are given, each of which may be None. The result is `elsewhere` if `equilibrium`
-    is None, or if the flight from the trim ends at `elsewhere` and `equilibrium` is a different
-    point. Otherwise it is `equilibrium`.
-
-    equilibrium: found by Newton's method from the trim
-    elsewhere: found by Newton's method from the end of the flight
-    end: final states of the flight, (n,)
-    widths: half-widths of the initial-condition box, (k,)
-    """
+    """Return the equilibrium to which flights from a trim converge, or None."""
     if elsewhere is None:
         return equilibrium
     if equilibrium is None:

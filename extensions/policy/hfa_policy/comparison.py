@@ -77,12 +77,7 @@ def _table(names: Sequence[str], rows: Sequence[tuple[str, ...]]) -> Table:
 
 
 def _short_names(origins: Sequence[str], longest: int) -> list[str]:
-    """Return the paths below the common folder of all files.
-
-    Paths that are too long are shortened in the middle.
-
-    longest: largest number of characters, or `_NAME` if this is larger
-    """
+    """Return the paths below the common folder of all files."""
     longest = max(longest, _NAME)
     split = [Path(origin).parts for origin in origins]
     folders = zip(*(parts[:-1] for parts in split), strict=False)
@@ -94,11 +89,7 @@ def _short_names(origins: Sequence[str], longest: int) -> list[str]:
 
 
 def _row(assessment: Assessment) -> tuple[str, ...]:
-    """Return the row of a deployment without its name: the worst value over the trims.
-
-    The delay is the shortest one among the trims that have an unstable delay. The disk margin is
-    "-" if a trim has no margins.
-    """
+    """Return the row of a deployment without its name: the worst value over the trims."""
     points = assessment.points
     held = sum(point.holds for point in points)
     limits = [point.delays.limit for point in points if point.delays is not None]
@@ -117,11 +108,7 @@ def _row(assessment: Assessment) -> tuple[str, ...]:
 
 
 def _worst(of: Callable[..., float], values: Sequence[float], form: str) -> str:
-    """Return the worst value as text, or "-" if there are no values or a value is not finite.
-
-    of: max or min
-    form: format of the number
-    """
+    """Return the worst value as text, or "-" if there are no values or a value is not finite."""
     finite = [value for value in values if math.isfinite(value)]
     if not finite or len(finite) < len(values):
         return "-"
@@ -129,10 +116,7 @@ def _worst(of: Callable[..., float], values: Sequence[float], form: str) -> str:
 
 
 def _flight_counts(points: Sequence[AssessedPoint]) -> tuple[str, str]:
-    """Return the numbers of flights that converge and that leave the envelope, over all trims.
-
-    Each is a text, or "-" without flights.
-    """
+    """Return the numbers of flights that converge and that leave the envelope, over all trims."""
     flown = [point.flights for point in points if point.flights is not None]
     if not flown:
         return "-", "-"

@@ -117,16 +117,10 @@ def weights_at(
 
 
 def _sampled_costs(step: Game, optimum: np.ndarray, chain: Chain) -> tuple[float, float]:
-    """Return the worst and the mean cost of a sampled loop above the optimum, percent.
-
-    At the first sample, delayed commands have their equilibrium values, and earlier observations
-    equal the present ones. If the loop is unstable, both results are inf. If no deviation has a
-    cost, both are 0.
-
-    step: sampled LQR problem
-    optimum: matrix P of the optimal cost x'P x
-    chain: the sampled loop with its delay
-    """
+    """Return the worst and the mean cost of a sampled loop above the optimum, percent."""
+    # At the first sample, delayed commands have their equilibrium values, and earlier observations
+    # equal the present ones. If the loop is unstable, both results are inf. If no deviation has a
+    # cost, both are 0.
     from scipy.linalg import solve_discrete_lyapunov
 
     if chain.radius >= 1.0:

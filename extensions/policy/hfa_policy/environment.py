@@ -124,13 +124,7 @@ def vector_environment(
 def _deployment(
     model: Model, given: Deployment | str | Path | None, dt: float | None, Q: Any, R: Any
 ) -> Deployment:
-    """Return the given deployment, or the default deployment of a model.
-
-    dt: sample time of the default deployment, s, or None
-    Q, R: weights of the cost of the default deployment, or None
-
-    Raises BadInputError if dt, Q or R is given together with a deployment.
-    """
+    """Return the given deployment, or the default deployment of a model."""
     if given is not None:
         for name, value in (("dt", dt), ("Q", Q), ("R", R)):
             if value is not None:
@@ -148,14 +142,7 @@ def _deployment(
 
 
 def _weights(matrix: str, model: Model, given: Any, names: Iterable[str]) -> dict[str, float]:
-    """Return name -> weight in the cost, by default 1/nominal².
-
-    matrix: "Q" or "R", for messages
-    given: the matrix, its diagonal, name -> weight, or None for the default
-    names: the states or inputs that have a weight, in the order of the diagonal
-
-    Raises BadInputError for a matrix that is not diagonal, and for a wrong number of weights.
-    """
+    """Return name -> weight in the cost, by default 1/nominal²."""
     if isinstance(given, Mapping):
         return dict(given)
     names = tuple(names)
@@ -191,13 +178,7 @@ def _episodes(
 
 
 def _made(library: str, package: str, module: str, name: str) -> Callable[..., Any]:
-    """Return a class of this package whose module requires an optional library.
-
-    package: the name that pip installs
-    module, name: module of the class and its name
-
-    Raises a BadInputError with the command that installs the library if the library is missing.
-    """
+    """Return a class of this package whose module requires an optional library."""
     try:
         import_module(library)
     except ImportError:

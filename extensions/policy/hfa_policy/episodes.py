@@ -264,10 +264,7 @@ class Episodes:
         return departure_at(envelope, after, time)
 
     def _compiled(self) -> Callable[[], Any]:
-        """Return a function without arguments that advances all episodes by one sample, in place.
-
-        Many episodes are computed by several threads.
-        """
+        """Return a function that advances all episodes by one sample, in place."""
         count = len(self.owners)
         code = row_code(self._sample(), one_row=count == 1)
         tables = (self._state, self._held, self.outcomes, self._observed)
@@ -280,13 +277,7 @@ class Episodes:
         return lambda: list(threads.map(lambda fly: fly(), bound))
 
     def _sample(self) -> ca.Function:
-        """Return the CasADi Function that advances one episode by a sample.
-
-        The Function maps (state, held) to the next state, the outcome (reward, whether the aircraft
-        left its limits, whether no samples remain) and the next observations. The state is that of
-        a flight (`flights.py`) and the number of remaining samples. The actions, the trim and the
-        push are held, as in a flight, and the lowest and highest X.
-        """
+        """Return the CasADi Function that advances one episode by a sample."""
         flight = self._flight
         flown, of_flight = sum(flight.sizes), sum(flight.held_sizes)
         n, m = len(flight.deployed.model.states), len(flight.deployed.model.inputs)
@@ -327,11 +318,7 @@ def _bound(
 def _ranges(
     model: Model, vary: Mapping[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
-    """Return parameter -> (lowest, highest) of its draws.
-
-    Raises BadInputError for an unknown parameter, a range that is not in ascending order, or a
-    value outside the limits of the parameter.
-    """
+    """Return parameter -> (lowest, highest) of its draws."""
     ranges = {}
     for name, ends in vary.items():
         refuse_unknown("vary names the unknown parameter", name, tuple(model.parameters))
@@ -356,21 +343,15 @@ def _has_nan(actions: np.ndarray) -> bool:
 
 
 def _outcome(size: int, n: int) -> ca.Function:
-    """Return the function (before, after, cost, left, limits) -> (accepted state, left, outcome).
-
-    - before, after: state before and after the sample
-    - cost: cost of the sample, replaced by `_DEAREST` if not finite
-    - left: number of remaining samples, before including and after excluding this one
-    - limits: lowest X and highest X
-    - accepted state: `after` if all its entries are finite, else `before`
-    - outcome: reward, whether the aircraft left the limits, whether no samples remain
-
-    An entry of `after` that is not finite counts as leaving the limits. The reward is -cost. If the
-    aircraft leaves the limits, the cost of the sample is also counted for each later sample.
-
-    size: size of the state
-    n: number of X, which are the first of these entries
-    """
+    """Return the function (before, after, cost, left, limits) -> (kept state, left, outcome)."""
+    # - before, after: state before and after the sample
+    # - cost: cost of the sample, replaced by `_DEAREST` if not finite
+    # - left: number of remaining samples, before including and after excluding this one
+    # - limits: lowest X and highest X
+    # - accepted state: `after` if all its entries are finite, else `before`
+    # - outcome: reward, whether the aircraft left the limits, whether no samples remain
+    # An entry of `after` that is not finite counts as leaving the limits. The reward is -cost. If
+    # the aircraft leaves the limits, the cost of the sample is also counted for each later sample.
     before, after = ca.SX.sym("before", size), ca.SX.sym("after", size)
     cost, left = ca.SX.sym("cost"), ca.SX.sym("left")
     limits = ca.SX.sym("limits", 2 * n)
@@ -447,10 +428,7 @@ def _rowwise(matrices: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 
 def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:
-    """Return the lowest and highest action, (m,) each.
-
-    Raises BadInputError for an action without a finite box.
-    """
+    """Return the lowest and highest action, (m,) each."""
     low, high = deployed.deployment.box
     for name, lowest, highest in zip(deployed.commanded, low, high, strict=True):
         if not (np.isfinite(lowest) and np.isfinite(highest)):
@@ -462,10 +440,7 @@ def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> ca.Function:
-    """Return the function (action, X, U before, trim) -> U of actions that are limited to the box.
-
-    low, high: limits of the box, (m,) each
-    """
+    """Return the function (action, X, U before, trim) -> U of actions limited to the box."""
     arguments = symbols_of_a_sample(deployed)
     action = ca.SX.sym("a", len(low))
     within = saturated(action, ca.DM(low), ca.DM(high))

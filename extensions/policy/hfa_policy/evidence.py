@@ -118,12 +118,7 @@ def observation_ranges(
 def _extremes(
     flight: SampledFlight, places: Sequence[Place], seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the lowest and the highest observations (N, k) of flights within their envelopes.
-
-    There are `_FLIGHTS` flights from each trim.
-
-    seed: seed of the initial conditions
-    """
+    """Return the lowest and the highest observations (N, k) of flights within their envelopes."""
     flown = recorded_flights(flight, places, seed, _FLIGHTS)
     count, samples = flown.inside.shape
     rows = (flown.states, flown.before, np.repeat(flown.trims[:, None], samples, axis=1))
@@ -135,10 +130,7 @@ def _extremes(
 
 
 def _in_training(deployment: Deployment) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean and standard deviation of the observations in training, (k,) each, or nan.
-
-    They are those of the normalizer, or of the last observations in the policy's file.
-    """
+    """Return mean and standard deviation of the observations in training, (k,) each, or nan."""
     count = len(deployment.observation)
     normalizer = deployment.normalizer
     if normalizer is not None:

@@ -44,14 +44,11 @@ class Finding(NamedTuple):
 
 
 class _Found(NamedTuple):
-    """Finding at one trim.
-
-    size: comparable among findings of the same kind. The largest is the worst.
-    """
+    """Finding at one trim."""
 
     severity: Severity
     text: str
-    size: float = 0.0
+    size: float = 0.0  # comparable among findings of the same kind. The largest is the worst
 
 
 def findings_at_trims(points: Sequence[AssessedPoint]) -> list[Finding]:
@@ -145,10 +142,7 @@ def _disturbed_departures(point: AssessedPoint) -> list[_Found]:
 
 
 def _leaving_flights(point: AssessedPoint, flown: Outcomes | None, when: str) -> list[_Found]:
-    """Return the finding on the flights that leave the envelope.
-
-    when: disturbance of the flights, as text
-    """
+    """Return the finding on the flights that leave the envelope."""
     if flown is None or not flown.lost:
         return []
     text = f"{when}{_leaving(flown.lost, flown.starts, 'flights')}"
@@ -322,9 +316,6 @@ def _cycle_text(cycle: LimitCycle) -> str:
 
 
 def _leaving(count: int, total: int, flights: str) -> str:
-    """Return a phrase such as "1 of 2 flights leaves the envelope".
-
-    flights: description of all flights
-    """
+    """Return a phrase such as "1 of 2 flights leaves the envelope"."""
     verb = "leaves" if count == 1 else "leave"
     return f"{count} of {total} {flights} {verb} the envelope"

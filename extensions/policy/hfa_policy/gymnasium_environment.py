@@ -120,10 +120,7 @@ class AircraftEnvironment(gymnasium.Env):
         return int(number)
 
     def _start(self, start: Any) -> np.ndarray:
-        """Return an initial state as an array (n,).
-
-        Raises BadInputError unless `start` consists of n finite numbers.
-        """
+        """Return an initial state as an array (n,)."""
         states = numbers_in("options: start", start)
         wanted = self.episodes.states.shape[1:]
         if states.shape != wanted or not np.isfinite(states).all():

@@ -30,14 +30,10 @@ class Nonlinearity(NamedTuple):
 
 
 class _Slope(NamedTuple):
-    """Linear policy u = -K z with which the deployed policy is compared.
+    """Linear policy u = -K z with which the deployed policy is compared."""
 
-    K: (m', k).
-    P: zeros, (k, k). The search requires P but does not use it for policies.
-    """
-
-    K: np.ndarray
-    P: np.ndarray
+    K: np.ndarray  # (m', k)
+    P: np.ndarray  # zeros, (k, k). The search requires P but does not use it for policies
 
 
 def nonlinearity(

@@ -301,10 +301,7 @@ class PlacedFlights:
         self.endings.close()
 
     def _undecided(self, windows: int) -> Endings:
-        """Return the rule by which the flights end.
-
-        windows: number of windows in the full duration
-        """
+        """Return the rule by which the flights end."""
         model = self.flight.deployed.model
         envelopes = [flight_envelope(model, place.point) for place in self.places]
         least = np.array([envelope.least for envelope in envelopes])[self.owners]
@@ -398,13 +395,7 @@ class PlacedFlights:
         return measured_cycle(self.flight, loop, place.point)
 
     def _other_equilibria(self, steady: np.ndarray, place: Place) -> tuple[int, dict[str, float]]:
-        """Return the number of flights at other equilibria, and one such equilibrium.
-
-        The equilibrium is the first that is found, as linear state -> value, or {} if none is
-        found. At most `_OTHERS` equilibria are searched.
-
-        steady: indices of the flights that are almost steady
-        """
+        """Return the number of flights at other equilibria, and one such equilibrium."""
         search = EquilibriumSearch(self.flight.deployed, place.point, place.steady)
         X, memory, _ = self.flight.slices
         m = len(place.point.model.inputs)
@@ -429,15 +420,7 @@ class PlacedFlights:
         return count, first
 
     def _worst(self, neither: np.ndarray, returned: np.ndarray) -> tuple[int, str]:
-        """Return the index of the worst flight that stays inside the envelope, and its outcome.
-
-        - `neither` is not empty: the flight of `neither` farthest from the equilibrium.
-        - Only `returned` is not empty: the slowest flight of `returned`.
-        - Both are empty: (0, "").
-
-        neither: indices of the flights that neither converge nor leave the envelope
-        returned: indices of the flights that converge
-        """
+        """Return the index of the worst flight that stays inside the envelope, and its outcome."""
         if neither.size:
             return int(neither[np.argmax(self.endings.nearest[neither])]), Outcome.UNDECIDED
         if returned.size:
@@ -446,12 +429,7 @@ class PlacedFlights:
 
 
 def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
-    """Return whether an equilibrium coincides with the equilibrium of a place.
-
-    The difference must be at most that of a flight that has converged.
-
-    linear: indices of the linear states
-    """
+    """Return whether an equilibrium coincides with the equilibrium of a place."""
     if place.equilibrium is None:
         return False
     apart = (other.states - place.equilibrium.states)[linear]

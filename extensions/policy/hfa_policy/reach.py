@@ -138,14 +138,7 @@ def left_alone(
 
 
 def _share_of_range(C: np.ndarray, modes: np.ndarray, box: np.ndarray) -> np.ndarray:
-    """Return the largest change of an observation caused by each mode, (r,).
-
-    A change is relative to the range of the observation over the initial-condition box.
-
-    C: slopes of the observations with respect to the linear states, (observations, k)
-    modes: (k, r), a column for each mode
-    box: half-widths of the box, (k,)
-    """
+    """Return the largest change of an observation caused by each mode, (r,)."""
     changes = np.abs(C @ modes)
     ranges = np.abs(C) @ box
     seen = ranges > 0.0
@@ -153,23 +146,14 @@ def _share_of_range(C: np.ndarray, modes: np.ndarray, box: np.ndarray) -> np.nda
 
 
 def _real(values: np.ndarray, vectors: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Return a real basis of the space of the chosen modes, (k, r), one column for each mode.
-
-    values: eigenvalues, (k,)
-    vectors: eigenvectors, (k, k)
-    chosen: mask of the modes, (k,)
-    """
+    """Return a real basis of the space of the chosen modes, (k, r), one column for each mode."""
     real = vectors[:, chosen & (values.imag == 0.0)].real
     pairs = vectors[:, chosen & (values.imag > 0.0)]
     return np.hstack([real, pairs.real, pairs.imag])
 
 
 def _own_modes(deployed: Deployed, A: np.ndarray, value: complex) -> list[OwnMode]:
-    """Return the modes of the aircraft that belong to one eigenvalue or its conjugate.
-
-    A: (k, k), of the aircraft
-    value: the eigenvalue, 1/s
-    """
+    """Return the modes of the aircraft that belong to one eigenvalue or its conjugate."""
     model = deployed.model
     found = []
     for mode in modes_of(A, model.linear, model.modes):

@@ -104,12 +104,7 @@ def rough_flights(
 
 
 def _simulated(plan: MonteCarlo, policy: DeployedPolicy) -> RoughFlights:
-    """Return the results of the flights from one trim.
-
-    They include a reference flight without noise in still air.
-
-    plan: the flights
-    """
+    """Return the results of the flights from one trim."""
     flights = [fly_member(plan, member) for member in range(plan.members)]
     rms = _rms(plan, flights)
     still = sampled_scenario(policy, Scenario(plan.scenario.duration), plan.point)
@@ -155,10 +150,7 @@ def _disturbed_by(scenario: Scenario) -> str:
 
 
 def _turbulence_text(turbulence: Turbulence | None) -> str:
-    """Return turbulence as text, such as "light turbulence".
-
-    The text is "turbulence" if an intensity is given in place of a level.
-    """
+    """Return turbulence as text, such as "light turbulence"."""
     if turbulence is None or not isinstance(turbulence.level, str):
         return "turbulence"
     return f"{turbulence.level} turbulence"

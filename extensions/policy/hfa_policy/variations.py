@@ -130,13 +130,7 @@ def variations(
 
 
 def _lowest_and_highest(name: str, limits: Any) -> tuple[float, float]:
-    """Return the lowest and highest value of a variation.
-
-    name: varied parameter or input, for the message
-    limits: the two values as given by the user
-
-    Raises BadInputError unless `limits` are two finite numbers in ascending order.
-    """
+    """Return the lowest and highest value of a variation."""
     pair = tuple(limits) if isinstance(limits, (tuple, list, np.ndarray)) else ()
     is_pair = len(pair) == 2 and all(is_finite(value) for value in pair)
     if not is_pair or pair[0] > pair[1]:
@@ -159,11 +153,7 @@ def _refuse_beyond(model: Model, name: str, values: Sequence[float]) -> None:
 
 
 def _changed(point: OperatingPoint, name: str, value: float) -> OperatingPoint:
-    """Return the operating point with another value of one parameter or input.
-
-    name: the parameter or input
-    value: the new value
-    """
+    """Return the operating point with another value of one parameter or input."""
     model = point.model
     if name in model.parameters:
         return replace(point, model=model.with_parameters(**{name: value}), problem=None)

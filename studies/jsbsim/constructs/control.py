@@ -31,14 +31,7 @@ def _switch(test: str, default: str = '<default value="0.2"/>') -> dict[str, str
 
 
 def _failure(kind: str, failure: str, value: float) -> dict[str, str]:
-    """Return the slots of a construct in which a component fails.
-
-    A function of the control system sets the malfunction property of the component.
-
-    kind: element name of the component
-    failure: name of the malfunction
-    value: value of the malfunction property
-    """
+    """Return the slots of a construct in which a component fails."""
     ends = _clip(-0.5, 0.5)
     probe = f'<{kind} name="fcs/c"> <input>{_STICK}</input> {ends} {_OUT} </{kind}>'
     writer = f'<fcs_function name="fcs/w"> <function> <v>{value}</v> </function>'
@@ -47,11 +40,7 @@ def _failure(kind: str, failure: str, value: float) -> dict[str, str]:
 
 
 def _channel(attributes: str, head: str = "") -> dict[str, str]:
-    """Return the slots of a construct with a pitch damper in a channel of the control system.
-
-    attributes: attributes of the channel
-    head: XML before the channel
-    """
+    """Return the slots of a construct with a pitch damper in a channel of the control system."""
     damper = f'<pure_gain name="d"> <input>{_Q}</input> <gain>9</gain> {_OUT} </pure_gain>'
     channel = f'<channel name="damper" {attributes}> {damper} </channel>'
     return {"control": head, "channels": channel, "pitch": pitching("fcs/probe")}

@@ -152,11 +152,7 @@ class Draw:
         return f"<clipto{kind}> <min>{low}</min> <max>{high}</max> </clipto>"
 
     def _component(self, name: str, source: str) -> str:
-        """Return the XML of a random component with output limits.
-
-        name: property that the component writes
-        source: property that the component reads
-        """
+        """Return the XML of a random component with output limits."""
         given = f"<input>{source}</input>"
         extra = ""
         kind = str(

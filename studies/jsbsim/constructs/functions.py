@@ -33,10 +33,7 @@ def _axis(name: str, text: str, attributes: str = "") -> dict[str, str]:
 
 
 def _axes(up: str, along: str, across: str, attributes: str = "") -> dict[str, str]:
-    """Return the slots that rename the axes of the jet's lift, drag and side force.
-
-    attributes: XML attributes of each axis
-    """
+    """Return the slots that rename the axes of the jet's lift, drag and side force."""
     names = {"lift_axis": up, "drag_axis": along, "side_axis": across}
     return {slot: f'name="{name}" {attributes}' for slot, name in names.items()}
 

@@ -115,12 +115,7 @@ def _point(rng: np.random.Generator) -> dict[str, Any]:
 
 
 def _comparison(name: str, model: Model | str, pairs: list[tuple[Any, Any]]) -> Judgement:
-    """Return the result of comparing one construct with JSBSim.
-
-    name: name of the construct
-    model: the model, or the message with which its file was refused
-    pairs: (requested state, JSBSim's response) for each state
-    """
+    """Return the result of comparing one construct with JSBSim."""
     if isinstance(model, str):
         verdict = "traceback" if model.startswith("TRACEBACK") else "refused"
         return Judgement(name, verdict, model)
@@ -187,11 +182,7 @@ def difference(model: Model, point: Mapping[str, Any], answer: Mapping[str, floa
 
 
 def _wind_in_body(state: Mapping[str, float], answer: Mapping[str, float]) -> np.ndarray:
-    """Return the wind, which is the velocity of the air over ground, in body axes, ft/s, (3,).
-
-    state: attitude of the aircraft
-    answer: JSBSim's response with the wind in north, east and down components
-    """
+    """Return the wind, which is the velocity of the air over ground, in body axes, ft/s, (3,)."""
     roll, pitch, yaw = (state[name] for name in ("roll", "pitch", "yaw"))
     turn = np.array([[np.cos(yaw), np.sin(yaw), 0], [-np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
     nod = np.array(

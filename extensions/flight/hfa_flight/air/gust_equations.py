@@ -128,13 +128,10 @@ def in_gusts(model: Model) -> Model:
 
 @dataclass(frozen=True)
 class _InGusts:
-    """Equations (x, u, p, w) -> (rates by state, outputs by name) of a model in gusts.
-
-    added: gust components that the model does not declare
-    """
+    """Equations (x, u, p, w) -> (rates by state, outputs by name) of a model in gusts."""
 
     model: Model
-    added: tuple[str, ...]
+    added: tuple[str, ...]  # gust components that the model does not declare
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Any]:
         """Return the rates by state and the outputs by name."""
@@ -170,10 +167,7 @@ class _InGusts:
 
 
 def _acceleration(states: Mapping[str, Any], rates: Mapping[str, Any]) -> Any:
-    """Return the time derivatives of the body-axis velocity components, (3,).
-
-    states, rates: speed, alpha and beta, and their rates. A missing beta is 0
-    """
+    """Return the time derivatives of the body-axis velocity components, (3,)."""
     speed, alpha, beta = (states.get(name, 0.0) for name in ("speed", "alpha", "beta"))
     in_wind_axes = ca.vertcat(
         rates["speed"],

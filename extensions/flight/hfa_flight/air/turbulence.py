@@ -170,11 +170,7 @@ class Turbulence:
         )
 
     def _altitude(self, point: OperatingPoint) -> float:
-        """Return the altitude at which the turbulence is evaluated, in the unit of the model.
-
-        Raises BadInputError if `altitude` is None and the model has no altitude, or if the altitude
-        of the trim is the default of the model.
-        """
+        """Return the altitude at which the turbulence is evaluated, in the unit of the model."""
         if self.altitude is not None:
             return self.altitude
         model = point.model
@@ -194,10 +190,7 @@ class Turbulence:
 
 
 def _feet(model: Model) -> float:
-    """Return the length of a foot in the model's unit of length.
-
-    Raises BadInputError if the speed is neither in ft/s nor in m/s.
-    """
+    """Return the length of a foot in the model's unit of length."""
     units = {"ft/s": 1.0, "m/s": si_factor("ft")}
     if "speed" not in model.signals or model.unit("speed") not in units:
         raise BadInputError(
@@ -461,12 +454,7 @@ _Filter = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def _cascade(shape: Shape, tau: float, size: float) -> _Filter:
-    """Return A, b, c of first-order filters in series. The first filter has no zero.
-
-    shape: zeros and poles
-    tau: L/V, s
-    size: gain at s = 0
-    """
+    """Return A, b, c of first-order filters in series. The first filter has no zero."""
     poles = [pole * tau for pole in reversed(shape.poles)]
     zeros = [0.0, *(zero * tau for zero in reversed(shape.zeros))]
     n = len(poles)

@@ -125,10 +125,7 @@ def _is_fmu(request: ExportRequest) -> bool:
 
 
 def _write_function(request: ExportRequest) -> int:
-    """Write the MATLAB and Octave function, print the report and return exit code 0.
-
-    Raises BadInputError if the name of the file cannot be the name of a function.
-    """
+    """Write the MATLAB and Octave function, print the report and return exit code 0."""
     target = request.target
     if not re.fullmatch(r"[A-Za-z]\w*", target.stem, re.ASCII):
         raise BadInputError(
@@ -143,13 +140,7 @@ def _write_function(request: ExportRequest) -> int:
 def _write_deployed_policy(
     request: ExportRequest, deployment: Path, point: OperatingPoint, origin: str
 ) -> list[Path]:
-    """Write the command of a deployed policy at one sample as a C function.
-
-    Returns the paths of the written files.
-
-    deployment: path of the deployment file
-    origin: provenance, for comments in the source
-    """
+    """Write the command of a deployed policy at one sample as a C function."""
     from hfa_flight.export.deployment_c import exported_texts
     from hfa_flight.policies.deployment.policy import flown_deployment
 
@@ -165,13 +156,7 @@ def _written(
     *,
     with_gain: bool,
 ) -> list[Path]:
-    """Write the aircraft, with a gain, with a controller or alone, as C or as an FMU.
-
-    Returns the paths of the written files.
-
-    origin: provenance, for comments in the source
-    with_gain: whether the policy of the options is included if no controller is given
-    """
+    """Write the aircraft, with a gain, with a controller or alone, as C or as an FMU."""
     from controller.schedule.scheduled_controller import load_controller
     from hfa_flight.export.aircraft_c import c_model_texts
     from hfa_flight.export.controller_c import c_controller_texts, controller_steering

@@ -48,13 +48,7 @@ _COMMAND = "NAME=TIME:VALUE[,TIME:VALUE...]"
 
 
 def _command(model: Model, name: str, text: str) -> list[tuple[float, float]]:
-    """Return the steps of a command: pairs (time in s, value), with times increasing from 0 on.
-
-    name: name of the commanded variable
-    text: typed text "TIME:VALUE,TIME:VALUE", with values in the units of the command line
-
-    Raises BadInputError if the text has another form.
-    """
+    """Return the steps of a command: pairs (time in s, value), with times increasing from 0 on."""
     pairs = [part.split(":") for part in text.split(",")]
     if any(len(pair) != 2 for pair in pairs):
         raise BadInputError(f"is {text!r}; give {_COMMAND}")
@@ -224,12 +218,7 @@ class FlyRequest(Request):
 
 
 def _steps_of(given: Mapping[str, list[tuple[float, float]]]) -> CommandSteps:
-    """Return the commands of --command as one table of steps.
-
-    The times are the union of the times of all commanded variables.
-
-    given: commanded variable -> pairs (time in s, value)
-    """
+    """Return the commands of --command as one table of steps."""
     times = sorted({time for steps in given.values() for time, _ in steps})
     values = np.zeros((len(times), len(given)))
     for column, steps in enumerate(given.values()):
@@ -309,12 +298,7 @@ def fly(request: FlyRequest) -> int:
 
 
 def _fly_steps(request: FlyRequest, path: Path) -> int:
-    """Simulate the discrete-time plant of --model, print the report and return the exit code.
-
-    The exit code is 1 if the spectral radius of the closed loop is at least 1.
-
-    path: file of the plant
-    """
+    """Simulate the discrete-time plant of --model, print the report and return the exit code."""
     from controller.discrete.implied_policy import discrete_critic
     from controller.discrete.solution import solve_discrete
     from controller.game.game_file import stored_game
@@ -363,11 +347,7 @@ def _fly_steps(request: FlyRequest, path: Path) -> int:
 
 
 def _fly_members(request: FlyRequest) -> int:
-    """Simulate the flights of --samples or --draws, print the report and return the exit code.
-
-    With --samples, the exit code is 0 if at least one flight stays within its limits. With --draws,
-    it is 0 if all flights do.
-    """
+    """Simulate the flights of --samples or --draws, print the report and return the exit code."""
     from hfa_flight.samples.drawn_aircraft import drawn_figure, with_stability
     from hfa_flight.samples.monte_carlo import MonteCarlo
     from hfa_flight.samples.report import member_report

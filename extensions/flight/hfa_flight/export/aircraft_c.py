@@ -111,10 +111,7 @@ def c_model_texts(
 
 
 def _parameters(model: Model) -> str:
-    """Return the definition of the C array of the model's parameters, with one line for each.
-
-    If the model has no parameters, the array has one unused entry, because C has no empty arrays.
-    """
+    """Return the definition of the C array of the model's parameters, with one line for each."""
     lines = [
         f"    {parameter.start!r}, /* {name}, {parameter.unit} */"
         for name, parameter in model.parameters.items()
@@ -124,21 +121,13 @@ def _parameters(model: Model) -> str:
 
 
 def _policy_function(policy: FunctionPolicy) -> str:
-    """Return the source of the C function `static void policy(const double *z, double *v)`.
-
-    z: deviations of the states of the linear model from trim
-    v: deviations of the inputs from trim, within the control limits
-    """
+    """Return the source of the C function `static void policy(const double *z, double *v)`."""
     z = ca.SX.sym("z", policy.function.numel_in(0))
     return c_function(ca.Function("policy", [z], [policy.expression(z)]), "policy", ("z",), ("v",))
 
 
 def _rates(model: Model) -> ca.Function:
-    """Return the CasADi Function (x, u, w, p) -> dx, the equations of motion.
-
-    x, u, w, p: states, inputs, disturbances and parameters, absolute. A model without disturbances
-      has one entry w that has no effect.
-    """
+    """Return the CasADi Function (x, u, w, p) -> dx, the equations of motion."""
     vectors: Any = model.layout.symbols("x", "u", "p")
     w = ca.SX.sym("w", max(1, len(model.disturbances)))
     winds = components(w)[: len(model.disturbances)]

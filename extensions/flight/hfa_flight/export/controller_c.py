@@ -214,14 +214,7 @@ def _example(
     command: dict[str, str],
     origin: str,
 ) -> str:
-    """Return the C source of the example: a 100 Hz loop with aircraft, actuators and sensors.
-
-    point: trim at which the flight begins
-    outputs: measured outputs
-    actuators: actuators of the loop
-    command: output -> unit of its command, for all commands of the controller
-    origin: provenance, for a comment
-    """
+    """Return the C source of the example: a 100 Hz loop with aircraft, actuators and sensors."""
     model = point.model
     state, amount = displaced_state(model)
     loop = exported_loop(model, point, actuators=actuators)
@@ -255,15 +248,7 @@ def _example(
 
 
 def _controller_function(point: OperatingPoint, commanded: CommandedPolicy) -> ca.Function:
-    """Return the Function (scheduled, measured, memory, command, lowest, highest) -> (u, memory').
-
-    All arguments except `scheduled` are deviations from trim.
-
-    scheduled: absolute value of the scheduling variable
-    memory: [states of the controller; r; r']
-    command: unfiltered commands
-    lowest, highest: limits of u
-    """
+    """Return (scheduled, measured, memory, command, lowest, highest) -> (u, memory')."""
     model = point.model
     controller = commanded.policy.controller
     t = ca.SX.sym("t")
@@ -288,12 +273,7 @@ def _controller_function(point: OperatingPoint, commanded: CommandedPolicy) -> c
 def _measured_loop(
     outputs: MeasuredOutputs, loop: ExportedLoop, actuators: ActuatorBank, point: OperatingPoint
 ) -> ca.Function:
-    """Return the CasADi Function (y, u) -> (y', scheduling variable, measured outputs) in still
-    air.
-
-    y contains the states X of the aircraft, then the actuator states. u contains the commands, as
-    deviations from trim.
-    """
+    """Return the Function (y, u) -> (y', scheduling variable, measured outputs) in still air."""
     model = point.model
     trim = np.array(point.inputs)
     y = ca.SX.sym("y", len(loop.states))

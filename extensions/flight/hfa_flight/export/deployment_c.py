@@ -50,10 +50,7 @@ def c_policy_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
 
 
 def _command(policy: DeployedPolicy) -> ca.Function:
-    """Return the function (X, U before) -> U at the policy's trim.
-
-    If the policy uses earlier observations, the function is (X, U before, past) -> (U, o).
-    """
+    """Return the function (X, U before) -> U at the policy's trim."""
     model = policy.deployed.model
     sampled = policy.deployed.sampled
     if not sampled.is_a("SXFunction"):

@@ -230,11 +230,7 @@ def interpolated_loop(between: InterpolatedModel) -> ExportedLoop:
 def _channels(
     model: Model, names: Iterable[str], values: Iterable[float], *, rates: bool = False
 ) -> list[Channel]:
-    """Return the channels of signals of a model.
-
-    values: initial value of each signal
-    rates: whether the units of the rates are included
-    """
+    """Return the channels of signals of a model."""
     channels = []
     for name, value in zip(names, values, strict=True):
         rate_unit = model.rate_unit(name) if rates else None

@@ -194,13 +194,7 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
 
 
 def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
-    """Compile C sources and return the content of the shared library.
-
-    compiler: command of the compiler
-    sources: file name -> text
-
-    Raises NoSolutionError if the compiler fails.
-    """
+    """Compile C sources and return the content of the shared library."""
     with temporary_folder() as folder:
         for name, text in sources.items():
             (folder / name).write_text(text, encoding="utf-8")

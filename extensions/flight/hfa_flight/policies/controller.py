@@ -88,13 +88,7 @@ class MeasuredOutputs:
 
 
 def _moved(matrix: np.ndarray, moved: ca.SX, what: str) -> ca.SX:
-    """Return the effect of the actuators on the outputs, matrix @ moved, or 0 for a zero matrix.
-
-    moved: actuator positions or rates, empty for a flight without actuator states
-    what: "positions" or "rates", for the message
-
-    Raises BadInputError if the matrix is not zero and `moved` is empty.
-    """
+    """Return the effect of the actuators on the outputs, matrix @ moved, or 0 for a zero matrix."""
     if not matrix.any():
         return ca.SX(0)
     if not moved.numel():
@@ -226,9 +220,7 @@ class ServoPolicy(Policy):
 
     @property
     def _chosen(self) -> np.ndarray:
-        """Matrix of zeros and ones that maps the controller's l inputs to the m inputs of the
-        model, (m, l).
-        """
+        """Matrix (m, l) that maps the controller's l inputs to the m inputs of the model."""
         inputs = self.regulated.model.inputs
         return np.array(
             [[float(name == moved) for moved in self.controller.inputs] for name in inputs]

@@ -135,10 +135,7 @@ def controller_policy(
 
 
 def _policy_of_file(path: Path, point: OperatingPoint) -> Any:
-    """Return the deployment in a .toml file, or the critic in any other file.
-
-    A gain K is converted to the units of the aircraft.
-    """
+    """Return the deployment in a .toml file, or the critic in any other file."""
     if path.suffix.lower() == ".toml":
         return Deployment.load(path)
     entries = {} if is_network(path) else entries_in(path)
@@ -238,10 +235,7 @@ class PythonPolicy(Policy):
         return sample
 
     def _numbers(self, returned: Any) -> np.ndarray:
-        """Return the result of the Python function as U, (m,).
-
-        Raises BadInputError for a wrong name or size, or a number that is not finite.
-        """
+        """Return the result of the Python function as U, (m,)."""
         inputs = self.point.inputs._asdict()
         if isinstance(returned, Mapping):
             for name in returned:

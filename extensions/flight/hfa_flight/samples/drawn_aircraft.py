@@ -88,12 +88,7 @@ def drawn_figure(plan: MonteCarlo) -> Figure:
 
 
 def _draw_state(axes: Any, name: str, place: int, itself: Flight, flights: list[Flight]) -> None:
-    """Draw one state in the left and the right panel of a row of the figure.
-
-    place: index of the state
-    itself: flight of the nominal aircraft
-    flights: flights of the drawn aircraft
-    """
+    """Draw one state in the left and the right panel of a row of the figure."""
     unit = itself.point.model.unit(name)
     left, right = axes
     own = shown_values(itself.states[:, place], unit)

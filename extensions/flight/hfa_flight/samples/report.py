@@ -90,10 +90,7 @@ def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
 
 
 def _outcomes(found: MemberSummary) -> list[str]:
-    """Return lines on the drawn aircraft, if any, and on each kind of failure that occurred.
-
-    Each line on failures gives the numbers of members that failed.
-    """
+    """Return lines on the drawn aircraft, if any, and on each kind of failure that occurred."""
     lines = []
     if found.drawn is not None:
         lines.append(
@@ -145,11 +142,7 @@ def quantiles(model: Model, read: Read, inside: np.ndarray) -> dict[str, Any]:
 
 
 def _quantile_table(plan: MonteCarlo, found: MemberSummary) -> Table:
-    """Return a table with one row for each variable of each quantity.
-
-    In moving air, a row for the angle of attack relative to the air is added if the model outputs
-    this angle.
-    """
+    """Return a table with one row for each variable of each quantity."""
     shown: dict[str, Any] = {
         "rms error": found.rms_error,
         "peak error": found.peak_error,

@@ -209,11 +209,7 @@ def _quickest(request: OptimizeRequest) -> int:
 
 
 def _bound(path: Path, search: BestFlights) -> CostStatement:
-    """Return the lower bound of the cost in a certificate, after verification of the certificate.
-
-    Raises BadInputError if the certificate is about other flights. Raises BadInputError or
-    NoSolutionError if the certificate does not prove its statement.
-    """
+    """Return the lower bound of the cost that a verified certificate proves."""
     from hfa_prove.bound import lower_bound
     from verification.enclosure.precision import flint_or_refusal
 
@@ -227,10 +223,7 @@ def _one(
     loops: list[CompiledLoop],
     bound: CostStatement | None,
 ) -> int:
-    """Search for the best flight from one initial condition, and print its report.
-
-    Returns the exit code 0.
-    """
+    """Search for the best flight from one initial condition, and print its report."""
     from hfa_optimal.best_flight import BestFlight
     from hfa_optimal.bracket import bracket_of
     from hfa_optimal.search import AFTER
@@ -253,10 +246,7 @@ def _table(
     loops: list[CompiledLoop],
     bound: CostStatement | None,
 ) -> int:
-    """Search for the best flights from many initial conditions and print a table.
-
-    Returns exit code 0, or 1 if no flight was found from any initial condition.
-    """
+    """Search for the best flights from many initial conditions and print a table."""
     from hfa_flight.initial_box import drawn_starts
     from hfa_optimal.initial_conditions import starts_table
 

@@ -66,8 +66,5 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
 
 
 def _of_critic(sentences: Sequence[str]) -> list[str]:
-    """Return the sentences on the critic and the exact policy.
-
-    sentences: sentence on the linear optimum, followed by those on the other policies
-    """
+    """Return the sentences on the critic and the exact policy."""
     return list(sentences[1:])

@@ -43,13 +43,7 @@ _MOST_SAMPLES = 100_000
 
 
 def _need(name: str, text: str) -> float:
-    """Return the required value that is typed after --need, a number of at least 0.
-
-    name: the requirement
-    text: the typed number
-
-    Raises BadInputError for a name that is not in `NEEDS`, and for a negative value.
-    """
+    """Return the required value that is typed after --need, a number of at least 0."""
     from hfa_policy.assessment import NEEDS
 
     if name not in NEEDS:
@@ -61,13 +55,7 @@ def _need(name: str, text: str) -> float:
 
 
 def _half_width(model: Model, name: str, text: str) -> float:
-    """Return the typed half-width of the initial-condition box, in the model's units.
-
-    name: the linear state
-    text: the typed number
-
-    Raises BadInputError for an unknown state, and unless the half-width is positive.
-    """
+    """Return the typed half-width of the initial-condition box, in the model's units."""
     width = linear_state(model, name, text)
     if width <= 0.0:
         raise BadInputError(f"is {text}; give a number above 0")
@@ -75,24 +63,14 @@ def _half_width(model: Model, name: str, text: str) -> float:
 
 
 def _varied(model: Model, name: str, text: str) -> tuple[float, float]:
-    """Return the lowest and highest value typed for a variation, in the model's units.
-
-    The result is (nan, nan) for a name that is neither a parameter nor an input. Such a name is
-    refused later, when the actions are known.
-
-    name: the parameter or input
-    text: the typed interval
-    """
+    """Return the lowest and highest value typed for a variation, in the model's units."""
     if name not in (*model.parameters, *model.inputs):
         return nan, nan
     return span(model, name, text)
 
 
 def _deployment_path(text: str) -> Path:
-    """Return the typed path of a deployment file, or of a file with a critic.
-
-    Raises BadInputError if the file is missing or has another suffix.
-    """
+    """Return the typed path of a deployment file, or of a file with a critic."""
     return input_file(".toml", *critic_suffixes())(text)
 
 

@@ -92,11 +92,7 @@ def read_actor(
 
 
 def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: int) -> Actor:
-    """Read the actor in a Stable-Baselines3 zip.
-
-    Raises BadInputError if `entries` contradict the zip, or if the zip was trained with another
-    number of observations.
-    """
+    """Read the actor in a Stable-Baselines3 zip."""
     stored = read_zip(path)
     said = {
         "activation": stored.activation,
@@ -134,13 +130,7 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: 
 
 
 def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) -> Actor:
-    """Read the actor in an ONNX file, a state dict or a file with a gain K.
-
-    Raises BadInputError if `entries` contradict the file, or if the file contains no policy with
-    this number of observations.
-
-    observations: number of inputs of the network, samples times observations
-    """
+    """Read the actor in an ONNX file, a state dict or a file with a gain K."""
     squash = bool(entries.get("squash", False))
     gain = stored_gain(path)
     if gain is not None:
@@ -205,12 +195,7 @@ def gain_function(K: np.ndarray) -> ca.Function:
 
 
 def _refuse_sizes(function: ca.Function, what: Any, observations: int, actions: int) -> None:
-    """Raise BadInputError unless a function has as many inputs and outputs as the deployment.
-
-    what: name of the function in the message
-    observations: required number of inputs
-    actions: required number of outputs
-    """
+    """Raise BadInputError unless a function has as many inputs and outputs as the deployment."""
     takes = function.numel_in(0)
     gives = function.numel_out(0)
     if takes != observations:

@@ -171,12 +171,7 @@ class Deployed:
                 _refuse_undefined("action", inputs, self.unlimited_inputs, arguments, (0,))
 
     def _action_at(self, o: np.ndarray) -> np.ndarray:
-        """Return the action (m,) of the policy for the observations o.
-
-        o: observations of all samples of the history
-
-        Raises BadInputError if the action is not finite.
-        """
+        """Return the action (m,) of the policy for the observations o."""
         a = np.array(self.act(o)).ravel()
         if not np.isfinite(a).all():
             raise BadInputError(
@@ -341,10 +336,8 @@ class Deployed:
 
 
 def _unless_nan(seen: ca.SX, value: ca.SX) -> ca.SX:
-    """Return an expression that equals `value`, but is NaN where `seen` is NaN.
-
-    It is needed because a ReLU or a clip removes a NaN of its argument.
-    """
+    """Return an expression that equals `value`, but is NaN where `seen` is NaN."""
+    # It is needed because a ReLU or a clip removes a NaN of its argument.
     is_number = ca.logic_or(seen <= 0.0, seen > 0.0)
     return ca.if_else(is_number, value, ca.DM.nan())
 
@@ -356,15 +349,7 @@ def _refuse_undefined(
     arguments: tuple[Any, ...],
     varied: tuple[int, ...],
 ) -> np.ndarray:
-    """Return the values of a function for the entries of a table of the deployment file, (k,).
-
-    Raises BadInputError if a value, or its derivative with respect to a varied argument, is not
-    finite.
-
-    table: name of the table
-    entries: names of the entries, in the order of the values
-    varied: positions of the varied arguments
-    """
+    """Return the values of a function for the entries of a table of the deployment file, (k,)."""
     values = np.array(function(*arguments)).ravel()
     slopes = function.jacobian()(*arguments, function(*arguments))
     by_varied = np.hstack([np.array(slopes[index]) for index in varied])

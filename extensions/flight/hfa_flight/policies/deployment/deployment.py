@@ -371,10 +371,7 @@ def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
 
 
 def _gain_of_critic(path: Path, model: Model) -> np.ndarray:
-    """Return the gain K in a critic's file.
-
-    Raises BadInputError if the critic is not linear or its policy is given separately.
-    """
+    """Return the gain K in a critic's file."""
     n, m = len(model.linear), len(model.inputs)
     names = PlantNames(tuple(model.linear), tuple(model.inputs), origin=model.name)
     plant = Game(np.eye(n), np.zeros((n, m)), np.eye(n), np.eye(n), np.eye(m), np.inf, names=names)
@@ -388,10 +385,7 @@ def _gain_of_critic(path: Path, model: Model) -> np.ndarray:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value with mappings as dictionaries, tuples and arrays as lists, as read from TOML.
-
-    Raises BadInputError for a key that is not a string.
-    """
+    """Return a value with mappings as dictionaries, and tuples and arrays as lists."""
     if isinstance(value, Mapping):
         for name in value:
             if not isinstance(name, str):

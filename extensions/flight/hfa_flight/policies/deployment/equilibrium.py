@@ -241,10 +241,7 @@ class EquilibriumSearch:
         return np.asarray(np.linalg.lstsq(closed, drift @ plant.f, rcond=1e-12)[0])
 
     def _least(self, z: np.ndarray) -> np.ndarray:
-        """Return the point with the least squared residual that a search from z finds.
-
-        z: X and U, (n + m,)
-        """
+        """Return the point with the least squared residual that a search from z finds."""
         from scipy.optimize import least_squares
 
         def at(steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -268,10 +265,7 @@ class EquilibriumSearch:
         return nearest
 
     def _by_newton(self, z: np.ndarray) -> Equilibrium | None:
-        """Return the equilibrium found by Newton's method with step halving, or None.
-
-        z: X and U at the start of the search, (n + m,)
-        """
+        """Return the equilibrium found by Newton's method with step halving, or None."""
         residual, jacobian = self._system(z)
         size = self._size(residual)
         for _ in range(_MOST_STEPS):
@@ -303,13 +297,7 @@ class EquilibriumSearch:
         return z[:n], z[n:]
 
     def _slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the commanded inputs (m',) and their slopes (m', k) and (m', m').
-
-        The slopes are derivatives with respect to the linear states, and to the commanded inputs
-        just before the sample.
-
-        z: X and U, (n + m,)
-        """
+        """Return the commanded inputs (m',) and their slopes (m', k) and (m', m')."""
         X, U = self._parts(z)
         commanded, by_states, by_inputs = self.deployed.command_slopes(X, U, self.trim)
         u = np.array(commanded).ravel()[self.columns]
@@ -317,13 +305,7 @@ class EquilibriumSearch:
         return u, by_linear, np.array(by_inputs)[np.ix_(self.columns, self.columns)]
 
     def _system(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the residual (k + m',) of the equilibrium conditions and its Jacobian.
-
-        The Jacobian is with respect to linear states and commanded inputs. Both results are nan if
-        the equations of motion have no finite value.
-
-        z: X and U, (n + m,)
-        """
+        """Return the residual (k + m',) of the equilibrium conditions and its Jacobian."""
         X, U = self._parts(z)
         count = len(self.moving)
         try:
@@ -358,26 +340,14 @@ class EquilibriumSearch:
         )
 
     def _observed_slopes(self, X: np.ndarray, U: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the slopes C and D of the observations at X and U, as defined in `Frames`.
-
-        Slopes that are nan are replaced by 0.
-
-        X: (n,)
-        U: (m,)
-        """
+        """Return the slopes C and D of the observations at X and U, as defined in `Frames`."""
         observe = self.deployed.observe
         slopes = observe.jacobian()(X, U, self.trim, observe(X, U, self.trim))
         by_states, by_inputs = (np.nan_to_num(np.array(part)) for part in slopes[:2])
         return by_states[:, self.rows], by_inputs[:, self.columns]
 
     def _frames(self, X: np.ndarray, U: np.ndarray) -> Frames:
-        """Return the derivatives of the policy by the observations of each sample, at X and U.
-
-        X and U are constant over the whole history.
-
-        X: (n,)
-        U: (m,)
-        """
+        """Return the derivatives of the policy by the observations of each sample, at X and U."""
         o = np.array(self.deployed.observe(X, U, self.trim)).ravel()
         past = np.tile(o, self.deployed.deployment.history - 1)
         sampled = self.deployed.sampled
@@ -388,10 +358,7 @@ class EquilibriumSearch:
         return Frames(-by_states[:, self.rows], by_inputs[:, self.columns], by_past, C, D)
 
     def _of_the_loop(self, notes: tuple[str, ...]) -> list[str]:
-        """Return the notes that concern entries of A or B in the rows of linear states.
-
-        Only columns of A for linear states and columns of B for commanded inputs are considered.
-        """
+        """Return the notes that concern entries of A or B in the rows of linear states."""
         linear = self.model.linear
         columns = [("A", name) for name in linear]
         columns += [("B", name) for name in self.deployed.commanded]
@@ -401,14 +368,7 @@ class EquilibriumSearch:
     def _mean_slopes(
         self, z: np.ndarray, derivative: np.ndarray
     ) -> tuple[np.ndarray, tuple[str, ...]]:
-        """Return the slopes of the commanded inputs, averaged at kinks, and a note for each kink.
-
-        The slopes (m', k + m') are derivatives with respect to the linear states and to the
-        previous inputs.
-
-        z: X and U, (n + m,)
-        derivative: (m', k + m'), exact derivative at z
-        """
+        """Return the slopes (m', k + m') averaged at kinks, and a note for each kink."""
         names = (*self.model.linear, *self.deployed.commanded)
         commanded = self.deployed.commanded
         slopes = derivative.copy()
@@ -466,10 +426,7 @@ class EquilibriumSearch:
 
 
 def _reaches(value: float, lowest: float, highest: float) -> bool:
-    """Return whether a value is near an end of an interval or outside the interval.
-
-    Near means at most the fraction `_AT_CLIP` of the width from the end.
-    """
+    """Return whether a value is near an end of an interval or outside the interval."""
     width = highest - lowest
     slack = _AT_CLIP * width if np.isfinite(width) else 0.0
     return bool(value <= lowest + slack or value >= highest - slack)

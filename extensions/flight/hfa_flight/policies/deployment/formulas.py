@@ -85,13 +85,7 @@ def read_formula(text: Any, known: tuple[str, ...]) -> Formula:
 
 
 def _check(node: ast.expr, text: str, known: tuple[str, ...], names: list[str]) -> None:
-    """Check the syntax tree of a formula, and append the names that it contains to `names`.
-
-    Raises BadInputError for a node that is not supported and for an unknown name.
-
-    text: the formula, for messages
-    known: permitted names
-    """
+    """Check the syntax tree of a formula, and append the names that it contains to `names`."""
     if isinstance(node, ast.Name):
         refuse_unknown(f"the formula {shown(text)} contains the unknown name", node.id, known)
         names.append(node.id)
@@ -135,10 +129,7 @@ def _check_number(value: Any, text: str) -> None:
 
 
 def _value(node: ast.expr, values: Mapping[str, Any]) -> Any:
-    """Return the value of a formula's syntax tree as a CasADi expression.
-
-    values: name -> value
-    """
+    """Return the value of a formula's syntax tree as a CasADi expression."""
     if isinstance(node, ast.Name):
         return values[node.id] if node.id in values else ca.SX(_CONSTANTS[node.id])
     if isinstance(node, ast.Constant):

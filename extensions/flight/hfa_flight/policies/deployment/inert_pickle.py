@@ -117,11 +117,7 @@ _NUMPY_CALLS: Mapping[str, Callable[..., Any]] = {
 
 
 class _Restricted(pickle.Unpickler):
-    """Unpickler that refuses classes and functions by name, before an object is created.
-
-    Arrays, OrderedDict, deque, random generators of NumPy, and objects of the packages
-    `_KEPT_PACKAGES` are accepted.
-    """
+    """Unpickler that refuses classes and functions by name, before an object is created."""
 
     def find_class(self, module: str, name: str) -> Any:
         if module in _NUMPY_CORES and name in _NUMPY_CALLS:

@@ -138,13 +138,7 @@ def read_normalizer(path: str | Path) -> Normalizer | None:
 
 
 def _number_in(name: str, attributes: Mapping[str, Any]) -> float:
-    """Return a number among the attributes of a stored VecNormalize object.
-
-    name: name of the attribute
-    attributes: name -> value
-
-    Raises BadInputError unless the attribute is a single number.
-    """
+    """Return a number among the attributes of a stored VecNormalize object."""
     numbers = numbers_in(f"{name} of the VecNormalize object", attributes.get(name))
     if numbers.size != 1:
         raise BadInputError(
@@ -174,10 +168,7 @@ def normalizer_of(entries: Mapping[str, Any]) -> Normalizer:
 
 
 def _rows(values: Any, width: int) -> np.ndarray | None:
-    """Return stored observations as an array (E, width) of doubles.
-
-    The result is None if the observations have another shape.
-    """
+    """Return stored observations as an array (E, width) of doubles."""
     if not isinstance(values, np.ndarray) or values.ndim != 2 or values.shape[1] != width:
         return None
     return np.array(values, dtype=float)

@@ -46,11 +46,7 @@ def notes_on_files(deployed: Deployed) -> list[str]:
 
 
 def _notes_on_gain(deployed: Deployed) -> list[str]:
-    """Return a sentence for each contradiction between a gain's file and the deployment file.
-
-    The file of a gain K may contain the names and units of its states and inputs, as `hfa solve`
-    writes them, and the sample time dt.
-    """
+    """Return a sentence for each contradiction between a gain's file and the deployment file."""
     said = deployed.deployment.actor.of_gain
     deployment = deployed.deployment
     observed = [entry.get("formula", name) for name, entry in deployment.observation.items()]
@@ -76,11 +72,7 @@ def _notes_on_gain(deployed: Deployed) -> list[str]:
 
 
 def _notes_on_units(deployed: Deployed, observed: list[str], units: list[str]) -> Iterator[str]:
-    """Yield a sentence for each observation in another unit than its column of K.
-
-    observed: names of the observations
-    units: units of the columns of K
-    """
+    """Yield a sentence for each observation in another unit than its column of K."""
     entries = deployed.deployment.observation.values()
     for name, entry, unit in zip(observed, entries, units, strict=False):
         if name not in deployed.model.states:
@@ -96,13 +88,7 @@ def _notes_on_units(deployed: Deployed, observed: list[str], units: list[str]) -
 
 
 def _note_on_normalizer(deployed: Deployed, stored: Zip, normalizer: Normalizer | None) -> str:
-    """Return a sentence on an omitted, superfluous or other checkpoint's normalizer, or "".
-
-    If the files leave open whether a normalizer is omitted, the sentence says so.
-
-    stored: settings in the policy's zip
-    normalizer: normalizer of the deployment, or None
-    """
+    """Return a sentence on an omitted, superfluous or other checkpoint's normalizer, or ""."""
     if deployed.deployment.policy.get("normalizer") is None:
         training = _normalizer_in_training(stored)
         if training is _Training.NORMALIZED:
@@ -131,10 +117,7 @@ def _note_on_normalizer(deployed: Deployed, stored: Zip, normalizer: Normalizer 
 
 
 def _impossible_spreads(deployed: Deployed, normalizer: Normalizer) -> Iterator[str]:
-    """Yield a sentence for each state whose spread in training exceeds its limits.
-
-    The unit or the scale in the deployment file then differs from that in the training.
-    """
+    """Yield a sentence for each state whose spread in training exceeds its limits."""
     model = deployed.model
     if normalizer.count <= _MANY:
         return
@@ -160,14 +143,12 @@ class _Training(Enum):
 
 
 def _normalizer_in_training(stored: Zip) -> _Training:
-    """Return the evidence on whether the training used a VecNormalize.
-
-    PPO and A2C store an original observation only with a VecNormalize. SAC and TD3 always store an
-    original observation. With a VecNormalize, each column of the last observation is a linear
-    function of the original one. Without a VecNormalize, the original is the observation one sample
-    earlier. With too few environments for a linear function, the result is UNKNOWN. The result is
-    NONE if the last or the original observation is not stored, or if both are equal.
-    """
+    """Return the evidence on whether the training used a VecNormalize."""
+    # PPO and A2C store an original observation only with a VecNormalize. SAC and TD3 always store
+    # an original observation. With a VecNormalize, each column of the last observation is a linear
+    # function of the original one. Without a VecNormalize, the original is the observation one
+    # sample earlier. With too few environments for a linear function, the result is UNKNOWN. The
+    # result is NONE if the last or the original observation is not stored, or if both are equal.
     if stored.last is None or stored.last_original is None:
         return _Training.NONE
     if stored.on_policy:
@@ -181,13 +162,7 @@ def _normalizer_in_training(stored: Zip) -> _Training:
 
 
 def _distance_from_lines(original: np.ndarray, last: np.ndarray) -> float:
-    """Return the distance of the last observations from a linear function of the original ones.
-
-    The distance is the largest over the columns, relative to the range of the column. Clipped
-    values are omitted. The result is nan if all columns have too few values or no range.
-
-    original, last: (E, k), for E environments
-    """
+    """Return the distance of the last observations from a linear function of the original ones."""
     clip = np.abs(last).max()
     distances = []
     for before, after in zip(original.T, last.T, strict=True):

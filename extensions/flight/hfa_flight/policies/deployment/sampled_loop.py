@@ -184,12 +184,7 @@ def delays(equilibrium: Equilibrium, dt: float, deployed_delay: float) -> Delays
 def _first_unstable_delay(
     equilibrium: Equilibrium, dt: float, deployed_delay: float, samples: int
 ) -> float:
-    """Return the first unstable delay within one sample, s.
-
-    The resolution is 1/`_PARTS` of a sample. Delays below the deployed delay are omitted.
-
-    samples: end of this sample, in samples. A delay of this length is unstable
-    """
+    """Return the first unstable delay within one sample, s."""
     for part in range(1, _PARTS):
         delay = (samples - 1 + part / _PARTS) * dt
         if delay >= deployed_delay and chain_of(equilibrium, dt, delay).radius >= 1.0:
@@ -216,10 +211,8 @@ def margins(chain: Chain) -> Margins:
 
 
 def _closed_loop(chain: Chain) -> ClosedLoop:
-    """Return M = I/2 + C (z I - closed)⁻¹ G as a continuous-time system in s.
-
-    z is replaced by (1 + s) / (1 - s). This maps the axis s = jω to the unit circle.
-    """
+    """Return M = I/2 + C (z I - closed)⁻¹ G as a continuous-time system in s."""
+    # z is replaced by (1 + s) / (1 - s). This maps the axis s = jω to the unit circle.
     closed = chain.closed
     one = np.eye(len(closed))
     total = closed + one

@@ -136,13 +136,7 @@ def _member(archive: zipfile.ZipFile, name: str) -> bytes:
 
 
 def _described(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Zip:
-    """Return the settings of a policy.
-
-    data: entries of the zip's file `data`
-    tensors: name -> tensor
-
-    Raises BadInputError for an unsupported setting.
-    """
+    """Return the settings of a policy."""
     _refuse_other_class("policy_class", data, _POLICIES)
     settings = _stored(data, "policy_kwargs") or {}
     if not isinstance(settings, dict):
@@ -198,10 +192,7 @@ def _refuse_other_class(entry: str, data: Mapping[str, Any], known: tuple[str, .
 
 
 def _algorithm(tensors: Mapping[str, np.ndarray]) -> tuple[str, str, str]:
-    """Return the algorithm, the words that select the actor's tensors, and the default activation.
-
-    Raises BadInputError if the tensors are not a feed-forward actor of PPO, A2C, SAC or TD3.
-    """
+    """Return algorithm, words that select the actor's tensors, and default activation."""
     names = " ".join(tensors)
     if "features_extractor." in names:
         raise BadInputError(
@@ -234,11 +225,7 @@ def _is_weight(name: str, part: str) -> bool:
 
 
 def _stored(data: Mapping[str, Any], name: str) -> Any:
-    """Return an entry of the zip's file `data` by name, or None if it is missing.
-
-    A pickled entry is read without executing its code. Raises BadInputError if it is not base64, or
-    as `inert` does.
-    """
+    """Return an entry of the zip's file `data` by name, or None if it is missing."""
     entry = data.get(name)
     if isinstance(entry, dict) and ":serialized:" in entry:
         with prefix_errors(name):
@@ -253,12 +240,7 @@ def _stored(data: Mapping[str, Any], name: str) -> Any:
 
 
 def _number(entries: Mapping[str, Any], name: str, usual: float) -> float:
-    """Return a nonnegative number among the entries, or `usual` if it is missing.
-
-    name: name of the entry
-
-    Raises BadInputError for another value.
-    """
+    """Return a nonnegative number among the entries, or `usual` if it is missing."""
     entry = entries.get(name)
     if entry is None:
         return usual
@@ -281,15 +263,7 @@ def _activation(stored: Any, usual: str) -> str:
 
 
 def _box(data: Mapping[str, Any], name: str, what: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return the lowest and highest values of a Box, (k,) each.
-
-    Raises BadInputError if the space is not a Box, does not have exactly one axis, or has a lower
-    bound above its upper bound.
-
-    data: entries of the zip's file `data`
-    name: name of the entry
-    what: "actions" or "observations", for messages
-    """
+    """Return the lowest and highest values of a Box, (k,) each."""
     space = _stored(data, name)
     kind = getattr(space, "made_of", type(space).__name__).rpartition(".")[2]
     low = getattr(space, "low", None)
@@ -312,11 +286,7 @@ def _box(data: Mapping[str, Any], name: str, what: str) -> tuple[np.ndarray, np.
 
 
 def _observations(data: Mapping[str, Any], name: str) -> np.ndarray | None:
-    """Return stored observations as an array (E, k) of doubles, or None for any other entry.
-
-    data: entries of the zip's file `data`
-    name: name of the entry
-    """
+    """Return stored observations as an array (E, k) of doubles, or None for any other entry."""
     stored = _stored(data, name)
     if not isinstance(stored, np.ndarray) or stored.ndim != 2:
         return None
