@@ -21,6 +21,19 @@ if TYPE_CHECKING:
     from hfa.options.request import Command
 
 
+class Written(NamedTuple):
+    """Entries of a result that a command writes, as locations of classes, "package.module:Class".
+
+    result: class of the result, which names the format
+    more: classes of further entries
+    optional: classes of entries that some options or aircraft add
+    """
+
+    result: str
+    more: tuple[str, ...] = ()
+    optional: tuple[str, ...] = ()
+
+
 class CommandEntry(NamedTuple):
     """Entry point of a command, listed in `hfa --help` without loading the command's module.
 
@@ -29,9 +42,7 @@ class CommandEntry(NamedTuple):
     command: location of its `Command`, "package.module:name"
     example: last line of the command's help
     install: optional packages that the command requires, as pip names them
-    results: classes of each written result, "module:Class module:Class?". The first class declares
-      the result, and the others add keys. A ? marks an optional class. "hfa.trim/1 module:Class"
-      adds optional keys to the results of other commands.
+    results: entries of each written result
     """
 
     group: str
@@ -39,7 +50,7 @@ class CommandEntry(NamedTuple):
     command: str
     example: str = ""
     install: tuple[str, ...] = ()
-    results: tuple[str, ...] = ()
+    results: tuple[Written, ...] = ()
 
     def load(self) -> Command:
         """Return the command, imported from its module, with the example and install text of the
@@ -59,15 +70,9 @@ class CommandEntry(NamedTuple):
         return found._replace(install=self.install, example=self.example)
 
 
-#: Formats to which `--draws N` adds a section.
-_WITH_DRAWS = (
-    "trim",
-    "linear-model",
-    "game-solution",
-    "critic-check",
-    "assessment",
-    "monte-carlo-summary",
-)
+#: Entries that `--draws N` adds to a result, and those of a game's name.
+_DRAWS = "verification.drawn:WithDraws"
+_NAMED_GAME = "hfa.options.game:NamedGame"
 #: The commands of this distribution in the order of the help, each with the module that is loaded
 #: on use.
 COMMANDS = {
@@ -77,8 +82,11 @@ COMMANDS = {
         "hfa.commands.trim:trim",
         example="hfa trim --dihedral 10",
         results=(
-            "trim.point.trim_report:TrimResult trim.point.trim_report:Performance"
-            " hfa_model.trim_loads:TrimLoads?",
+            Written(
+                "trim.point.trim_report:TrimResult",
+                more=("trim.point.trim_report:Performance",),
+                optional=("hfa_model.trim_loads:TrimLoads", _DRAWS),
+            ),
         ),
     ),
     "linearize": CommandEntry(
@@ -87,8 +95,15 @@ COMMANDS = {
         "hfa.commands.linearize:linearize",
         example="hfa linearize --dihedral 10 -o model.mat",
         results=(
-            "trim.linear.linear_model:LinearModel trim.hfa.printed:OfTheHfa"
-            " trim.linear.handling_qualities:Qualities? trim.linear.frequency:Responses?",
+            Written(
+                "trim.linear.linear_model:LinearModel",
+                more=("trim.hfa.printed:OfTheHfa",),
+                optional=(
+                    "trim.linear.handling_qualities:Qualities",
+                    "trim.linear.frequency:Responses",
+                    _DRAWS,
+                ),
+            ),
         ),
     ),
     "sweep": CommandEntry(
@@ -97,9 +112,9 @@ COMMANDS = {
         "hfa.commands.sweep:sweep",
         example="hfa sweep --dihedral 0:20:5 -o sweep.csv",
         results=(
-            "trim.sweeps.sweep:Sweep",
-            "trim.sweeps.store:StoredSweep",
-            "trim.sweeps.store:SweepAttributes hfa_support.rows.store:OfAStore",
+            Written("trim.sweeps.sweep:Sweep"),
+            Written("trim.sweeps.store:StoredSweep"),
+            Written("trim.sweeps.store:SweepAttributes", more=("hfa_support.rows.store:OfAStore",)),
         ),
     ),
     "regenerate": CommandEntry(
@@ -107,7 +122,7 @@ COMMANDS = {
         "compare both printed pairs (A, B) entry by entry",
         "hfa.commands.regenerate:regenerate",
         example="hfa regenerate --all",
-        results=("verification.regeneration:Regeneration",),
+        results=(Written("verification.regeneration:Regeneration"),),
     ),
     "solve": CommandEntry(
         "critic",
@@ -115,9 +130,16 @@ COMMANDS = {
         "hfa.commands.game:solve",
         example="hfa solve --dihedral 15 --delta 300",
         results=(
-            "controller.riccati.gare:Solution hfa.options.game:NamedGame"
-            " controller.expansion.expansion:Expansion? hfa.options.reference:Tracked?",
-            "controller.discrete.solution:DiscreteSolution hfa.options.game:NamedGame",
+            Written(
+                "controller.riccati.gare:Solution",
+                more=(_NAMED_GAME,),
+                optional=(
+                    "controller.expansion.expansion:Expansion",
+                    "hfa.options.reference:Tracked",
+                    _DRAWS,
+                ),
+            ),
+            Written("controller.discrete.solution:DiscreteSolution", more=(_NAMED_GAME,)),
         ),
     ),
     "learn": CommandEntry(
@@ -126,8 +148,10 @@ COMMANDS = {
         "hfa.commands.game:learn",
         example="hfa learn --dihedral 15 -o learned.npz",
         results=(
-            "controller.critic.training_run:TrainingRun hfa.options.game:NamedGame"
-            " hfa.commands.game:LearnedChecks",
+            Written(
+                "controller.critic.training_run:TrainingRun",
+                more=(_NAMED_GAME, "hfa.commands.game:LearnedChecks"),
+            ),
         ),
     ),
     "verify": CommandEntry(
@@ -136,9 +160,19 @@ COMMANDS = {
         "hfa.commands.verify:verify",
         example="hfa verify --dihedral 15 --weights learned.npz",
         results=(
-            "verification.verdict:Verdict verification.verdict:Details"
-            " hfa.options.game:Weights hfa.options.game:NamedGame hfa.options.reference:Tracked?",
-            "verification.verdict:Verdicts hfa.options.game:Weights hfa.options.game:NamedGame",
+            Written(
+                "verification.verdict:Verdict",
+                more=("verification.verdict:Details", "hfa.options.game:Weights", _NAMED_GAME),
+                optional=(
+                    "hfa.options.reference:Tracked",
+                    _DRAWS,
+                    "hfa_optimal.initial_conditions:WithFlights",
+                    "hfa_prove.results:WithRegion",
+                ),
+            ),
+            Written(
+                "verification.verdict:Verdicts", more=("hfa.options.game:Weights", _NAMED_GAME)
+            ),
         ),
     ),
     "assess": CommandEntry(
@@ -146,14 +180,17 @@ COMMANDS = {
         "assess a policy as deployed: sampled, normalized, delayed",
         "hfa_policy.commands.assess:assess",
         example="hfa assess examples/gtm_policy/late.toml --aircraft examples/gtm.py:GTM",
-        results=("hfa_policy.assessment:Assessment", "hfa_policy.comparison:Comparison"),
+        results=(
+            Written("hfa_policy.assessment:Assessment", optional=(_DRAWS,)),
+            Written("hfa_policy.comparison:Comparison"),
+        ),
     ),
     "daveml": CommandEntry(
         "model",
         "compute the check cases of a DAVE-ML file",
         "hfa.commands.daveml:daveml",
         example="hfa daveml examples/uav.dml",
-        results=("hfa_aircraft.readers.daveml.check_cases:CheckedDocument",),
+        results=(Written("hfa_aircraft.readers.daveml.check_cases:CheckedDocument"),),
     ),
     "design": CommandEntry(
         "flight",
@@ -161,17 +198,19 @@ COMMANDS = {
         "hfa_design.commands.design:design",
         example="hfa design --design paper --dihedral 5,10,15 -o gains.npz",
         results=(
-            "controller.schedule.scheduled_controller:ControllerData",
-            "controller.schedule.scheduled_controller:ControllerFile",
-            "controller.plant.plant_report:OutputSolution"
-            " controller.plant.plant_report:StateSolution",
+            Written("controller.schedule.scheduled_controller:ControllerData"),
+            Written("controller.schedule.scheduled_controller:ControllerFile"),
+            Written(
+                "controller.plant.plant_report:OutputSolution",
+                more=("controller.plant.plant_report:StateSolution",),
+            ),
         ),
     ),
     "export": CommandEntry(
         "exchange",
         "write the aircraft for other tools: C source, FMU, MATLAB",
         "hfa_flight.commands.export:export",
-        results=("hfa_flight.results:Exported",),
+        results=(Written("hfa_flight.results:Exported"),),
         example="hfa export --dihedral 15 -o folder",
     ),
     "fly": CommandEntry(
@@ -180,10 +219,12 @@ COMMANDS = {
         "hfa_flight.commands.fly:fly",
         example="hfa fly --dihedral 15 --gust 400:5",
         results=(
-            "hfa_flight.step_flight:StepFlight",
-            "hfa_flight.flight:Flight hfa_flight.flight:FlightHistory?",
-            "hfa_flight.results:MemberSummary",
-            "hfa_flight.results:MemberAttributes hfa_support.rows.store:OfAStore",
+            Written("hfa_flight.step_flight:StepFlight"),
+            Written("hfa_flight.flight:Flight", optional=("hfa_flight.flight:FlightHistory",)),
+            Written("hfa_flight.results:MemberSummary", optional=(_DRAWS,)),
+            Written(
+                "hfa_flight.results:MemberAttributes", more=("hfa_support.rows.store:OfAStore",)
+            ),
         ),
     ),
     "identify": CommandEntry(
@@ -191,10 +232,7 @@ COMMANDS = {
         "identify parameters from flight records, with 95 % bands",
         "hfa_identify.commands.identify:identify",
         example="hfa identify examples/uav_record.csv --aircraft examples/uav.toml --free Cm_q",
-        results=(
-            "hfa_identify.identified:Identified",
-            *(f"hfa.{name}/1 verification.drawn:WithDraws" for name in _WITH_DRAWS),
-        ),
+        results=(Written("hfa_identify.identified:Identified"),),
     ),
     "optimize": CommandEntry(
         "flight",
@@ -202,10 +240,9 @@ COMMANDS = {
         "hfa_optimal.commands.optimize:optimize",
         example="hfa optimize --dihedral 15 --start speed=5,alpha=2.865",
         results=(
-            "hfa_optimal.best_flight:BestFlight",
-            "hfa_optimal.quickest:QuickestFlight",
-            "hfa_optimal.initial_conditions:StartsTable",
-            "hfa.critic-check/1 hfa_optimal.initial_conditions:WithFlights",
+            Written("hfa_optimal.best_flight:BestFlight"),
+            Written("hfa_optimal.quickest:QuickestFlight"),
+            Written("hfa_optimal.initial_conditions:StartsTable"),
         ),
     ),
     "printed": CommandEntry(
@@ -213,7 +250,7 @@ COMMANDS = {
         "compare every printed digit of P, K, L, W or H, name wrong entries",
         "hfa.commands.printed:printed",
         example="hfa printed studies/published/sources/radp_suspension.toml",
-        results=("verification.printed.verdict:PrintedVerdict",),
+        results=(Written("verification.printed.verdict:PrintedVerdict"),),
     ),
     "prove": CommandEntry(
         "proof",
@@ -221,7 +258,10 @@ COMMANDS = {
         "hfa_prove.commands.check:prove",
         example="hfa prove --check certificate.json",
         install=("python-flint",),
-        results=("hfa_prove.results:ProofCheck", "hfa_prove.results:CertificateData"),
+        results=(
+            Written("hfa_prove.results:ProofCheck"),
+            Written("hfa_prove.results:CertificateData"),
+        ),
     ),
     "prove cost": CommandEntry(
         "proof",
@@ -230,8 +270,8 @@ COMMANDS = {
         example="hfa prove cost --aircraft examples/pendulum.py:PENDULUM",
         install=("python-flint",),
         results=(
-            "hfa_prove.results:FoundLowerBound",
-            "hfa_prove.results:CheckedLowerBound",
+            Written("hfa_prove.results:FoundLowerBound"),
+            Written("hfa_prove.results:CheckedLowerBound"),
         ),
     ),
     "prove critic": CommandEntry(
@@ -248,9 +288,8 @@ COMMANDS = {
         example="hfa prove region --aircraft examples/pendulum.py:PENDULUM --degree 2",
         install=("python-flint",),
         results=(
-            "hfa_prove.results:FoundRegion",
-            "hfa_prove.results:CheckedRegion",
-            "hfa.critic-check/1 hfa_prove.results:WithRegion",
+            Written("hfa_prove.results:FoundRegion"),
+            Written("hfa_prove.results:CheckedRegion"),
         ),
     ),
     "prove schedule": CommandEntry(
@@ -259,7 +298,7 @@ COMMANDS = {
         "hfa_prove.commands.schedule:schedule",
         example="hfa prove schedule --dihedral 14:14.5 -o certificate.json",
         install=("python-flint", "cvxpy"),
-        results=("hfa_prove.results:ScheduleProof",),
+        results=(Written("hfa_prove.results:ScheduleProof"),),
     ),
     "prove solution": CommandEntry(
         "proof",
@@ -267,7 +306,7 @@ COMMANDS = {
         "hfa_prove.commands.games:solution",
         example="hfa prove solution --dihedral 15",
         install=("python-flint",),
-        results=("hfa_prove.results:GameProof",),
+        results=(Written("hfa_prove.results:GameProof"),),
     ),
     "report": CommandEntry(
         "model",
@@ -276,9 +315,9 @@ COMMANDS = {
         example="hfa report --dihedral 15 -o report.html",
         install=("plotly",),
         results=(
-            "hfa.page.results:MainJobData",
-            "hfa.page.results:ClaimsData",
-            "hfa.page.results:FlightsData",
+            Written("hfa.page.results:MainJobData"),
+            Written("hfa.page.results:ClaimsData"),
+            Written("hfa.page.results:FlightsData"),
         ),
     ),
 }

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from typing import Any, Literal
 
 from hfa.entry_points import commands
+from hfa.options.part import is_installed
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.json_schema import json_schema, parts_of
 from hfa_support.reporting.results import Result
@@ -27,21 +29,14 @@ class Stamp(Result):
     provenance: Provenance | None = None
 
 
-def written() -> tuple[str, ...]:
-    """Return the declarations of all results that commands write, and of entries that options add.
-
-    Each declaration has the form of `CommandEntry.results`.
-    """
-    return tuple(text for entry in commands().values() for text in entry.results)
-
-
-def classes_of(text: str) -> list[type[Result]]:
-    """Return the classes of a declaration such as "module:Class module:Class?".
-
-    A word without ":" is the name of a format and is omitted.
-    """
-    places = (place.removesuffix("?").split(":") for place in text.split() if ":" in place)
-    return [getattr(import_module(module), name) for module, name in places]
+def classes_of(places: Iterable[str]) -> list[type[Result]]:
+    """Return the classes at locations "package.module:Class", without packages not installed."""
+    found = []
+    for place in places:
+        module, _, name = place.partition(":")
+        if is_installed(module.partition(".")[0]):
+            found.append(getattr(import_module(module), name))
+    return found
 
 
 @cache
@@ -50,13 +45,14 @@ def formats() -> dict[str, Any]:
 
     The list `oneOf` contains one schema for each format, such as trim.
     """
-    results = {_name(classes_of(text)[0]): _joined(text) for text in written() if _is_whole(text)}
-    for text in written():
-        if not _is_whole(text):
-            name = text.removeprefix("hfa.").partition("/")[0]
-            for kind in classes_of(text):
-                results[name]["properties"] |= json_schema(kind)["properties"]
-    kinds: set[type[Result]] = {Stamp, *(kind for text in written() for kind in classes_of(text))}
+    written = [each for entry in commands().values() for each in entry.results]
+    kinds: set[type[Result]] = {Stamp}
+    results = {}
+    for each in written:
+        required = classes_of((each.result, *each.more))
+        optional = [*classes_of(each.optional), Stamp]
+        results[_name(required[0])] = _joined(required, optional)
+        kinds.update(required, optional)
     parts = {part.__name__: _part(part) for kind in kinds for part in parts_of(kind)}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -71,11 +67,6 @@ def formats() -> dict[str, Any]:
     }
 
 
-def _is_whole(text: str) -> bool:
-    """Return whether a declaration defines a complete result."""
-    return ":" in text.split()[0]
-
-
 def _name(result: type[Result]) -> str:
     """Return the name of the format of a class of results, such as "trim" for hfa.trim/1."""
     return result.schema.removeprefix("hfa.").partition("/")[0]
@@ -86,14 +77,13 @@ def _part(result: type[Result]) -> dict[str, Any]:
     return {key: value for key, value in json_schema(result).items() if key != "title"}
 
 
-def _joined(text: str) -> dict[str, Any]:
-    """Return the schema of a declared result, with the entries of all its classes."""
-    first, *added = classes_of(text)
-    schema = json_schema(first)
-    for kind, place in zip((*added, Stamp), (*text.split()[1:], ""), strict=True):
+def _joined(required: list[type[Result]], optional: list[type[Result]]) -> dict[str, Any]:
+    """Return the schema of a result with the entries of all its classes."""
+    schema = json_schema(required[0])
+    for kind in (*required[1:], *optional):
         more = json_schema(kind)
         schema["properties"] = schema["properties"] | more["properties"]
-        if not place.endswith("?"):
+        if kind not in optional:
             schema["required"] += more["required"]
     schema["required"] = list(dict.fromkeys(schema["required"]))
     return schema

@@ -6,7 +6,7 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,13 +14,10 @@ from typing import TYPE_CHECKING, Any
 from hfa.options.aircraft import of_hfa
 from hfa.options.argument_types import PICTURES, output_file
 from hfa.options.part import Part, option
-from hfa_support.errors import NoSolutionError, printable
 from hfa_support.progress import print_flushed, print_notes, print_to_stderr
 from hfa_support.reporting.report import SUFFIXES, Report
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from hfa_aircraft.model import Model
 
 #: Suffix -> function that writes the report as text. HTML embeds its pictures; Markdown has none.
@@ -61,52 +58,14 @@ def picture_option(shows: str, *, only_hfa: bool = False) -> Any:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Output(Part):
-    """Where a report goes: text or JSON on standard output, a file, a picture."""
+    """Where a report goes: text or JSON on standard output, a file, a picture.
+
+    `Request.show` writes the files and prints the report.
+    """
 
     file: Path | None = output_option()
     picture: Path | None = None
     json: bool = option("print JSON (angles in radians) instead of text")
-
-    def show(
-        self,
-        report: Report,
-        *,
-        figure: Callable[[], Figure] | None = None,
-        printed: Report | None = None,
-        only_in_files: Mapping[str, Any] | None = None,
-        write: Callable[[Path], object] | None = None,
-        notes: Iterable[str] = (),
-    ) -> None:
-        """Write the files of -o and --picture, then print the report.
-
-        Either both files are written or none. Notes are printed after the report.
-
-        report: the report, with its provenance
-        figure: function that draws the picture, or None if there is none
-        printed: shorter report to print in place of `report`, or None
-        only_in_files: data added to the file of -o only, or None
-        write: function that writes the file of -o in a format of the command's own, or None
-        notes: notes on the result
-
-        Raises NoSolutionError with `report.failure` if this text is not empty.
-        """
-        from hfa_support.files import all_or_none
-
-        picture = None if figure is None else self.picture
-        with all_or_none():
-            if self.file is not None and write is not None:
-                write(self.file)
-            elif self.file is not None:
-                _write(report.with_data(**(only_in_files or {})), self.file)
-            if picture is not None and figure is not None:
-                from hfa_support.reporting.figure import save
-
-                save(figure(), picture, report.source)
-        self.print(printed or report, notes=notes)
-        for written in filter(None, (self.file, picture)):
-            print_to_stderr(f"wrote {printable(written)}")
-        if report.failure:
-            raise NoSolutionError(report.failure)
 
     def print(self, report: Report, *, notes: Iterable[str] = ()) -> None:
         """Print the report or, with --json, its data, and then the notes.
@@ -124,7 +83,8 @@ class Output(Part):
         print_notes(notes)
 
 
-def _write(report: Report, path: Path) -> None:
+def write_report(report: Report, path: Path) -> None:
+    """Write a report to a file in the format of its suffix."""
     from hfa_support.files import write_text
 
     form = REPORTS.get(path.suffix.lower())

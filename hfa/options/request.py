@@ -12,8 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar
 
 from hfa.options.aircraft import Aircraft
-from hfa.options.output import Output
+from hfa.options.output import Output, write_report
 from hfa.options.part import Option, Part, option, part
+from hfa_support.errors import NoSolutionError, printable
+from hfa_support.progress import print_to_stderr
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -117,15 +119,37 @@ class Request(Part):
         write: Callable[[Path], object] | None = None,
         notes: Iterable[str] = (),
     ) -> None:
-        """Write and print a report with the provenance of the run, as `Output.show` does."""
-        self.output.show(
-            self.stated(report),
-            figure=figure,
-            printed=None if printed is None else self.stated(printed),
-            only_in_files=only_in_files,
-            write=write,
-            notes=notes,
-        )
+        """Write the files of -o and --picture, then print the report, with the run's provenance.
+
+        Either both files are written or none. Notes are printed after the report.
+
+        report: the report
+        figure: function that draws the picture, or None if there is none
+        printed: shorter report to print in place of `report`, or None
+        only_in_files: data added to the file of -o only, or None
+        write: function that writes the file of -o in a format of the command's own, or None
+        notes: notes on the result
+
+        Raises NoSolutionError with `report.failure` if this text is not empty.
+        """
+        from hfa_support.files import all_or_none
+
+        file = self.output.file
+        picture = None if figure is None else self.output.picture
+        with all_or_none():
+            if file is not None and write is not None:
+                write(file)
+            elif file is not None:
+                write_report(self.stated(report).with_data(**(only_in_files or {})), file)
+            if picture is not None and figure is not None:
+                from hfa_support.reporting.figure import save
+
+                save(figure(), picture, self.provenance.text())
+        self.print(printed or report, notes=notes)
+        for written in filter(None, (file, picture)):
+            print_to_stderr(f"wrote {printable(written)}")
+        if report.failure:
+            raise NoSolutionError(report.failure)
 
     def print(self, report: Report, *, notes: Iterable[str] = ()) -> None:
         """Print a report with the provenance of the run, and write no file."""
