@@ -12,7 +12,7 @@ import hfa
 from benchmarks import __main__ as bench, report
 from benchmarks.jobs_flight import FlightCase, c_flight, difference
 from benchmarks.jobs_models import f16_case, f16_peer, peer_point, peer_system, six_state_rates
-from benchmarks.report import Comparison, Growth, Limit, Row, Size
+from benchmarks.report import Comparison, Row
 from hfa.paper import default_parameters
 from hfa_model import LINEAR_STATES, STATES
 from hfa_support.errors import BadInputError
@@ -66,6 +66,7 @@ def test_other_dynamics_are_detected() -> None:
     assert largest_difference_of_rates(six_state_rates(PARAMETERS, ALTITUDE + 10.0)) > 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:number of constraints")
 def test_python_control_trims_and_linearizes_the_same_aircraft() -> None:
     """python-control finds the same trim, and its finite differences give A and B within 2e-3."""
@@ -76,6 +77,7 @@ def test_python_control_trims_and_linearizes_the_same_aircraft() -> None:
     np.testing.assert_allclose(model.B, exact.B, atol=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("turning", "unknowns"), [(False, 5), (True, 12)])
 def test_python_control_trims_and_linearizes_the_same_f16(turning: bool, unknowns: int) -> None:
     """python-control finds the same trims and A of the F-16, in level flight and in a turn."""
@@ -89,6 +91,7 @@ def test_python_control_trims_and_linearizes_the_same_f16(turning: bool, unknown
         np.testing.assert_allclose(model.A, ours.A[i], atol=2e-3)  # by finite differences
 
 
+@pytest.mark.slow
 @NEEDS_COMPILER
 @pytest.mark.parametrize(("name", "factor"), [("B", 1.0), ("eta", 1.001), ("B", 1.001)])
 def test_handwritten_c_gives_the_same_flight(
@@ -104,40 +107,8 @@ def test_handwritten_c_gives_the_same_flight(
     assert (difference(case.fly(False, 300), history) < 1e-6) == (factor == 1.0)
 
 
-# Timing, table and verdict.
-
-
 def row(ratio: float, target: float) -> Row:
     return Row("a job", "a peer", Comparison(2e-6, 2e-6 * ratio, ratio), target, "a remark")
-
-
-@pytest.mark.parametrize(
-    ("ratio", "target", "verdict"),
-    [(20.0, 20.0, "yes"), (19.9, 20.0, "NO"), (0.7, 1 / 1.5, "yes"), (0.6, 1 / 1.5, "NO")],
-)
-def test_a_figure_is_marked_by_its_target(ratio: float, target: float, verdict: str) -> None:
-    """The table row of a benchmark states whether its target is reached."""
-    line = report.markdown([report.figure([row(ratio, target)])]).splitlines()[-1]
-    assert line.startswith("| a job | a peer | 2 µs |")
-    assert line.endswith(f"| {verdict} | – |")
-
-
-def test_a_row_gives_time_over_its_limit() -> None:
-    """The table row of a benchmark gives the time as a multiple of its lower limit.
-
-    Near this limit, a missed target has the verdict "limit" instead of "NO".
-    """
-    limited = row(2.0, 1.0)._replace(limit=Limit(1e-6, "one evaluation"))
-    assert report.markdown([report.figure([limited])]).endswith("| yes | 2 x one evaluation |")
-    missed = row(0.5, 1.0)._replace(limit=Limit(1e-6, "one evaluation"))
-    assert missed.verdict == "NO"
-    assert missed._replace(limit=Limit(1.6e-6, "one evaluation")).verdict == "limit"
-
-
-def test_the_run_of_median_ratio_is_stored() -> None:
-    """The run with the median ratio of several runs is stored, with the range of all ratios."""
-    found = report.figure([row(3.0, 1.0), row(9.0, 1.0), row(4.0, 1.0)])
-    assert (found["ratio"], found["ratios"], found["runs"]) == (4.0, [3.0, 9.0], 3)
 
 
 def test_figures_of_other_jobs_are_kept_or_nothing_is_stored(
@@ -155,35 +126,6 @@ def test_figures_of_other_jobs_are_kept_or_nothing_is_stored(
     with pytest.raises(BadInputError, match="run all jobs"):
         report.store([{first: [row(9.0, 1.0)]}])
     assert results.read_bytes() == before
-
-
-def test_a_slope_is_fitted_to_the_larger_sizes() -> None:
-    """The growth exponent of the time is fitted to the larger sizes only."""
-    sizes = [Size(n, 1.0 if n < 100 else 1e-6 * n**3, 100.0) for n in (1, 10, 100, 1000, 10000)]
-    assert Growth("a job", "states", tuple(sizes)).slope == pytest.approx(3.0)
-
-
-def test_tables_of_a_page_are_replaced() -> None:
-    """A new table replaces the table with the same header and changes no other text."""
-    head = "| a | b |\n|---|---|\n"
-    page = f"text\n\n{head}| 1 | 2 |\n| 3 | 4 |\n\nmore\n"
-    assert report.with_table(page, f"{head}| 5 | 6 |") == f"text\n\n{head}| 5 | 6 |\n\nmore\n"
-
-
-def test_a_job_of_the_benchmarks_runs_alone(capsys: pytest.CaptureFixture) -> None:
-    """A single benchmark can be run without the others."""
-    assert bench.main(["--quick", "games"]) == 0
-    printed = capsys.readouterr().out
-    assert "solve_continuous_are" in printed
-    assert "dihedral angles" not in printed
-
-
-@pytest.mark.filterwarnings("ignore:number of constraints")
-def test_the_limit_of_a_trim_is_below_it() -> None:
-    """The lower limit for the time of a trim is positive and below the measured time."""
-    (found,) = bench.report.rows_of("trim", quick=True)
-    assert found.limit is not None
-    assert 0.0 < found.limit.seconds < found.timing.ours
 
 
 @pytest.mark.slow
@@ -213,25 +155,3 @@ def test_the_document_shows_the_stored_figures() -> None:
     """The documents contain a table row for every stored benchmark result."""
     text = "".join(page.read_text("utf-8") for page in report.PAGES)
     assert not_shown(text, report.stored()) == []
-
-
-def test_documents_with_other_figures_are_detected() -> None:
-    """Changed stored results are all reported as missing in the documents."""
-    text = "".join(page.read_text("utf-8") for page in report.PAGES)
-    data = report.stored()
-    data["figures"] = [figure | {"ratio": 1.1 * figure["ratio"]} for figure in data["figures"]]
-    data["growth"] = [each | {"slope": each["slope"] + 0.1} for each in data["growth"]]
-    assert len(not_shown(text, data)) == len(data["figures"]) + len(data["growth"])
-
-
-def test_stored_verdicts_follow_from_their_figures() -> None:
-    """Stored verdicts follow from the stored times, and the first page lists missed targets."""
-    first = report.PAGES[0].read_text("utf-8")
-    for figure in report.stored()["figures"]:
-        timing = Comparison(figure["ours"], figure["peers"], figure["ratio"])
-        limit = figure["limit"] and Limit(**figure["limit"])
-        again = Row(figure["job"], figure["peer"], timing, figure["to_reach"], limit=limit)
-        assert again.verdict == figure["reached"], figure["job"]
-        assert figure["ratio"] == pytest.approx(figure["peers"] / figure["ours"], rel=0.2)
-        assert figure["ratios"][0] <= figure["ratio"] <= figure["ratios"][1]
-        assert figure["reached"] != "NO" or f"| {figure['job']} |" in first

@@ -55,7 +55,7 @@ print(json.dumps([code, [file for file in files if file]]))
 """
 
 
-@pytest.mark.parametrize("command", ["trim --dihedral 10", "verify --dihedral 15 --weights K.npz"])
+@pytest.mark.parametrize("command", ["verify --dihedral 15 --weights K.npz"])
 def test_a_command_of_the_core_loads_no_extension(command: str, folder: Path) -> None:
     """Trims and the check of a gain load no module of an extension."""
     np.savez("K.npz", K=exact_gain(15.0))
@@ -90,6 +90,7 @@ def test_tests_of_the_core_pass_without_extensions() -> None:
     assert " passed" in done.stdout
 
 
+@pytest.mark.slow
 def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
     """Without extensions, the core trims, and names of extensions are refused in one line.
 

@@ -5,7 +5,6 @@ A broken package is reported in one line.
 
 from __future__ import annotations
 
-import inspect
 import json
 import os
 import re
@@ -13,7 +12,7 @@ import shlex
 import shutil
 import subprocess
 import sys
-import zipfile
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -22,26 +21,20 @@ from package_page import PAGE, write_package
 from pages import COMMAND, blocks_of, difference
 from project import ROOT
 
-from hfa.extend import AircraftReader
-from hfa_support.entry_points import AIRCRAFT, loaded, offered
-
 EXTENSIONS = tuple(sorted(path.name for path in ROOT.glob("extensions/*/hfa_*")))
-
-
-#: Program that builds the wheel of the package in the present folder, as `pip install .` does.
-BUILD = "import sys; from setuptools.build_meta import build_wheel; build_wheel(sys.argv[1])"
 
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Install the example package of docs/extending.md into a folder and return the folder."""
-    source = tmp_path_factory.mktemp("source")
-    write_package(source)
+    """Return a folder with the example package of docs/extending.md and its metadata."""
     site = tmp_path_factory.mktemp("site")
-    words = [sys.executable, "-c", BUILD, str(site)]
-    subprocess.run(words, cwd=source, check=True, capture_output=True, timeout=120)
-    (wheel,) = site.glob("*.whl")
-    zipfile.ZipFile(wheel).extractall(site)
+    write_package(site)
+    project = tomllib.loads((site / "pyproject.toml").read_text("utf-8"))["project"]
+    groups = [
+        f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in entries.items())
+        for group, entries in project["entry-points"].items()
+    ]
+    metadata(site, project["name"], "".join(groups))
     return site
 
 
@@ -157,19 +150,6 @@ def test_provenance_names_the_file_without_a_source(results: list[Result]) -> No
     assert "parameters identified" not in results[-2].out
 
 
-def test_a_command_without_a_request_is_refused(tmp_path: Path) -> None:
-    """A command whose options are not a Request is refused, and the message names the decorator."""
-    (tmp_path / "stranger.py").write_text(
-        "from hfa.entry_points import CommandEntry\nfrom hfa.options.request import command\n"
-        "RUN = CommandEntry('model', 'run', 'stranger:run')\n"
-        "@command(dict)\ndef run(request):\n    return 0\n"
-    )
-    metadata(tmp_path, "stranger", "[hfa.commands]\nrunning = stranger:RUN\n")
-    done = run(tmp_path, tmp_path, "running")
-    assert done.code == 2
-    assert "stranger:run is not a command; write @command(OPTIONS)" in done.err
-
-
 def metadata(site: Path, name: str, entries: str) -> None:
     """Write the metadata of an installed package.
 
@@ -182,56 +162,46 @@ def metadata(site: Path, name: str, entries: str) -> None:
 
 
 def test_a_broken_package_disables_no_other_command(tmp_path: Path) -> None:
-    """A package that cannot be loaded is reported, and all other commands are available."""
+    """A package that cannot be loaded, or offers a suffix that the project reads itself, is named
+    in one line where it is used. All other commands run.
+    """
     metadata(tmp_path, "broken-one", "[hfa.commands]\nrepair = broken_one:REPAIR\n")
-    refused, overview = run_in_turn(tmp_path, tmp_path, "hfa repair", "hfa --help")
-    assert (refused.code, refused.out, refused.err.count("\n")) == (2, "", 1)
-    assert "the package broken-one offers repair, which cannot be loaded" in refused.err
+    offers = "[hfa.aircraft]\n.toml = other:read\n[hfa.critics]\n.onnx = other:read\n"
+    metadata(tmp_path, "other-files", offers)
+    (tmp_path / "uav.toml").write_bytes((ROOT / "examples" / "uav.toml").read_bytes())
+    (tmp_path / "a.onnx").write_bytes(b"")
+    *refused, overview = run_in_turn(
+        tmp_path,
+        tmp_path,
+        "hfa repair",
+        "hfa trim --aircraft uav.toml",
+        "hfa verify --dihedral 15 --weights a.onnx",
+        "hfa --help",
+    )
+    named = ("broken-one offers repair, which cannot", "other-files offers .", "other-files offers")
+    for result, words in zip(refused, named, strict=True):
+        assert (result.code, result.out, result.err.count("\n")) == (2, "", 1), result.err
+        assert f"the package {words}" in result.err
     assert (overview.code, "repair" in overview.out) == (0, False)
     assert "  fly " in overview.out
     assert "broken-one" in overview.err
 
 
-def test_a_command_declared_twice_is_refused(tmp_path: Path) -> None:
-    """A command that two packages declare is refused with both names. Other commands run."""
+def test_commands_declared_twice_are_refused_by_the_names_of_their_packages(tmp_path: Path) -> None:
+    """A command that two packages declare is refused; one of hfa is not replaced. Others run."""
     for name in ("one", "other"):
         metadata(tmp_path, f"{name}-glide", f"[hfa.commands]\nglide = {name}_glide:GLIDE\n")
     refused, trimmed = run_in_turn(tmp_path, tmp_path, "hfa glide", "hfa trim --dihedral 10")
     assert (refused.code, refused.out, refused.err.count("\n")) == (2, "", 1)
-    assert "one-glide" in refused.err
-    assert "other-glide" in refused.err
-    assert "both offer glide" in refused.err
+    assert all(words in refused.err for words in ("one-glide", "other-glide", "both offer glide"))
     assert trimmed.code == 0
-
-
-def test_no_package_replaces_a_command_of_hfa(tmp_path: Path) -> None:
-    """A package that declares a command of hfa changes nothing, and the overview names it."""
-    metadata(tmp_path, "other-export", "[hfa.commands]\nexport = other_export:EXPORT\n")
-    asked, overview = run_in_turn(tmp_path, tmp_path, "hfa export --help", "hfa --help")
+    other = tmp_path / "other"
+    metadata(other, "other-export", "[hfa.commands]\nexport = other_export:EXPORT\n")
+    asked, overview = run_in_turn(other, other, "hfa export --help", "hfa --help")
     assert (asked.code, asked.err) == (0, "")
     assert asked.out.startswith("usage: hfa export")
-    assert overview.code == 0
-    assert "  export " in overview.out
+    assert (overview.code, "  export " in overview.out) == (0, True)
     assert "the package other-export declares `hfa export`, a command of hfa" in overview.err
-
-
-@pytest.mark.parametrize(
-    ("entry", "command"),
-    [
-        ("[hfa.aircraft]\n.toml = other:read\n", "hfa trim --aircraft uav.toml"),
-        ("[hfa.critics]\n.onnx = other:read\n", "hfa verify --dihedral 15 --weights a.onnx"),
-    ],
-)
-def test_a_suffix_of_the_project_is_not_offered_again(
-    entry: str, command: str, tmp_path: Path
-) -> None:
-    """A package that offers a suffix which the project reads itself is refused by its name."""
-    metadata(tmp_path, "other-files", entry)
-    (tmp_path / "uav.toml").write_bytes((ROOT / "examples" / "uav.toml").read_bytes())
-    (tmp_path / "a.onnx").write_bytes(b"")
-    (refused,) = run_in_turn(tmp_path, tmp_path, command)
-    assert (refused.code, refused.out, refused.err.count("\n")) == (2, "", 1)
-    assert "the package other-files offers ." in refused.err
 
 
 #: Program that loads every command without the packages of the extras.
@@ -256,14 +226,3 @@ def test_commands_load_without_packages_of_extras() -> None:
     """
     done = subprocess.run([sys.executable, "-c", WITHOUT_EXTRAS], capture_output=True, text=True)
     assert done.stderr == ""
-
-
-def test_jsbsim_reads_as_an_aircraft_reader() -> None:
-    """The readers of JSBSim have the required arguments of `AircraftReader`."""
-    expected = inspect.signature(AircraftReader.__call__).parameters.values()
-    kinds = [parameter.annotation for parameter in expected][1:]
-    assert set(offered(AIRCRAFT)) == {"jsbsim", ".xml"}
-    for name, offer in offered(AIRCRAFT).items():
-        parameters = list(inspect.signature(loaded(offer)).parameters.values())
-        needed = [each.annotation for each in parameters if each.default is each.empty]
-        assert needed == kinds, name
