@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import hfa
-from hfa_prove.search.plant import loop_at
+from hfa_prove.problem import loop_at
 from hfa_prove.search.region import PROVERS, proved_region
 from hfa_prove.search.region_search import RegionProblem
 from hfa_prove.statements.loop import Gain

@@ -79,7 +79,7 @@ BREACHES = {
         "verification/printed/exact_answer.py": "controller.learning.certified",
         "extensions/policy/hfa_policy/assess.py": "controller.learning.certified",
         f"{PROVE}/search/lines.py": "controller.learning.recording",
-        f"{PROVE}/check/loop_squares.py": "controller.learning.recording",
+        f"{PROVE}/check/loop_on_ball.py": "controller.learning.recording",
         f"{PROVE}/search/region_boxes.py": "controller.learning.q_learning",
     },
     # A learner that another module imports.

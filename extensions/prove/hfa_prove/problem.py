@@ -1,18 +1,26 @@
-"""Statement of a cost bound for a problem of flights."""
+"""Plants and loops of statements at a trim of the user's aircraft."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import casadi as ca
 import numpy as np
 import scipy.linalg
 
-from hfa_flight.problem import FlightProblem
-from hfa_prove.statements.plant import SAME_TRIM, Plant, facts
+from hfa_prove.statements.loop import Gain, Loop
+from hfa_prove.statements.plant import SAME_TRIM, Plant, facts, model_limits
 from hfa_prove.subject import Given, within
 from hfa_support.errors import BadInputError
 
+if TYPE_CHECKING:
+    from hfa_flight.problem import FlightProblem
+    from trim.linear.linear_model import LinearModel
+    from trim.point.operating_point import OperatingPoint
+
+#: Name of a parameter, state or input -> value.
+_Values = dict[str, float]
 #: If the condition number is larger, an input replaces a state as an unknown.
 _CONDITION = 1e6
 
@@ -30,23 +38,35 @@ def plant_of(problem: FlightProblem) -> Plant:
             f"the rates of {model.title} depend on {names}, which the cost does not include; "
             "give an aircraft without these variables"
         )
-    states = {name: float(value) for name, value in problem.point.states._asdict().items()}
     envelope = problem.envelope
-    limits = dict(
-        zip(
-            envelope.names,
-            zip(envelope.lowest.tolist(), envelope.highest.tolist(), strict=True),
-            strict=True,
-        )
-    )
+    ends = zip(envelope.lowest.tolist(), envelope.highest.tolist(), strict=True)
+    limits = dict(zip(envelope.names, ends, strict=True))
     limits |= {name: (signal.min, signal.max) for name, signal in model.inputs.items()}
-    return Plant(
-        model,
+    finite = {name: pair for name, pair in limits.items() if np.isfinite(pair).any()}
+    parameters, trim, inputs, held = _values_at(problem.point)
+    return Plant(model, parameters, trim, inputs, held, finite)
+
+
+def loop_at(linear: LinearModel, policy: Gain | ca.Function) -> Loop:
+    """Return the closed loop of a policy about the trim of a linear model.
+
+    The limits are those of the model at the trim.
+    """
+    model = linear.point.model
+    parameters, trim, inputs, held = _values_at(linear.point)
+    limits = model_limits(model, {**trim, **held}, parameters)
+    return Loop(model, parameters, trim, inputs, held, limits, policy)
+
+
+def _values_at(point: OperatingPoint) -> tuple[_Values, _Values, _Values, _Values]:
+    """Return the parameters, moving states, inputs and constant states at a trim, by name."""
+    model = point.model
+    states = {name: float(value) for name, value in point.states._asdict().items()}
+    return (
         {name: signal.start for name, signal in model.parameters.items()},
         {name: states[name] for name in model.linear},
-        {name: float(value) for name, value in problem.point.inputs._asdict().items()},
+        {name: float(value) for name, value in point.inputs._asdict().items()},
         {name: value for name, value in states.items() if name not in model.linear},
-        {name: ends for name, ends in limits.items() if np.isfinite(ends).any()},
     )
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hfa_aircraft.model import Model
-from hfa_prove.search.plant import loop_at
+from hfa_prove.problem import loop_at
 from hfa_prove.search.region import proved_region
 from hfa_prove.search.region_search import Region, RegionProblem
 from hfa_prove.statements.loop import Gain

@@ -12,7 +12,6 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_prove.certificate import kind_of
 from hfa_prove.check import Proved
-from hfa_prove.check.game import SAME_GAIN
 from hfa_prove.hfa import identity_of
 from hfa_prove.results import (
     Content,
@@ -22,7 +21,7 @@ from hfa_prove.results import (
     schedule_data,
 )
 from hfa_prove.statements.flight import Flight
-from hfa_prove.statements.game import GameStatement, Plant, Weights
+from hfa_prove.statements.game import SAME_GAIN, GameStatement, Plant, Weights
 from hfa_prove.statements.schedule import (
     Controller,
     Run,

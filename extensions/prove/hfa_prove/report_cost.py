@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfa_prove.check import Proved
 from hfa_prove.results import CheckedLowerBound, FoundLowerBound
-from hfa_prove.search.cost import CostBound
 from hfa_prove.statements.cost import CostStatement
 from hfa_prove.subject import first_line
 from hfa_prove.words import at_least, limits_in_words, parameters_in_words, piece_in_words
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
+
+if TYPE_CHECKING:
+    from hfa_prove.search.cost import CostBound
 
 _NOT_COVERED = "disturbances"
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfa_aircraft.march.ending import Outcome
 from hfa_prove.check import Proved
-from hfa_prove.check.game import SAME_GAIN
 from hfa_prove.results import CheckedRegion, FoundRegion, Place, ProvedRegion
-from hfa_prove.search.obstacles import NOT_RETURNED
-from hfa_prove.search.region_search import Region
+from hfa_prove.statements.game import SAME_GAIN
 from hfa_prove.statements.loop import Gain
 from hfa_prove.statements.region import RegionStatement, SquaresWitness
 from hfa_prove.subject import first_line
@@ -29,6 +28,9 @@ from hfa_prove.words import (
 )
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, shown_unit, shown_values
+
+if TYPE_CHECKING:
+    from hfa_prove.search.region_search import Region
 
 #: Effects that no statement covers, for the first line.
 _WITHOUT = "sampling, delay, actuators"
@@ -210,6 +212,8 @@ def _extents(proved: ProvedRegion) -> tuple[Table, str]:
 
 def _obstacles(region: Region) -> Table:
     """Return a table of the lowest levels of V at which a larger set meets an obstacle."""
+    from hfa_prove.search.obstacles import NOT_RETURNED
+
     assert region.obstacles is not None
     rho = region.statement.rho
     rows = [("proved", at_least(rho, 6), "1", "")]

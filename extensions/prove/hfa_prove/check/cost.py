@@ -21,11 +21,10 @@ import casadi as ca
 import numpy as np
 
 from hfa_prove.check.cover import Boxes, RefutedError, refute
-from hfa_prove.check.equilibrium import Equilibrium, check_near, open_rates, zero_near
+from hfa_prove.check.equilibrium import check_near, equilibrium_near
 from hfa_prove.check.piece import ROUNDING, OnPiece
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.cost import CostStatement, CostWitness
-from hfa_prove.statements.plant import Plant
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import RowFunction
 from hfa_support.progress import Progress
@@ -451,18 +450,6 @@ def solved_for(H: np.ndarray, right: np.ndarray, free: np.ndarray) -> np.ndarray
     return np.asarray(np.linalg.solve(kept, right))
 
 
-def equilibrium_of(plant: Plant, x: np.ndarray, solved: tuple[int, ...]) -> Equilibrium:
-    """Return an enclosure of the equilibrium states and inputs near x (n + m,).
-
-    solved: indices of the unknown entries of x, as many as there are states
-
-    The other entries keep their values in x.
-
-    Raises Rejected if no equilibrium is proved.
-    """
-    return zero_near(open_rates(plant), x, plant.nominal, solved)
-
-
 def check_cost(
     statement: CostStatement, witness: CostWitness, progress: Progress | None = None
 ) -> tuple[int, ...]:
@@ -473,17 +460,16 @@ def check_cost(
     """
     plant = statement.plant
     names = (*plant.states, *plant.inputs)
-    stated = np.array([statement.equilibrium[name] for name in names])
-    trim = np.array([{**plant.trim, **plant.inputs}[name] for name in names])
+    stated = {name: statement.equilibrium[name] for name in names}
     solved = tuple(names.index(name) for name in witness.solved)
     if len(set(solved)) != len(plant.states):
         raise Rejected(
             f"the numbers of unknowns of the equilibrium ({len(set(solved))}) and of states "
             f"({len(plant.states)}) differ"
         )
-    equilibrium = equilibrium_of(plant, stated, solved)
-    check_near(equilibrium, stated, plant.nominal, "the stated equilibrium")
-    check_near(equilibrium, trim, plant.nominal, "the trim")
+    equilibrium = equilibrium_near(plant, np.array(list(stated.values())), solved)
+    check_near(equilibrium, plant, stated, "the stated equilibrium")
+    check_near(equilibrium, plant, {**plant.trim, **plant.inputs}, "the trim")
     counts = []
     for piece, most in zip(statement.pieces, witness.boxes, strict=True):
         inequality = CostInequality(plant, equilibrium, piece, statement.Q, statement.R)

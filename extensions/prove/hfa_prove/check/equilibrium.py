@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 from flint import arb, arb_mat
 
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.plant import SAME_TRIM, Plant
-from verification.enclosure.balls import matrix, norm
-from verification.enclosure.program import Program
+from verification.enclosure.balls import hull, matrix, norm
 from verification.enclosure.slopes import Intervals, jacobian
 
-#: Largest error of a few sums and products of doubles, relative to the sizes of the terms.
-ROUNDING = 1e-12
 #: Number of Newton steps.
 _STEPS = 20
 #: Largest number of doublings of the radius of the equilibrium.
@@ -38,82 +34,73 @@ class Equilibrium:
     radius: np.ndarray
 
 
-def zero_near(
-    program: Program, x: np.ndarray, nominal: np.ndarray, solved: Sequence[int]
+def equilibrium_near(
+    plant: Plant, x: np.ndarray, solved: Sequence[int] | None = None
 ) -> Equilibrium:
-    """Return an enclosure of a zero of a program F near x.
+    """Return an enclosure of an equilibrium near x.
 
-    The enclosure is proved by Krawczyk's test (1969): |C F(x)| + |1 - C F'| r < r with a radius r,
-    at the point x to which Newton's method converges. C is an approximate inverse of F'.
+    Newton's method in doubles is followed by Krawczyk's test in balls (`root_offsets`). The
+    enclosure of the Jacobian contains Clarke's generalized gradients.
 
-    x: first values of the inputs of the program, (k,)
-    nominal: nominal values of the inputs, (k,)
-    solved: indices of the unknown inputs, as many as the program has outputs
+    plant: closed loop, or plant whose inputs are variables too
+    x: first values of the variables, (k,), of which the others than the unknowns are kept
+    solved: indices of the unknowns, as many as there are states, or None for all variables
 
-    Raises Rejected if no zero is proved.
+    Raises Rejected if no equilibrium is proved.
     """
+    program = plant.program
     point = np.array(x, dtype=float)
-    columns = list(solved)
-    none = np.zeros_like(point)
+    unknown = list(range(len(point))) if solved is None else list(solved)
+    still = np.zeros_like(point)
+    step = np.zeros(len(unknown))
     for _ in range(_STEPS):
-        at = jacobian(program, Intervals(point, none))
-        slopes = at.slopes.middle[:, columns]
+        at = jacobian(program, Intervals(point, still))
+        slopes = at.slopes.middle[:, unknown]
         if not np.all(np.isfinite(slopes)):
             break
         try:
             step = np.linalg.solve(slopes, at.values.middle)
         except np.linalg.LinAlgError:
             break
-        point[columns] -= step
-    at = jacobian(program, Intervals(point, none))
-    try:
-        C = np.linalg.inv(at.slopes.middle[:, columns])
-    except np.linalg.LinAlgError as error:
-        raise Rejected(
-            "no equilibrium is enclosed near the trim: the Jacobian is singular"
-        ) from error
+        point[unknown] -= step
+    residual = jacobian(program, Intervals(point, still)).values
+    column = hull(residual.low[:, None], residual.high[:, None])
+    sizes = np.abs(point) + plant.nominal[: len(point)]
     radius = np.zeros_like(point)
-    moved = _moved(C, at.values)
-    radius[columns] = 2.0 * moved + 1e-14 * (np.abs(point) + nominal)[columns]
+    radius[unknown] = 2.0 * np.abs(step) + 1e-14 * sizes[unknown]
     for _ in range(_DOUBLINGS):
-        J = jacobian(program, Intervals(point, radius)).slopes
-        J = Intervals(J.middle[:, columns], J.radius[:, columns])
-        spread = np.abs(np.eye(len(C)) - C @ J.middle) + np.abs(C) @ J.radius
-        spread += ROUNDING * (np.abs(C) @ np.abs(J.middle))
-        reach = (moved + spread @ radius[columns]) * (1.0 + ROUNDING)
-        if np.all(reach < radius[columns]):
-            return Equilibrium(point, radius)
-        radius = 2.0 * radius
-    raise Rejected("no equilibrium is enclosed near the trim")
+        around = jacobian(program, Intervals(point, radius)).slopes
+        J = hull(around.low[:, unknown], around.high[:, unknown])
+        try:
+            root_offsets(column, J, [arb(each) for each in radius[unknown].tolist()])
+        except ZeroDivisionError as error:
+            raise Rejected(
+                "no equilibrium is enclosed near the trim: the Jacobian is singular"
+            ) from error
+        except Rejected:
+            radius = 2.0 * radius
+            continue
+        return Equilibrium(point, radius)
+    raise Rejected(
+        "no equilibrium is enclosed near the trim: it does not exist, the rates have a kink there, "
+        "or an input is at its limit"
+    )
 
 
-def _moved(C: np.ndarray, residual: Intervals) -> np.ndarray:
-    sizes = np.abs(residual.middle) + residual.radius
-    exact_part = np.abs(C @ residual.middle) + np.abs(C) @ residual.radius
-    return np.asarray(exact_part + ROUNDING * (np.abs(C) @ sizes))
-
-
-def check_near(at: Equilibrium, stated: np.ndarray, nominal: np.ndarray, what: str) -> None:
+def check_near(at: Equilibrium, plant: Plant, stated: Mapping[str, float], what: str) -> None:
     """Raise Rejected unless an enclosed equilibrium is near stated values.
 
     The largest permitted difference is `SAME_TRIM` nominal values.
 
     at: enclosure of the equilibrium
-    stated: stated values, in the order of the enclosure
-    nominal: nominal values, in the same order
+    plant: closed loop, or plant whose inputs are variables too
+    stated: state or input -> stated value, in the order of the enclosure
     what: name of the stated values in the message
     """
-    distance = np.abs(at.x - stated) + at.radius
-    if not np.all(distance <= SAME_TRIM * nominal):
-        raise Rejected(f"the equilibrium differs from {what}")
-
-
-def open_rates(plant: Plant) -> Program:
-    """Return the program (x, u) -> rates of the moving states, for a plant without feedback."""
-    n = len(plant.states)
-    both = ca.SX.sym("x", n + len(plant.inputs))
-    rates, _ = plant.rates_at(both[:n], both[n:])
-    return Program(ca.Function("rates", [both], [rates]), plant.model.name)
+    distances = np.abs(at.x - np.array(list(stated.values()))) + at.radius
+    for name, distance, nominal in zip(stated, distances, plant.nominal, strict=False):
+        if not distance <= SAME_TRIM * nominal:
+            raise Rejected(f"{name} at the equilibrium differs from {what}")
 
 
 def root_offsets(residual: arb_mat, J: arb_mat, radii: list[arb]) -> arb_mat:

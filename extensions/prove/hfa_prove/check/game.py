@@ -22,13 +22,17 @@ from hfa_prove.check.modes import check_runs, eigenvalue_signs, least_and_most, 
 from hfa_prove.check.trims import check_branches, linear_model_on
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.flight import Line, TrimBox
-from hfa_prove.statements.game import GameStatement, GameWitness, Plant, SolutionBox, Weights
+from hfa_prove.statements.game import (
+    SAME_GAIN,
+    GameStatement,
+    GameWitness,
+    Plant,
+    SolutionBox,
+    Weights,
+)
 from hfa_prove.statements.schedule import Run
 from verification.enclosure.balls import doubles, matrix, norm, symmetric
 from verification.enclosure.series import TaylorModel
-
-#: Largest relative difference of a gain from the gain of a value (Frobenius norm).
-SAME_GAIN = 1e-9
 
 
 class Solution(NamedTuple):

@@ -15,7 +15,7 @@ import numpy as np
 from flint import arb, arb_mat
 
 from hfa_prove.check.cover import covering
-from hfa_prove.check.loop import LoopBox
+from hfa_prove.check.linear_loop import LoopBox
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.flight import Line
 from hfa_prove.statements.schedule import Piece, Run, UncertainActuators

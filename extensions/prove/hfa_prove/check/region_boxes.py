@@ -12,13 +12,25 @@ the checker stops.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
 import numpy as np
 
-from hfa_prove.check.equilibrium import check_near
-from hfa_prove.check.loop_boxes import Decrease, equilibrium_near
+from hfa_prove.check.cover import Boxes, refute
+from hfa_prove.check.equilibrium import check_near, equilibrium_near
+from hfa_prove.check.piece import ROUNDING, OnPiece
 from hfa_prove.fields import Rejected
+from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.region import BoxWitness, RegionStatement
 from hfa_support.progress import Progress
+from verification.enclosure.balls import hull, is_positive_definite, matrix
+from verification.enclosure.slopes import Intervals, jacobian
+from verification.enclosure.taylor import TaylorProgram, lowest
+
+#: Largest k for which the hole |y_i| <= 2^-k is tried.
+_SMALLEST_HOLE = 30
 
 
 def check_region(
@@ -31,9 +43,119 @@ def check_region(
     loop = statement.loop
     if loop.disturbances or statement.piece.whole:
         raise Rejected("boxes prove sets in |y_i| < 1 without disturbances only")
-    stated = np.array(list(statement.equilibrium.values()))
-    equilibrium = equilibrium_near(loop, stated)
-    check_near(equilibrium, stated, loop.nominal[: len(loop.states)], "the stated one")
+    stated = statement.equilibrium
+    equilibrium = equilibrium_near(loop, np.array(list(stated.values())))
+    check_near(equilibrium, loop, stated, "the stated one")
     extents = np.array([statement.extents[name] for name in loop.states])
     decrease = Decrease(loop, equilibrium, statement.piece, extents, witness.multipliers)
     return decrease.proved(witness.boxes, progress)
+
+
+@dataclass(frozen=True, eq=False)
+class Decrease(OnPiece):
+    """Claims about a closed loop on the set of a piece, as a property that `cover` proves.
+
+    The claims are W' < 0 except at the equilibrium, deviations within the extents, and states and
+    outputs within the limits.
+
+    plant: the loop
+    extents: (n, 2), lowest and highest state deviations z in the set
+    multipliers: (n, 2), nonnegative factors of c - W in the proofs of the extents
+    """
+
+    plant: Loop
+    extents: np.ndarray
+    multipliers: np.ndarray
+
+    @property
+    def at_once(self) -> int:
+        """Largest number of boxes that are evaluated in one batch."""
+        return self._functions.at_once
+
+    def check_limits(self) -> None:
+        """Raise Rejected unless every state within its extents is within its limits."""
+        at = self.equilibrium
+        limits = self.plant.ends(self.plant.states)
+        for i, name in enumerate(self.plant.states):
+            low, high = limits[i]
+            least, most = self.extents[i]
+            off = at.radius[i] + 1e-15 * abs(at.x[i])
+            room = (max(-least, most) + off) * 1e-12 + off
+            if not (low <= at.x[i] + least - room and at.x[i] + most + room <= high):
+                raise Rejected(f"{name} is not proved to stay within its limits in the set")
+
+    def edges(self, boxes: Boxes) -> np.ndarray:
+        """Return for each box the index of the edge to halve, or -1 if the box is proved, (N,).
+
+        Raises RefutedError at a point of the set where one of `_functions` is negative.
+        """
+        traced = self._functions.traced(*self.symbols_on(boxes))
+        models = traced.outputs
+        refute(boxes.centres, np.min(models.value + models.radius, axis=0), self.within)
+        proved = lowest(models, self.n) > 0.0
+        proved[0] |= boxes.reach <= 2.0**-self.hole
+        is_inside = boxes.reach < 1.0
+        edges = np.full(len(boxes.centres), -1)
+        left = np.flatnonzero(~(proved.all(axis=0) & is_inside))
+        first = np.argmin(proved[:, left], axis=0)
+        sharpened = self._functions.sharpened(traced, first, left)
+        proved[first, left] |= sharpened.lowest > 0.0
+        edges[left] = self.decisive_edges(boxes.part(left), sharpened.lowered_by)
+        edges[proved.all(axis=0) & is_inside] = -1
+        return edges
+
+    @cached_property
+    def _rates(self) -> tuple[ca.SX, ca.SX]:
+        """Expressions of z' and of the outputs that have limits."""
+        return self.plant.rates(ca.DM(self.equilibrium.x) + self.symbols.z + self.symbols.e)
+
+    @cached_property
+    def _functions(self) -> TaylorProgram:
+        """Program of the functions that must be positive in the set {W <= c}.
+
+        The functions are -W', the distances of the outputs from their limits, and one function for
+        each bound of a deviation z_i. If h - z_i > k (c - W) with k >= 0, the upper bound h of z_i
+        holds in the set. The lower bound is proved in the same way.
+        """
+        rates, outputs = self._rates
+        W, slopes = self.piece.W.expressions(self.symbols.y)
+        functions = [-ca.dot(slopes, ca.DM(self.piece.M) @ rates)]
+        for name, output in zip(self.plant.limited_outputs, ca.vertsplit(outputs), strict=True):
+            low, high = self.plant.limits[name]
+            functions += [output - low] if np.isfinite(low) else []
+            functions += [high - output] if np.isfinite(high) else []
+        room = self.piece.c - W
+        for i, ((low, high), (of_low, of_high)) in enumerate(
+            zip(self.extents.tolist(), self.multipliers.tolist(), strict=True)
+        ):
+            z = self.symbols.z[i]
+            functions += [z - low - of_low * room, high - z - of_high * room]
+        return self.taylor(functions)
+
+    @cached_property
+    def hole(self) -> int:
+        """Smallest exponent k with W' < 0 proved for 0 < max |y_i| <= 2^-k.
+
+        The gradient of W is G y and the rates are J z, with G and J within their enclosures. Hence
+        W' = y'(S + S') y / 2 with S = G'M J M⁻¹.
+
+        Raises Rejected if no k is found.
+        """
+        n = self.n
+        slopes = self.program([self.piece.W.expressions(self.symbols.y)[1], self._rates[0]])
+        M = matrix(self.piece.M)
+        N, off = self.inverse
+        for k in range(1, _SMALLEST_HOLE + 1):
+            reach = 2.0**-k * (np.abs(N) + off).sum(axis=1) * (1.0 + ROUNDING)
+            radius = np.concatenate([np.full(n, 2.0**-k), reach, self.equilibrium.radius])
+            found = jacobian(slopes, Intervals(np.zeros(3 * n), radius)).slopes
+            if np.all(np.isfinite(found.middle) & np.isfinite(found.radius)):
+                G = hull(found.low[:n, :n], found.high[:n, :n])
+                J = hull(found.low[n:, n : 2 * n], found.high[n:, n : 2 * n])
+                S = G.transpose() * M * J * M.inv()
+                if is_positive_definite(-(S + S.transpose())):
+                    return k
+        raise Rejected(
+            "V' < 0 is not proved near the equilibrium: V is not a Lyapunov function of the "
+            "linearization, or the rates have a kink at the equilibrium"
+        )

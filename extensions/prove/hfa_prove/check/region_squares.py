@@ -21,7 +21,7 @@ import numpy as np
 from flint import arb, ctx
 
 from hfa_prove.check.cover import covering
-from hfa_prove.check.loop_squares import RegionLoop
+from hfa_prove.check.loop_on_ball import LoopOnBall
 from hfa_prove.check.positivity import check_positive
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.evidence import Evidence
@@ -57,7 +57,7 @@ def check_region(
 
     Raises Rejected unless the statement is proved.
     """
-    loop = RegionLoop(statement, witness.T, witness.order)
+    loop = LoopOnBall(statement, witness.T, witness.order)
     one = Polynomial.constant(arb(1))
     length = power_of_length(loop.n, 2)
     inside = {LEVEL: one - loop.V, BALL: one - length}
@@ -84,7 +84,7 @@ def check_region(
     return len(witness.parts)
 
 
-def check_covered(loop: RegionLoop, parts: Sequence[Mapping[str, str]]) -> None:
+def check_covered(loop: LoopOnBall, parts: Sequence[Mapping[str, str]]) -> None:
     """Raise Rejected unless the parts cover all conditions that may occur on the unit ball of y.
 
     An input is free or at a limit that it may reach. A disturbance is at its lowest or highest
@@ -108,7 +108,7 @@ def check_covered(loop: RegionLoop, parts: Sequence[Mapping[str, str]]) -> None:
     covering("the parts of the set", stated, parts, box_of)
 
 
-def limits_of(loop: RegionLoop, inputs: Mapping[str, str]) -> dict[str, Polynomial]:
+def limits_of(loop: LoopOnBall, inputs: Mapping[str, str]) -> dict[str, Polynomial]:
     """Return the constraints that define a part of the set, name -> polynomial in y.
 
     All polynomials are >= 0 exactly where the inputs are free or at limits as stated.
@@ -129,7 +129,7 @@ def limits_of(loop: RegionLoop, inputs: Mapping[str, str]) -> dict[str, Polynomi
 
 
 def _check_extents(
-    loop: RegionLoop,
+    loop: LoopOnBall,
     extents: Mapping[str, tuple[Evidence, Evidence]],
     inside: Mapping[str, Polynomial],
 ) -> None:
@@ -148,13 +148,13 @@ def _check_extents(
                 raise Rejected(f"the set may exceed the bounds on {name} given in the certificate")
             _check_deviation(loop, index, (low, high), extents[name], inside)
         least, most = statement.loop.limits.get(name, (-float("inf"), float("inf")))
-        at = loop.equilibrium.x[index]
+        at = loop.x[index]
         if not (exact(least) <= at + low and at + high <= exact(most)):
             raise Rejected(f"{name} is not proved to stay within its limits in the set")
 
 
 def _check_deviation(
-    loop: RegionLoop,
+    loop: LoopOnBall,
     index: int,
     ends: tuple[arb, arb],
     evidence: tuple[Evidence, Evidence],

@@ -11,7 +11,7 @@ from typing import Any
 from flint import arb, ctx
 
 from hfa_prove.check.cover import covering
-from hfa_prove.check.loop import actuated_loop, between, closed_loop
+from hfa_prove.check.linear_loop import actuated_loop, between, closed_loop
 from hfa_prove.check.modes import check_motion, check_pieces, check_runs, least_and_most
 from hfa_prove.check.trims import LinearModelBox, check_branches, linear_model_on
 from hfa_prove.statements.flight import Line, TrimBox

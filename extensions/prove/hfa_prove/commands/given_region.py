@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_prove.check.game import SAME_GAIN
 from hfa_prove.commands.given import aircraft_option, at_one_value, names_aircraft
 from hfa_prove.commands.policies import given_policy
 from hfa_prove.fields import rows_of
+from hfa_prove.statements.game import SAME_GAIN
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.plant import SAME_TRIM, facts, limits_hold, model_limits
 from hfa_prove.statements.region import RegionStatement

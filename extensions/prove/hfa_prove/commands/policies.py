@@ -16,8 +16,7 @@ from controller.riccati.gare import unconfirmed_solution
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_prove.commands.polynomials import policy_terms
-from hfa_prove.search.plant import loop_at
-from hfa_prove.search.region_search import RegionProblem
+from hfa_prove.problem import loop_at
 from hfa_prove.statements.loop import Gain
 from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 from trim.linear.linear_model import LinearModel
@@ -25,6 +24,7 @@ from trim.point.linearize import linearize
 
 if TYPE_CHECKING:
     from hfa_prove.commands.request import CheckRequest, RegionRequest
+    from hfa_prove.search.region_search import RegionProblem
 
 #: Options of a network or critic.
 _OF_NETWORKS = ("weights", "reading.basis", "reading.network", "set")
@@ -64,6 +64,8 @@ class GivenPolicy:
     @property
     def problem(self) -> RegionProblem:
         """The closed loop whose region is to be proved."""
+        from hfa_prove.search.region_search import RegionProblem
+
         policy = self.gain or scalars(self.function)
         return RegionProblem(loop_at(self.linear, policy), self.known)
 

@@ -18,9 +18,9 @@ import numpy as np
 from hfa_flight.initial_box import usual_box
 from hfa_flight.problem import FlightProblem
 from hfa_prove.check import Proved
-from hfa_prove.check.cost import CostInequality, equilibrium_of
+from hfa_prove.check.cost import CostInequality
 from hfa_prove.check.cover import OpenBoxError, RefutedError, SmallestBoxError
-from hfa_prove.check.equilibrium import Equilibrium, open_rates
+from hfa_prove.check.equilibrium import Equilibrium, equilibrium_near
 from hfa_prove.fields import Rejected
 from hfa_prove.problem import plant_of, unknowns_of
 from hfa_prove.search.clock import Clock, OutOfTimeError
@@ -173,7 +173,7 @@ class CostSearch:
             self._stopped = "interrupted"
         if not self._pieces:
             plant = self.problem.plant
-            kink = kink_at(plant, open_rates(plant), self.problem.equilibrium)
+            kink = kink_at(plant, self.problem.equilibrium)
             why = f"{self._stopped}; {kink}" if kink else self._stopped
             raise NoSolutionError(f"no lower bound was proved: {why}")
         return self._bound()
@@ -438,7 +438,7 @@ def bound_search(
     trim = np.array([*plant.trim.values(), *plant.inputs.values()])
     return CostSearch(
         plant,
-        equilibrium_of(plant, trim, solved),
+        equilibrium_near(plant, trim, solved),
         solved,
         (problem.Q, problem.R, problem.P),
         usual_box(problem),

@@ -6,7 +6,6 @@ import numpy as np
 
 from hfa_prove.check.equilibrium import Equilibrium
 from hfa_prove.statements.plant import Plant
-from verification.enclosure.program import Program
 from verification.enclosure.slopes import Intervals, jacobian
 
 #: A slope changes at the equilibrium where it varies by more than this part of the largest, in
@@ -14,18 +13,18 @@ from verification.enclosure.slopes import Intervals, jacobian
 _CHANGE = 1e-5
 
 
-def kink_at(plant: Plant, program: Program, equilibrium: Equilibrium) -> str:
+def kink_at(plant: Plant, equilibrium: Equilibrium) -> str:
     """Return a sentence on the largest kink of the rates at the equilibrium, or "".
 
     The sentence names the rate, the signal in which the slope of the rate jumps, and the value of
     the signal. The result is "" if the rates have no kink.
 
-    program: function from the states, or the states and inputs, to the rates of the states
+    plant: closed loop, or plant whose inputs are variables too
     """
-    slopes = jacobian(program, Intervals(equilibrium.x, equilibrium.radius)).slopes
-    names = (*plant.states, *plant.inputs)[: program.inputs]
+    slopes = jacobian(plant.program, Intervals(equilibrium.x, equilibrium.radius)).slopes
+    names = (*plant.states, *plant.inputs)[: len(equilibrium.x)]
     nominal = plant.nominal
-    sizes = nominal[: program.inputs] / nominal[: len(plant.states), None]
+    sizes = nominal[: len(equilibrium.x)] / nominal[: len(plant.states), None]
     changes = slopes.radius * sizes
     if not np.max(changes) > _CHANGE * np.max(np.abs(slopes.middle) * sizes):
         return ""

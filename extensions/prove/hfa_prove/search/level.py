@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import nnls
 
-from hfa_prove.check.loop_squares import RegionLoop
+from hfa_prove.check.loop_on_ball import LoopOnBall
 from hfa_prove.check.region_squares import check_region, limits_of
 from hfa_prove.fields import Fields
 from hfa_prove.monomials import PolynomialFunction, edge_points, ellipsoid
@@ -117,7 +117,7 @@ class LevelSearch:
             for name, extent in zip(loop.states, extents.tolist(), strict=True)
         }
         self.statement = RegionStatement.of_terms(loop, V.terms, rho, named)
-        self.ball = RegionLoop(self.statement, T, setting.order)
+        self.ball = LoopOnBall(self.statement, T, setting.order)
         self.parts, self.empty = self._split()
         self.V_terms = Terms.of(self.ball.V)
         self._targets: dict[tuple[str, ...], Terms] = {}
@@ -316,7 +316,7 @@ def lowest_degree(part: Mapping[str, str]) -> int:
     return 1 if all(what == FREE for what in part.values()) else 0
 
 
-def split(ball: RegionLoop) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
+def split(ball: LoopOnBall) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
     """Return the parts that may have points in the unit ball of y, and the parts that have none.
 
     The parts are distinguished in double precision. In a part of the second list, inputs that need
@@ -346,7 +346,7 @@ def split(ball: RegionLoop) -> tuple[list[dict[str, str]], list[dict[str, str]]]
 
 
 def limits_within(
-    ball: RegionLoop, part: Mapping[str, str], low: int, half: int
+    ball: LoopOnBall, part: Mapping[str, str], low: int, half: int
 ) -> list[tuple[str, Terms, tuple[int, int]]]:
     """Return the constraints that define a part: name, polynomial, and degrees of the multiplier.
 
@@ -363,13 +363,13 @@ def limits_within(
     return constraints
 
 
-def _linear_limits(ball: RegionLoop, part: Mapping[str, str]) -> dict[str, Polynomial]:
+def _linear_limits(ball: LoopOnBall, part: Mapping[str, str]) -> dict[str, Polynomial]:
     """Return name -> constraint of a part, for the constraints that are linear in y."""
     limits = limits_of(ball, part)
     return {name: polynomial for name, polynomial in limits.items() if polynomial.degree == 1}
 
 
-def _meets(ball: RegionLoop, done: Mapping[str, str]) -> bool:
+def _meets(ball: LoopOnBall, done: Mapping[str, str]) -> bool:
     """Return whether a point of the unit ball satisfies the linear constraints of a part.
 
     The shortest y with G y >= h is found by nonnegative least squares (Lawson and Hanson, Solving
@@ -399,7 +399,7 @@ def _meets(ball: RegionLoop, done: Mapping[str, str]) -> bool:
     return bool(np.linalg.norm(shortest) < 1.0 + 1e-6)
 
 
-def nothing_of(ball: RegionLoop, part: Mapping[str, str], clock: Clock) -> dict[str, Any] | None:
+def nothing_of(ball: LoopOnBall, part: Mapping[str, str], clock: Clock) -> dict[str, Any] | None:
     """Return a proof that the linear constraints of a part exclude the unit ball, or None.
 
     None does not imply that a point of the ball satisfies the constraints.

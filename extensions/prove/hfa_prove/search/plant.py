@@ -15,32 +15,11 @@ import numpy as np
 
 from hfa_aircraft.march.ending import FAR
 from hfa_aircraft.march.march import saturated
-from hfa_prove.statements.loop import Gain, Loop
-from hfa_prove.statements.plant import model_limits
+from hfa_prove.statements.loop import Loop
 from hfa_support.native.bound import RowFunction
-from trim.linear.linear_model import LinearModel
 
 #: Simulation steps in the time constant of the fastest mode.
 _STEPS = 3.0
-
-
-def loop_at(linear: LinearModel, policy: Gain | ca.Function) -> Loop:
-    """Return the closed loop of a policy about the trim of a linear model.
-
-    The limits are those of the model at the trim.
-    """
-    model = linear.point.model
-    states = {name: float(value) for name, value in linear.point.states._asdict().items()}
-    parameters = {name: signal.start for name, signal in model.parameters.items()}
-    return Loop(
-        model,
-        parameters,
-        {name: states[name] for name in model.linear},
-        {name: float(value) for name, value in linear.point.inputs._asdict().items()},
-        {name: value for name, value in states.items() if name not in model.linear},
-        model_limits(model, states, parameters),
-        policy,
-    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,8 @@ from typing import Any, NoReturn
 import numpy as np
 
 from hfa_prove.check import Proved
-from hfa_prove.check.loop_boxes import equilibrium_near
-from hfa_prove.check.loop_squares import refuse_curved
+from hfa_prove.check.equilibrium import equilibrium_near
+from hfa_prove.check.loop_on_ball import refuse_curved
 from hfa_prove.search.clock import Clock
 from hfa_prove.search.invariant import invariant_region
 from hfa_prove.search.level import ProvedLevel

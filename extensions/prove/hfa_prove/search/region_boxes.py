@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from hfa_prove.check.cover import OpenBoxError, RefutedError, SmallestBoxError
-from hfa_prove.check.loop_boxes import Decrease, equilibrium_near
+from hfa_prove.check.equilibrium import equilibrium_near
+from hfa_prove.check.region_boxes import Decrease
 from hfa_prove.fields import Rejected
 from hfa_prove.search.clock import OutOfTimeError
 from hfa_prove.search.kinks import kink_at
@@ -95,7 +96,7 @@ class BoxesSearch:
             self._stopped = "interrupted"
         self.samples.clock = None  # the obstacles have a clock of their own
         if self._best is None:
-            kink = kink_at(self.loop, self.loop.closed, self.equilibrium)
+            kink = kink_at(self.loop, self.equilibrium)
             raise NoSolutionError(f"{self._stopped}; {kink}" if kink else self._stopped)
         return replace(self._best, stopped=self._stopped)
 

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hfa_prove.check.loop_squares import Equilibrium
+from hfa_prove.check.equilibrium import equilibrium_near
 from hfa_prove.check.region_squares import extents_of
 from hfa_prove.monomials import PolynomialFunction, edge_points
 from hfa_prove.search.clock import OutOfTimeError
+from hfa_prove.search.kinks import kink_at
 from hfa_prove.search.level import (
     LevelSearch,
     ProvedLevel,
@@ -78,7 +79,9 @@ class SquaresSearch:
         BadInputError if the equations cannot be enclosed.
         """
         refuse_unstable(self.plant.J)
-        Equilibrium(self.loop)  # raises for equations that a proof does not support
+        kink = kink_at(self.loop, equilibrium_near(self.loop, np.array([*self.loop.trim.values()])))
+        if kink:
+            raise NoSolutionError(kink)
         try:
             self._climb_all()
         except OutOfTimeError as error:

@@ -95,7 +95,7 @@ class Samples:
         self._x = equilibrium.x
         at = Intervals(equilibrium.x, np.zeros_like(equilibrium.x))
         #: (n, n), Jacobian of the rates.
-        self.J = jacobian(loop.closed, at).slopes.middle
+        self.J = jacobian(loop.program, at).slopes.middle
         self.nominal = loop.nominal[: len(loop.states)]
         self._names = (*loop.states, *loop.limited_outputs)
         self._low, self._high = loop.ends(self._names).T

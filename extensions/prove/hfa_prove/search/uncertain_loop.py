@@ -12,7 +12,7 @@ import warnings
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_prove.check.loop import LoopBox, actuated_loop
+from hfa_prove.check.linear_loop import LoopBox, actuated_loop
 from hfa_prove.check.modes import check_pieces
 from hfa_prove.check.trims import LinearModelBox, Rejected
 from hfa_prove.search.loops import Loop

@@ -18,6 +18,9 @@ from hfa_prove.statements.flight import Flight, Line
 from verification.enclosure.balls import lowest_sign
 from verification.enclosure.series import TaylorModel
 
+#: Largest relative difference of a gain from the gain of a value (Frobenius norm).
+SAME_GAIN = 1e-9
+
 
 @dataclass(frozen=True, eq=False)
 class Plant(Stated):

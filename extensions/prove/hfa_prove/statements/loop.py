@@ -186,7 +186,7 @@ class Loop(Plant):
         return self.function(z, ca.DM(numbers))
 
     @cached_property
-    def closed(self) -> Program:
+    def program(self) -> Program:
         """Program x -> rates of the closed loop."""
         x = ca.SX.sym("x", len(self.states))
         return Program(ca.Function("rates", [x], [self.rates(x)[0]]), self.model.name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -15,7 +15,7 @@ from hfa_aircraft.model import Model
 from hfa_prove.fields import Fields, Rejected, Stated, entry, require
 from hfa_prove.hfa import aircraft_of
 from hfa_support.errors import BadInputError, shown
-from verification.enclosure.program import LARGEST
+from verification.enclosure.program import LARGEST, Program
 from verification.enclosure.splines import is_table, tables_of
 
 #: Largest difference of a trim from the stated one, in nominal values of its unknowns.
@@ -221,6 +221,14 @@ class Plant(Stated):
         """Nominal values of the moving states and the inputs, (n + m,)."""
         signals = self.model.signals
         return np.array([signals[name].nominal for name in (*self.states, *self.inputs)])
+
+    @cached_property
+    def program(self) -> Program:
+        """Program (x, u) -> rates of the moving states."""
+        n = len(self.states)
+        both = ca.SX.sym("x", n + len(self.inputs))
+        rates, _ = self.rates_at(both[:n], both[n:])
+        return Program(ca.Function("rates", [both], [rates]), self.model.name)
 
     def ends(self, names: Sequence[str]) -> np.ndarray:
         """Return the lowest and highest values of signals, (len(names), 2).

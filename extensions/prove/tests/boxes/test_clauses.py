@@ -19,9 +19,8 @@ from hfa_aircraft.about import Source
 from hfa_aircraft.model import Model, Signal
 from hfa_prove.certificate import SCHEMA, read_content
 from hfa_prove.check.cover import Boxes
-from hfa_prove.check.equilibrium import Equilibrium
-from hfa_prove.check.loop_boxes import Decrease, equilibrium_near
-from hfa_prove.check.region_boxes import check_region
+from hfa_prove.check.equilibrium import Equilibrium, equilibrium_near
+from hfa_prove.check.region_boxes import Decrease, check_region
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.plant import Subject, digest_of

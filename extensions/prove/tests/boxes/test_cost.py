@@ -18,10 +18,9 @@ from hfa_prove.check.cost import (
     CostInequality,
     Guess,
     check_cost,
-    equilibrium_of,
 )
 from hfa_prove.check.cover import Boxes
-from hfa_prove.check.equilibrium import Equilibrium
+from hfa_prove.check.equilibrium import Equilibrium, equilibrium_near
 from hfa_prove.search.clock import Clock
 from hfa_prove.search.cost import CostBound, CostSearch
 from hfa_prove.statements.cost import CostStatement, CostWitness
@@ -91,7 +90,7 @@ def search_of(
     degree: degree of W
     """
     n = len(P)
-    equilibrium = equilibrium_of(plant, np.zeros(n + 1), tuple(range(n)))
+    equilibrium = equilibrium_near(plant, np.zeros(n + 1), tuple(range(n)))
     weights = (np.eye(n), ONE, P)
     return CostSearch(
         plant,

@@ -14,8 +14,8 @@ from hfa_aircraft.model import Model, Signal
 from hfa_prove.check.cost import CostInequality, Guess
 from hfa_prove.check.cover import Boxes
 from hfa_prove.check.equilibrium import Equilibrium
-from hfa_prove.check.loop_boxes import Decrease
 from hfa_prove.check.piece import OnPiece
+from hfa_prove.check.region_boxes import Decrease
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.plant import Plant

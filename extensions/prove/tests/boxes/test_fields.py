@@ -17,7 +17,6 @@ from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model, Signal
 from hfa_flight.problem import flight_problem
 from hfa_prove.certificate import read_statement
-from hfa_prove.check.game import SAME_GAIN
 from hfa_prove.commands.given_region import _same_policy, given_by, given_for
 from hfa_prove.commands.policies import GivenPolicy
 from hfa_prove.commands.request import CheckRequest
@@ -26,6 +25,7 @@ from hfa_prove.problem import given_of
 from hfa_prove.report_cost import checked_bound_report
 from hfa_prove.report_region import checked_report
 from hfa_prove.statements.cost import CostStatement
+from hfa_prove.statements.game import SAME_GAIN
 from hfa_prove.statements.loop import Gain
 from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.plant import Plant, Subject, digest_of, digest_of_equations

@@ -9,6 +9,7 @@ import signal
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -30,9 +31,8 @@ from hfa_prove.check.cover import (
     cover,
     refute,
 )
-from hfa_prove.check.equilibrium import Equilibrium, zero_near
-from hfa_prove.check.loop_boxes import Decrease
-from hfa_prove.check.region_boxes import check_region
+from hfa_prove.check.equilibrium import Equilibrium, equilibrium_near
+from hfa_prove.check.region_boxes import Decrease, check_region
 from hfa_prove.commands.policies import scalars
 from hfa_prove.search.clock import Clock
 from hfa_prove.search.region_boxes import BoxesSearch
@@ -374,20 +374,21 @@ def test_a_loop_without_an_equilibrium_is_refused() -> None:
     x = ca.SX.sym("x")
     for constant in (1.0, -1.0):
         program = Program(ca.Function("f", [x], [x**2 + constant]), "f")
-        near = (program, np.array([0.7]), np.ones(1), (0,))
+        near: Any = (SimpleNamespace(program=program, nominal=np.ones(1)), np.array([0.7]))
         if constant < 0.0:
-            assert zero_near(*near).x == pytest.approx([1.0])
+            assert equilibrium_near(*near).x == pytest.approx([1.0])
         else:
             with pytest.raises(NoSolutionError, match="no equilibrium is enclosed"):
-                zero_near(*near)
+                equilibrium_near(*near)
 
 
 def test_every_coordinate_of_an_equilibrium_is_enclosed() -> None:
     """The equations (x - 1, y² + 1), whose second entry has no zero, are refused."""
     x = ca.SX.sym("x", 2)
     program = Program(ca.Function("f", [x], [ca.vertcat(x[0] - 1, x[1] ** 2 + 1)]), "f")
+    plant: Any = SimpleNamespace(program=program, nominal=np.ones(2))
     with pytest.raises(NoSolutionError, match="no equilibrium is enclosed"):
-        zero_near(program, np.array([0.9, 0.7]), np.ones(2), (0, 1))
+        equilibrium_near(plant, np.array([0.9, 0.7]))
 
 
 def test_increase_within_the_hole_is_refused() -> None:

@@ -246,14 +246,19 @@ def test_a_missing_package_is_named_with_what_pip_installs(
     assert_refused(hfa(*words), 2, "cvxpy", "python -m pip install python-flint cvxpy")
 
 
-@pytest.mark.parametrize("name", ["schedule", "solution"])
-def test_a_check_loads_nothing_of_the_search(name: str) -> None:
-    """A check of a certificate about a schedule or a game loads no module of the search."""
-    stored = Path(__file__).parents[4] / "tests" / "nets" / "certificates" / f"{name}.json"
+def test_a_check_loads_nothing_of_the_search() -> None:
+    """Checks of certificates of every kind load no module of the search."""
+    root = Path(__file__).parents[4]
+    stored = root / "tests" / "nets" / "certificates"
+    pendulum = ["--aircraft", f"{root / 'examples' / 'pendulum.py'}:PENDULUM"]
+    checks = [["prove", "--check", str(stored / "solution.json"), "-q"]]
+    checks.append(["prove", "--check", str(stored / "schedule.json"), "-q"])
+    for name in ("region", "region_boxes", "cost"):
+        checks.append(["prove", "--check", str(stored / f"{name}.json"), "-q", *pendulum])
     text = (
         "import sys; from hfa.main import main; "
-        f"code = main(['prove', '--check', {str(stored)!r}, '-q']); "
-        "print(code, [name for name in sys.modules if name.startswith('hfa_prove.search')])"
+        f"codes = [main(words) for words in {checks!r}]; "
+        "print(codes, [name for name in sys.modules if name.startswith('hfa_prove.search')])"
     )
     done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "0 []"
+    assert done.stdout.splitlines()[-1] == "[0, 0, 0, 0, 0] []"

@@ -24,10 +24,11 @@ from hfa_prove.check.region_squares import extents_of
 from hfa_prove.commands.given_region import given_for
 from hfa_prove.commands.request import CheckRequest
 from hfa_prove.fields import NOT_PROVED
+from hfa_prove.problem import loop_at
 from hfa_prove.report_region import checked_report
 from hfa_prove.search.clock import Clock
 from hfa_prove.search.obstacles import outcomes
-from hfa_prove.search.plant import Plant, loop_at
+from hfa_prove.search.plant import Plant
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.plant import Subject
 from hfa_prove.subject import compare

@@ -13,8 +13,9 @@ from hfa_aircraft.loading import load_model
 from hfa_aircraft.march.ending import Outcome
 from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.picture import region_figure
+from hfa_prove.problem import loop_at
 from hfa_prove.search.obstacles import LevelSet, Obstacles
-from hfa_prove.search.plant import Plant, loop_at
+from hfa_prove.search.plant import Plant
 from hfa_prove.search.region_search import Region
 from hfa_prove.statements.loop import Gain
 from hfa_prove.statements.region import RegionStatement

@@ -19,7 +19,7 @@ from hfa_aircraft.march.ending import Outcome
 from hfa_aircraft.model import Model
 from hfa_prove.certificate import read_content
 from hfa_prove.check import check_certificate
-from hfa_prove.check.loop_squares import RegionLoop
+from hfa_prove.check.loop_on_ball import LoopOnBall
 from hfa_prove.check.region_squares import check_region
 from hfa_prove.commands.polynomials import policy_terms
 from hfa_prove.fields import Rejected
@@ -102,11 +102,11 @@ def test_the_checker_evaluates_the_stated_policy(
     """The statement contains the terms of the policy, and the checker evaluates the same policy."""
     statement, witness = read_content(json.loads(certificate.read_text()), Subject(model))
     assert {powers for _, powers in statement.loop.gain.terms["torque"]} == {(3, 0), (0, 3)}
-    ball = RegionLoop(statement, witness.T, witness.order)
+    ball = LoopOnBall(statement, witness.T, witness.order)
     policy = critic_of(BASIS, WEIGHTS).policy
     for y in np.random.default_rng(0).uniform(-0.7, 0.7, (20, 2)):
         total = 0.0
-        for key, _, coefficient in ball.command(0).terms():
+        for key, _, coefficient in ball.command("torque").terms():
             powers = [*exponents_of(key), 0, 0][:2]
             total += float(coefficient) * float(np.prod(y ** np.array(powers)))
         assert total == pytest.approx(float(policy(witness.T @ y)), rel=1e-9)

@@ -11,10 +11,11 @@ from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 import hfa
 from hfa_aircraft.loading import load_model
 from hfa_prove.monomials import PolynomialFunction
+from hfa_prove.problem import loop_at
 from hfa_prove.search.clock import Clock
 from hfa_prove.search.level import Setting, ball_of, proved_level
 from hfa_prove.search.obstacles import first_obstacle, rises
-from hfa_prove.search.plant import Plant, loop_at
+from hfa_prove.search.plant import Plant
 from hfa_prove.statements.loop import Gain, Loop
 
 F16 = f"{Path(__file__).parents[4] / 'examples' / 'f16_constant.py'}:F16"

@@ -23,10 +23,10 @@ from hfa_prove.check.region_boxes import check_region as check_on_boxes
 from hfa_prove.check.region_squares import check_region
 from hfa_prove.fields import NOT_PROVED
 from hfa_prove.monomials import PolynomialFunction
+from hfa_prove.problem import loop_at
 from hfa_prove.search.clock import Clock
 from hfa_prove.search.invariant import EdgeSearch
 from hfa_prove.search.level import LevelSearch, Setting, accepted, holding_ball
-from hfa_prove.search.plant import loop_at
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.region import BoxWitness

@@ -22,7 +22,7 @@ from hfa_prove.certificate import read_statement
 from hfa_prove.check import check_certificate
 from hfa_prove.check.equilibrium import root_offsets
 from hfa_prove.check.game import check_axis, check_gain, check_game, distance_bounds, solution_on
-from hfa_prove.check.loop import LoopBox, closed_loop
+from hfa_prove.check.linear_loop import LoopBox, closed_loop
 from hfa_prove.check.modes import check_motion, check_pieces, least_and_most
 from hfa_prove.check.trims import (
     _check_limits,

@@ -22,7 +22,7 @@ from hfa_aircraft.loading import load_model
 from hfa_flight.actuators import Actuator
 from hfa_model import INPUTS, LINEAR_STATES, choice
 from hfa_prove import Family, check_certificate, prove_schedule
-from hfa_prove.check.loop import closed_loop
+from hfa_prove.check.linear_loop import closed_loop
 from hfa_prove.fields import Rejected
 from hfa_prove.report import checked_report
 from hfa_prove.search.family import Box, TrimSearch

@@ -1,4 +1,4 @@
-"""Closed loop of a statement in coordinates y, z = T y: enclosed equilibrium, V' and limits.
+"""Closed loop of a statement in coordinates y, z = T y: V', rates and limits on the unit ball.
 
 The set is divided into parts. In each part every input is free or saturated, and every disturbance
 is at its lowest or highest value.
@@ -7,18 +7,16 @@ is at its lowest or highest value.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from flint import arb, arb_mat
+from flint import arb
 
 from hfa_aircraft.layout import components
-from hfa_prove.check.equilibrium import root_offsets
+from hfa_prove.check.equilibrium import check_near, equilibrium_near
 from hfa_prove.fields import Rejected, Terms
 from hfa_prove.statements.loop import FREE, LOWEST, Loop
-from hfa_prove.statements.plant import SAME_TRIM
 from hfa_prove.statements.region import RegionStatement
 from hfa_support.errors import BadInputError
 from verification.enclosure.ball_function import BallFunction
@@ -26,126 +24,11 @@ from verification.enclosure.balls import exact, matrix, norm, symmetric
 from verification.enclosure.polynomial import Key, Polynomial, key_of
 from verification.enclosure.series import TaylorOnBall
 
-#: Newton steps from a trim in doubles to the precision of the balls.
-_STEPS = 8
-#: Radius within which the equilibrium is enclosed, in nominal values.
-_RADIUS = 1e-25
 #: A coefficient and the exponents of its monomial.
 _Term = tuple[arb, tuple[int, ...]]
 
 
-class Equilibrium:
-    """Enclosed equilibrium without disturbances, F(x) = f(x, u0 - K (x - x0) + q(x - x0), 0) = 0.
-
-    loop: the loop of a polynomial policy
-    stated: moving state -> value near the equilibrium, the trim by default
-    x: states, (n,), balls
-    u: inputs, (m,), balls strictly within the limits
-
-    Raises Rejected unless an equilibrium near the stated one is proved, with inputs strictly within
-    their limits. Raises ZeroDivisionError if the Jacobian is singular.
-    """
-
-    def __init__(self, loop: Loop, stated: Mapping[str, float] | None = None) -> None:
-        self.loop = loop
-        gain = loop.gain
-        still = replace(loop, disturbances={})
-        self._rates = BallFunction(_function(still, outputs=False), loop.model.name)
-        self._slopes = BallFunction(_slopes(loop), loop.model.name)
-        self._x0 = [exact(value) for value in loop.trim.values()]
-        self._u0 = [exact(value) for value in loop.inputs.values()]
-        self._near = [exact(value) for value in (stated or loop.trim).values()]
-        self._K = matrix(gain.K)
-        self._policy = [_exact_terms(gain.terms.get(name, ())) for name in loop.inputs]
-        self.x = self._enclosed()
-        self.u = self._inputs(self.x)
-        self._check_near()
-
-    def limit_distances(self, name: str) -> tuple[arb | None, arb | None]:
-        """Return the distances of an input at the equilibrium from its lower and upper limit.
-
-        A distance is None if there is no such limit.
-
-        name: name of the input
-        """
-        low, high = self.loop.limits.get(name, (-np.inf, np.inf))
-        value = self.u[list(self.loop.inputs).index(name)]
-        below = value - exact(low) if np.isfinite(low) else None
-        above = exact(high) - value if np.isfinite(high) else None
-        return below, above
-
-    def deviations(self, x: Sequence[arb]) -> list[arb]:
-        """Return the deviations x - x0 of states x from the trim."""
-        return [value - at for value, at in zip(x, self._x0, strict=True)]
-
-    def _inputs(self, x: Sequence[arb]) -> list[arb]:
-        """Return the inputs u0 - K (x - x0) + q(x - x0) that the policy commands at states x."""
-        away = self.deviations(x)
-        linear = (self._K * arb_mat([[value] for value in away])).entries()
-        inputs = []
-        for at, command, terms in zip(self._u0, linear, self._policy, strict=True):
-            inputs.append(at - command + _value(terms, away))
-        return inputs
-
-    def _gains(self, x: Sequence[arb]) -> arb_mat:
-        """Return the local gain -∂u/∂x = K - ∂q/∂x (m, n) of the policy at states x."""
-        away = self.deviations(x)
-        slopes = []
-        for terms in self._policy:
-            slopes.append([_value(_derivative(terms, i), away) for i in range(len(away))])
-        return self._K - arb_mat(len(self._u0), len(away), [s for row in slopes for s in row])
-
-    def _enclosed(self) -> list[arb]:
-        """Return an enclosure of the states at the only equilibrium near the stated one.
-
-        Raises Rejected if no equilibrium is proved.
-        """
-        n = len(self._x0)
-        x = list(self._near)
-        for _ in range(_STEPS):
-            step = self._jacobian(x).mid().solve(self._residual(x).mid())
-            x = [(value - change).mid() for value, change in zip(x, step.entries(), strict=True)]
-        signals = self.loop.model.signals
-        radii = [exact(signals[name].nominal) * _RADIUS for name in self.loop.states]
-        around = [x[i] + arb(0, 1) * radii[i] for i in range(n)]
-        offsets = root_offsets(self._residual(x), self._jacobian(around), radii).entries()
-        return [value + offset for value, offset in zip(x, offsets, strict=True)]
-
-    def _residual(self, x: Sequence[arb]) -> arb_mat:
-        """Return the residual F(x) as a column."""
-        (rates,) = self._rates(x, self._inputs(x), [])
-        return arb_mat([[rate] for rate in rates])
-
-    def _jacobian(self, x: Sequence[arb]) -> arb_mat:
-        """Return the Jacobian F' = f_x + f_u ∂u/∂x, (n, n)."""
-        by_state, by_input = self._slopes(x, self._inputs(x))
-        n = len(self._x0)
-        m = len(self._u0)
-        A = arb_mat(n, n, by_state).transpose()
-        B = arb_mat(m, n, by_input).transpose()
-        return A - B * self._gains(x)
-
-    def _check_near(self) -> None:
-        """Raise Rejected unless the equilibrium is near the stated one, with inputs within limits.
-
-        The states must be within `SAME_TRIM` nominal values of the stated ones, and the inputs
-        strictly within their limits.
-        """
-        signals = self.loop.model.signals
-        for name, value, stated in zip(self.loop.states, self.x, self._near, strict=True):
-            if not abs(value - stated) <= exact(signals[name].nominal) * SAME_TRIM:
-                raise Rejected(
-                    f"{name} at the equilibrium differs from the value in the certificate"
-                )
-        for name in self.loop.inputs:
-            for room in self.limit_distances(name):
-                if room is not None and not room > 0:
-                    raise Rejected(
-                        f"{name} is not proved to be within its limits at the equilibrium"
-                    )
-
-
-class RegionLoop:
+class LoopOnBall:
     """The closed loop of a statement in coordinates y, z = T y.
 
     z are the deviations of the states from the equilibrium.
@@ -154,22 +37,47 @@ class RegionLoop:
     T: (n, n)
     order: highest degree D of all Taylor polynomials
 
-    Raises Rejected if T is not proved invertible or no equilibrium is proved. Raises BadInputError
-    if the equations are not supported.
+    Raises Rejected if T is not proved invertible, or no equilibrium near the stated one is proved,
+    with inputs strictly within their limits. Raises BadInputError if the equations are not
+    supported.
     """
 
     def __init__(self, statement: RegionStatement, T: np.ndarray, order: int) -> None:
         self.statement = statement
         self.order = order
-        self.equilibrium = Equilibrium(statement.loop, statement.equilibrium)
+        loop = statement.loop
+        stated = statement.equilibrium
+        at = equilibrium_near(loop, np.array(list(stated.values())))
+        check_near(at, loop, stated, "the stated one")
+        #: Balls of the states at the equilibrium, (n,).
+        self.x = [arb(*pair) for pair in zip(at.x.tolist(), at.radius.tolist(), strict=True)]
         self.n = len(T)
         self.T = matrix(T)
-        if not _is_invertible(self.T):
+        determinant = self.T.det()
+        if not (determinant > 0 or determinant < 0):
             raise Rejected("the matrix T of the coordinates is not proved invertible")
-        loop = statement.loop
         self._rates: dict[tuple[str, ...], list[TaylorOnBall]] = {}
         refuse_curved(loop)
         self._function = BallFunction(_function(loop), loop.model.name)
+        for name in loop.inputs:
+            for room in self.limit_distances(name):
+                if room is not None and not room > 0:
+                    raise Rejected(
+                        f"{name} is not proved to be within its limits at the equilibrium"
+                    )
+
+    def limit_distances(self, name: str) -> tuple[arb | None, arb | None]:
+        """Return the distances of an input at the equilibrium from its lower and upper limit.
+
+        A distance is None if there is no such limit.
+
+        name: name of the input
+        """
+        low, high = self.statement.loop.limits.get(name, (-np.inf, np.inf))
+        at = self.inputs[name].parts[0][0]
+        below = at - exact(low) if np.isfinite(low) else None
+        above = exact(high) - at if np.isfinite(high) else None
+        return below, above
 
     @cached_property
     def _V(self) -> list[_Term]:
@@ -206,22 +114,22 @@ class RegionLoop:
         return gradient
 
     @cached_property
-    def _commands(self) -> list[Polynomial]:
-        """Polynomials in y of u_i - u_e,i before saturation, for each input.
-
-        u = u0 - K (x - x0) + q(x - x0), and u_e is the value of u at the equilibrium.
-        """
+    def inputs(self) -> Mapping[str, Polynomial]:
+        """Input -> u0 - K (x - x0) + q(x - x0), its value before saturation, a polynomial in y."""
         loop = self.statement.loop
-        away = self.equilibrium.deviations(self.equilibrium.x)
-        shifted = [Polynomial.constant(at) + self.deviation(i) for i, at in enumerate(away)]
-        substitution = _Substitution(shifted)
-        gain = loop.gain
-        gains = (matrix(gain.K) * self.T).table() if loop.inputs else []
-        commands = []
-        for name, row in zip(loop.inputs, gains, strict=True):
-            curved = substitution.sum(_exact_terms(gain.terms.get(name, ())))
-            commands.append(Polynomial([{}, *curved.parts[1:]]) - Polynomial.linear(row))
-        return commands
+        trim = map(exact, loop.trim.values())
+        away = [
+            Polynomial.constant(at - x0) + self.deviation(i)
+            for i, (at, x0) in enumerate(zip(self.x, trim, strict=True))
+        ]
+        substitution = _Substitution(away)
+        inputs = {}
+        for (name, u0), row in zip(loop.inputs.items(), loop.gain.K.tolist(), strict=True):
+            value = substitution.sum(_exact_terms(loop.gain.terms.get(name, ())))
+            for slope, deviation in zip(row, away, strict=True):
+                value = value - deviation.scaled(exact(slope))
+            inputs[name] = Polynomial.constant(exact(u0)) + value
+        return inputs
 
     def deviation(self, index: int) -> Polynomial:
         """Return the state deviation z_i = Σ T_ij y_j as a polynomial in y.
@@ -237,21 +145,17 @@ class RegionLoop:
         """
         return norm(self.T.table()[index]).upper()
 
-    def command(self, index: int) -> Polynomial:
-        """Return u_j - u_e,j of an input j that is free, as a polynomial in y.
-
-        index: index j of the input
-        """
-        return self._commands[index]
+    def command(self, name: str) -> Polynomial:
+        """Return u - u_e of an input before saturation, with u_e at the equilibrium, in y."""
+        return Polynomial([{}, *self.inputs[name].parts[1:]])
 
     def reaches(self, name: str) -> tuple[bool, bool]:
         """Return whether an input may reach its lowest and its highest value on the unit ball of y.
 
         name: name of the input
         """
-        index = list(self.statement.loop.inputs).index(name)
-        most = sum(self.command(index).norms(), arb(0))
-        low, high = self.equilibrium.limit_distances(name)
+        most = sum(self.command(name).norms(), arb(0))
+        low, high = self.limit_distances(name)
         return (
             low is not None and not most < low,
             high is not None and not most < high,
@@ -269,11 +173,10 @@ class RegionLoop:
 
         name: name of the input
         """
-        index = list(self.statement.loop.inputs).index(name)
-        low, high = self.equilibrium.limit_distances(name)
+        low, high = self.limit_distances(name)
         one = Polynomial.constant(arb(1))
-        below = None if low is None else one + self.command(index).scaled(1 / low)
-        above = None if high is None else one - self.command(index).scaled(1 / high)
+        below = None if low is None else one + self.command(name).scaled(1 / low)
+        above = None if high is None else one - self.command(name).scaled(1 / high)
         return below, above
 
     def decrease(self, part: Mapping[str, str]) -> TaylorOnBall:
@@ -320,14 +223,13 @@ class RegionLoop:
         disturbances: ball of each disturbance
         """
         x = [
-            self._taylor(Polynomial.constant(at) + self.deviation(i))
-            for i, at in enumerate(self.equilibrium.x)
+            self._taylor(Polynomial.constant(at) + self.deviation(i)) for i, at in enumerate(self.x)
         ]
         u = []
-        for index, name in enumerate(self.statement.loop.inputs):
+        for name in self.statement.loop.inputs:
             what = part[name]
             if what == FREE:
-                value = Polynomial.constant(self.equilibrium.u[index]) + self.command(index)
+                value = self.inputs[name]
             else:
                 low, high = self.statement.loop.limits[name]
                 value = Polynomial.constant(exact(low if what == LOWEST else high))
@@ -398,32 +300,12 @@ def _derivative(terms: Sequence[_Term], index: int) -> list[_Term]:
     return slopes
 
 
-def _value(terms: Sequence[_Term], z: Sequence[arb]) -> arb:
-    """Return the value Σ coefficient z^exponents of a polynomial at z.
-
-    terms: pairs of a coefficient and exponents
-    """
-    total = arb(0)
-    for coefficient, exponents in terms:
-        product = coefficient
-        for value, power in zip(z, exponents, strict=True):
-            for _ in range(power):  # ** of a ball that contains 0 gives nan
-                product = product * value
-        total += product
-    return total
-
-
 def _without_center(rate: TaylorOnBall) -> TaylorOnBall:
     """Return a rate's Taylor polynomial without its constant term.
 
     The constant term is 0, because the polynomial is about the equilibrium.
     """
     return TaylorOnBall(rate.order, Polynomial([{}, *rate.polynomial.parts[1:]]), rate.remainder)
-
-
-def _is_invertible(T: arb_mat) -> bool:
-    determinant = T.det()
-    return bool(determinant > 0 or determinant < 0)
 
 
 def refuse_curved(loop: Loop) -> None:
@@ -458,11 +340,3 @@ def _function(loop: Loop, outputs: bool = True) -> ca.Function:
     every = [acting.get(name, 0.0) for name in loop.model.disturbances] if acting else None
     rates, limited = loop.rates_at(x, u, every)
     return ca.Function("rates", [x, u, w], [rates, limited] if outputs else [rates])
-
-
-def _slopes(loop: Loop) -> ca.Function:
-    """Return the function (x, u) -> Jacobians f_x and f_u of the rates of the moving states."""
-    x = ca.SX.sym("x", len(loop.states))
-    u = ca.SX.sym("u", len(loop.inputs))
-    rates, _ = loop.rates_at(x, u)
-    return ca.Function("slopes", [x, u], [ca.densify(ca.jacobian(rates, v)) for v in (x, u)])
