@@ -8,7 +8,6 @@ page of formats are derived from these declarations.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields
 from enum import Enum
@@ -129,9 +128,8 @@ def plain(value: Any) -> Any:
     - lists and tuples: lists
     - members of an Enum: their values
     - complex numbers: [re, im]
-    - numbers that are not finite: None
     - complex arrays: real arrays with a last axis (re, im)
-    - real arrays and other values: unchanged
+    - real arrays and other values: unchanged, also inf and nan, which JSON files store as null
     """
     if isinstance(value, Result):
         return value.as_data()
@@ -147,8 +145,6 @@ def plain(value: Any) -> Any:
         return [value.real, value.imag]
     if isinstance(value, Enum):
         return value.value
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
     return value
 
 

@@ -62,6 +62,11 @@ def numbers(data: Any) -> list[float]:
     ]
 
 
+def without_inf(values: list[Any]) -> Any:
+    """Return numbers with nan in place of inf, for which JSON has no number."""
+    return np.where(np.isinf(values), np.nan, values)
+
+
 def texts(data: Any) -> list[str]:
     return [value for _, value in leaves(data) if isinstance(value, str)]
 
@@ -89,7 +94,7 @@ def test_npz_files_contain_every_number_and_name(tmp_path: Path, name: str) -> N
         if array.dtype.kind in "fib"
         for value in array.ravel().tolist()
     ]
-    np.testing.assert_array_equal(names, numbers(data))
+    np.testing.assert_array_equal(without_inf(names), numbers(data))
     words = [
         value
         for array in arrays.values()
@@ -105,7 +110,7 @@ def test_mat_files_contain_every_number_and_name(tmp_path: Path, name: str) -> N
     path, data = written(tmp_path, name, "mat")
     loaded = plain(loadmat(path, simplify_cells=True))
     assert list(loaded) == list(data)
-    np.testing.assert_array_equal(numbers(loaded), numbers(data))
+    np.testing.assert_array_equal(without_inf(numbers(loaded)), numbers(data))
     assert [word for word in texts(loaded) if word] == [word for word in texts(data) if word]
 
 
