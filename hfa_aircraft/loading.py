@@ -23,7 +23,11 @@ from hfa_support.errors import BadInputError, file_faults, prefix_errors, shown
 from hfa_support.files import read_toml, regular_file
 
 #: Suffixes of the data files that the project reads.
-DATA_FILES = (".csv", ".dml", ".npz", ".toml")
+DATA_FILES = (".csv", ".dml", ".npz", ".st", ".toml")
+
+
+#: What precedes the table of masses in the text of an aircraft: "wing.st?mass=mass.toml".
+MASS = "?mass="
 
 
 class AircraftReader(Protocol):
@@ -39,7 +43,9 @@ class AircraftReader(Protocol):
 
 
 @checks_arguments
-def load_model(text: str, parameters: str | Path | None = None) -> Model:
+def load_model(
+    text: str, parameters: str | Path | None = None, *, mass: str | Path | None = None
+) -> Model:
     """Return the model of an aircraft.
 
     Python files and modules are executed. Data files (`DATA_FILES`) are not. Other schemes and
@@ -47,6 +53,7 @@ def load_model(text: str, parameters: str | Path | None = None) -> Model:
 
     text: `FILE.py:NAME`, `package.module:NAME`, `FILE.suffix` or `scheme:NAME`
     parameters: TOML file with new values of parameters, as `hfa identify -o FILE.toml` writes it
+    mass: table with the mass, inertias and flight condition of a stability file of AVL (`FILE.st`)
 
     Raises BadInputError if the text has another form, or if the file or module cannot be read,
     fails, or contains no model of this name. A file of parameters that belongs to another aircraft
@@ -58,6 +65,12 @@ def load_model(text: str, parameters: str | Path | None = None) -> Model:
     """
     need(text, str, "load_model: text", "the name of a file, as in hfa.load_model('FILE.py:NAME')")
     kind = _format_of(text)
+    if mass is not None:
+        if kind != ".st":
+            raise BadInputError(
+                f"{shown(text)} takes no mass; give mass with a file of AVL, FILE.st"
+            )
+        text = f"{text}{MASS}{mass}"
     model = _loaded_from_data(text, kind) if kind else _loaded_from_python(text)
     return model if parameters is None else ParameterFile.read(parameters).applied_to(model)
 
@@ -106,7 +119,7 @@ def is_parameter_file(path: str) -> bool:
 
     Raises BadInputError if it is a TOML file that cannot be read.
     """
-    if not path.endswith(".toml"):
+    if _format_of(path) != ".toml":
         return False
     with file_faults(path):
         return "aircraft" in read_toml(path)
@@ -145,6 +158,8 @@ def _with_files(text: str, change: Callable[[str], str]) -> str:
     files, question, query = text.partition("?")
     joined = files.split(f"{suffix}+")  # FILE.dml+FILE.dml
     paths = [f"{each}{suffix}" for each in joined[:-1]] + joined[-1:]
+    if MASS in text:
+        query = f"mass={change(query.removeprefix('mass='))}"
     return "+".join(map(change, paths)) + question + query
 
 
@@ -247,6 +262,10 @@ def _reader_of(kind: str) -> AircraftReader:
         from hfa_aircraft.readers.derivatives import read as derivatives
 
         return derivatives.read_model
+    if kind == ".st":
+        from hfa_aircraft.readers.derivatives import read as derivatives
+
+        return derivatives.read_avl
     if kind == ".dml":
         from hfa_aircraft.readers.daveml import read as daveml
 

@@ -84,6 +84,13 @@ class Aircraft(Part):
         rare=True,
     )
 
+    mass: Path | None = option(
+        "mass, inertias and flight condition of an AVL file (FILE.st): a table",
+        "FILE",
+        Path,
+        rare=True,
+    )
+
     @property
     def own(self) -> bool:
         """True if the model is an aircraft that the user loaded, and not the HFA."""
@@ -114,6 +121,8 @@ class Aircraft(Part):
     def declared_model(cls, typed: Mapping[str, Any]) -> Model:
         """Return the model of --aircraft, or the HFA, in its own units."""
         if "source" not in typed:
+            if "mass" in typed:
+                raise BadInputError("--mass applies only to an AVL file; give --aircraft FILE.st")
             known = load_parameters(typed.get("parameters", "identified"))
             return aircraft(typed.get("dynamics", "published"), known.values)
         from hfa_aircraft.loading import load_model
@@ -123,7 +132,7 @@ class Aircraft(Part):
                 "--dynamics applies only to the HFA; remove this option or --aircraft"
             )
         note_read(typed["source"].rpartition(":")[0])
-        return load_model(typed["source"], typed.get("parameters"))
+        return load_model(typed["source"], typed.get("parameters"), mass=typed.get("mass"))
 
     def origin(self, held: Mapping[str, float]) -> dict[str, Any]:
         """Return the provenance of the aircraft.

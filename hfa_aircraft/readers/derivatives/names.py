@@ -30,6 +30,8 @@ ARGUMENTS = {
     "alphadot": False,
     "mach": False,
 }
+#: Suffixes of the variables that are neither angles nor rates.
+_WITHOUT_ANGLE = ("0", "mach", "CL2")
 #: Induced drag: C_D contains this value times C_L².
 INDUCED = "CD_CL2"
 #: The input that is a force along the thrust line, not a control surface.
@@ -48,6 +50,11 @@ class Derivative:
     coefficient: str
     argument: str
     is_by_angle: bool
+
+    @property
+    def unit(self) -> str:
+        """Unit of the derivative: 1/rad with respect to angles and rates."""
+        return "1" if self.argument in _WITHOUT_ANGLE else "1/rad"
 
 
 def derivative_of(name: str, surfaces: Iterable[str]) -> Derivative | None:

@@ -45,6 +45,19 @@ def read_model(text: str) -> Model:
     return _model(read_table(text))
 
 
+def read_avl(text: str) -> Model:
+    """Return the aircraft of a stability file of AVL and a table, "FILE.st?mass=TABLE".
+
+    Raises BadInputError if the table is missing, or as `read_model` does.
+    """
+    path, _, table = text.partition("?mass=")
+    if not table:
+        raise BadInputError(
+            f"{path} contains no mass, inertias and speed; give --mass TABLE, which has them"
+        )
+    return _model(read_table(table, path))
+
+
 def from_derivatives(table: str | Path | Mapping[str, Any]) -> Model:
     """Return the six-degree-of-freedom aircraft of a table of stability derivatives, as a `Model`.
 

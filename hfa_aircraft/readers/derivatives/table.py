@@ -6,13 +6,18 @@ import csv
 import hashlib
 import io
 import math
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from hfa_aircraft.about import Source
+from hfa_aircraft.readers.derivatives.avl import (
+    AVL,
+    read_stability_file,
+    with_stability_file,
+)
+from hfa_aircraft.readers.derivatives.entries import Entry, number
 from hfa_aircraft.readers.derivatives.names import (
     ARGUMENTS,
     COEFFICIENTS,
@@ -24,9 +29,9 @@ from hfa_aircraft.readers.derivatives.names import (
     derivative_of,
 )
 from hfa_aircraft.rigid.atmosphere import ALTITUDES, FT_TO_M
-from hfa_support.errors import BadInputError, advice, file_faults, shortened, shown
+from hfa_support.errors import BadInputError, advice, file_faults, shown
 from hfa_support.files import read_toml, regular_file
-from hfa_support.units import SYSTEMS, conversion, si_unit
+from hfa_support.units import SYSTEMS
 
 #: Text entries: name -> permitted values, or None if any text is permitted.
 _TEXTS: dict[str, tuple[str, ...] | None] = {
@@ -37,22 +42,6 @@ _TEXTS: dict[str, tuple[str, ...] | None] = {
     "axes": ("body", "stability"),
 }
 _ANGLES = {"rad": 1.0, "deg": math.pi / 180.0}
-
-
-@dataclass(frozen=True)
-class Entry:
-    """Unchecked entry of a table.
-
-    value: a number, a text with a unit, or a list of two of these
-    where: place in the file, for messages
-    """
-
-    value: Any
-    where: str
-
-    def error(self, message: str) -> BadInputError:
-        """Return a BadInputError whose message begins with the place of the entry."""
-        return BadInputError(f"{self.where}: {message}")
 
 
 @dataclass(frozen=True)
@@ -85,16 +74,37 @@ class Table:
         return _unit(name, self.system)
 
 
-def read_table(path: str) -> Table:
+def read_table(path: str, stability_file: str = "") -> Table:
     """Return the table of a TOML file, or of a CSV file with the columns name, value and unit.
 
-    Raises BadInputError if the file cannot be read or an entry is missing, unknown or invalid.
+    stability_file: file of AVL that completes the table, or "" for the one that the table names, if
+        any
+
+    Raises BadInputError if a file cannot be read or an entry is missing, unknown or invalid.
     """
     with file_faults(path):
         content = regular_file(path).read_bytes()
         is_csv = path.endswith(".csv")
         entries = _rows(path, content) if is_csv else dict(_flat(read_toml(path), path))
+    if AVL in entries:
+        named = _named_file(entries, path)
+        if stability_file and Path(stability_file).resolve() != Path(named).resolve():
+            raise BadInputError(f"{path} names {named}, not {stability_file}; correct {AVL}")
+        stability_file = named
+    if stability_file:
+        with file_faults(stability_file):
+            file = read_stability_file(stability_file)
+        entries = with_stability_file(entries, file, path)
+        content += file.content
     return _checked(entries, Source(path, hashlib.sha256(content).hexdigest()), Path(path).stem)
+
+
+def _named_file(entries: dict[str, Entry], path: str) -> str:
+    """Return the stability file that the table at a path names, and remove its entry."""
+    entry = entries.pop(AVL)
+    if not isinstance(entry.value, str):
+        raise entry.error(f"{AVL} is {shown(entry.value)}; give the name of a stability file")
+    return str(Path(path).parent / entry.value)
 
 
 def table_of(values: Mapping[str, Any]) -> Table:
@@ -130,11 +140,11 @@ def _rows(path: str, content: bytes) -> dict[str, Entry]:
             f"{path} is not a CSV file in UTF-8 ({error}); save the file as CSV in UTF-8"
         ) from error
     entries: dict[str, Entry] = {}
-    for number, row in enumerate(rows, start=1):
+    for place, row in enumerate(rows, start=1):
         cells = [cell.strip() for cell in row]
-        if not any(cells) or cells[0].startswith("#") or (number == 1 and cells[0] == "name"):
+        if not any(cells) or cells[0].startswith("#") or (place == 1 and cells[0] == "name"):
             continue
-        where = f"{path}, row {number}"
+        where = f"{path}, row {place}"
         if len(cells) < 2 or not cells[1]:
             raise BadInputError(f"{where}: {shown(cells[0])} has no value; write name,value,unit")
         if cells[0] in entries:
@@ -162,12 +172,10 @@ def _checked(entries: dict[str, Entry], source: Source, stem: str) -> Table:
     for name, entry in numbers.items():
         meaning = derivative_of(name, limits)
         if name in UNITS:
-            values[name] = _number(name, entry, _unit(name, system))
+            values[name] = number(name, entry, _unit(name, system))
         elif meaning is not None:
-            if meaning.is_by_angle:
-                derivatives[name] = _number(name, entry, "1/rad", 1.0 / per)
-            else:
-                derivatives[name] = _number(name, entry, "1")
+            plain = 1.0 / per if meaning.is_by_angle else 1.0
+            derivatives[name] = number(name, entry, meaning.unit, plain)
             meanings[name] = meaning
         else:
             raise _unknown(name, entry, limits)
@@ -204,45 +212,12 @@ def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
             f"{shown(name)} is {shown(entry.value)}; give a single value, or the lower and upper"
             " limit of an input"
         )
-    low, high = (_number(name, Entry(value, entry.where), unit) for value in entry.value)
+    low, high = (number(name, Entry(value, entry.where), unit) for value in entry.value)
     if low >= high:
         raise entry.error(
             f"{name}: the lower limit is not less than the upper limit; correct the limits"
         )
     return low, high
-
-
-def _number(name: str, entry: Entry, unit: str, plain: float = 1.0) -> float:
-    """Return the value of an entry, converted to `unit`."""
-    value: Any = entry.value
-    stated = ""
-    if isinstance(value, str):
-        match = re.fullmatch(r"\s*([-+.\deE]+)\s*(.*?)\s*", value)
-        if match is None:
-            raise entry.error(f"{name} is {shown(value)}; give a number, optionally with a unit")
-        stated = match[2]
-        value = _float(match[1])
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise entry.error(f"{name} is {shown(entry.value)}; give a finite number")
-    return float(value) * (_factor(name, entry, stated, unit) if stated else plain)
-
-
-def _float(text: str) -> float:
-    """Return the number that a text represents, or NaN if it represents none."""
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan
-
-
-def _factor(name: str, entry: Entry, stated: str, unit: str) -> float:
-    """Return the factor from the stated unit to `unit`."""
-    factor = conversion(stated, unit)
-    if factor is None:
-        other = unit.replace("rad", "deg") if "rad" in unit else si_unit(unit)
-        known = " or ".join(dict.fromkeys((unit, other)))
-        raise entry.error(f"{name} is in {shortened(stated)}; give {name} in {known}")
-    return factor
 
 
 def _unit(name: str, system: str) -> str:

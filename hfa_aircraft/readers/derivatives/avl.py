@@ -1,0 +1,322 @@
+"""Entries of a table from a stability file of AVL (`.st`), the output of its command ST.
+
+AVL computes derivatives per rad of alpha, beta and the rates p b/2V, q c/2V, r b/2V about the
+stability axes of the run case, and per degree of a control variable. Moments are about the point
+Xref, Yref, Zref. In the coefficients of a table, the deflections of the run case are 0:
+
+  C_0 = C_tot - C_d1 δ_1 - C_d2 δ_2 - ...
+
+Files without CDa (AVL 3.40 and older) contain the derivatives of Cl and Cn with respect to controls
+about body axes, and the other derivatives about stability axes. Source: AVL, `aoutput.f`, of
+versions 3.31, 3.40 and 3.52.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from hfa_aircraft.readers.derivatives.entries import Entry, number
+from hfa_aircraft.readers.derivatives.names import COEFFICIENTS, INDUCED, THRUST_INPUT, UNITS
+from hfa_support.errors import BadInputError, shown
+from hfa_support.files import regular_file
+from hfa_support.units import conversion
+
+#: Entry of a table that names the stability file.
+AVL = "avl"
+#: Unit of the lengths of the stability file, and the point about which its moments must act.
+_LENGTH = "length"
+_CENTER = "center_of_gravity"
+#: Entries that the stability file gives.
+_OF_FILE = ("axes", "wing_area", "span", "chord", "alpha")
+#: Total of each coefficient, about stability axes.
+_TOTALS = {"CL": "CLtot", "CD": "CDtot", "CY": "CYtot", "Cl": "Cl'tot", "Cm": "Cmtot",
+           "Cn": "Cn'tot"}  # fmt: skip
+#: Suffix of a derivative in the stability file -> suffix in a table.
+_ARGUMENTS = {"a": "alpha", "b": "beta", "p": "p", "q": "q", "r": "r"}
+_REFERENCE = ("Xref", "Yref", "Zref")
+_STRAIGHT = ("Beta", "pb/2V", "qc/2V", "rb/2V")
+_KNOWN = re.compile(
+    "|".join(("[SCB]ref", *_REFERENCE, "Alpha", *_STRAIGHT, "e", *_TOTALS.values()))
+    + r"|C[LDYlmn](?:[abpqr]|d(?:\d+|\*))"
+)
+#: Half a unit of the last digit that AVL prints of rates and derivatives.
+_PRINTED_ZERO = 5e-6
+_DERIVATIVE_ZERO = 5e-7
+#: Relative accuracy of the reference point, which AVL prints with five digits.
+_REFERENCE_TOLERANCE = 1e-4
+_AGAIN = "write the file again with ST in AVL's menu OPER"
+
+
+@dataclass(frozen=True)
+class StabilityFile:
+    """Content of a stability file of AVL.
+
+    path: path of the file
+    content: its bytes
+    values: name in the file -> value and place
+    controls: name of a control variable -> deflection in deg and place
+    """
+
+    path: str
+    content: bytes
+    values: Mapping[str, Entry]
+    controls: Mapping[str, Entry]
+
+    def value(self, name: str) -> float:
+        """Return a number of the file."""
+        if name not in self.values:
+            raise BadInputError(f"{self.path}: {name} is missing; {_AGAIN}")
+        return number(name, self.values[name], "1")
+
+    def total(self, coefficient: str) -> float:
+        """Return a coefficient at the run case."""
+        return self.value(_TOTALS[coefficient])
+
+    def slope(self, coefficient: str, control: int) -> float:
+        """Return the derivative with respect to a control, per deg, about stability axes.
+
+        control: number of the control in the file, from 1
+        """
+        if "CDa" in self.values or coefficient not in ("Cl", "Cn"):
+            return self.value(f"{coefficient}d{control}")
+        alpha = math.radians(self.value("Alpha"))
+        roll = self.value(f"Cld{control}")
+        yaw = self.value(f"Cnd{control}")
+        if coefficient == "Cl":
+            return roll * math.cos(alpha) + yaw * math.sin(alpha)
+        return yaw * math.cos(alpha) - roll * math.sin(alpha)
+
+
+def read_stability_file(path: str) -> StabilityFile:
+    """Return the content of a stability file of AVL, printed or machine-readable (MRF).
+
+    Raises BadInputError if the file is another one, its axes are not x forward and z down, a value
+    is given twice, or the run case is not that of a whole aircraft in straight flight without
+    sideslip.
+    """
+    content = regular_file(path).read_bytes()
+    lines = list(enumerate(content.decode("utf-8", "replace").splitlines(), start=1))
+    if not any("Stability-axis derivatives" in line for _, line in lines):
+        raise BadInputError(f"{path} contains no stability derivatives of AVL; {_AGAIN}")
+    is_machine_readable = lines[0][1].strip() == "DERMATS"
+    found = _machine_readable(lines) if is_machine_readable else _printed(lines)
+    values: dict[str, Entry] = {}
+    controls: dict[str, Entry] = {}
+    for place, name, value, is_control in found:
+        name = re.sub(r"(?<=d)0+(?=\d)", "", name)  # CLd01 is CLd1
+        entry = Entry(value, f"{path}, line {place}")
+        target = controls if is_control else values
+        if name in target:
+            raise entry.error(f"{name} is given twice; write each run case to a file of its own")
+        target[name] = entry
+    file = StabilityFile(path, content, values, _without_design(controls, values))
+    for place, line in lines:
+        if "Geometric axis orientation" in line:
+            raise BadInputError(
+                f"{path}, line {place}: x is aft and z up; choose x forward and z down (OPER, O, A)"
+                " in AVL and write the file again"
+            )
+    if abs(file.value("Clp")) <= _DERIVATIVE_ZERO:
+        raise values["Clp"].error(
+            "Clp is 0, because the case is one half of a symmetric aircraft; set iYsym to 0 in the "
+            ".avl file, with YDUPLICATE, and write the file again"
+        )
+    for name in _STRAIGHT:
+        if abs(file.value(name)) > _PRINTED_ZERO:
+            raise values[name].error(
+                f"{name} is {file.value(name):g}; write the file at a run case with {name} 0"
+            )
+    return file
+
+
+def _without_design(controls: Mapping[str, Entry], values: Iterable[str]) -> dict[str, Entry]:
+    """Return the controls alone, which come before the design variables in a printed file."""
+    count = sum(name.startswith("CLd") for name in values)
+    return dict(list(controls.items())[:count])
+
+
+#: A line, a name, its value as text, and whether it is the deflection of a control.
+_Found = tuple[int, str, str, bool]
+
+
+def _printed(lines: Iterable[tuple[int, str]]) -> Iterable[_Found]:
+    """Yield the values in the lines of a printed file."""
+    shows_deflections = False
+    for place, line in lines:
+        if line.strip().startswith("---"):
+            shows_deflections = False
+        if shows_deflections:
+            name, equals, value = line.rpartition("=")
+            if equals:
+                yield place, name.strip(), value.strip(), True
+        elif ":" not in line and " / " not in line:  # no title, and not the spiral criterion
+            for name, value in re.findall(r"([A-Za-z][\w'/]*\*?)\s*=\s*([^\s|]+)", line):
+                if _KNOWN.fullmatch(name):
+                    yield place, name, value, False
+        if "CYff" in line:
+            shows_deflections = True
+
+
+def _machine_readable(lines: Iterable[tuple[int, str]]) -> Iterable[_Found]:
+    """Yield the values in the lines of a machine-readable file."""
+    shows_deflections = False
+    for place, line in lines:
+        words = line.strip()
+        if words in ("CONTROL", "DESIGN"):
+            shows_deflections = words == "CONTROL"
+        elif shows_deflections and len(words.split()) > 1:
+            value, _, name = words.partition(" ")
+            yield place, name.strip(), value, True
+        numbers, _, labels = line.partition("|")
+        names = [name.strip() for name in labels.rpartition(":")[2].split(",")]
+        numbers_there = numbers.split()
+        if names[0].endswith("d*"):
+            names = [names[0][:-1] + str(k + 1) for k in range(len(numbers_there))]
+        for name, value in zip(names, numbers_there, strict=False):
+            if _KNOWN.fullmatch(name):
+                yield place, name, value, False
+
+
+def with_stability_file(
+    given: Mapping[str, Entry], file: StabilityFile, where: str
+) -> dict[str, Entry]:
+    """Return the entries of a table, completed by a stability file of AVL.
+
+    Derivatives of the table replace those of the file. A control variable has limits in the table,
+    or a fixed deflection.
+
+    given: entries of the table
+    where: the table, for messages
+
+    Raises BadInputError for a missing or wrong entry.
+    """
+    for name in _OF_FILE:
+        if name in given:
+            raise given[name].error(f"{name} is in {file.path} too; remove {name}")
+    own = dict(given)
+    length = _length(own, where)
+    _refuse_other_center(own, file, where)
+    fixed = _fixed_deflections(own, file, where)
+    entries = {
+        "axes": Entry("stability", file.path),
+        "wing_area": _stated(file, "Sref", f"{length}^2"),
+        "span": _stated(file, "Bref", length),
+        "chord": _stated(file, "Cref", length),
+        "alpha": _stated(file, "Alpha", "deg"),
+    }
+    has_drag = _has_drag_derivatives(own, file, where)
+    for coefficient in COEFFICIENTS:
+        if coefficient == "CD" and not has_drag:
+            induced = number(INDUCED, own[INDUCED], "1") if INDUCED in own else 0.0
+            value = file.total("CD") - induced * file.total("CL") ** 2
+            entries["CD_0"] = Entry(value, file.path)
+        else:
+            entries |= _of_coefficient(coefficient, file, fixed)
+    return {**entries, **own}
+
+
+def _of_coefficient(
+    coefficient: str, file: StabilityFile, fixed: Mapping[str, float]
+) -> dict[str, Entry]:
+    """Return the entries of a coefficient: its value without deflections, and its derivatives."""
+    # fixed: control variable -> deflection in deg, for those without limits
+    value = file.total(coefficient)
+    entries: dict[str, Entry] = {}
+    for suffix, argument in _ARGUMENTS.items():
+        slope = file.value(coefficient + suffix)
+        if abs(slope) > _DERIVATIVE_ZERO:
+            entries[f"{coefficient}_{argument}"] = _stated(file, coefficient + suffix, "1/rad")
+    for k, (control, deflection) in enumerate(file.controls.items(), start=1):
+        slope = file.slope(coefficient, k)
+        value += slope * (fixed.get(control, 0.0) - number(control, deflection, "deg"))
+        if control not in fixed and abs(slope) > _DERIVATIVE_ZERO:
+            entries[f"{coefficient}_{control}"] = Entry(f"{slope!r} 1/deg", file.path)
+    return {f"{coefficient}_0": Entry(value, file.path), **entries}
+
+
+def _stated(file: StabilityFile, name: str, unit: str) -> Entry:
+    """Return a value of a file with its unit."""
+    return Entry(f"{file.value(name)!r} {unit}", file.values[name].where)
+
+
+def _length(own: dict[str, Entry], where: str) -> str:
+    """Return the unit of the lengths of a stability file, and remove its entry from a table."""
+    if _LENGTH not in own:
+        raise BadInputError(
+            f'{where}: {_LENGTH} is missing; add {_LENGTH} = "m", the unit of lengths in the '
+            "stability file"
+        )
+    entry = own.pop(_LENGTH)
+    if not isinstance(entry.value, str) or conversion(entry.value, "m") is None:
+        raise entry.error(f"{_LENGTH} is {shown(entry.value)}; give m, ft, in, cm or mm")
+    return entry.value
+
+
+def _refuse_other_center(own: dict[str, Entry], file: StabilityFile, where: str) -> None:
+    """Raise BadInputError unless the moments of a stability file are about the center of gravity.
+
+    The entry is removed from the table.
+    """
+    reference = [file.value(name) for name in _REFERENCE]
+    shown_reference = f"[{', '.join(f'{value:g}' for value in reference)}]"
+    if _CENTER not in own:
+        raise BadInputError(
+            f"{where}: {_CENTER} is missing; add {_CENTER} = [x, y, z] in the axes of the .avl "
+            f"file ({file.path} has moments about {shown_reference})"
+        )
+    entry = own.pop(_CENTER)
+    value: Any = entry.value
+    if not isinstance(value, list | tuple) or len(value) != len(_REFERENCE):
+        raise entry.error(f"{_CENTER} is {shown(value)}; give [x, y, z]")
+    center = [number(_CENTER, Entry(each, entry.where), "1") for each in value]
+    chord = file.value("Cref")
+    for given, referred in zip(center, reference, strict=True):
+        largest = max(abs(referred), chord)
+        if abs(given - referred) > _REFERENCE_TOLERANCE * largest:
+            raise entry.error(
+                f"{_CENTER} is {shown(value)}, but {file.path} has moments about "
+                f"{shown_reference}; set X_cg, Y_cg and Z_cg (OPER, M) in AVL and write the file "
+                "again"
+            )
+
+
+def _fixed_deflections(own: dict[str, Entry], file: StabilityFile, where: str) -> dict[str, float]:
+    """Return control variable -> deflection, deg, for those with one value in a table.
+
+    These entries are removed from the table.
+    """
+    fixed = {}
+    for control, entry in file.controls.items():
+        if not control.isidentifier() or control in (*UNITS, THRUST_INPUT):
+            raise entry.error(
+                f"the control {shown(control)} cannot be the name of an input; rename it in the "
+                ".avl file"
+            )
+        if control not in own:
+            raise BadInputError(
+                f"{where}: {control}, a control of {file.path}, is missing; add {control} = "
+                f'["-25 deg", "25 deg"], its limits, or {control} = 0, if it does not move'
+            )
+        if not isinstance(own[control].value, list | tuple):
+            fixed[control] = math.degrees(number(control, own.pop(control), "rad"))
+    return fixed
+
+
+def _has_drag_derivatives(own: Mapping[str, Entry], file: StabilityFile, where: str) -> bool:
+    """Return whether the derivatives of CD are those of the stability file."""
+    if INDUCED in own:
+        return False
+    if "CDa" in file.values:
+        return True
+    if "CD_alpha" in own:
+        return False
+    ratio = file.value("Bref") ** 2 / file.value("Sref")
+    induced = 1.0 / (math.pi * file.value("e") * ratio)
+    raise BadInputError(
+        f"{where}: {INDUCED} is missing, and {file.path} has no CDa; add {INDUCED} = {induced:.5g},"
+        " 1/(pi e b^2/S) with the e of that file, or CD_alpha"
+    )

@@ -1,0 +1,233 @@
+"""Aircraft from stability files of AVL, compared with AVL's own forces and eigenvalues."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from cli import assert_refused, hfa
+
+import hfa as tool
+from hfa import linearize, trim
+from hfa_aircraft.loading import reloaded
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+PRINTED = (EXAMPLES / "glider.st").read_text()
+TABLE = (EXAMPLES / "glider.toml").read_text()
+#: Eigenvalues of AVL 3.52 for this aircraft, with pitch angle and thrust 0.
+AVL_MODES = {
+    "short period": -3.02063 + 4.30735j,
+    "phugoid": -0.01202 + 0.33207j,
+    "dutch roll": -0.45978 + 2.19925j,
+    "roll": -13.01945,
+    "spiral": 0.01270,
+}
+#: Forces of AVL 3.52 at other states than the run case of the file: alpha, beta, aileron, elevator,
+#: rudder, deg; p, q, r over V, rad/m, in body axes; Cl, Cm, Cn about body axes; CL.
+AVL_FORCES = [
+    ((2.42020, 2.0, 0.0, -0.44993, 0.0), (0.0, 0.0, 0.0), (-0.00359, -0.00034, 0.00205), 0.59932),
+    ((2.42020, 0.0, 0.0, -0.44993, 0.0), (1.665e-3, 0, 7e-5), (-0.00648, 0.0, -0.00083), 0.6),
+    ((2.42020, 0.0, 0.0, -0.44993, 0.0), (-3.5e-5, 0, 8.33e-4), (0.00081, 0.0, -0.00026), 0.6),
+    ((2.42020, 0.0, 0.0, -0.44993, 0.0), (0.0, 5.333e-3, 0.0), (0.0, -0.07812, 0.0), 0.62365),
+    ((2.42020, 0.0, 3.0, -0.44993, 0.0), (0.0, 0.0, 0.0), (-0.02145, 0.00018, -0.00013), 0.59999),
+    ((2.42020, 0.0, 0.0, 1.55007, 0.0), (0.0, 0.0, 0.0), (0.0, -0.08101, 0.0), 0.61528),
+    ((2.42020, 0.0, 0.0, -0.44993, 4.0), (0.0, 0.0, 0.0), (-0.00057, 0.00027, 0.0039), 0.59998),
+    ((3.42020, 0.0, 0.0, -0.44993, 0.0), (0.0, 0.0, 0.0), (0.0, -0.04394, 0.0), 0.70305),
+]
+
+
+@pytest.fixture
+def glider(folder: Path) -> Path:
+    """A folder with the stability file `glider.st` and its table `glider.toml`."""
+    Path("glider.st").write_text(PRINTED)
+    Path("glider.toml").write_text(TABLE)
+    return folder
+
+
+def refused(message: str) -> None:
+    """Check that the table is refused in one line that contains a message."""
+    with pytest.raises(BadInputError, match=re.escape(message)) as caught:
+        tool.load_model("glider.toml")
+    assert "\n" not in str(caught.value)
+
+
+def test_modes_agree_with_those_of_avl() -> None:
+    """A glide with nearly horizontal body axis has AVL's modes within 2 %, the spiral within 10 %."""
+    model = tool.load_model(str(EXAMPLES / "glider.toml"))
+    point = trim(model, thrust=0.0, free=("gamma",))
+    values = np.linalg.eigvals(linearize(model, point).A)
+    for name, printed in AVL_MODES.items():
+        found = values[np.argmin(np.abs(values - printed))]
+        assert abs(found - printed) < (0.1 if name == "spiral" else 0.02) * abs(printed), name
+
+
+def coefficients(model: Model, angles: tuple, over_speed: tuple) -> tuple[np.ndarray, float]:
+    """Return Cl, Cm, Cn about body axes, computed from angular accelerations, and CL."""
+    alpha, beta, aileron, elevator, rudder = (math.radians(each) for each in angles)
+    speed = 35.28865
+    rates = speed * np.array(over_speed)
+    state = {"speed": speed, "alpha": alpha, "beta": beta, "roll": 0.0, "pitch": alpha, "yaw": 0.0}
+    state |= dict(zip(("roll_rate", "pitch_rate", "yaw_rate"), rates, strict=True))
+    state["altitude"] = 0.0
+    inputs = {"thrust": 0.0, "aileron": aileron, "elevator": elevator, "rudder": rudder}
+    parameters = {name: signal.start for name, signal in model.parameters.items()}
+    vectors = (SimpleNamespace(**each) for each in (state, inputs, parameters))
+    changes, outputs = model.equations(*vectors, None)
+    turning = [float(changes[name]) for name in ("roll_rate", "pitch_rate", "yaw_rate")]
+    inertia = np.array([[700.0, 0.0, 60.0], [0.0, 650.0, 0.0], [60.0, 0.0, 1250.0]])
+    moment = inertia @ turning + np.cross(rates, inertia @ rates)
+    force = 0.5 * 1.225 * speed**2 * 9.0
+    return moment / (force * np.array([12.0, 0.75, 12.0])), float(outputs["lift_coefficient"])
+
+
+def machine_readable() -> str:
+    """Return the machine-readable form of the printed file."""
+    value = dict(re.findall(r"([\w'/]+)\s*=\s*(-?[\d.]+)", PRINTED.partition(" Neutral")[0]))
+    rows = [
+        "DERMATS", "VERSION 1.0", "Vortex Lattice Output -- Total Forces", "Motor glider",
+        "9.0 0.75 12.0 | Sref, Cref, Bref", "0.3 0.0 0.0 | Xref, Yref, Zref",
+        "Standard axis orientation,  X fwd, Z down", "level flight",
+        f"{value['Alpha']} 0.0 0.0 | Alpha, pb/2V, p'b/2V", "0.0 4e-26 | Beta, qc/2V",
+        "0.0 0.0 0.0 | Mach, rb/2V, r'b/2V", "0.0 0.0 0.0 | CXtot, Cltot, Cl'tot",
+        "0.0 0.0 | CYtot, Cmtot", "0.0 0.0 0.0 | CZtot, Cntot, Cn'tot",
+        f"{value['CLtot']} | CLtot", f"{value['CDtot']} | CDtot",
+        "CONTROL", "3", "0.0 aileron", f"{value['elevator']} elevator", "0.0 rudder", "DESIGN", "1",
+        "0.5 twist", "Stability-axis derivatives...",
+    ]  # fmt: skip
+    for suffixes in ("ab", "pqr"):
+        for name in ("CL", "CY", "CD", "Cl", "Cm", "Cn"):
+            names = [name + suffix for suffix in suffixes]
+            rows.append(f"{' '.join(value[each] for each in names)} | force : {', '.join(names)}")
+    rows += ["3 | # control vars", "aileron", "elevator", "rudder"]
+    for name in ("CL", "CY", "CD", "Cl", "Cm", "Cn"):
+        numbers = " ".join(value[f"{name}d0{k}"] for k in (1, 2, 3))
+        rows.append(f"{numbers} | force : {name}d*")
+    return "\n".join(rows)
+
+
+def of_older_version() -> str:
+    """Return the file as AVL 3.40 writes it: without CD, Cl and Cn of controls in body axes."""
+    lines = [line for line in PRINTED.splitlines() if "force CD" not in line]
+    text = "\n".join(lines)
+    value = {name: float(number) for name, number in re.findall(r"(\w+)\s*=\s*(-?[\d.]+)", PRINTED)}
+    alpha = math.radians(value["Alpha"])
+    for k in (1, 2, 3):
+        roll, yaw = value[f"Cld0{k}"], value[f"Cnd0{k}"]
+        body = {
+            "Cl": roll * math.cos(alpha) - yaw * math.sin(alpha),
+            "Cn": yaw * math.cos(alpha) + roll * math.sin(alpha),
+        }
+        for name, number in body.items():
+            text = re.sub(rf"{name}d0{k} =\s*\S+", f"{name}d{k} = {number:.7f}", text)
+        text = re.sub(rf"(C[LYm]d)0{k} =", rf"\g<1>{k} =", text)
+    return text
+
+
+@pytest.mark.parametrize("form", ["printed", "machine_readable", "older"])
+def test_forces_agree_with_those_of_avl(form: str, glider: Path) -> None:
+    """Moments about body axes and CL at other states are those of AVL, in each form of the file."""
+    text = {"printed": PRINTED, "machine_readable": machine_readable(), "older": of_older_version()}
+    Path("glider.st").write_text(text[form])
+    if form == "older":
+        Path("glider.toml").write_text("CD_CL2 = 0.02\n" + TABLE)
+    model = tool.load_model("glider.toml")
+    for angles, over_speed, moments, lift in AVL_FORCES:
+        found, found_lift = coefficients(model, angles, over_speed)
+        np.testing.assert_allclose(found, moments, rtol=0.01, atol=5e-5 + 4e-4 * (moments[1] != 0))
+        assert found_lift == pytest.approx(lift, abs=1e-3)
+
+
+def test_a_fixed_control_keeps_its_deflection(glider: Path) -> None:
+    """A control with one value is no input; its deflection changes the coefficients."""
+    Path("glider.toml").write_text(
+        TABLE.replace('elevator = ["-25 deg", "25 deg"]', 'elevator = "1 deg"')
+    )
+    model = tool.load_model("glider.toml")
+    assert "elevator" not in model.inputs
+    moment = model.parameters["Cm_0"].start
+    assert moment == pytest.approx(-0.040525 * (1.0 + 0.44993), rel=1e-6)
+
+
+def test_both_ways_name_the_same_aircraft(glider: Path) -> None:
+    """`--aircraft glider.st --mass glider.toml` is the aircraft of glider.toml."""
+    named = tool.load_model("glider.toml")
+    given = tool.load_model("glider.st", mass="glider.toml")
+    assert given.parameters == named.parameters
+    assert reloaded(given.source.text, given.source.digest, {}).inputs == named.inputs
+    assert hfa("trim", "--aircraft", "glider.st", "--mass", "glider.toml").code == 0
+    Path("other.st").write_text(PRINTED)
+    with pytest.raises(BadInputError, match=r"glider.toml names glider.st, not other.st"):
+        tool.load_model("other.st", mass="glider.toml")
+    assert_refused(hfa("trim", "--aircraft", "glider.st"), 2, "glider.st", "--mass")
+    assert_refused(hfa("trim", "--mass", "glider.toml"), 2, "--mass", "--aircraft FILE.st")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("Clb =  -0.100443", "Clb =  ********", "Clb is '********'"),
+        ("Beta  =   0.00000", "Beta  =   2.00000", "Beta is 2;"),
+        ("qc/2V =   0.00000", "qc/2V =   0.01000", "qc/2V is 0.01;"),
+        ("Standard axis orientation,  X fwd, Z down", "Geometric axis orientation,  X aft, Z up",
+         "x is aft"),
+        ("Clp =  -0.650798", "Clp =   0.000000", "Clp is 0"),
+        ("   aileron  ", "   left flap", "the control 'left flap' cannot be"),
+    ],
+)  # fmt: skip
+def test_faulty_stability_files_are_refused(old: str, new: str, message: str, glider: Path) -> None:
+    """A stability file is refused with the line that is wrong."""
+    line = PRINTED.partition(old)[0].count("\n") + 1
+    Path("glider.st").write_text(PRINTED.replace(old, new))
+    refused(f"glider.st, line {line}: {message}")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("CLa =   5.911822", "", "glider.st: CLa is missing"),
+        ("Xref = 0.30000", "Xref = 0.35000", "moments about [0.35, 0, 0]"),
+        (" Stability-axis derivatives...", " Body-axis derivatives...", "no stability derivatives"),
+    ],
+)
+def test_other_stability_files_are_refused(old: str, new: str, message: str, glider: Path) -> None:
+    """A file with other content, or about another point, is refused."""
+    Path("glider.st").write_text(PRINTED.replace(old, new))
+    refused(message)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ('length = "m"', 'add length = "m"'),
+        ("center_of_gravity", "add center_of_gravity = [x, y, z]"),
+        (
+            "rudder",
+            'rudder, a control of glider.st, is missing; add rudder = ["-25 deg", "25 deg"]',
+        ),
+        ("mass = 420", "missing entries: mass"),
+        ("speed", "missing entries: speed"),
+    ],
+)
+def test_missing_entries_are_named(line: str, message: str, glider: Path) -> None:
+    """An entry that the table lacks is named, with what to add."""
+    kept = [each for each in TABLE.splitlines() if not each.startswith(line)]
+    Path("glider.toml").write_text("\n".join(kept))
+    refused(message)
+
+
+def test_drag_that_the_file_lacks_is_not_guessed(glider: Path) -> None:
+    """A file without CDa is refused with the induced drag of its span efficiency."""
+    Path("glider.st").write_text(of_older_version())
+    refused(f"CD_CL2 = {1.0 / (math.pi * 0.9895 * 16.0):.5g}")
+
+
+def test_two_run_cases_in_a_file_are_refused(glider: Path) -> None:
+    """A file with two run cases is refused at the first line of the second one."""
+    Path("glider.st").write_text(PRINTED + PRINTED)
+    refused("given twice; write each run case to a file of its own")
