@@ -54,17 +54,35 @@ def quantity(model: Model, name: str, text: str) -> float:
 
     Raises BadInputError if the text is not a number, or if its unit cannot be converted.
     """
-    signals = {**model.rates, **model.signals}
-    unit = signals[name].unit if name in signals else "1"
+    value, factor = number_and_factor(model, name, text)
+    if factor is not None:
+        return factor * value
+    return math.radians(value) if _unit(model, name).startswith("rad") else value
+
+
+def number_and_factor(model: Model, name: str, text: str) -> tuple[float, float | None]:
+    """Return the number in a text, and the factor of its unit to the unit that the model declares.
+
+    The factor is None for a number without a unit.
+
+    Raises BadInputError if the text is not a number, or if its unit cannot be converted.
+    """
     digits = r"[-+]?[\d.]+(?:[eE][-+]?\d+)?"
     with_unit = re.fullmatch(rf"\s*({digits})\s*((?![eE][-+]?\d)[a-zA-Z°µμ].*?)\s*", text)
     if with_unit is None:
-        return math.radians(number(text)) if unit.startswith("rad") else number(text)
+        return number(text), None
+    unit = _unit(model, name)
     factor = conversion(with_unit[2], unit)
     if factor is None:
         words = unit.replace("rad", "deg")
         raise BadInputError(f"is {shortened(text)!r}; give a finite number, in {words}")
-    return factor * number(with_unit[1])
+    return number(with_unit[1]), factor
+
+
+def _unit(model: Model, name: str) -> str:
+    """Return the unit of a signal, "1" for a name without a declared unit."""
+    signals = {**model.rates, **model.signals}
+    return signals[name].unit if name in signals else "1"
 
 
 def breakpoint_value(model: Model, text: str) -> float:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from hfa.options.argument_types import number, quantity
+from hfa.options.argument_types import number_and_factor, quantity
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, shortened
 from trim.sweeps.sweep_plan import MOST_POINTS, Steps
@@ -18,10 +18,11 @@ Range = tuple[float, ...] | Steps
 def value_range(model: Model, name: str, text: str) -> Range:
     """Return the values of a named variable, in internal units, from its text.
 
-    text: `start:stop:step`, `a,b,c` or one number; the values of a range do not exceed `stop`
+    text: `start:stop:step`, `a,b,c` or one number, each with or without a unit; the values of a
+        range do not exceed `stop`
 
-    Raises BadInputError for text of another form, for a step that is not positive, if stop < start,
-    and for more than `MOST_POINTS` values of a range.
+    Raises BadInputError for text of another form, for different units, for a step that is not
+    positive, if stop < start, and for more than `MOST_POINTS` values of a range.
     """
     parts = text.split(":")
     if len(parts) == 1:
@@ -30,7 +31,10 @@ def value_range(model: Model, name: str, text: str) -> Range:
         raise BadInputError(
             f"is {shortened(text)!r}; give start:stop:step, a list a,b,c or one number"
         )
-    start, stop, step = map(number, parts)
+    (start, factor), *others = (number_and_factor(model, name, part) for part in parts)
+    if any(other != factor for _, other in others):
+        raise BadInputError(f"is {shortened(text)!r}; give all three numbers in the same unit")
+    stop, step = (value for value, _ in others)
     if step <= 0:
         raise BadInputError(f"has the step {step:g}; give a positive step")
     if stop < start:
@@ -43,7 +47,7 @@ def value_range(model: Model, name: str, text: str) -> Range:
         raise BadInputError(
             f"is a range of {points} points (maximum {MOST_POINTS:,}); choose a larger step"
         )
-    unit = quantity(model, name, "1")
+    unit = quantity(model, name, "1") if factor is None else factor
     count = math.floor(intervals + 1e-9) + 1
     spacing = min(step * unit, (stop - start) * unit / (count - 1)) if count > 1 else step * unit
     while start * unit + spacing * (count - 1) > stop * unit:  # stop may be a limit

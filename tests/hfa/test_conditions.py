@@ -11,6 +11,10 @@ import zarr
 from cli import answer, assert_refused, hfa
 from scipy.io import loadmat
 
+from hfa.options.ranges import value_range
+from hfa_aircraft.loading import load_model
+from hfa_support.errors import BadInputError
+
 
 def test_the_held_variable_determines_the_short_period() -> None:
     """At 10 deg and 60 ft/s, the variable that the trim holds determines the short period.
@@ -143,6 +147,17 @@ def test_a_range_ends_at_or_before_its_stop() -> None:
             ]
             == values
         )
+
+
+def test_ranges_and_lists_have_units() -> None:
+    """Each number of a range or a list may have a unit. The three numbers have the same one."""
+    model = load_model(str(Path(__file__).parents[2] / "examples" / "uav.toml"))
+    knot = 1852.0 / 3600.0
+    steps = value_range(model, "speed", "60kt:80kt:10kt")
+    assert (steps.start, steps.step, steps.count) == pytest.approx((60 * knot, 10 * knot, 3))
+    assert value_range(model, "speed", "60kt,20") == pytest.approx((60 * knot, 20.0))
+    with pytest.raises(BadInputError, match="give all three numbers in the same unit"):
+        value_range(model, "speed", "60:80:10kt")
 
 
 def test_the_last_matlab_axis_numbers_the_points(tmp_path: Path) -> None:

@@ -494,6 +494,31 @@ def test_a_csv_file_equals_a_dictionary(folder):
     np.testing.assert_allclose(linear_model("navion.csv").A, linear_model(NAVION).A, atol=1e-12)
 
 
+def test_each_entry_has_its_own_unit():
+    """Derivatives with a unit are converted, also those with respect to rates; others follow `per`.
+
+    Lengths and masses in inches, millimeters and pounds are converted.
+    """
+    units = {
+        "per": "deg",
+        "Cm_alpha": f"{-0.683!r} 1/rad",
+        "CL_alpha": math.radians(4.44),
+        "CL_elevator": f"{math.radians(0.355)!r} 1/deg",
+        "Cm_q": f"{math.radians(-9.96)!r} 1/deg",
+        "Cl_p": "-0.41 1/rad",
+        "geometry": {"wing_area": 184.0, "span": "400.8 in", "chord": "1737.36 mm"},
+    }
+    table = {**NAVION, **units}
+    for name in ("CD_alpha", "CY_beta", "CY_rudder", "Cl_beta", "Cl_aileron", "Cl_rudder"):
+        table[name] = math.radians(NAVION[name])
+    for name in ("Cm_elevator", "Cn_beta", "Cn_aileron", "Cn_rudder"):
+        table[name] = f"{math.radians(NAVION[name])!r} 1/deg"
+    given = from_derivatives(table).parameters
+    for name, signal in from_derivatives(NAVION).parameters.items():
+        assert given[name].start == pytest.approx(signal.start, rel=1e-12), name
+    np.testing.assert_allclose(linear_model(table).A, linear_model(NAVION).A, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
