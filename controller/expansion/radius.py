@@ -24,8 +24,12 @@ _DRAWN = 2000
 #: Number of directions with the largest terms of each degree, and of further random directions.
 _LARGEST = 6
 _RANDOM = 8
-#: Number and seed of the flights that confirm a radius.
+#: Number and seed of the flights that confirm a radius. Further flights begin near the states with
+#: the largest errors, at these distances.
 _CONFIRMING = 200
+_WORST = 5
+_NEAR = 55
+_DISTANCES = (0.5, 0.25, 0.12)
 _SEED = 2015
 #: Ratio of two sizes between which the search stops, and the factor if a flight contradicts.
 _FINE = 1.1
@@ -55,7 +59,8 @@ def radii(expansion: Expansion) -> tuple[Radius, ...]:
 
     All flights use the policies of the expansion. For each value, the set is found by bisection
     with flights from its boundary in the directions of the largest terms and in random directions,
-    and then confirmed by 200 flights from random states on its boundary.
+    and then confirmed by flights from 200 random states on its boundary, and from states ever
+    closer to those with the largest errors.
 
     expansion: value and policies of both players
     """
@@ -123,13 +128,33 @@ class _Search:
 
         y: (N, n), initial states, z'Pz = |y|²
         """
+        return bool(np.all(self._errors(y, degree) <= self.share))
+
+    def _errors(self, y: np.ndarray, degree: int) -> np.ndarray:
+        """Return the difference of the value from the cost of flights, relative to the cost, (N,).
+
+        A flight that does not converge has the error inf.
+
+        y: (N, n), initial states, z'Pz = |y|²
+        """
         z = np.linalg.solve(self.expansion.root.T, y.T).T
         costs = self.flights.costs(z)
         values = np.array(self.expansion.value_to(degree)(z.T))[0]
         with np.errstate(invalid="ignore"):
-            return bool(np.all(np.abs(values - costs) <= self.share * costs))
+            errors = np.abs(values - costs) / np.abs(costs)
+        return np.where((costs > 0.0) & np.isfinite(errors), errors, np.inf)
 
     def _confirmed(self, size: float, degree: int) -> bool:
-        """Return whether flights from random initial states on the boundary of the set agree."""
-        y = directions(self.expansion.states, _CONFIRMING, _SEED + degree)
-        return self._agrees(size * y, degree)
+        """Return whether flights from states on the boundary agree, random ones and worse ones."""
+        n = self.expansion.states
+        y = directions(n, _CONFIRMING, _SEED + degree)
+        errors = self._errors(size * y, degree)
+        for distance in _DISTANCES:
+            if not np.all(errors <= self.share):
+                return False
+            worst = y[np.argsort(errors)[-_WORST:]]
+            random = directions(n, _NEAR, _SEED + degree)
+            near = np.resize(worst, random.shape) + distance * random
+            y = np.vstack([worst, near / np.linalg.norm(near, axis=1, keepdims=True)])
+            errors = self._errors(size * y, degree)
+        return bool(np.all(errors <= self.share))

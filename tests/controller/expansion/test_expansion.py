@@ -10,9 +10,11 @@ import mpmath
 import numpy as np
 import pytest
 from known_models import game_at, model_at
-from own_models import GTM
+from own_models import GTM, NAVION
+from project import ROOT
 
 import hfa
+from controller.expansion.deviations import deviation_rates
 from controller.expansion.expansion import Expansion, expand
 from controller.expansion.monomials import homogeneous, in_coordinates
 from controller.hfa_game import usual_game
@@ -157,7 +159,7 @@ def test_weights_of_monomials_are_those_of_the_functions() -> None:
     assert pytest.approx(expansion.solution.P, rel=1e-13) == P
 
 
-@pytest.mark.parametrize("degree", [3, 4, 5])
+@pytest.mark.parametrize("degree", [3, *(pytest.param(d, marks=pytest.mark.slow) for d in (4, 5))])
 def test_flexible_aircraft_satisfies_the_identity(degree: int) -> None:
     for degrees in (5.0, 15.0):
         solution = hfa.solve(game_at(degrees))
@@ -181,6 +183,54 @@ def test_value_does_not_depend_on_units() -> None:
     for degree in (3, 4):
         V = np.array(english.value_to(degree)(z))
         assert np.array(si.value_to(degree)(in_si_units)) == pytest.approx(V, rel=1e-9)
+
+
+def smooth_aircraft(name: str) -> LinearModel:
+    if name == "flexible":
+        return model_at(10.0, "newton")
+    known = {"gtm": GTM, "navion": NAVION}
+    return linear_of(known.get(name) or hfa.load_model(f"{ROOT}/examples/{name}"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["flexible", "gtm", "navion", "uav.toml", "uav.dml", "f16_constant.py:F16"]
+)
+def test_smooth_aircraft_satisfy_the_identity(name: str) -> None:
+    linear = smooth_aircraft(name)
+    solution = hfa.solve(usual_game(linear.model, linear.A, linear.B))
+    for delta in (solution.game.delta, 1.05 * solution.delta_min):
+        exact = hfa.solve(solution.game.with_delta(delta))
+        assert expand(linear, exact, 4).residual <= ROUNDING
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["flexible", "gtm"])
+def test_mixed_units_satisfy_the_identity(name: str) -> None:
+    """With each state in a unit of its own, the identity holds and the values are the same."""
+    linear = smooth_aircraft(name)
+    game = usual_game(linear.model, linear.A, linear.B)
+    rates = deviation_rates(linear, game)
+    units = 10.0 ** np.random.default_rng(5).uniform(-3.0, 3.0, len(linear.states))
+
+    def equations(x, u, p, w):
+        z = ca.vertcat(*x) / units
+        return dict(zip(x._fields, ca.vertsplit(rates(z, ca.vertcat(*u)) * units), strict=True)), {}
+
+    states = {state: Signal() for state in linear.states}
+    inputs = {input_name: Signal() for input_name in linear.inputs}
+    model = Model("mixed units", states, inputs, equations, trim=dict.fromkeys(states, 0.0))
+    mixed = linear_of(model)
+    Q = game.Q / np.outer(units, units)
+    of_mixed = hfa.game(mixed, Q, game.R, game.delta, E=units[:, None] * game.E)
+    expansion = expand(mixed, hfa.solve(of_mixed), 4)
+    assert expansion.residual <= ROUNDING
+    plain = expand(linear, hfa.solve(game), 4)
+    y = np.random.default_rng(3).standard_normal((len(states), 20))
+    z = np.linalg.solve(plain.root.T, y)
+    V = np.array(plain.V(z))
+    rounding = 1e-12 * np.abs(V).max()
+    assert np.array(expansion.V(units[:, None] * z)) == pytest.approx(V, rel=1e-9, abs=rounding)
 
 
 def test_linear_plant_has_no_further_terms() -> None:
