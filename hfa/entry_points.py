@@ -167,7 +167,6 @@ COMMANDS = {
                     "hfa.options.reference:Tracked",
                     _DRAWS,
                     "hfa_optimal.initial_conditions:WithFlights",
-                    "hfa_prove.results:WithRegion",
                 ),
             ),
             Written(

@@ -110,12 +110,6 @@ class VerifyRequest(GameRequest):
         "largest excess of the cost above the optimum for exit code 0, percent", "PERCENT", positive
     )
     reference: Mapping[str, Waveform] = reference_option()
-    region: float | None = option(
-        "add the region of attraction of the saturated loop, searched for S seconds",
-        "S",
-        positive,
-        package="hfa_prove",
-    )
     flights: int | None = option(
         "add N nonlinear flights with the critic, compared with the best flights found",
         "N",
@@ -140,7 +134,7 @@ def verify(request: VerifyRequest) -> int:
         )
     named = request.named_game() if paths else request.game.game(request.aircraft, request.trim)
     if named.discrete is not None:
-        request.refuse(("discount", "dt", "region", "flights", "draws", "reference"), CONTINUOUS)
+        request.refuse(("discount", "dt", "flights", "draws", "reference"), CONTINUOUS)
     game = _judged_game(request, named)
     scope = Scope(
         nearby=None if request.trim.at is None else partial(_nearby, request, named.game),
@@ -173,10 +167,6 @@ def verify(request: VerifyRequest) -> int:
 
         report = verdicts_report(verdicts, origin, cost)
     report = report.with_data(**named.as_data(), **named.weights.as_data())
-    if request.region is not None:
-        from hfa_prove.commands.section import with_region
-
-        report = with_region(report, judged, named, request.region)
     if request.flights is not None:
         from hfa_optimal.commands.section import with_flights
 

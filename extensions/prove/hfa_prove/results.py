@@ -340,26 +340,6 @@ class CheckedRegion(ProvedRegion):
     not_given: Sequence[str] = ()
 
 
-@dataclass(frozen=True)
-class NothingProved(Result):
-    """Result of a search in which no set is proved.
-
-    proved: False.
-    """
-
-    proved: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class WithRegion(Result):
-    """Entries that `--region S` adds to a result.
-
-    region: region of attraction of the saturated loop, or None without the option.
-    """
-
-    region: FoundRegion | NothingProved | None = None
-
-
 @dataclass(frozen=True, eq=False)
 class BoundPiece(Result):
     """Lower bound of the cost by one polynomial W(M z), with z the deviation from the equilibrium.
