@@ -23,7 +23,6 @@ from hfa_support.units import conversion, si_unit
 from trim.point.status import Status
 
 if TYPE_CHECKING:
-    import xarray
     from matplotlib.axes import Axes
 
     from trim.linear.linear_model import LinearModel
@@ -293,16 +292,6 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         from trim.point.linearize import linearize
 
         return linearize(self.model, self, **options)
-
-    def to_xarray(self) -> xarray.Dataset:
-        """Return each state, input and output with its unit. Requires xarray."""
-        from trim.tables import dataset
-
-        values = {
-            name: ((), value, {"units": self.model.unit(name)})
-            for name, value in dict(self).items()
-        }
-        return dataset(values, {}, self.model.title)
 
     def plot(self) -> Axes:
         """Draw the variables between their limits with pyplot, and return the Axes."""
