@@ -54,6 +54,8 @@ _SAMPLED = 4
 _HIGHEST = 1.5
 #: Number of boxes that is never reached within the time limit.
 _ENDLESS = 10**9
+#: Least ratio of the eigenvalues of a first P, in nominal values. Modes that coincide give less.
+_DEFINITE = 1e-12
 #: Largest extents of a set, in nominal values.
 _WIDEST = 100.0
 
@@ -272,7 +274,8 @@ class BoxesSearch:
                 break
             P = 0.5 * (P + P.T)
             slope = P @ self.J
-            if not np.all(np.linalg.eigvalsh(P) > 0.0):
+            sizes = np.linalg.eigvalsh(P * np.outer(self.samples.nominal, self.samples.nominal))
+            if not sizes[0] > _DEFINITE * sizes[-1]:
                 continue
             if not np.all(np.linalg.eigvalsh(slope + slope.T) < 0.0):
                 continue

@@ -2,19 +2,33 @@
 
 from __future__ import annotations
 
+from typing import Any, NoReturn
+
 import numpy as np
 import pytest
 from nominal import nominal_game
 
 import hfa
 from hfa_aircraft.model import Model
+from hfa_prove.search.region import proved_region
 
 
-def test_python_and_the_command_report_equal_regions(model: Model) -> None:
+def _interrupted(region: Any) -> NoReturn:
+    raise KeyboardInterrupt
+
+
+def test_python_and_the_command_report_equal_regions(
+    model: Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A region proved in Python has extents around 0, a positive level and the command's title.
 
-    A gain of another shape and an unstable loop are refused.
+    A gain of another shape and an unstable loop are refused. The search ends at the first region.
     """
+
+    def first(problem: Any, **settings: Any) -> Any:
+        return proved_region(problem, ("squares",), save=_interrupted, **settings)
+
+    monkeypatch.setattr("hfa_prove.prove_region.proved_region", first)
     point = hfa.trim(model)
     solution = hfa.solve(nominal_game(point.linearize()))
     region = hfa.prove_region(model, point, solution, seconds=20.0)

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
+from first_proofs import first_region
+from pendulum_regions import pendulum_loop
 
 from hfa.main import main
+from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model, Signal
+from hfa_prove.certificate import write_certificate
+from hfa_prove.search import region as searches
 from hfa_prove.search.region import proved_region
-from hfa_prove.search.region_search import RegionProblem
+from hfa_prove.search.region_search import Region, RegionProblem, Settings
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_support.errors import NoSolutionError
 
@@ -36,37 +43,64 @@ KINKED = Model(
 """
 
 
-@pytest.fixture
-def kinked(tmp_path: Path) -> list[str]:
-    """Return options that name a pendulum with a table and a kink inside its set."""
-    path = tmp_path / "kinked.py"
-    path.write_text(KINKED)
-    return ["--aircraft", f"{path}:KINKED"]
-
-
 def test_kinks_and_tables_are_proved_on_boxes(
-    kinked: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A loop with kinks is proved on boxes, and the set extends beyond both kinks.
 
     The certificate is checked without further options. The game of other weights is refused. Sums
     of squares prove a set that ends short of the first kink.
     """
-    proof = str(tmp_path / "proof.json")
-    words = ["prove", "region", *kinked, "--degree", "2", "--seconds", "4", "-o", proof]
-    assert main(words) == 0
-    shown = capsys.readouterr().out
-    assert "--prover boxes" in shown
-    assert "Sums of squares: " in shown
-    extents = json.loads(Path(proof).read_text())["statement"]["extents"]
-    assert extents["angle"][1] > 0.5
-    assert extents["rate"][1] > 0.7
-    assert main(["prove", *kinked, "--check", proof]) == 0
+    path = tmp_path / "kinked.py"
+    path.write_text(KINKED)
+    kinked = ["--aircraft", f"{path}:KINKED"]
+    loop = pendulum_loop(load_model(kinked[1]))
+
+    def is_beyond_kinks(region: Region) -> bool:
+        return region.extents["angle"][1] > 0.5 and region.extents["rate"][1] > 0.7
+
+    found = first_region(loop, "boxes", is_beyond_kinks)
+    assert is_beyond_kinks(found)
+    proof = tmp_path / "proof.json"
+    origin = {"version": "", "command": "", "date": ""}
+    write_certificate(proof, found.statement, found.witness, origin)
+    assert main(["prove", *kinked, "--check", str(proof)]) == 0
     assert "kinked pendulum, of the policy in the certificate\n" in capsys.readouterr().out
-    assert main(["prove", "region", *kinked, "--Q", "1,9", "--R", "1", "--check", proof]) == 1
+    assert main(["prove", "region", *kinked, "--Q", "1,9", "--R", "1", "--check", str(proof)]) == 1
     assert "K in the certificate differs from the value of the game" in capsys.readouterr().err
-    assert main([*words[:-2], "--prover", "squares", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["extents"]["angle"] < 0.4
+    assert first_region(loop, "squares").extents["angle"][1] < 0.4
+
+
+def test_the_larger_set_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the sets of two provers, the larger one is reported and saved, with what the other did."""
+    sizes = {"squares": 1.0, "boxes": 2.0}
+
+    def prover(name: str) -> Any:
+        unknown: Any = None
+        found = SimpleNamespace(size=sizes[name])
+        region = Region(unknown, {"prover": name}, 1, cast(Any, found), {}, "", unknown)
+
+        def prove(problem: RegionProblem, settings: Settings) -> Region:
+            assert settings.save is not None
+            settings.save(region)
+            return region
+
+        return prove
+
+    saved: list[str] = []
+    monkeypatch.setattr(searches, "PROVERS", {name: prover(name) for name in sizes})
+    monkeypatch.setattr(searches, "_with_obstacles", lambda region, seconds, clock: region)
+    for names in (("squares", "boxes"), ("boxes", "squares")):
+        found = proved_region(
+            cast(Any, None),
+            names,
+            degree=2,
+            seconds=1.0,
+            save=lambda region: saved.append(region.prover),
+        )
+        assert found.prover == "boxes"
+        assert found.others == {"squares": "proves a set of 0.5 times the size"}
+    assert saved == ["squares", "boxes", "boxes"]
 
 
 @pytest.mark.slow
