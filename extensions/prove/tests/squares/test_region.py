@@ -139,9 +139,9 @@ def test_a_certificate_of_another_aircraft_is_refused(
 
 
 def test_forgeries_are_refused(certificate: Path, model: Model) -> None:
-    """Three forgeries of each kind are refused."""
+    """A forgery of each kind is refused."""
     kinds = set(KINDS)
-    assert accepted_forgeries(certificate, model, 3 * len(kinds)) == (kinds, [])
+    assert accepted_forgeries(certificate, model, len(kinds)) == (kinds, [])
 
 
 @pytest.mark.slow
@@ -272,7 +272,14 @@ def test_unsupported_loops_are_refused(tmp_path: Path, capsys: pytest.CaptureFix
     assert "use erf" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("name", ["SWITCH", "KINK", "TABLE"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "KINK",
+        pytest.param("SWITCH", marks=pytest.mark.slow),
+        pytest.param("TABLE", marks=pytest.mark.slow),
+    ],
+)
 def test_regions_end_before_a_switch(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
