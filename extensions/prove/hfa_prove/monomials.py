@@ -1,7 +1,4 @@
-"""V as a polynomial in the state deviations, in double precision.
-
-The module computes values, gradients and boundary points.
-"""
+"""Polynomials V and W in double precision: values, gradients and boundary points."""
 
 from __future__ import annotations
 
@@ -15,75 +12,10 @@ from hfa_prove.statements.piece import Polynomial
 
 #: Bits of a coefficient, so that its products with powers are doubles.
 _BITS = 45
-
-
-class Monomials:
-    """All monomials of n variables with degrees from 2 to a highest degree.
-
-    n: number of variables
-    degree: highest degree
-    """
-
-    def __init__(self, n: int, degree: int) -> None:
-        self.n = n
-        self.degree = degree
-        powers = []
-        for total in range(2, degree + 1):
-            for chosen in combinations_with_replacement(range(n), total):
-                powers.append(tuple(chosen.count(i) for i in range(n)))
-        self.powers = np.array(powers)
-
-    @property
-    def degrees(self) -> np.ndarray:
-        """Degree of each monomial, (K,)."""
-        return np.asarray(self.powers.sum(axis=1))
-
-    def quadratic(self, S: np.ndarray) -> np.ndarray:
-        """Return the coefficients (K,) of the quadratic form y'S y, with S (n, n)."""
-        coefficients = np.zeros(len(self.powers))
-        for index in np.flatnonzero(self.degrees == 2):
-            i, j = np.repeat(np.arange(self.n), self.powers[index])
-            coefficients[index] = S[i, i] if i == j else S[i, j] + S[j, i]
-        return coefficients
-
-    def at(self, y: np.ndarray) -> np.ndarray:
-        """Return the monomials (N, K) at points (N, n)."""
-        table = self._table(y)
-        values = np.ones((len(y), len(self.powers)))
-        for i in range(self.n):
-            values *= table[self.powers[:, i], :, i].T
-        return values
-
-    def slopes(self, y: np.ndarray) -> np.ndarray:
-        """Return the gradients (N, K, n) of the monomials at points (N, n)."""
-        table = self._table(y)
-        slopes = np.empty((len(y), len(self.powers), self.n))
-        for j in range(self.n):
-            powers = self.powers.copy()
-            powers[:, j] = np.maximum(powers[:, j] - 1, 0)
-            values = np.broadcast_to(self.powers[:, j].astype(float), slopes.shape[:2]).copy()
-            for i in range(self.n):
-                values *= table[powers[:, i], :, i].T
-            slopes[:, :, j] = values
-        return slopes
-
-    def polynomial(self, coefficients: np.ndarray) -> Polynomial:
-        """Return the polynomial with the given coefficients (K,), each rounded to `_BITS` bits."""
-        mantissa, exponent = np.frexp(coefficients)
-        rounded = np.ldexp(np.round(np.ldexp(mantissa, _BITS)), exponent - _BITS)
-        pairs = zip(rounded.tolist(), self.powers.tolist(), strict=True)
-        return Polynomial(self.n, tuple((value, tuple(powers)) for value, powers in pairs if value))
-
-    def _table(self, y: np.ndarray) -> np.ndarray:
-        """Return all powers of y (N, n) from 0 to the highest degree, (degree + 1, N, n)."""
-        table = np.ones((self.degree + 1, *y.shape))
-        for power in range(1, self.degree + 1):
-            table[power] = table[power - 1] * y
-        return table
-
-
 #: Bisections for the edge of a set.
 _HALVINGS = 40
+#: Difference of two factors at which a polynomial is evaluated along a ray.
+_STEP = 0.01
 #: Directions in which a set is measured.
 _DIRECTIONS = 3000
 #: Largest number of iterations for the ellipsoid.
@@ -95,7 +27,7 @@ Term = tuple[float, tuple[int, ...]]
 
 @dataclass(frozen=True, eq=False)
 class PolynomialFunction:
-    """Polynomial V(z) = Σ coefficient z^exponents in the state deviations z.
+    """Polynomial V(z) = Σ coefficient z^exponents.
 
     coefficients: (k,)
     exponents: exponents of the states in each term, (k, n)
@@ -105,13 +37,21 @@ class PolynomialFunction:
     exponents: np.ndarray
 
     @classmethod
-    def quadratic(cls, P: np.ndarray) -> PolynomialFunction:
-        """Return the quadratic polynomial V = z'P z, with P (n, n)."""
+    def quadratic(cls, P: np.ndarray, degree: int = 2) -> PolynomialFunction:
+        """Return the quadratic polynomial V = z'P z, with P (n, n).
+
+        degree: highest degree of the monomials, of which those above 2 have the coefficient 0
+        """
         n = len(P)
+        exponents = []
+        for total in range(2, degree + 1):
+            for chosen in combinations_with_replacement(range(n), total):
+                exponents.append(tuple(chosen.count(i) for i in range(n)))
         rows, columns = np.triu_indices(n)
-        exponents = np.eye(n, dtype=int)[rows] + np.eye(n, dtype=int)[columns]
-        weights = np.where(rows == columns, 1.0, 2.0)
-        return cls(P[rows, columns] * weights, exponents)
+        coefficients = np.zeros(len(exponents))
+        both = P[rows, columns] + P[columns, rows]
+        coefficients[: len(rows)] = np.where(rows == columns, 0.5 * both, both)
+        return cls(coefficients, np.array(exponents))
 
     @classmethod
     def of_terms(cls, terms: Sequence[Term]) -> PolynomialFunction:
@@ -128,9 +68,26 @@ class PolynomialFunction:
         return tuple((coefficient, tuple(powers)) for coefficient, powers in pairs)
 
     @property
+    def degrees(self) -> np.ndarray:
+        """Degree of each monomial, (k,)."""
+        return np.asarray(self.exponents.sum(axis=1))
+
+    @property
     def degree(self) -> int:
-        """Degree of the highest term."""
-        return int(self.exponents.sum(axis=1).max())
+        """Degree of the highest monomial."""
+        return int(self.degrees.max())
+
+    def with_coefficients(self, coefficients: np.ndarray) -> PolynomialFunction:
+        """Return the polynomial with the same monomials and other coefficients (k,)."""
+        return PolynomialFunction(coefficients, self.exponents)
+
+    def rounded(self) -> Polynomial:
+        """Return the polynomial of a statement, each coefficient rounded to `_BITS` bits."""
+        mantissa, exponent = np.frexp(self.coefficients)
+        rounded = np.ldexp(np.round(np.ldexp(mantissa, _BITS)), exponent - _BITS)
+        terms = self.with_coefficients(rounded).terms
+        n = self.exponents.shape[1]
+        return Polynomial(n, tuple((value, powers) for value, powers in terms if value))
 
     def matrix(self) -> np.ndarray:
         """Return the matrix P (n, n) of the quadratic part z'P z of V."""
@@ -152,22 +109,29 @@ class PolynomialFunction:
 
     def scaled(self, factor: float) -> PolynomialFunction:
         """Return V multiplied by a number."""
-        return PolynomialFunction(self.coefficients * factor, self.exponents)
+        return self.with_coefficients(self.coefficients * factor)
+
+    def monomials(self, z: np.ndarray) -> np.ndarray:
+        """Return the monomials (N, k) at points z (N, n)."""
+        return _products(_powers(z, self.degree), self.exponents)
+
+    def monomial_slopes(self, z: np.ndarray) -> np.ndarray:
+        """Return the gradients (N, k, n) of the monomials at points z (N, n)."""
+        table = _powers(z, self.degree)
+        slopes = np.empty((len(z), *self.exponents.shape))
+        for j, powers in enumerate(self.exponents.T):
+            lowered = self.exponents.copy()
+            lowered[:, j] = np.maximum(powers - 1, 0)
+            slopes[:, :, j] = powers * _products(table, lowered)
+        return slopes
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
-        """Return V (N,) at state deviations z (N, n)."""
-        return np.asarray(_powers(z, self.exponents) @ self.coefficients)
+        """Return V (N,) at points z (N, n)."""
+        return np.asarray(self.monomials(z) @ self.coefficients)
 
     def slope(self, z: np.ndarray) -> np.ndarray:
-        """Return ∂V/∂z (N, n) at state deviations z (N, n)."""
-        slopes = np.empty_like(z)
-        for i in range(z.shape[1]):
-            powers = self.exponents[:, i]
-            kept = powers > 0
-            lowered = self.exponents[kept].copy()
-            lowered[:, i] -= 1
-            slopes[:, i] = _powers(z, lowered) @ (self.coefficients[kept] * powers[kept])
-        return slopes
+        """Return the gradient ∂V/∂z (N, n) at points z (N, n)."""
+        return np.asarray(np.einsum("ktj,t->kj", self.monomial_slopes(z), self.coefficients))
 
     def substituted(self, M: np.ndarray) -> PolynomialFunction:
         """Return V(M y) as a polynomial in y."""
@@ -178,22 +142,21 @@ class PolynomialFunction:
                 total[key] = total.get(key, 0.0) + coefficient * value
         return PolynomialFunction(np.array(list(total.values())), np.array(list(total)))
 
-    def edge(self, rays: np.ndarray, level: float) -> np.ndarray:
+    def edge(self, rays: np.ndarray, level: float, farthest: float = 2.0) -> np.ndarray:
         """Return for each ray z (N, n) the lowest factor at which V reaches a level, (N,).
 
-        The factor is inf if V does not reach the level at factors up to 2.
+        The factor is inf if V does not reach the level at factors up to `farthest`.
         """
-        degrees = self.exponents.sum(axis=1)
-        values = _powers(rays, self.exponents) * self.coefficients
-        shares = np.linspace(0.0, 2.0, 201)[1:]
+        values = self.monomials(rays) * self.coefficients
+        shares = _STEP * np.arange(1, round(farthest / _STEP) + 1)
         along = np.zeros((len(rays), len(shares)))
         by_degree = {}
-        for degree in np.unique(degrees).tolist():
-            by_degree[degree] = values[:, degrees == degree].sum(axis=1)
+        for degree in np.unique(self.degrees).tolist():
+            by_degree[degree] = values[:, self.degrees == degree].sum(axis=1)
             along += by_degree[degree][:, None] * shares**degree
         is_beyond = along >= level
         high = shares[is_beyond.argmax(axis=1)]
-        low = high - shares[0]
+        low = high - _STEP
         for _ in range(_HALVINGS):
             middle = (low + high) / 2
             values_there = sum(part * middle**degree for degree, part in by_degree.items())
@@ -243,18 +206,19 @@ def ellipsoid(points: np.ndarray) -> np.ndarray:
     return np.asarray(inverse / sizes.max())
 
 
-def _powers(z: np.ndarray, exponents: np.ndarray) -> np.ndarray:
-    """Return the monomials (N, k) at points z (N, n).
+def _powers(z: np.ndarray, highest: int) -> np.ndarray:
+    """Return all powers of z (N, n) from 0 to the highest, (highest + 1, N, n)."""
+    table = np.ones((highest + 1, *z.shape))
+    for power in range(highest):
+        table[power + 1] = table[power] * z
+    return table
 
-    exponents: (k, n)
-    """
-    result = np.ones((len(z), len(exponents)))
-    for i in range(z.shape[1]):
-        highest = int(exponents[:, i].max(initial=0))
-        table = np.ones((highest + 1, len(z)))
-        for power in range(highest):
-            table[power + 1] = table[power] * z[:, i]
-        result *= table[exponents[:, i]].T
+
+def _products(table: np.ndarray, exponents: np.ndarray) -> np.ndarray:
+    """Return the monomials (N, k) with given exponents (k, n), from a table of `_powers`."""
+    result = np.ones((table.shape[1], len(exponents)))
+    for i, powers in enumerate(exponents.T):
+        result *= table[powers, :, i].T
     return result
 
 

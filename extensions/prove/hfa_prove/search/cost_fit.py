@@ -19,7 +19,7 @@ from scipy.optimize import linprog
 from hfa_aircraft.march.cost import Cost
 from hfa_prove.check.cover import OpenBoxError
 from hfa_prove.check.equilibrium import Equilibrium
-from hfa_prove.monomials import Monomials
+from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.search.clock import Clock
 from hfa_prove.search.flights import Inputs, flight_costs
 from hfa_prove.search.obstacles import first_obstacle
@@ -173,8 +173,7 @@ def quadratic_piece(problem: CostProblem, share: float, c: float) -> Piece:
     z = problem.ball(_SAMPLES, c / share, np.random.default_rng(1))
     M = problem.coordinates(share, z) / _ROOM
     N = np.linalg.inv(M)
-    basis = Monomials(len(M), 2)
-    return Piece(M, basis.polynomial(basis.quadratic(share * N.T @ problem.P @ N)), c)
+    return Piece(M, PolynomialFunction.quadratic(share * N.T @ problem.P @ N).rounded(), c)
 
 
 class TargetFlights(NamedTuple):
@@ -216,14 +215,12 @@ class Fit:
         self._beyond = beyond
         self._report = report
         self._random = np.random.default_rng(1)
-        n = len(problem.P)
         self.M = problem.coordinates(1.0 - problem.margin, self._ball(4000)) / 1.02
         self.N = np.linalg.inv(self.M)
-        self._basis = Monomials(n, problem.degree)
         square = (1.0 - problem.margin) * self.N.T @ problem.P @ self.N
-        self._fixed = self._basis.quadratic(square)
+        #: W of the last linear program. The quadratic part remains that of the first W.
+        self._W = self._first = PolynomialFunction.quadratic(square, problem.degree)
         self._orthonormal = self._combinations()
-        self._coefficients = self._fixed.copy()
         self._rows: list[np.ndarray] = []
         self._sides: list[np.ndarray] = []
         self._begun = False
@@ -249,7 +246,7 @@ class Fit:
                 break
             self._rows.append(rows)
             self._sides.append(sides)
-        return self._basis.polynomial(self._coefficients)
+        return self._W.rounded()
 
     def _violated(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the constraints that W violates most at new samples.
@@ -258,9 +255,9 @@ class Fit:
         and (k,).
         """
         z = self._ball(_SAMPLES)
-        z = z[self._values(z @ self.M.T) <= _NEAR_SET * self.c]
+        z = z[self._W(z @ self.M.T) <= _NEAR_SET * self.c]
         rows, sides = self._row(z, self._best_inputs(z))
-        slack = rows @ self._coefficients - sides
+        slack = rows @ self._W.coefficients - sides
         worst = np.argsort(slack)[:_ADDED]
         worst = worst[slack[worst] < -_VIOLATED * self._problem.margin]
         return rows[worst], sides[worst]
@@ -289,8 +286,8 @@ class Fit:
         The combinations are orthonormal over samples. The linear programs are therefore well
         conditioned.
         """
-        higher = self._basis.degrees > 2
-        values = self._basis.at(self._ball(_ORTHONORMAL) @ self.M.T)[:, higher]
+        higher = self._W.degrees > 2
+        values = self._W.monomials(self._ball(_ORTHONORMAL) @ self.M.T)[:, higher]
         found = np.zeros((len(higher), int(higher.sum())))
         found[higher] = np.linalg.inv(np.linalg.qr(values)[1]) * np.sqrt(len(values))
         return found
@@ -309,13 +306,13 @@ class Fit:
         sides = np.concatenate(self._sides)
         y = self._ball(4000) @ self.M.T
         if self._begun:
-            y = y[self._values(y) <= self.c]
+            y = y[self._W(y) <= self.c]
         linear = self._problem.linear_cost(y @ self.N.T)
-        gain = np.mean(self._basis.at(y) / linear[:, None], axis=0)
-        wanted = self._basis.at(self._wanted.z @ self.M.T) / self._wanted.costs[:, None]
+        gain = np.mean(self._W.monomials(y) / linear[:, None], axis=0)
+        wanted = self._W.monomials(self._wanted.z @ self.M.T) / self._wanted.costs[:, None]
         if len(wanted):
             gain += np.mean(wanted, axis=0)
-        unknowns = np.column_stack([self.c * self._orthonormal, self._fixed])
+        unknowns = np.column_stack([self.c * self._orthonormal, self._first.coefficients])
         free = unknowns.shape[1] - 1
         every = np.concatenate([rows, wanted]) @ unknowns
         of_t = np.concatenate([np.zeros(len(rows)), np.ones(len(wanted))])
@@ -333,16 +330,13 @@ class Fit:
                 "sample points",
                 y[0],
             )
-        self._coefficients = unknowns @ found.x[:-1]
-        slack = rows @ self._coefficients - sides
+        self._W = self._W.with_coefficients(unknowns @ found.x[:-1])
+        slack = rows @ self._W.coefficients - sides
         if len(rows) > _MOST_ROWS:
             kept = np.argsort(slack)[:_KEPT_ROWS]
             self._rows = [rows[kept]]
             self._sides = [sides[kept]]
         self._begun = True
-
-    def _values(self, y: np.ndarray) -> np.ndarray:
-        return np.asarray(self._basis.at(y) @ self._coefficients)
 
     def _row(self, z: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return rows (N, K) and right sides (N,) of the inequality at samples.
@@ -355,7 +349,7 @@ class Fit:
         """
         problem = self._problem
         f = problem.inputs.rates(z, v) @ self.M.T
-        rows = np.einsum("ktj,kj->kt", self._basis.slopes(z @ self.M.T), f)
+        rows = np.einsum("ktj,kj->kt", self._W.monomial_slopes(z @ self.M.T), f)
         scale = Cost(problem.Q, problem.R).rate(z, v) + 1e-12 * self.c
         return rows / scale[:, None], np.full(len(z), -(1.0 - _KEPT * problem.margin))
 
@@ -382,16 +376,14 @@ class Fit:
         far = inner[self._problem.linear_cost(inner @ self.N.T) > self._beyond * self.c]
         y = np.concatenate([faces, far])
         y = y[self._problem.in_envelope(y @ self.N.T)]
-        is_low = self._values(y) < 1.01 * self.c
+        is_low = self._W(y) < 1.01 * self.c
         self._add_high(y if every else y[is_low])
         return bool(is_low.any())
 
     def _add_high(self, y: np.ndarray) -> None:
         """Add the constraints W >= 1.02 c at points y (k, n)."""
-        self._rows.append(self._basis.at(y) / self.c)
+        self._rows.append(self._W.monomials(y) / self.c)
         self._sides.append(np.full(len(y), 1.02))
 
     def _best_inputs(self, z: np.ndarray) -> np.ndarray:
-        y = z @ self.M.T
-        p = np.einsum("ktj,t->kj", self._basis.slopes(y), self._coefficients) @ self.M
-        return self._problem.inputs.best(z, p)
+        return self._problem.inputs.best(z, self._W.slope(z @ self.M.T) @ self.M)

@@ -124,7 +124,7 @@ class BoxesSearch:
         growth: V with its linear programs
         """
         for degree in sorted({2, self._degree}):
-            if degree < growth.shape.basis.degree:
+            if degree < growth.shape.V.degree:
                 continue
             origin = f"a polynomial of degree {degree} from the search"
             self._grow(growth, degree)

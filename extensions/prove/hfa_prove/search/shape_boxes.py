@@ -16,7 +16,7 @@ import scipy.linalg
 from scipy.optimize import linprog, minimize
 
 from hfa_prove.check.equilibrium import Equilibrium
-from hfa_prove.monomials import Monomials, PolynomialFunction
+from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.search.clock import Clock
 from hfa_prove.search.obstacles import LevelSet
 from hfa_prove.statements.loop import Loop
@@ -35,9 +35,8 @@ _SHELLS = 25
 _TURNS = 8
 #: Depth below the level that the shells fill, relative to the previous turn.
 _SHALLOWER = 0.75
-#: Largest factor on a ray at which V is evaluated, and number of steps up to it.
+#: Largest factor on a ray at which V is evaluated.
 _FARTHEST = 3.0
-_STEPS = 150
 #: Half-width of the cube relative to the set. Above 2, the boxes at the faces after one halving are
 #: outside the set.
 _ROOM = 2.05
@@ -161,13 +160,11 @@ class Shape:
     z is the state deviation from the equilibrium.
 
     M: (n, n)
-    basis: the monomials
-    coefficients: coefficients of the monomials, (K,)
+    V: polynomial in y with all monomials from degree 2 to its degree
     """
 
     M: np.ndarray
-    basis: Monomials
-    coefficients: np.ndarray
+    V: PolynomialFunction
 
     @classmethod
     def of_matrix(cls, P: np.ndarray, J: np.ndarray, degree: int) -> Shape:
@@ -176,8 +173,7 @@ class Shape:
         J: (n, n), linearization of the loop
         degree: highest degree of the monomials
         """
-        basis = Monomials(len(P), degree)
-        return cls(_diagonal(P, J), basis, basis.quadratic(np.eye(len(P))))
+        return cls(_diagonal(P, J), PolynomialFunction.quadratic(np.eye(len(P)), degree))
 
     @classmethod
     def of_piece(cls, piece: Piece, degree: int) -> Shape:
@@ -185,13 +181,12 @@ class Shape:
 
         degree: highest degree of the monomials, raised to the degree of V if necessary
         """
-        powers = [powers for _, powers in piece.W.terms]
-        basis = Monomials(len(piece.M), max(degree, *(sum(each) for each in powers)))
-        coefficients = np.zeros(len(basis.powers))
-        listed = basis.powers.tolist()
-        for value, each in piece.W.terms:
-            coefficients[listed.index(list(each))] = value / piece.c
-        return cls(piece.M, basis, coefficients)
+        stated = PolynomialFunction.of_terms(piece.W.terms)
+        zero = np.zeros_like(piece.M)
+        V = PolynomialFunction.quadratic(zero, max(degree, stated.degree))
+        places = [V.exponents.tolist().index(powers) for powers in stated.exponents.tolist()]
+        V.coefficients[places] = stated.coefficients / piece.c
+        return cls(piece.M, V)
 
     def of_degree(self, degree: int) -> Shape:
         """Return V with monomials up to a higher degree, whose coefficients are 0."""
@@ -204,12 +199,11 @@ class Shape:
 
     def values(self, z: np.ndarray) -> np.ndarray:
         """Return V (N,) at state deviations z (N, n)."""
-        return np.asarray(self.basis.at(z @ self.M.T) @ self.coefficients)
+        return self.V(z @ self.M.T)
 
     def gradients(self, z: np.ndarray) -> np.ndarray:
         """Return ∂V/∂z (N, n) at state deviations z (N, n)."""
-        slopes = np.einsum("ktj,t->kj", self.basis.slopes(z @ self.M.T), self.coefficients)
-        return np.asarray(slopes @ self.M)
+        return np.asarray(self.V.slope(z @ self.M.T) @ self.M)
 
     def linear_decay(self, J: np.ndarray) -> np.ndarray:
         """Return the symmetric D (n, n) with -V' = y'D y to second order, for z' = J z."""
@@ -217,15 +211,14 @@ class Shape:
         return np.asarray(-(slope + slope.T))
 
     @property
+    def n(self) -> int:
+        """Number of states."""
+        return len(self.M)
+
+    @property
     def square(self) -> np.ndarray:
         """Symmetric S (n, n) with V = y'S y to second order."""
-        n = self.basis.n
-        square = np.zeros((n, n))
-        for index in np.flatnonzero(self.basis.degrees == 2):
-            i, j = np.repeat(np.arange(n), self.basis.powers[index])
-            square[i, j] += 0.5 * self.coefficients[index]
-            square[j, i] += 0.5 * self.coefficients[index]
-        return square
+        return self.V.matrix()
 
     def modal_decay(self, J: np.ndarray) -> np.ndarray:
         """Return the matrix R (n, n) of the modal decay z'R z, for the linear loop z' = J z.
@@ -251,17 +244,22 @@ class Shape:
         values, directions = scipy.linalg.eigh(self.linear_decay(J))
         return np.asarray(directions / np.sqrt(np.maximum(values, _SLOWEST * values[-1])))
 
+    def with_coefficients(self, coefficients: np.ndarray) -> Shape:
+        """Return the polynomial with other coefficients in the same coordinates."""
+        return replace(self, V=self.V.with_coefficients(coefficients))
+
     def of_level(self, level: float) -> Shape:
         """Return V divided by a level. The set of the result is {V <= level}."""
-        return replace(self, coefficients=self.coefficients / level)
+        return replace(self, V=self.V.scaled(1.0 / level))
 
     def stretched(self, factors: np.ndarray) -> Shape:
         """Return the same V in coordinates y_i / factors_i.
 
         factors: (n,)
         """
-        scale = np.prod(factors**self.basis.powers, axis=1)
-        return replace(self, M=self.M / factors[:, None], coefficients=self.coefficients * scale)
+        scale = np.prod(factors**self.V.exponents, axis=1)
+        V = self.V.with_coefficients(self.V.coefficients * scale)
+        return Shape(self.M / factors[:, None], V)
 
     def diagonal(self, J: np.ndarray) -> Shape:
         """Return V in the coordinates of `_diagonal`, in which a proof needs fewer boxes.
@@ -272,9 +270,9 @@ class Shape:
         if not np.all(np.linalg.eigvalsh(square) > 0.0):
             return self
         turned = replace(self, M=_diagonal(square, J))
-        y = np.random.default_rng(5).uniform(-1.0, 1.0, (4 * len(self.coefficients), len(J)))
+        y = np.random.default_rng(5).uniform(-1.0, 1.0, (4 * len(self.V.coefficients), len(J)))
         values = self.values(y @ turned.N.T)
-        return replace(turned, coefficients=np.linalg.lstsq(self.basis.at(y), values)[0])
+        return turned.with_coefficients(np.linalg.lstsq(self.V.monomials(y), values)[0])
 
     def in_cube(self) -> Shape:
         """Return V in coordinates scaled such that the cube |y_i| <= 1 contains sampled boundary
@@ -286,39 +284,23 @@ class Shape:
 
     def piece(self) -> Piece:
         """Return the set as a piece of level 1, with rounded coefficients."""
-        return Piece(self.M, self.basis.polynomial(self.coefficients), 1.0)
+        return Piece(self.M, self.V.rounded(), 1.0)
 
     def level_set(self) -> LevelSet:
         """Return the set {V <= 1} in the deviations z, in double precision."""
-        V = PolynomialFunction(self.coefficients, self.basis.powers).substituted(self.M)
         lengths = np.linalg.norm(self.edge_points(4 * _RAYS), axis=1)
-        return LevelSet(V, 1.0, self.N * _AROUND * lengths.max())
+        return LevelSet(self.V.substituted(self.M), 1.0, self.N * _AROUND * lengths.max())
 
     def edges(self, rays: np.ndarray, level: float = 1.0) -> np.ndarray:
         """Return for each ray y (N, n) the lowest factor at which V reaches a level, (N,).
 
         If V does not reach the level, the factor is `_FARTHEST`.
         """
-        values = self.basis.at(rays) * self.coefficients
-        degrees = np.unique(self.basis.degrees)
-        parts = [values[:, self.basis.degrees == degree].sum(axis=1) for degree in degrees]
-        shares = np.linspace(0.0, _FARTHEST, _STEPS + 1)[1:]
-        along = sum(
-            part[:, None] * shares**degree for part, degree in zip(parts, degrees, strict=True)
-        )
-        is_beyond = np.asarray(along) >= level
-        first = np.where(is_beyond.any(axis=1), is_beyond.argmax(axis=1), _STEPS - 1)
-        low, high = shares[first] - shares[0], shares[first]
-        for _ in range(30):
-            middle = 0.5 * (low + high)
-            there = sum(part * middle**degree for part, degree in zip(parts, degrees, strict=True))
-            high = np.where(there >= level, middle, high)
-            low = np.where(there >= level, low, middle)
-        return np.asarray(high)
+        return np.minimum(self.V.edge(rays, level, _FARTHEST), _FARTHEST)
 
     def edge_points(self, count: int) -> np.ndarray:
         """Return points y (count, n) with V = 1 in random directions."""
-        rays = _unit(np.random.default_rng(2).normal(size=(count, self.basis.n)))
+        rays = _unit(np.random.default_rng(2).normal(size=(count, self.n)))
         return np.asarray(rays * self.edges(rays)[:, None])
 
     def size(self) -> float:
@@ -326,7 +308,7 @@ class Shape:
 
         The volume is relative to that of the unit ball, and is estimated from random directions.
         """
-        n = self.basis.n
+        n = self.n
         lengths = np.linalg.norm(self.edge_points(4 * _RAYS), axis=1)
         return float((np.mean(lengths**n) / abs(np.linalg.det(self.M))) ** (1.0 / n))
 
@@ -344,7 +326,7 @@ class Shape:
             margin = -slope / np.sum(s * s, axis=1)
             return np.where(samples.beyond(z) | np.isnan(margin), -np.inf, margin)
 
-        rays = samples.share * _SEARCHED * self.basis.n * (0.1 if quick else 1.0)
+        rays = samples.share * _SEARCHED * self.n * (0.1 if quick else 1.0)
         turns = _TURNS // 4 if quick else _TURNS
         found = self._first(margins, level, max(int(rays), _FEWEST), turns, slow)
         if found is None:
@@ -372,7 +354,7 @@ class Shape:
         turns: number of iterations
         slow: result of `Shape.slow`
         """
-        n = self.basis.n
+        n = self.n
         generator = np.random.default_rng(0)
         shells = np.arange(1, _SHELLS + 1)
         to_slow = np.linalg.inv(slow)
@@ -416,7 +398,7 @@ class Shape:
 
         The bounds are estimated from samples.
         """
-        n = self.basis.n
+        n = self.n
         generator = np.random.default_rng(3)
         inside = generator.uniform(size=(4 * _RAYS, 1)) ** (1.0 / n)
         z = inside * (self.edge_points(4 * _RAYS) @ self.N.T)
@@ -437,7 +419,7 @@ class Shape:
 
         direction: (n,), a direction in the coordinates y
         """
-        n = self.basis.n
+        n = self.n
         generator = np.random.default_rng(4)
         rays = _unit(generator.normal(size=(_RAYS, n)))
         spread = 0.5
@@ -456,8 +438,8 @@ class Shape:
             jac=lambda y: -direction,
             constraints={
                 "type": "ineq",
-                "fun": lambda y: 1.0 - self.basis.at(y[None]) @ self.coefficients,
-                "jac": lambda y: -self.coefficients @ self.basis.slopes(y[None])[0],
+                "fun": lambda y: 1.0 - self.V(y[None]),
+                "jac": lambda y: -self.V.slope(y[None])[0],
             },
             method="SLSQP",
             options={"ftol": 1e-12},
@@ -587,20 +569,20 @@ class Growth:
         level: level of the present V
         """
         last = self.shape.in_cube()
-        basis = last.basis
+        monomials = last.V.monomials
         checked = int(_CHECKED * max(self._samples.share, 0.1))
         inner = self._inside(last, level, _FIRST)
         inner = np.concatenate([inner, self._refuted @ last.M.T])
         edge = self._edge(last, level, _FIRST // 2)
         falls, least = self._rows(last, inner)
         near = self._linear_rows(last, self._slowest)
-        rows = [basis.at(edge), falls, near]
+        rows = [monomials(edge), falls, near]
         sides = [np.full(len(edge), 1.02), least, np.full(len(near), self._least_decay)]
         unknowns = self._unknowns(last)
-        mean = basis.at(self._edge(last, 1.0, _FIRST)).mean(axis=0)
+        mean = monomials(self._edge(last, 1.0, _FIRST)).mean(axis=0)
         shape = None
         for _ in range(_PROGRAMS):
-            self._report(f"V of degree {basis.degree}, size {self.shape.size():.4g}")
+            self._report(f"V of degree {last.V.degree}, size {self.shape.size():.4g}")
             found = linprog(
                 mean @ unknowns,
                 -np.concatenate(rows) @ unknowns,
@@ -611,11 +593,11 @@ class Growth:
             if found.x is None:
                 return None
             coefficients = unknowns @ found.x
-            shape = replace(last, coefficients=coefficients)
-            walls = basis.at(self._edge(last, level, _CHECKED))
+            shape = last.with_coefficients(coefficients)
+            walls = monomials(self._edge(last, level, _CHECKED))
             low = walls[walls @ coefficients < 1.005]
             more = self._inside(last, level, checked)
-            more = more[basis.at(more) @ coefficients <= 1.0]
+            more = more[monomials(more) @ coefficients <= 1.0]
             falls, least = self._rows(last, more)
             slack = falls @ coefficients - least
             worst = np.argsort(slack)[:_ADDED]
@@ -632,15 +614,15 @@ class Growth:
         For degrees above 2, the quadratic part of V may only be scaled, because too few samples of
         a stiff loop are near 0.
         """
-        if shape.basis.degree == 2:
-            return np.eye(len(shape.coefficients))
-        is_square = shape.basis.degrees == 2
-        square = np.where(is_square, shape.coefficients, 0.0)
+        if shape.V.degree == 2:
+            return np.eye(len(shape.V.coefficients))
+        is_square = shape.V.degrees == 2
+        square = np.where(is_square, shape.V.coefficients, 0.0)
         return np.column_stack([square, np.eye(len(square))[:, ~is_square]])
 
     def _edge(self, shape: Shape, level: float, count: int) -> np.ndarray:
         """Return random points y (count, n) at which V equals a level."""
-        rays = _unit(self._random.normal(size=(count, shape.basis.n)))
+        rays = _unit(self._random.normal(size=(count, shape.n)))
         return np.asarray(rays * shape.edges(rays, level)[:, None])
 
     def _inside(self, shape: Shape, level: float, count: int) -> np.ndarray:
@@ -648,7 +630,7 @@ class Growth:
 
         Half of the points are in directions that are dense where V decreases slowly.
         """
-        n = shape.basis.n
+        n = shape.n
         rays = self._random.normal(size=(count, n))
         rays[: count // 2] = rays[: count // 2] @ shape.slow(self._samples.J).T
         rays = _unit(rays)
@@ -670,8 +652,8 @@ class Growth:
         y: points in the coordinates of `last`, (N, n)
         """
         z = y @ last.N.T
-        monomials = last.basis.at(y)
-        k = _LEEWAY * np.clip((monomials @ last.coefficients - 0.9) / 0.2, 0.0, 1.0)
+        monomials = last.V.monomials(y)
+        k = _LEEWAY * np.clip((monomials @ last.V.coefficients - 0.9) / 0.2, 0.0, 1.0)
         rows = k[:, None] * monomials + self._decays(last, z, self._samples.rates(z))
         beyond = self._samples.beyond(z)
         return np.where(beyond[:, None], monomials, rows), np.where(
@@ -685,7 +667,7 @@ class Growth:
         rates: z', (N, n)
         """
         decay = np.einsum("ki,ij,kj->k", z, self._decay, z)
-        slopes = last.basis.slopes(z @ last.M.T)
+        slopes = last.V.monomial_slopes(z @ last.M.T)
         return np.asarray(-np.einsum("ktj,kj->kt", slopes, rates @ last.M.T) / decay[:, None])
 
     def _slow(self, shape: Shape) -> np.ndarray:
@@ -700,4 +682,4 @@ class Growth:
         The rows contain the quadratic monomials only.
         """
         rows = self._decays(last, z, z @ self._samples.J.T)
-        return np.where(last.basis.degrees == 2, rows, 0.0)
+        return np.where(last.V.degrees == 2, rows, 0.0)

@@ -37,6 +37,7 @@ from hfa_prove.check.cover import (
 from hfa_prove.check.equilibrium import Equilibrium, equilibrium_near
 from hfa_prove.check.region_boxes import Decrease, check_region
 from hfa_prove.commands.policies import scalars
+from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.search.clock import Clock
 from hfa_prove.search.region_boxes import BoxesSearch
 from hfa_prove.search.region_search import RegionProblem, Settings
@@ -504,8 +505,8 @@ def test_diagonal_coordinates_keep_v(degree: int) -> None:
     J = np.array([[-0.1, 3.0, 0.0], [0.0, -2.0, 1.0], [0.5, 0.0, -30.0]])
     first = Shape.of_matrix(solve_continuous_lyapunov(J.T, -np.eye(3)), J, degree)
     grown = first.stretched(np.array([0.5, 2.0, 3.0]))
-    coefficients = grown.coefficients * generator.uniform(0.9, 1.1, len(grown.coefficients))
-    grown = replace(grown, coefficients=coefficients + 0.1 * (grown.basis.degrees > 2))
+    coefficients = grown.V.coefficients * generator.uniform(0.9, 1.1, len(grown.V.coefficients))
+    grown = grown.with_coefficients(coefficients + 0.1 * (grown.V.degrees > 2))
     found = grown.diagonal(J)
     z = generator.normal(size=(100, 3)) @ found.N.T
     assert found.values(z) == pytest.approx(grown.values(z), rel=1e-9)
@@ -517,7 +518,7 @@ def test_diagonal_coordinates_keep_v(degree: int) -> None:
 def test_an_indefinite_v_leaves_the_coordinates_unchanged() -> None:
     """If V is not positive definite, its coordinates are not changed."""
     shape = Shape.of_matrix(np.eye(2), -np.eye(2), 4)
-    saddle = replace(shape, coefficients=shape.basis.quadratic(np.diag([1.0, -1.0])))
+    saddle = replace(shape, V=PolynomialFunction.quadratic(np.diag([1.0, -1.0])))
     assert saddle.diagonal(-np.eye(2)) is saddle
 
 
@@ -530,5 +531,5 @@ def test_a_maximum_of_v_bounds_the_level() -> None:
     loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {"x": (-2.0, 2.0)}, none)
     search = BoxesSearch(RegionProblem(loop), Settings(2, Clock(60.0)))
     shape = Shape.of_matrix(np.eye(1), search.J, 4)
-    crested = replace(shape, coefficients=np.array([1.0, 0.0, -0.3]))
+    crested = shape.with_coefficients(np.array([1.0, 0.0, -0.3]))
     assert crested.bound(search.samples, 1.5).level == pytest.approx(1.0 / 1.2, rel=0.01)
