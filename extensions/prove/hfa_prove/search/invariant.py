@@ -13,8 +13,8 @@ import numpy as np
 from hfa_prove.monomials import PolynomialFunction, edge_points
 from hfa_prove.search.clock import Clock, OutOfTimeError
 from hfa_prove.search.level import LevelSearch, ProvedLevel, Setting, accepted, holding_ball
+from hfa_prove.search.loop_values import LoopValues
 from hfa_prove.search.obstacles import LevelSet
-from hfa_prove.search.plant import Plant
 from hfa_prove.search.region_search import Region, lyapunov_matrices
 from hfa_prove.search.region_squares import LYAPUNOV, origin_of, region_of, settings_of
 from hfa_prove.search.squares import ONE, Terms
@@ -36,30 +36,28 @@ _SHARES = (0.99, 0.95, 0.9, 0.8, 0.65, 0.5, 0.3)
 _STEPS = 4
 
 
-@dataclass(frozen=True, eq=False)
-class DisturbedPlant(Plant):
+class DisturbedLoop(LoopValues):
     """The closed loop under the disturbance that increases V fastest at each state.
 
     loop: the loop with its disturbances
     V: the polynomial V
     """
 
-    V: PolynomialFunction
+    def __init__(self, loop: Loop, V: PolynomialFunction) -> None:
+        super().__init__(loop)
+        self.V = V
 
     @cached_property
     def _winds(self) -> ca.Function:
-        """Function z -> ∂z'/∂w as a vector (n d,), the columns of the matrix (n, d) in order."""
+        """Function x -> ∂x'/∂w as a vector (n d,), the columns of the matrix (n, d) in order."""
         loop = self.loop
-        z, v, states, inputs = self._symbols()
+        x = ca.SX.sym("x", len(loop.states))
         w = ca.SX.sym("w", len(loop.disturbances))
         acting = dict(zip(loop.disturbances, ca.vertsplit(w), strict=True))
         every = [acting.get(name, 0.0) for name in loop.model.disturbances]
-        parameters = list(loop.parameters.values())
-        f, _ = loop.model.layout.expressions((states, inputs, parameters), (), every)
-        rows = [list(loop.model.states).index(name) for name in loop.states]
-        slopes = ca.substitute(ca.jacobian(f[rows], w), w, 0)
-        held = self.saturated(self.command(z))
-        return ca.Function("winds", [z], [ca.densify(ca.vec(ca.substitute(slopes, v, held)))])
+        rates, _ = loop.rates_at(x, loop.commands(x), every)
+        slopes = ca.substitute(ca.jacobian(rates, w), w, 0)
+        return ca.Function("winds", [x], [ca.densify(ca.vec(slopes))])
 
     def rates(self, z: np.ndarray) -> np.ndarray:
         """Return z' (N, n) at state deviations z (N, n) under the worst disturbance.
@@ -68,7 +66,7 @@ class DisturbedPlant(Plant):
         """
         count, n = z.shape
         sizes = np.array(list(self.loop.disturbances.values()))
-        by_wind = np.array(self._winds(z.T)).T.reshape(count, len(sizes), n)
+        by_wind = np.array(self._winds((z + self._x).T)).T.reshape(count, len(sizes), n)
         raised = np.einsum("kdn,kn->kd", by_wind, self.V.slope(z))
         worst = np.where(raised >= 0.0, sizes, -sizes)
         return super().rates(z) + np.einsum("kdn,kd->kn", by_wind, worst)
@@ -155,7 +153,7 @@ class _Candidate:
 
     V: PolynomialFunction
     origin: str
-    plant: DisturbedPlant
+    plant: DisturbedLoop
     T: np.ndarray
     level: float
     size: float
@@ -189,7 +187,7 @@ def _sampled(loop: Loop, region: Region) -> Iterator[_Candidate]:
     region: proved region of the loop without disturbance
     """
     for origin, V in _functions(region):
-        plant = DisturbedPlant(loop, V)
+        plant = DisturbedLoop(loop, V)
         T = V.coordinates()
         falling = (level for level in _LEVELS.tolist() if _falls(plant, V, T, level)[0])
         highest = next(falling, None)
@@ -202,7 +200,7 @@ def _sampled(loop: Loop, region: Region) -> Iterator[_Candidate]:
 
 
 def _bisected(
-    plant: DisturbedPlant, V: PolynomialFunction, T: np.ndarray, low: float
+    plant: DisturbedLoop, V: PolynomialFunction, T: np.ndarray, low: float
 ) -> tuple[float, float]:
     """Return the highest level at which the samples pass `_falls`, and a slightly higher level.
 
@@ -222,7 +220,7 @@ def _bisected(
 
 
 def _falls(
-    plant: DisturbedPlant, V: PolynomialFunction, T: np.ndarray, level: float
+    plant: DisturbedLoop, V: PolynomialFunction, T: np.ndarray, level: float
 ) -> tuple[bool, np.ndarray | None]:
     """Return whether V' < 0 and the limits hold at all samples of a level, and a state or None.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from hfa_aircraft.march.ending import FAR, FAR_OF_STARTS, EndRule, Outcome, is_a
 from hfa_aircraft.march.march import Rows, march
 from hfa_prove.monomials import PolynomialFunction, edge_points
 from hfa_prove.search.clock import Clock, OutOfTimeError
+from hfa_prove.search.loop_values import LoopValues
 
 #: Function of state deviations (N, n), with values (N,).
 ValueOf = Callable[[np.ndarray], np.ndarray]
@@ -34,27 +34,6 @@ _STEPS = 3.0
 _SHARES = 20
 #: A limit binds if a signal reaches this share of the distance to it.
 _TOUCHES = 0.97
-
-
-class LoopValues(Protocol):
-    """A closed loop in double precision, at deviations z of the states from its equilibrium."""
-
-    @property
-    def nominal(self) -> np.ndarray:
-        """Nominal values of the moving states, (n,)."""
-
-    @property
-    def J(self) -> np.ndarray:
-        """Jacobian of the rates at the equilibrium, (n, n)."""
-
-    def rates(self, z: np.ndarray) -> np.ndarray:
-        """Return z' (N, n) at state deviations z (N, n)."""
-
-    def limited_signals(self, z: np.ndarray) -> dict[str, tuple[np.ndarray, float, float]]:
-        """Return limited state or output -> deviations (N,) at z (N, n), lowest and highest one."""
-
-    def beyond(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of deviations z (N, n) beyond a limit of a state or output."""
 
 
 def rises(loop: LoopValues, slope: ValueOf) -> ValueOf:

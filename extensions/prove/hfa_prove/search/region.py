@@ -14,12 +14,12 @@ from hfa_prove.check.loop_on_ball import refuse_curved
 from hfa_prove.search.clock import Clock
 from hfa_prove.search.invariant import invariant_region
 from hfa_prove.search.level import ProvedLevel
+from hfa_prove.search.loop_values import LoopValues
 from hfa_prove.search.obstacles import LevelSet, first_obstacle, obstacles_around, rises
-from hfa_prove.search.plant import Plant
 from hfa_prove.search.region_boxes import BoxesSearch
 from hfa_prove.search.region_search import Region, RegionProblem, Settings
 from hfa_prove.search.region_squares import SquaresSearch, region_of
-from hfa_prove.search.shape_boxes import Samples, Shape
+from hfa_prove.search.shape_boxes import Shape
 from hfa_prove.statements.loop import Gain
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
@@ -79,9 +79,10 @@ def region_of_certificate(proved: Proved, witness: Mapping[str, Any]) -> Region:
     origin = "V of the certificate"
     if witness["prover"] == "squares":
         level = ProvedLevel(statement, dict(witness), proved.size)
-        return region_of(level, Plant(statement.loop), origin)
+        return region_of(level, LoopValues(statement.loop), origin)
     loop = statement.loop
-    samples = Samples(loop, equilibrium_near(loop, np.array(list(loop.trim.values()))))
+    at = equilibrium_near(loop, np.array(list(loop.trim.values())))
+    samples = LoopValues(loop, at.x)
     shape = Shape.of_piece(statement.piece, statement.degree)
     unit = shape.level_set()
     proved_set = LevelSet(unit.V.scaled(statement.rho), statement.rho, unit.T)

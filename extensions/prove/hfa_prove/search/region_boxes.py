@@ -17,6 +17,7 @@ from hfa_prove.check.region_boxes import Decrease
 from hfa_prove.fields import Rejected
 from hfa_prove.search.clock import OutOfTimeError
 from hfa_prove.search.kinks import kink_at
+from hfa_prove.search.loop_values import LoopValues
 from hfa_prove.search.region_search import (
     Region,
     RegionProblem,
@@ -24,7 +25,7 @@ from hfa_prove.search.region_search import (
     lyapunov_matrices,
     refuse_unstable,
 )
-from hfa_prove.search.shape_boxes import Growth, Samples, Shape
+from hfa_prove.search.shape_boxes import Growth, Shape
 from hfa_prove.statements.region import BoxWitness, RegionStatement
 from hfa_prove.words import place_in_words
 from hfa_support.errors import NoSolutionError
@@ -76,7 +77,7 @@ class BoxesSearch:
         self._clock = settings.clock
         self._degree = settings.degree
         self.equilibrium = equilibrium_near(self.loop, np.array(list(self.loop.trim.values())))
-        self.samples = Samples(self.loop, self.equilibrium, self._clock)
+        self.samples = LoopValues(self.loop, self.equilibrium.x, self._clock)
         self.J = self.samples.J
         self._best = settings.earlier
         self._largest = 0.0 if self._best is None else self._best.set.size

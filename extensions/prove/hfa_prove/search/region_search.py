@@ -11,7 +11,8 @@ import scipy.linalg
 
 from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.search.clock import Clock
-from hfa_prove.search.obstacles import LevelSet, LoopValues, Obstacles
+from hfa_prove.search.loop_values import LoopValues
+from hfa_prove.search.obstacles import LevelSet, Obstacles
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.region import RegionStatement
 from hfa_support.errors import NoSolutionError

@@ -20,8 +20,8 @@ from hfa_prove.search.level import (
     holding_ball,
     proved_level,
 )
-from hfa_prove.search.obstacles import LevelSet, LoopValues, first_obstacle, rises
-from hfa_prove.search.plant import Plant
+from hfa_prove.search.loop_values import LoopValues
+from hfa_prove.search.obstacles import LevelSet, first_obstacle, rises
 from hfa_prove.search.region_search import Region, Settings, lyapunov_matrices, refuse_unstable
 from hfa_prove.search.shape_squares import better
 from hfa_prove.statements.loop import Loop
@@ -61,7 +61,7 @@ class SquaresSearch:
         settings: Settings,
     ) -> None:
         self.loop = loop
-        self.plant = Plant(loop)
+        self.plant = LoopValues(loop)
         self._known = known
         self._search = settings
         self._clock = settings.clock

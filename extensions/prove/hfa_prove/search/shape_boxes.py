@@ -10,27 +10,20 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 import scipy.linalg
 from scipy.optimize import linprog, minimize
 
-from hfa_prove.check.equilibrium import Equilibrium
 from hfa_prove.monomials import PolynomialFunction
-from hfa_prove.search.clock import Clock
+from hfa_prove.search.loop_values import LoopValues
 from hfa_prove.search.obstacles import LevelSet
-from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.piece import Piece
-from verification.enclosure.program import Program
-from verification.enclosure.slopes import Intervals, jacobian, values_at
 
 #: Number of rays from the equilibrium for the size of a set. For a search: number of rays for each
-#: state, their least number, number of operations of a loop above which fewer are used, number of
-#: shells and number of refinements.
+#: state, their least number, number of shells and number of refinements.
 _RAYS = 1000
 _SEARCHED = 250
 _FEWEST = 50
-_OPERATIONS = 6000
 _SHELLS = 25
 _TURNS = 8
 #: Depth below the level that the shells fill, relative to the previous turn.
@@ -73,60 +66,6 @@ _CHECKED = 12_000
 _ADDED = 400
 _PROGRAMS = 6
 _LARGEST = 100.0
-
-
-class Samples:
-    """Evaluation of a closed loop at many states in double precision.
-
-    loop: the closed loop
-    equilibrium: enclosure of the equilibrium states
-    clock: called at each evaluation of the rates, or None. It may raise OutOfTimeError.
-    """
-
-    def __init__(self, loop: Loop, equilibrium: Equilibrium, clock: Clock | None = None) -> None:
-        self.clock = clock
-        x = ca.SX.sym("x", len(loop.states))
-        rates, outputs = loop.rates(x)
-        both = ca.Function("f", [x], [ca.vertcat(rates, outputs)])
-        self._program = Program(both, loop.model.name)
-        #: Share of the usual number of samples; below 1 for a loop with many operations.
-        self.share = min(1.0, _OPERATIONS / both.n_instructions())
-        self._x = equilibrium.x
-        at = Intervals(equilibrium.x, np.zeros_like(equilibrium.x))
-        #: (n, n), Jacobian of the rates.
-        self.J = jacobian(loop.program, at).slopes.middle
-        self.nominal = loop.nominal[: len(loop.states)]
-        self._names = (*loop.states, *loop.limited_outputs)
-        self._low, self._high = loop.ends(self._names).T
-
-    def rates(self, z: np.ndarray) -> np.ndarray:
-        """Return z' (N, n) at state deviations z (N, n)."""
-        if self.clock is not None:
-            self.clock(0.0, 1.0, "samples of V'")
-        return values_at(self._program, z + self._x)[:, : z.shape[1]]
-
-    def limited_signals(self, z: np.ndarray) -> dict[str, tuple[np.ndarray, float, float]]:
-        """Return limited state or output -> deviations (N,) at z (N, n), lowest and highest one."""
-        at = self._signals(np.zeros((1, z.shape[1])))[0]
-        values = self._signals(z) - at
-        low, high = self._low - at, self._high - at
-        return {
-            name: (values[:, i], low[i], high[i])
-            for i, name in enumerate(self._names)
-            if np.isfinite(low[i]) or np.isfinite(high[i])
-        }
-
-    def _signals(self, z: np.ndarray) -> np.ndarray:
-        """Return states and limited outputs (N, k) at state deviations z (N, n)."""
-        states = z + self._x
-        if len(self._names) == z.shape[1]:
-            return np.asarray(states)
-        return np.hstack([states, values_at(self._program, states)[:, z.shape[1] :]])
-
-    def beyond(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of deviations z (N, n) beyond a limit of a state or output."""
-        signals = self._signals(z)
-        return np.asarray(np.any((signals < self._low) | (signals > self._high), axis=1))
 
 
 class Bound(NamedTuple):
@@ -312,7 +251,7 @@ class Shape:
         lengths = np.linalg.norm(self.edge_points(4 * _RAYS), axis=1)
         return float((np.mean(lengths**n) / abs(np.linalg.det(self.M))) ** (1.0 / n))
 
-    def bound(self, samples: Samples, level: float, *, quick: bool = False) -> Bound:
+    def bound(self, samples: LoopValues, level: float, *, quick: bool = False) -> Bound:
         """Return the first obstacle in the set {V <= level} that samples find.
 
         quick: whether to use 10 % of the samples and a quarter of the iterations
@@ -471,7 +410,7 @@ class Growth:
     report: called with a description before each linear program. The callback may raise.
     """
 
-    def __init__(self, samples: Samples, shape: Shape, report: Callable[[str], None]) -> None:
+    def __init__(self, samples: LoopValues, shape: Shape, report: Callable[[str], None]) -> None:
         self._samples = samples
         self._report = report
         self._random = np.random.default_rng(1)

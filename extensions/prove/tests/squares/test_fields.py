@@ -27,8 +27,8 @@ from hfa_prove.fields import NOT_PROVED
 from hfa_prove.problem import loop_at
 from hfa_prove.report_region import checked_report
 from hfa_prove.search.clock import Clock
+from hfa_prove.search.loop_values import LoopValues
 from hfa_prove.search.obstacles import outcomes
-from hfa_prove.search.plant import Plant
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.plant import Subject
 from hfa_prove.subject import compare
@@ -235,7 +235,7 @@ def test_outcomes_of_trajectories_are_distinguished() -> None:
         values = {"x": 0.0, "v": 0.0}
         linear = hfa.linearize(model, hfa.trim(model, hold=values))
         loop = loop_at(linear, Gain(np.array([[1.0, 2.0]])))
-        return outcomes(Plant(loop), starts, _is_near, seconds, Clock(60.0)).tolist()
+        return outcomes(LoopValues(loop), starts, _is_near, seconds, Clock(60.0)).tolist()
 
     assert found(free, 100.0) == [Outcome.CONVERGED, Outcome.CONVERGED]
     assert found(free, 3.0) == [Outcome.UNDECIDED, Outcome.UNDECIDED]
@@ -246,7 +246,7 @@ def test_a_distant_initial_condition_converges() -> None:
     """x' = -x converges from 1e35 nominal values. The distance is not counted as divergence."""
     model = Model("one", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": -x.x}, {}), trim={})
     loop = Loop(model, {}, {"x": 0.0}, {}, {}, {}, Gain(np.zeros((0, 1))))
-    found = outcomes(Plant(loop), np.array([[1e35]]), _is_near, 100.0, Clock(60.0))
+    found = outcomes(LoopValues(loop), np.array([[1e35]]), _is_near, 100.0, Clock(60.0))
     assert found.tolist() == [Outcome.CONVERGED]
 
 

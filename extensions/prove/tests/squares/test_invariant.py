@@ -33,9 +33,9 @@ from hfa_prove.fields import Rejected
 from hfa_prove.monomials import PolynomialFunction, edge_points
 from hfa_prove.problem import loop_at
 from hfa_prove.search.clock import Clock
-from hfa_prove.search.invariant import DisturbedPlant, invariant_region
+from hfa_prove.search.invariant import DisturbedLoop, invariant_region
+from hfa_prove.search.loop_values import LoopValues
 from hfa_prove.search.obstacles import LevelSet
-from hfa_prove.search.plant import Plant
 from hfa_prove.search.region_search import Region
 from hfa_prove.statements.loop import HIGHEST, LOWEST, Gain
 from hfa_prove.statements.plant import Subject
@@ -70,7 +70,7 @@ def undisturbed() -> Region:
     known = PolynomialFunction.quadratic(solve_continuous_lyapunov(linear.A.T, -np.eye(2)))
     statement = RegionStatement.of_terms(loop, known.terms, 1.0, {})
     level_set = LevelSet(known, 1.0, known.coordinates())
-    return Region(statement, {}, 1, level_set, {}, "given", Plant(loop))
+    return Region(statement, {}, 1, level_set, {}, "given", LoopValues(loop))
 
 
 def invariant(region: Region, progress: Progress | None = None) -> Region:
@@ -155,13 +155,13 @@ def test_no_trajectory_leaves_under_the_worst_disturbance(certificate: Path, mod
     statement = check_certificate(certificate, model=model).statement
     T = V.coordinates()
     edge = edge_points(V, T, statement.rho)[::20] @ T.T
-    assert _highest(DisturbedPlant(statement.loop, V), edge) <= statement.rho + 1e-9
+    assert _highest(DisturbedLoop(statement.loop, V), edge) <= statement.rho + 1e-9
     # Under a disturbance five times as large some leave it; the simulation detects this.
     larger = replace(statement.loop, disturbances={"push": 5 * SIZE})
-    assert _highest(DisturbedPlant(larger, V), edge) > 1.1 * statement.rho
+    assert _highest(DisturbedLoop(larger, V), edge) > 1.1 * statement.rho
 
 
-def _highest(plant: DisturbedPlant, starts: np.ndarray) -> float:
+def _highest(plant: DisturbedLoop, starts: np.ndarray) -> float:
     """Return the largest V in simulations of 1.5 s by the classical Runge-Kutta method."""
     z = starts
     step = 0.01
@@ -183,7 +183,7 @@ def test_the_worst_disturbance_maximizes_the_rate(certificate: Path, model: Mode
     loop = check_certificate(certificate, model=model).statement.loop
     other = PolynomialFunction.quadratic(np.array([[2.0, 0.3], [0.3, 0.5]]))
     z = np.random.default_rng(0).normal(size=(50, 2))
-    moved = DisturbedPlant(loop, other).rates(z) - Plant(loop).rates(z)
+    moved = DisturbedLoop(loop, other).rates(z) - LoopValues(loop).rates(z)
     # m l² of the example.
     assert np.allclose(moved[:, 0], 0.0)
     assert np.allclose(moved[:, 1], np.sign(other.slope(z)[:, 1]) * SIZE / (0.15 * 0.5**2))

@@ -14,8 +14,8 @@ from hfa_aircraft.march.ending import Outcome
 from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.picture import region_figure
 from hfa_prove.problem import loop_at
+from hfa_prove.search.loop_values import LoopValues
 from hfa_prove.search.obstacles import LevelSet, Obstacles
-from hfa_prove.search.plant import Plant
 from hfa_prove.search.region_search import Region
 from hfa_prove.statements.loop import Gain
 from hfa_prove.statements.region import RegionStatement
@@ -39,7 +39,7 @@ def region() -> Region:
         (0.3, np.array([0.5, 0.0])), {Outcome.DIVERGED: (0.5, np.array([0.6, 1.0]))}, ()
     )
     level_set = LevelSet(V, 0.25, np.diag([0.5, 3.0]))
-    plant = Plant(loop)
+    plant = LoopValues(loop)
     return Region(
         statement, {}, 1, level_set, statement.extents, "a test", plant, obstacles=obstacles
     )

@@ -25,8 +25,8 @@ from hfa_prove.commands.polynomials import policy_terms
 from hfa_prove.fields import Rejected
 from hfa_prove.monomials import PolynomialFunction, edge_points
 from hfa_prove.search.clock import Clock
+from hfa_prove.search.loop_values import LoopValues
 from hfa_prove.search.obstacles import outcomes
-from hfa_prove.search.plant import Plant
 from hfa_prove.statements.loop import Gain
 from hfa_prove.statements.plant import Subject
 from hfa_support.errors import BadInputError
@@ -152,11 +152,11 @@ def test_flights_from_the_edge_converge(certificate: Path, model: Model) -> None
     V = PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
     T = V.coordinates()
     edge = edge_points(V, T, 1.0)[::50] @ T.T
-    plant = Plant(statement.loop)
+    plant = LoopValues(statement.loop)
     found = outcomes(plant, edge, lambda z: V(z) <= 1e-4, 20.0, Clock(60.0))
     assert set(found.tolist()) == {Outcome.CONVERGED}
     z = ca.SX.sym("z", 2)
-    command = ca.Function("u", [z], [plant.command(z)])
+    command = ca.Function("u", [z], [statement.loop.deviations(z)])
     policy = critic_of(BASIS, WEIGHTS).policy
     assert np.allclose(np.array(command(edge.T)), np.array(policy(edge.T)), rtol=1e-9)
 

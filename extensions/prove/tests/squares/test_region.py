@@ -33,8 +33,8 @@ from hfa_prove.fields import Rejected
 from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.report_region import region_report
 from hfa_prove.search.clock import Clock
+from hfa_prove.search.loop_values import LoopValues
 from hfa_prove.search.obstacles import LevelSet, outcomes, starts_by_outcome
-from hfa_prove.search.plant import Plant
 from hfa_prove.search.region import proved_region
 from hfa_prove.search.region_search import Region, RegionProblem
 from hfa_prove.statements.loop import Gain, Loop
@@ -97,7 +97,7 @@ def test_rays_contain_nonconverging_initial_conditions(certificate: Path, model:
     T = np.sqrt(statement.rho) * np.linalg.inv(np.linalg.cholesky(V.matrix())).T * 1.0001
     rays = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]) * np.linalg.norm(T, axis=1)
     level_set = LevelSet(V, statement.rho, T)
-    starts = starts_by_outcome(Plant(statement.loop), level_set, rays, Clock(60.0))[
+    starts = starts_by_outcome(LoopValues(statement.loop), level_set, rays, Clock(60.0))[
         Outcome.DIVERGED
     ]
     # The torque cannot lift the pendulum from the horizontal, nor stop it beyond some rate.
@@ -167,7 +167,9 @@ def _not_converged(
     def near(z: np.ndarray) -> np.ndarray:
         return V(z) <= 1e-4 * statement.rho
 
-    return outcomes(Plant(statement.loop), starts, near, 20.0, Clock(60.0)) != Outcome.CONVERGED
+    return (
+        outcomes(LoopValues(statement.loop), starts, near, 20.0, Clock(60.0)) != Outcome.CONVERGED
+    )
 
 
 def test_a_set_beyond_limits_of_state_is_refused(certificate: Path, model: Model) -> None:

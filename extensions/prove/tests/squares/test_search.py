@@ -14,8 +14,8 @@ from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.problem import loop_at
 from hfa_prove.search.clock import Clock
 from hfa_prove.search.level import Setting, ball_of, proved_level
+from hfa_prove.search.loop_values import LoopValues
 from hfa_prove.search.obstacles import first_obstacle, rises
-from hfa_prove.search.plant import Plant
 from hfa_prove.statements.loop import Gain, Loop
 
 F16 = f"{Path(__file__).parents[4] / 'examples' / 'f16_constant.py'}:F16"
@@ -36,7 +36,7 @@ def loop() -> Loop:
 @pytest.fixture(scope="module")
 def V(loop: Loop) -> PolynomialFunction:
     """Return a Lyapunov function of the linearization, with nominal values as units."""
-    plant = Plant(loop)
+    plant = LoopValues(loop)
     Q = np.diag(plant.nominal**-2.0)
     return PolynomialFunction.quadratic(solve_continuous_lyapunov(plant.J.T, -Q))
 
@@ -64,7 +64,7 @@ def test_largest_level_of_f16_within_limits_is_proved(loop: Loop, V: PolynomialF
 
     For four times this level, no higher level is proved.
     """
-    plant = Plant(loop)
+    plant = LoopValues(loop)
     P = V.matrix()
     widths = np.einsum("ki,ij,kj->k", plant.limited_rows, np.linalg.inv(P), plant.limited_rows)
     rho = 0.999 * float(np.min(np.min(np.abs(plant.permitted_deviations), axis=1) ** 2 / widths))
@@ -80,7 +80,7 @@ def test_largest_level_of_f16_within_limits_is_proved(loop: Loop, V: PolynomialF
 
 def test_an_increasing_function_is_not_proved(loop: Loop) -> None:
     """A function that increases along trajectories is not proved."""
-    plant = Plant(loop)
+    plant = LoopValues(loop)
     length = PolynomialFunction.quadratic(np.diag(plant.nominal**-2.0))
     T = ball_of(length.matrix(), 1e-3)
     assert first_obstacle(rises(plant, length.slope), length, T, quick=True)[0] < 1e-5

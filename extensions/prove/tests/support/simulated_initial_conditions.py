@@ -14,8 +14,8 @@ import numpy as np
 
 from hfa_prove.check import check_certificate
 from hfa_prove.monomials import PolynomialFunction
-from hfa_prove.search.invariant import DisturbedPlant
-from hfa_prove.search.plant import Plant
+from hfa_prove.search.invariant import DisturbedLoop
+from hfa_prove.search.loop_values import LoopValues
 from hfa_prove.statements.region import RegionStatement
 
 #: Steps per time constant of the fastest mode, and duration in time constants of the slowest mode.
@@ -43,7 +43,7 @@ def count_departures(
     in_y = PolynomialFunction.of_terms(statement.terms)
     V = in_y.substituted(statement.piece.M).scaled(1.0 / statement.rho)
     disturbed = bool(statement.loop.disturbances)
-    plant = DisturbedPlant(statement.loop, V) if disturbed else Plant(statement.loop)
+    plant = DisturbedLoop(statement.loop, V) if disturbed else LoopValues(statement.loop)
     generator = np.random.default_rng(seed)
     left = 0
     late = 0
@@ -73,7 +73,7 @@ def random_points(
 
 
 def _simulate(
-    plant: Plant, V: PolynomialFunction, starts: np.ndarray, level: float
+    plant: LoopValues, V: PolynomialFunction, starts: np.ndarray, level: float
 ) -> tuple[int, int]:
     """Return the number of flights that leave {V <= level} or a limit, and of those that do not
     converge.

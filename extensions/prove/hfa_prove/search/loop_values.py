@@ -1,0 +1,124 @@
+"""The closed loop in double precision, at many states at once. No proof depends on the values."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.march.ending import FAR
+from hfa_prove.search.clock import Clock
+from hfa_prove.statements.loop import Gain, Loop
+from hfa_support.native.bound import RowFunction
+from verification.enclosure.program import Program
+from verification.enclosure.slopes import Intervals, jacobian, values_at
+
+#: Number of operations of a loop above which fewer samples are used.
+_OPERATIONS = 6000
+
+
+class LoopValues:
+    """A closed loop at deviations z of its states from an equilibrium.
+
+    loop: the closed loop with its limits
+    x: states at the equilibrium, (n,), by default the trim
+    clock: called at each evaluation of the rates, or None. It may raise OutOfTimeError.
+    """
+
+    def __init__(self, loop: Loop, x: np.ndarray | None = None, clock: Clock | None = None) -> None:
+        self.loop = loop
+        self.clock = clock
+        self._x = np.array(list(loop.trim.values())) if x is None else x
+        states = ca.SX.sym("x", len(loop.states))
+        rates, outputs = loop.rates(states)
+        self._function = ca.Function("values", [states], [ca.vertcat(rates, outputs)])
+        #: Share of the usual number of samples; below 1 for a loop with many operations.
+        self.share = min(1.0, _OPERATIONS / self._function.n_instructions())
+
+    @cached_property
+    def _program(self) -> Program:
+        """Program x -> rates and limited outputs, which evaluates networks as matrix products."""
+        return Program(self._function, self.loop.model.name)
+
+    @cached_property
+    def _rows(self) -> RowFunction:
+        return RowFunction(self._function)
+
+    def _values(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the rates (N, n) and the limited outputs (N, p) at states x (N, n)."""
+        is_network = not isinstance(self.loop.policy, Gain)
+        values = values_at(self._program, x) if is_network else self._rows(x)[0]
+        n = x.shape[1]
+        return values[:, :n], values[:, n:]
+
+    @cached_property
+    def _slopes(self) -> np.ndarray:
+        """Jacobian (n + p, n) of the rates and the limited outputs at the equilibrium."""
+        at = Intervals(self._x, np.zeros_like(self._x))
+        return jacobian(self._program, at).slopes.middle
+
+    @property
+    def J(self) -> np.ndarray:
+        """Jacobian of the rates at the equilibrium, (n, n)."""
+        return self._slopes[: len(self._x)]
+
+    @cached_property
+    def nominal(self) -> np.ndarray:
+        """Nominal values of the moving states, (n,)."""
+        return self.loop.nominal[: len(self.loop.states)]
+
+    def rates(self, z: np.ndarray) -> np.ndarray:
+        """Return z' (N, n) at state deviations z (N, n)."""
+        if self.clock is not None:
+            self.clock(0.0, 1.0, "samples of V'")
+        return self._values(z + self._x)[0]
+
+    @cached_property
+    def limited(self) -> tuple[str, ...]:
+        """Names of the moving states and outputs that have limits."""
+        loop = self.loop
+        return tuple(name for name in (*loop.states, *loop.model.outputs) if name in loop.limits)
+
+    @cached_property
+    def limited_rows(self) -> np.ndarray:
+        """Gradients (k, n) in z of the signals `limited`, at the equilibrium."""
+        n = len(self._x)
+        has_limits = [name in self.loop.limits for name in self.loop.states]
+        return np.vstack([np.eye(n)[has_limits], self._slopes[n:]])
+
+    def _signals(self, z: np.ndarray) -> np.ndarray:
+        """Return the values (N, k) of the signals `limited` at state deviations z (N, n)."""
+        x = z + self._x
+        has_limits = [name in self.loop.limits for name in self.loop.states]
+        outputs = self._values(x)[1] if self.loop.limited_outputs else x[:, :0]
+        return np.hstack([x[:, has_limits], outputs])
+
+    @cached_property
+    def permitted_deviations(self) -> np.ndarray:
+        """Lowest and highest permitted deviation of each signal in `limited`, (k, 2)."""
+        at = self._signals(np.zeros((1, len(self._x))))[0]
+        return self.loop.ends(self.limited) - at[:, None]
+
+    def limited_signals(self, z: np.ndarray) -> dict[str, tuple[np.ndarray, float, float]]:
+        """Return limited state or output -> deviations (N,) at z (N, n), lowest and highest one."""
+        at = self._signals(np.zeros((1, len(self._x))))[0]
+        values = (self._signals(z) - at).T
+        ends = self.permitted_deviations.tolist()
+        return {
+            name: (each, low, high)
+            for name, each, (low, high) in zip(self.limited, values, ends, strict=True)
+        }
+
+    def beyond(self, z: np.ndarray) -> np.ndarray:
+        """Return the mask (N,) of deviations z (N, n) beyond a limit of a state or output."""
+        signals = self._signals(z)
+        low, high = self.loop.ends(self.limited).T
+        return ~np.all((signals >= low) & (signals <= high), axis=1)
+
+    def away(self, z: np.ndarray) -> np.ndarray:
+        """Return the mask (N,) of deviations z (N, n) beyond a limit or `FAR` nominal values.
+
+        Deviations that are not finite are included.
+        """
+        return self.beyond(z) | ~np.all(np.abs(z) <= FAR * self.nominal, axis=1)
