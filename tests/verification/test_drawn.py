@@ -181,7 +181,7 @@ def test_a_deployed_policy_is_assessed_on_drawn_aircraft(folder, capsys):
     weak = hfa.game(linear, np.ones(8), 1e2 * np.ones(4), delta=np.inf)
     np.savez("K.npz", K=hfa.solve(weak).K)
     words = ("assess", "K.npz", "--sample-time", "0.02", "--aircraft", "found.toml")
-    _, draws = answer(capsys, *words, "--samples", "0", "--draws", "4")
+    _, draws = answer(capsys, *words, "--samples", "0", "--best", "0", "--draws", "4")
     assert draws["stable"] == draws["trimmed"] == 4
     band = draws["bands"]["spectral radius"]
     assert band["low"] <= band["value"] <= band["high"] < 1.0

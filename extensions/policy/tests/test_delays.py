@@ -11,7 +11,6 @@ from hfa_flight.policies.deployment.sampled_loop import chain_of, delays
 from hfa_policy.assessor import Assessor
 from hfa_policy.flights import SampledFlight
 
-CASES = [(name, number) for name, (_, values) in AIRCRAFT.items() for number in range(len(values))]
 #: Duration of a flight, s, and size of the deviation relative to the initial-condition box.
 END = 60.0
 SMALL = 1e-6
@@ -46,12 +45,10 @@ def deviation_grows(name, point, equilibrium, delay):
     return bool(grows or deviations.max() > 100.0 * SMALL)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "number"),
-    [
-        pytest.param(*case, marks=() if case == ("ppo_gtm", 2) else pytest.mark.slow)
-        for case in CASES
-    ],
+    [(name, number) for name, (_, values) in AIRCRAFT.items() for number in range(len(values))],
 )
 def test_the_smallest_unstable_delay_agrees_with_flights(name, number):
     """Flights are stable one sample below the smallest unstable delay, and unstable at this delay."""

@@ -330,12 +330,6 @@ def test_a_network_of_nan_is_refused(folder):
     assert "not finite" in message_of(folder, DEPLOYMENT.replace("ppo_gtm.zip", "net.npz"))
 
 
-def test_a_normalizer_of_nan_is_refused(folder):
-    """A normalizer with an entry that is not finite is refused, and the entry is named."""
-    table = "{mean = [0, 0, nan, 0], variance = [1, 1, 1, 1]}"
-    assert "mean[2] is nan" in message_of(folder, DEPLOYMENT.replace('"ppo_gtm.pkl"', table))
-
-
 @pytest.mark.parametrize("name", ["data", "policy.pth"])
 def test_a_damaged_zip_is_refused(folder, name):
     """A damaged member of the zip is reported in a message with the name of the deployment file."""
@@ -368,16 +362,6 @@ def test_settings_stored_in_a_zip_are_read():
     assert (sac.low.tolist(), sac.high.tolist()) == ([-2.0, -1.0], [1.5, 1.0])
     ppo = read_zip(FOLDER / "ppo_gtm.zip")
     assert (ppo.squash, ppo.layout, ppo.environments) == (False, (16, 16), 4)
-
-
-def test_a_deployment_in_python_equals_its_file():
-    """A deployment constructed in Python has the same box and sample time as its file."""
-    loaded = stored_deployment("ppo_gtm")
-    again = Deployment(
-        loaded.policy, loaded.observation, loaded.action, loaded.timing, loaded.cost, loaded.folder
-    )
-    assert again.box[0].tolist() == loaded.box[0].tolist()
-    assert again.dt == loaded.dt
 
 
 def test_a_deployment_read_from_files_is_pickled(folder):

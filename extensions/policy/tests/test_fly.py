@@ -22,7 +22,7 @@ from hfa_support.errors import BadInputError
 START = np.array([2.0, 0.03, 0.1, -0.05])
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.02, 0.03, 0.05])
+@pytest.mark.parametrize("delay", [0.0, 0.03])
 def test_fly_and_assess_simulate_equal_flights(tmp_path, delay):
     """`fly` and the flights of `assess` give equal states for one initial condition, with and
     without delay.
@@ -72,14 +72,13 @@ def test_a_half_sample_delay_halves_integration_steps():
     np.testing.assert_allclose(after, np.array(X).ravel(), rtol=1e-14)
 
 
-@pytest.mark.parametrize("map_", ["trim + 14 * a + log(pitch_rate)", "trim + a / (a - a)"])
-def test_an_action_formula_undefined_at_trim_is_refused(tmp_path, map_):
+def test_an_action_formula_undefined_at_trim_is_refused(tmp_path):
     """A deployment whose action formula has no value at the trim is refused in flights and in
     episodes.
     """
     text = (FOLDER / "ppo_gtm.toml").read_text().replace('"ppo_gtm', f'"{FOLDER}/ppo_gtm')
     path = tmp_path / "deployment.toml"
-    path.write_text(text.replace("trim + 14*a", map_))
+    path.write_text(text.replace("trim + 14*a", "trim + 14 * a + log(pitch_rate)"))
     model = aircraft("ppo_gtm")
     with pytest.raises(
         BadInputError, match=r"action\.throttle: the formula or the derivative is not finite"

@@ -35,16 +35,15 @@ def assessed(tmp_path, capsys):
         np.savez(tmp_path / "K.npz", K=K)
         (tmp_path / "deployment.toml").write_text(DEPLOYMENT)
         deployment, model = str(tmp_path / "deployment.toml"), str(tmp_path / "plant.npz")
-        code = main(["assess", deployment, "--model", model, "--samples", "4", *words])
+        code = main(["assess", deployment, "--model", model, "--samples", "2", *words])
         return code, *capsys.readouterr()
 
     return run
 
 
-@pytest.mark.parametrize("A", [[[0.0, 1.0], [2.0, -0.3]], [[0.0, 1.0], [0.0, 0.0]]])
-def test_a_linear_plant_is_assessed(assessed, A):
-    """The spectral radius equals that of SciPy's held plant. A may be singular."""
-    B, K = np.array([[0.0], [1.0]]), np.array([[4.24, 2.8]])
+def test_a_linear_plant_is_assessed(assessed):
+    """The spectral radius equals that of SciPy's held plant. A is singular."""
+    A, B, K = [[0.0, 1.0], [0.0, 0.0]], np.array([[0.0], [1.0]]), np.array([[4.24, 2.8]])
     code, output, _ = assessed(K, "--json", A=A, B=B)
     data = json.loads(output)
     Ad, Bd, *_ = cont2discrete((np.array(A), B, np.eye(2), np.zeros((2, 1))), 0.05)
@@ -98,7 +97,7 @@ def test_an_uncontrolled_slow_mode_is_named_first(folder, capsys):
     np.savez("plant.npz", A=A, B=[[0.0], [1.0], [0.1]])
     for gain, is_left in ((0.0, True), (0.02, False)):
         np.savez("K.npz", K=[[4.24, 2.8, gain]])
-        words = ["assess", "K.npz", "--model", "plant.npz", *SAMPLED, "--samples", "4", "--json"]
+        words = ["assess", "K.npz", "--model", "plant.npz", *SAMPLED, "--samples", "2", "--json"]
         assert main(words) == 1
         data = json.loads(capsys.readouterr().out)
         assert data["first_line"].startswith("FAIL on the linear plant: does not hold")

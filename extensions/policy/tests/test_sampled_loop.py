@@ -80,11 +80,11 @@ def test_slowest_swing_is_half_the_slowest_period():
         assert slowest_swing(loop) == pytest.approx(expected)
 
 
-@pytest.mark.parametrize("samples", [1, 3])
-def test_the_delayed_loop_equals_python_control(case, samples):
+def test_the_delayed_loop_equals_python_control(case):
     """The spectral radius with a delay equals that of python-control's loop with unit delays."""
     _, equilibrium, K = case
     plant = control.c2d(control.ss(equilibrium.A, equilibrium.B, np.eye(4), 0), DT, "zoh")
+    samples = 3
     shift = control.ss(np.zeros((2, 2)), np.eye(2), np.eye(2), 0, DT)
     late = plant
     for _ in range(samples):
@@ -145,15 +145,14 @@ def test_the_gain_margin_is_the_stability_limit(case):
         assert radius == pytest.approx(1.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("scale", [1.0, 1.3])
-def test_costs_equal_scipy(scale):
+def test_costs_equal_scipy():
     """The largest and mean costs above the optimum, in percent, agree with SciPy's Lyapunov
     solutions.
 
     They are compared for continuous control and for the sampled loop. The optimum of the sampled
     loop is SciPy's Riccati solution.
     """
-    deployed, equilibrium, K = linear_case(scale)
+    deployed, equilibrium, K = linear_case(1.3)
     lost = cost_above_optimum(deployed, equilibrium, chain_of(equilibrium, DT, 0.0))
     game = lqr_at(deployed, equilibrium)
     optimum = hfa.solve(game).P
@@ -189,10 +188,9 @@ def deployment_that_observes_its_elevator(share, dt):
     )
 
 
-@pytest.mark.parametrize("share", [0.4, -0.5])
-def test_the_cost_of_an_observed_input_is_the_limit_of_fast_sampling(share):
+def test_the_cost_of_an_observed_input_is_the_limit_of_fast_sampling():
     """With an observed input, the continuous cost is the limit of the cost of the sampled loop."""
-    deployment = deployment_that_observes_its_elevator(share, 1e-4)
+    deployment = deployment_that_observes_its_elevator(0.4, 1e-4)
     deployed = Deployed(deployment, model_of(GTM))
     assessor = Assessor(deployed, trims_of(deployed.model, [45.0]), samples=0)
     (loop,) = assessor.sampled_loops()
@@ -233,7 +231,7 @@ def test_delays_are_searched_upward(case):
     assert found.limit - DT < found.fine <= found.limit
 
 
-@pytest.mark.parametrize("units", [1.0, 1e-14, 1e14])
+@pytest.mark.parametrize("units", [1e-14, 1e14])
 def test_the_unit_of_the_cost_does_not_matter(case, units):
     """Costs above the optimum in percent do not change if all weights are multiplied."""
     deployed, equilibrium, _ = linear_case(1.3)

@@ -5,12 +5,11 @@ import zipfile
 
 import numpy as np
 import pytest
-from policy_cases import FOLDER, aircraft, stored_deployment, trims
+from policy_cases import FOLDER, aircraft, stored_deployment
 from tolerances import SAME_FORMULA
 
 from controller.critic.network.tensors import tensors_in
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_policy.assessor import Assessor
 
 SLOPES = json.loads((FOLDER / "slopes.json").read_text())
 
@@ -31,43 +30,6 @@ def test_actions_and_slopes_equal_stored_references(name):
         expected = np.array(entry["slope"])
         found = np.array(slope(observation))
         np.testing.assert_allclose(found, expected, atol=1e-10 * max(1.0, np.abs(expected).max()))
-
-
-def test_the_references_cover_all_policy_kinds():
-    """The stored policies cover each algorithm, activation, normalizer, squashing and action range."""
-    kinds = {name: stored_deployment(name) for name in SLOPES}
-    assert {kind.actor.stored.algorithm for kind in kinds.values()} == {"PPO or A2C", "SAC", "TD3"}
-    assert {kind.actor.stored.activation for kind in kinds.values()} == {"tanh", "relu"}
-    assert {kind.normalizer is None for kind in kinds.values()} == {True, False}
-    assert kinds["sac_gtm"].box[0].tolist() == [-2.0, -1.0]
-    assert "gamma" in kinds["td3_gtm"].observation
-    assert kinds["ppo_squash"].actor.squash
-    assert kinds["ppo_squash"].actor.stored.on_policy
-    assert kinds["sac_sde"].actor.clip_mean == 2.0
-    assert len(kinds["ppo_c172"].observation) < len(aircraft("ppo_c172").states)
-
-
-def test_gain_equals_central_differences_at_equilibrium():
-    """K equals central differences of the command at the equilibrium."""
-    name = "td3_gtm"
-    deployed = Deployed(stored_deployment(name), aircraft(name))
-    point = trims(name)[0]
-    assessor = Assessor(deployed, (point,), samples=0)
-    equilibrium = assessor.places(assessor.flight())[0].equilibrium
-    trim = deployed.trim_vector(point)
-    rows = [list(point.model.states).index(state) for state in point.model.linear]
-    step = 1e-6
-    for column, row in enumerate(rows):
-        shifts = np.zeros(len(equilibrium.states))
-        shifts[row] = step
-        above = np.array(
-            deployed.command(equilibrium.states + shifts, equilibrium.inputs, trim)
-        ).ravel()
-        below = np.array(
-            deployed.command(equilibrium.states - shifts, equilibrium.inputs, trim)
-        ).ravel()
-        slope = (above - below) / (2.0 * step)
-        np.testing.assert_allclose(-equilibrium.K[:, column], slope, rtol=1e-5, atol=1e-6)
 
 
 @pytest.mark.slow

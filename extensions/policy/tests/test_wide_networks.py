@@ -59,19 +59,9 @@ def test_networks_on_rows_equal_the_graph(name):
     np.testing.assert_array_equal(observations, kept)
 
 
-def test_a_wide_network_is_computed_in_single_precision(tmp_path):
-    """A wide network is evaluated on rows in single precision."""
-    deployment = gtm_deployment(
-        {"file": wide_file(tmp_path / "wide.npz", 256), "activation": "relu"}
-    )
-    observations = np.random.default_rng(1).normal(size=(20, 4))
-    double = np.array(deployment.actor.function(observations.T)).T
-    single = deployment.actor.rows(observations)
-    assert 1e-12 < np.abs(single - double).max() < 1e-6
-
-
-@pytest.mark.parametrize(("width", "nearness"), [(100, 1e-12), (160, 1e-5)])
-@pytest.mark.parametrize("activation", ["gelu", "selu"])
+@pytest.mark.parametrize(
+    ("activation", "width", "nearness"), [("gelu", 100, 1e-12), ("selu", 160, 1e-5)]
+)
 def test_networks_of_any_width_are_evaluated_on_rows(tmp_path, activation, width, nearness):
     """On NumPy rows, a network of any width and activation has the outputs of its CasADi function.
 
@@ -120,20 +110,6 @@ def test_a_wide_onnx_graph_is_evaluated_on_rows(tmp_path):
     np.testing.assert_allclose(actor.rows(observations), expected, rtol=0, atol=1e-12)
 
 
-def test_flights_in_a_limit_cycle_end_early():
-    """Flights of 60 s in a limit cycle end after at most 40 s."""
-    late = stored_deployment("ppo_gtm").changed(timing={"dt": 0.02, "delay": 0.08})
-    assessor = Assessor(Deployed(late, aircraft("ppo_gtm")), trims("ppo_gtm")[1:2], samples=8)
-    flight = assessor.flight()
-    places = assessor.places(flight)
-    flown = flights_of(flight, places[0], 8)
-    flown.fly(60.0, flight.compiled(8, 60.0))
-    outcome = flown.outcomes(0)
-    assert (outcome.returned, outcome.lost) == (0, 0)
-    assert outcome.cycle is not None
-    assert flown.times.max() <= 40.0
-
-
 def test_flight_at_another_equilibrium_ends_early():
     """A flight that settles at another equilibrium ends early, with the outcome of the full
     duration.
@@ -168,9 +144,7 @@ def flights_of(flight, place, count, patience=PATIENCE):
     ("name", "delay"),
     [
         ("ppo_gtm", 0.05),
-        ("td3_gtm", 0.0),
-        pytest.param("ppo_gtm", 0.0, marks=pytest.mark.slow),
-        pytest.param("td3_gtm", 0.05, marks=pytest.mark.slow),
+        pytest.param("td3_gtm", 0.0, marks=pytest.mark.slow),
     ],
 )
 def test_flights_simulated_together_equal_single_flights(name, delay):
@@ -201,7 +175,7 @@ def test_flights_simulated_together_equal_single_flights(name, delay):
 
 
 @pytest.mark.parametrize(
-    ("width", "activation"), [pytest.param(64, "tanh", marks=pytest.mark.slow), (256, "relu")]
+    ("width", "activation"), [(32, "tanh"), pytest.param(256, "relu", marks=pytest.mark.slow)]
 )
 def test_networks_of_common_sizes_are_assessed(tmp_path, width, activation):
     """Networks of common sizes are assessed, and their gains agree with central differences of the
@@ -211,9 +185,9 @@ def test_networks_of_common_sizes_are_assessed(tmp_path, width, activation):
     deployed = Deployed(
         gtm_deployment({"file": file, "activation": activation}), aircraft("ppo_gtm")
     )
-    (point,) = Assessor(deployed, trims_of(deployed.model, [45.0]), samples=4).assessed()
+    (point,) = Assessor(deployed, trims_of(deployed.model, [45.0]), samples=2).assessed()
     assert np.isfinite(point.radius)
-    assert point.flights.starts == 4
+    assert point.flights.starts == 2
     equilibrium = point.equilibrium
     step = 1e-6 * np.array([1.0, 0.1, 0.1, 0.1])
     columns = [list(point.point.model.states).index(name) for name in point.point.model.linear]

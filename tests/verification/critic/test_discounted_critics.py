@@ -113,14 +113,6 @@ def test_an_exact_critic_that_does_not_stabilize_fails() -> None:
     assert "the exact solution of this discounted problem does not stabilize either" in reason
 
 
-def test_discounted_verdict_does_not_need_a_continuous_solution() -> None:
-    """A wrong discounted critic fails, even if the continuous-time game has no solution."""
-    game = game_at(15.0).with_delta(110.0)
-    problem = sampled(game, 0.01, 0.9)
-    exact = solve_discrete(problem)
-    assert not verify(problem, from_value(problem, 1.1 * exact.P)).ok
-
-
 def test_discrete_verdicts_are_printed() -> None:
     """The printed verdict on an exact P begins with the result.
 

@@ -15,7 +15,7 @@ import pytest
 from cli import hfa as run
 from game_files import stored
 from known_models import game_at
-from network_files import onnx_file, safetensors_file, torch_file
+from network_files import onnx_file, torch_file
 
 import hfa
 from controller import basis, critics_over_time
@@ -35,7 +35,7 @@ AT_8 = ("--dihedral", "8")
 #: the policy diverges from corners of the box of typical deviations.
 TAIL = np.array([0.0, -200.0, -50.0, -50.0])
 CHANNELS = [0, 1, 3, 4]
-FAST = Scope(seconds=0.0, flights=20)
+FAST = Scope(seconds=0.0, flights=4)
 DISCOUNT, DT = 0.999, 0.05
 
 
@@ -106,13 +106,13 @@ def quartic_onnx() -> str:
     return onnx_file("v.onnx", nodes, {"P": exact_value(), "ones": np.ones((6, 1)), "w": w})
 
 
-def one_layer(write: Callable[[str, Mapping[str, Any]], str], path: str) -> str:
-    return write(path, {"v.weight": weights("paper")[None], "v.bias": np.zeros(1)})
+def one_layer(path: str) -> str:
+    return torch_file(path, {"v.weight": weights("paper")[None], "v.bias": np.zeros(1)})
 
 
-def history(name: str = "h.npz", **more: Any) -> str:
+def history(**more: Any) -> str:
     rows = np.array([0.5 * weights("paper"), weights("paper")])
-    return stored(name, time=np.array([0.0, 1.0]), W=rows, **more)
+    return stored("h.npz", time=np.array([0.0, 1.0]), W=rows, **more)
 
 
 def steps_file(**more: Any) -> str:
@@ -132,13 +132,8 @@ def of_steps() -> np.ndarray:
     return weights("paper", solve_discrete(discounted()).P)
 
 
-def npz(name: str = "paper", path: str = "w.npz", **more: Any) -> str:
-    return stored(path, W=weights(name), **more)
-
-
-def saved(path: str) -> str:
-    np.save(path, weights("paper"))
-    return path
+def npz(path: str = "w.npz", **more: Any) -> str:
+    return stored(path, W=weights("paper"), **more)
 
 
 def folder_of_checkpoints() -> str:
@@ -151,36 +146,16 @@ def folder_of_checkpoints() -> str:
 #: Way in -> command line after `hfa verify`.
 COMMANDS: dict[str, Callable[[], tuple[str, ...]]] = {
     "basis on the command line": lambda: (*AT_8, "--weights", npz(), "--basis", "paper"),
-    "basis in the file": lambda: (*AT_8, "--weights", npz(basis="paper")),
-    "quadratic+quartic": lambda: (
-        *(*AT_8, "--weights", npz("quadratic+quartic")),
-        *("--basis", "quadratic+quartic"),
-    ),
-    "JSON": lambda: (*AT_8, "--weights", npz(path="w.json", basis="paper")),
-    "MATLAB": lambda: (*AT_8, "--weights", npz(path="w.mat", basis="paper")),
-    "one array": lambda: (*AT_8, "--weights", saved("W.npy"), "--basis", "paper"),
-    "W and P": lambda: (*AT_8, "--weights", npz(P=exact_value(), basis="paper")),
     "list of functions": lambda: (*AT_8, "--weights", npz(), "--basis", functions()),
-    "W over time": lambda: (*AT_8, "--weights", history(basis="paper")),
-    "W over time, basis given": lambda: (*AT_8, "--weights", history(), "--basis", "paper"),
     "several files": lambda: (
         *(*AT_8, "--basis", "paper"),
         *("--weights", npz(), npz(path="other.npz")),
     ),
-    "folder": lambda: (*AT_8, "--weights", folder_of_checkpoints()),
-    "one layer, npz": lambda: (
-        *(*AT_8, "--basis", "paper"),
-        *("--weights", one_layer(lambda path, layers: stored(path, **layers), "l.npz")),
-    ),
-    "one layer, torch": lambda: (
-        *AT_8,
-        *("--basis", "paper", "--weights", one_layer(torch_file, "l.pt")),
-    ),
-    "one layer, safetensors": lambda: (
-        *(*AT_8, "--basis", "paper"),
-        *("--weights", one_layer(safetensors_file, "l.safetensors")),
-    ),
     "ONNX": lambda: (*AT_8, "--weights", quartic_onnx()),
+    "W and P": lambda: (*AT_8, "--weights", npz(P=exact_value(), basis="paper")),
+    "W over time": lambda: (*AT_8, "--weights", history(basis="paper")),
+    "folder": lambda: (*AT_8, "--weights", folder_of_checkpoints()),
+    "one layer": lambda: (*AT_8, "--basis", "paper", "--weights", one_layer("l.pt")),
     "discounted": lambda: (
         *(*AT_8, "--discount", str(DISCOUNT), "--dt", str(DT)),
         *("--weights", stored("w.npz", W=of_steps(), basis="paper")),
@@ -190,6 +165,8 @@ COMMANDS: dict[str, Callable[[], tuple[str, ...]]] = {
         *("--weights", stored("w.npz", W=of_steps(), basis="paper")),
     ),
 }
+#: Ways in that are tried in the fast tests.
+FAST_COMMANDS = ("basis on the command line", "several files", "ONNX")
 
 
 def judged(critic: Any) -> Verdict:
@@ -215,22 +192,26 @@ def discounted_file() -> Verdict:
 
 #: Way in -> verdict in Python.
 CALLS: dict[str, Callable[[], Verdict]] = {
-    "name of a basis": lambda: judged(from_weights(GAME, weights("paper"), "paper")),
     "Basis": lambda: judged(from_weights(GAME, weights("paper"), basis("paper", 6))),
     "CasADi functions": lambda: judged(from_weights(GAME, [1.0], ca.Function("psi", [Z], [V()]))),
     "V": lambda: judged(network("V", V())),
     "gradient": lambda: judged(network("gradient", ca.gradient(V(), Z))),
     "policy": lambda: judged(network("policy", policy())),
     "V and policy": lambda: judged(network("V+policy", V(), policy())),
-    "file": lambda: judged(hfa.read_critic(npz(basis="paper"), GAME)),
-    "read": lambda: judged(hfa.read_critic(npz(), GAME, basis="paper")),
+    "file": lambda: judged(hfa.read_critic(npz(), GAME, basis="paper")),
     "over time": over_time,
     "discrete": in_steps,
     "discounted": discounted_file,
 }
+#: Ways in that are tried in the fast tests.
+FAST_CALLS = ("CasADi functions", "policy", "over time")
 
 
-@pytest.mark.parametrize("way", COMMANDS)
+def ways(every: Mapping[str, object], fast: tuple[str, ...]) -> list[Any]:
+    return [pytest.param(way, marks=() if way in fast else pytest.mark.slow) for way in every]
+
+
+@pytest.mark.parametrize("way", ways(COMMANDS, FAST_COMMANDS))
 def test_a_diverging_critic_fails_on_the_command_line(way: str) -> None:
     """Each form of the diverging critic fails, also if only the cost is limited."""
     result = run("verify", *COMMANDS[way](), "--limit-cost", "1", "--json")
@@ -245,7 +226,7 @@ def test_a_diverging_critic_fails_on_the_command_line(way: str) -> None:
         )
 
 
-@pytest.mark.parametrize("way", CALLS)
+@pytest.mark.parametrize("way", ways(CALLS, FAST_CALLS))
 def test_a_diverging_critic_fails_in_python(way: str) -> None:
     """Each form of the diverging critic fails, also if only the cost is limited."""
     verdict = CALLS[way]()
@@ -261,7 +242,7 @@ def test_a_biased_critic_fails() -> None:
     assert verdict.grade == "fail"
 
 
-@pytest.mark.parametrize("name", ["quadratic+linear", "quadratic+quartic", "paper"])
+@pytest.mark.parametrize("name", ["quadratic+linear", "paper"])
 def test_a_polynomial_without_higher_terms_is_a_matrix(name: str) -> None:
     """A critic is quadratic if every weight beyond z_i z_j is exactly 0; the exact one passes."""
     psi = basis(name, 6)

@@ -102,7 +102,7 @@ def test_functions_of_squares_contain_the_ends_of_boxes() -> None:
     assert highest(models, 1)[0, 0] >= np.exp(0.01)
 
 
-@pytest.mark.parametrize("half_width", [0.5, 0.1, 1e-3, 1e-8])
+@pytest.mark.parametrize("half_width", [0.5, 1e-3, 1e-8])
 def test_sharpened_bounds_are_valid_for_every_operation(half_width: float) -> None:
     """Sharpened lower bounds are valid for every operation and at least as high as `lowest`.
 
@@ -123,7 +123,7 @@ def test_sharpened_bounds_are_valid_for_every_operation(half_width: float) -> No
     for output in range(function.numel_out(0)):
         found = program.sharpened(traced, np.full(100, output), every)
         assert np.all(found.lowest >= lowest(traced.outputs, 3)[output])
-        for _ in range(20):
+        for _ in range(4):
             shares = np.clip(generator.uniform(-1.3, 1.3, centres.shape), -1.0, 1.0)
             off = radius.T * generator.uniform(-1.0, 1.0, centres.shape)
             values = np.array(function((centres + half_widths * shares + off).T))
@@ -309,6 +309,6 @@ def test_an_operation_without_enclosure_is_named() -> None:
 
 def test_evaluated_values_equal_the_function() -> None:
     """`values_at` equals the function, also at more points than are evaluated together."""
-    points = np.random.default_rng(0).uniform(-0.5, 0.5, (5000, 3))
+    points = np.random.default_rng(0).uniform(-0.5, 0.5, (2500, 3))
     expected = np.array(every_operation()(points.T)).T
     assert values_at(Program(every_operation(), "f"), points) == pytest.approx(expected, rel=1e-12)

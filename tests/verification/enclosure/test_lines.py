@@ -167,7 +167,7 @@ def test_each_part_of_an_enclosure_contains_a_table(name: str) -> None:
     """Parabolas, lines and slopes enclose tables, also beyond their ends."""
     spline = TABLES[name]
     exact = Exact(_exact(spline, 0), _exact(spline, 1), widths=(1e-13, 1e-6, 0.1, 1.0, 4.0))
-    _check(enclosed(spline), exact, 600, 9)
+    _check(enclosed(spline), exact, 150, 9)
 
 
 @pytest.mark.parametrize("name", TABLES)

@@ -26,10 +26,9 @@ from planted_mistakes import (
 )
 from project import ROOT
 
-from controller import basis
 from controller.critic.critic import Critic
 from examples.train_a_network import fit
-from hfa import Game, from_gain, from_value, from_weights, verify
+from hfa import Game, from_gain, from_value, verify
 from hfa.main import FAILED
 from verification.box import ordinary_box, usual_box
 from verification.critic.critic_check import LIMIT
@@ -101,38 +100,8 @@ def test_an_unknown_mistake_fails_without_a_cause(game: Game, mistake: str) -> N
     assert named(game, candidate) == ""
 
 
-@pytest.mark.parametrize(
-    "mistake", ["degrees, P", "column order", "another delta, K", "thousandfold"]
-)
-def test_mistakes_are_named_despite_small_errors(game: Game, mistake: str) -> None:
-    """Mistakes are named also if the critic has random errors of 1e-6."""
-    kind, plant, words = NAMED[mistake]
-    rng = np.random.default_rng(1)
-    wrong = candidate_of(
-        game, kind, lambda game: plant(game) * (1.0 + 1e-6 * rng.standard_normal(plant(game).shape))
-    )
-    assert words in named(game, wrong)
-
-
 #: Two states and one input: too few numbers to fit several factors.
 SMALL = Game([[0.0, 1.0], [-1.0, -1.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [[1.0]], 10.0)
-
-
-@pytest.mark.parametrize("draws", [1, pytest.param(100, marks=SLOW)])
-@pytest.mark.parametrize("kind", ["K", *(pytest.param(kind, marks=SLOW) for kind in ("W", "P"))])
-@pytest.mark.parametrize("plant", ["aircraft", pytest.param("small", marks=SLOW)])
-def test_random_errors_have_no_cause(game: Game, plant: str, kind: str, draws: int) -> None:
-    """For random errors, a cause is named in no more than the allowed number of cases."""
-    game = game if plant == "aircraft" else SMALL
-    right = {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}[kind]
-    rng = np.random.default_rng(0)
-    reasons = []
-    for size in 10.0 ** rng.uniform(-4.0, -1.0, draws):
-        noise = rng.standard_normal(right.shape)
-        noise = (noise + noise.T) / np.sqrt(2.0) if kind == "P" else noise
-        wrong = right * (1.0 + size * noise)
-        reasons.append(named(game, candidate_of(game, kind, lambda _, wrong=wrong: wrong)))
-    assert sum(cause != "" for cause in reasons) <= FALSE_CAUSES * draws // 100, set(reasons)
 
 
 #: Right critics, used in turn.
@@ -260,15 +229,6 @@ def test_a_critic_of_the_printed_matrices_is_named(game: Game, degrees: int) -> 
         description = f"of the matrices printed for {degrees} deg"
         reason = named(game, candidate, printed={description: printed})
         assert reason.endswith(f"of another game, of the matrices printed for {degrees} deg")
-
-
-def test_a_nonquadratic_weight_is_named(game: Game) -> None:
-    """A nonzero weight of a term that is not quadratic is named."""
-    functions = basis("paper", 6)
-    weights = functions.weights(value(game))
-    weights[24] = 3.0
-    reason = named(game, from_weights(game, weights, functions))
-    assert reason.startswith("weight 25 is 3: on a linear plant the value is quadratic")
 
 
 def test_a_transposed_gain_is_named() -> None:
@@ -403,7 +363,7 @@ def test_a_mistake_in_a_trained_network_is_named(game: Game, mistake: str) -> No
 
 
 @pytest.mark.parametrize(
-    "name", ["policy", *(pytest.param(name, marks=SLOW) for name in ("V", "gradient"))]
+    "name", [pytest.param(name, marks=SLOW) for name in ("policy", "V", "gradient")]
 )
 def test_networks_as_trained_have_no_cause(game: Game, name: str) -> None:
     """For the networks as trained, no mistake is named.
@@ -489,7 +449,7 @@ def test_networks_trained_again_have_equal_errors(game: Game, name: str) -> None
 
 
 @pytest.mark.parametrize(
-    ("name", "points"), [("V", 4), *(pytest.param(x, 8, marks=SLOW) for x in ("V", "policy"))]
+    ("name", "points"), [("V", 3), *(pytest.param(x, 8, marks=SLOW) for x in ("V", "policy"))]
 )
 def test_the_search_finds_the_errors_of_grid(game: Game, name: str, points: int) -> None:
     """The search for errors of a network finds errors at least as large as those on a grid of
@@ -521,13 +481,11 @@ def test_the_search_finds_the_errors_of_grid(game: Game, name: str, points: int)
         assert reasons[kind] * (1.0 + 1e-9) >= np.abs(on_grid).max()
 
 
-def test_several_critics_give_a_table_and_curve(
-    game: Game,
-) -> None:
+def test_several_critics_give_a_table_and_curve(game: Game) -> None:
     """Several critics and a folder of checkpoints give one table and a learning curve."""
     Path("runs").mkdir()
     for step, share in ((2, 3.0), (10, 1.5)):
-        np.savez(f"runs/step_{step}.npz", **layers("gamma_120", out=share))
+        np.savez(f"runs/step_{step}.npz", K=share * gain(game))
     right = stored("right.npz", P=value(game))
     twice = stored("P.npz", P=2 * value(game))
     result = hfa(
@@ -537,11 +495,7 @@ def test_several_critics_give_a_table_and_curve(
         "runs",
         right,
         twice,
-        *NETWORK,
-        "-o",
-        "a.json",
-        "--picture",
-        "curve.png",
+        *("-o", "a.json", "--picture", "curve.png"),
     )
     assert result.code == FAILED
     data = json.loads(Path("a.json").read_text(encoding="utf-8"))["critics"]
