@@ -11,7 +11,11 @@ GEOMETRY = {"wing_area": ("ft^2", "m^2"), "span": ("ft", "m"), "chord": ("ft", "
 INERTIA = dict.fromkeys(("Ixx", "Iyy", "Izz", "Ixz"), ("slug ft^2", "kg m^2"))
 MASS = {"mass": ("slug", "kg"), "weight": ("lbf", "N")}
 CONDITION = {"speed": ("ft/s", "m/s"), "altitude": ("ft", "m"), "alpha": ("rad", "rad")}
-THRUST = {"thrust_angle": ("rad", "rad"), "thrust_height": ("ft", "m")}
+THRUST = {
+    "thrust_angle": ("rad", "rad"),
+    "thrust_height": ("ft", "m"),
+    "thrust_slope": ("lbf/(ft/s)", "N/(m/s)"),
+}
 UNITS = GEOMETRY | INERTIA | MASS | CONDITION | THRUST
 #: Required entries. In addition, either mass or weight is required.
 REQUIRED = (*GEOMETRY, "Ixx", "Iyy", "Izz", "speed", "CL_0", "CD_0", "CL_alpha", "Cm_alpha")
@@ -29,11 +33,14 @@ ARGUMENTS = {
     "r": False,
     "alphadot": False,
     "mach": False,
+    "u": False,
 }
 #: Suffixes of the variables that are neither angles nor rates.
-_WITHOUT_ANGLE = ("0", "mach", "CL2")
+_WITHOUT_ANGLE = ("0", "mach", "u", "CL2")
 #: Induced drag: C_D contains this value times C_L².
 INDUCED = "CD_CL2"
+#: Derivative of the thrust coefficient with respect to u, the relative change of the speed.
+THRUST_BY_SPEED = "CT_u"
 #: The input that is a force along the thrust line, not a control surface.
 THRUST_INPUT = "thrust"
 
@@ -52,6 +59,11 @@ class Derivative:
     is_by_angle: bool
 
     @property
+    def name(self) -> str:
+        """Name of the derivative."""
+        return f"{self.coefficient}_{self.argument}"
+
+    @property
     def unit(self) -> str:
         """Unit of the derivative: 1/rad with respect to angles and rates."""
         return "1" if self.argument in _WITHOUT_ANGLE else "1/rad"
@@ -64,6 +76,8 @@ def derivative_of(name: str, surfaces: Iterable[str]) -> Derivative | None:
     """
     if name == INDUCED:
         return Derivative("CD", "CL2", False)
+    if name == THRUST_BY_SPEED:
+        return Derivative("CT", "u", False)
     match = re.fullmatch(rf"({'|'.join(COEFFICIENTS)})_(\w+)", name)
     if match is None:
         return None

@@ -6,7 +6,9 @@ Forces and moments:
 
 q̄ is the dynamic pressure. S, b and c are the area, span and chord of the wing. Each coefficient is
 linear in alpha - alpha_0, beta, p b/2V, q c/2V, r b/2V, alphadot c/2V, the deflections, and the
-difference of the Mach number from the reference condition. C_D also has the term C_D,CL2 C_L².
+differences of the Mach number and of u = V/V_0 from the reference condition. C_D also has the term
+C_D,CL2 C_L². With C_T,u, the thrust T at the reference condition becomes
+q̄ (T/q̄_0 + S C_T,u (u - 1)).
 
 The angle of attack alpha_0 of the reference condition defines the body axes. The inertias are about
 the body axes. C_l, C_n, p and r are about the axes given by the entry `axes`. The stability axes
@@ -23,7 +25,7 @@ from typing import Any
 import casadi as ca
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.readers.derivatives.names import INDUCED, THRUST_INPUT
+from hfa_aircraft.readers.derivatives.names import INDUCED, THRUST_BY_SPEED, THRUST_INPUT
 from hfa_aircraft.readers.derivatives.table import Table, read_table, table_of
 from hfa_aircraft.rigid.aircraft import FORCE, GRAVITY, LENGTH, Motion, rigid_aircraft
 from hfa_aircraft.rigid.atmosphere import air_at
@@ -89,7 +91,7 @@ def from_derivatives(table: str | Path | Mapping[str, Any]) -> Model:
 def _model(table: Table) -> Model:
     """Return the aircraft of a table as a `Model`."""
     surfaces = {name: Signal("rad", 0.1, *limits) for name, limits in table.surfaces.items()}
-    usual = 0.1 * _mass(table) * GRAVITY[table.system]
+    usual = 0.1 * table.values["mass"] * GRAVITY[table.system]
     alpha = table.values.get("alpha", 0.0)
     return rigid_aircraft(
         table.name,
@@ -121,17 +123,10 @@ def _turns_both_ways(table: Table) -> bool:
     return len(lateral) >= 2
 
 
-def _mass(table: Table) -> float:
-    """Return the mass, slug or kg, given directly or computed from the weight."""
-    if "mass" in table.values:
-        return table.values["mass"]
-    return table.values["weight"] / GRAVITY[table.system]
-
-
 def _parameters(table: Table) -> dict[str, Signal]:
     """Return name -> signal of the parameters: mass, inertias, gravity and derivatives."""
     mass_unit = "slug" if table.system == "english" else "kg"
-    mass = _mass(table)
+    mass = table.values["mass"]
     signals = {"mass": Signal(mass_unit, mass, 0.0, start=mass)}
     for name in ("Ixx", "Iyy", "Izz", "Ixz"):
         value = table.values.get(name, 0.0)
@@ -156,6 +151,8 @@ class _Equations:
         self._turn = wind_axes(self._alpha if table.axes == "stability" else 0.0, 0.0)
         sound = float(air_at(values.get("altitude", 0.0), table.system).sound)
         self._mach = values["speed"] / sound
+        density = float(air_at(values.get("altitude", 0.0), table.system).density)
+        self._pressure = 0.5 * density * values["speed"] ** 2
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the rates of the states and the outputs, each as name -> value."""
@@ -169,7 +166,8 @@ class _Equations:
         force = motion.pressure * sizes.wing_area
         stability = wind_axes(x.alpha, 0.0)
         air_force = force * ca.mtimes(stability, ca.vertcat(-drag, side, -lift))
-        thrust = u.thrust * ca.vertcat(ca.cos(self._angle), 0.0, -ca.sin(self._angle))
+        size = self._thrust(x, u, p, motion)
+        thrust = size * ca.vertcat(ca.cos(self._angle), 0.0, -ca.sin(self._angle))
         specific = (air_force + thrust) / p.mass
         alpha_rate = self._alpha_rate(x, p, motion, specific)
         lag = {"alphadot": alpha_rate * sizes.chord / (2.0 * x.speed)}
@@ -180,13 +178,26 @@ class _Equations:
         arguments |= lag
         moments = [self._coefficient(name, p, arguments) for name in ("Cl", "Cm", "Cn")]
         arms = ca.vertcat(sizes.span, sizes.chord, sizes.span)
-        pitching = ca.vertcat(0.0, self._height * u.thrust * ca.cos(self._angle), 0.0)
+        pitching = ca.vertcat(0.0, self._height * size * ca.cos(self._angle), 0.0)
         moment = ca.mtimes(self._turn, force * arms * ca.vertcat(*moments)) - pitching
         inertia = inertia_matrix((p.Ixx, p.Iyy, p.Izz), (0.0, p.Ixz, 0.0))
         specific += lag_force / p.mass
         state_rates, outputs = motion.rates_and_outputs(specific, moment, inertia)
         coefficients = {"lift_coefficient": lift + lift_lag, "drag_coefficient": drag + drag_lag}
         return state_rates, outputs | coefficients
+
+    def _thrust(self, x: Any, u: Any, p: Any, motion: Motion) -> Any:
+        """Return the thrust; the input is the thrust at the speed of the reference condition."""
+        values = self._table.values
+        thrust = u.thrust
+        if "thrust_slope" in values:
+            thrust = thrust + values["thrust_slope"] * (x.speed - values["speed"])
+        if THRUST_BY_SPEED in self._table.derivatives:
+            change = x.speed / values["speed"] - 1.0
+            area = values["wing_area"]
+            thrust = thrust * motion.pressure / self._pressure
+            thrust = thrust + motion.pressure * area * self._value(p, THRUST_BY_SPEED) * change
+        return thrust
 
     def _arguments(self, x: Any, u: Any, rates: Any, mach: Any) -> dict[str, Any]:
         """Return the variables that derivatives multiply, suffix -> value."""
@@ -204,6 +215,7 @@ class _Equations:
             "q": rates[1] * half_chord,
             "r": rates[2] * half_span,
             "mach": mach,
+            "u": x.speed / sizes["speed"] - 1.0,
             **deflections,
         }
 

@@ -6,7 +6,7 @@ import csv
 import hashlib
 import io
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,17 +17,25 @@ from hfa_aircraft.readers.derivatives.avl import (
     read_stability_file,
     with_stability_file,
 )
+from hfa_aircraft.readers.derivatives.dimensional import (
+    DIVIDED,
+    DimensionalDerivative,
+    dimensional_names,
+    dimensional_of,
+)
 from hfa_aircraft.readers.derivatives.entries import Entry, number
 from hfa_aircraft.readers.derivatives.names import (
     ARGUMENTS,
     COEFFICIENTS,
     INDUCED,
     REQUIRED,
+    THRUST_BY_SPEED,
     THRUST_INPUT,
     UNITS,
     Derivative,
     derivative_of,
 )
+from hfa_aircraft.rigid.aircraft import GRAVITY
 from hfa_aircraft.rigid.atmosphere import ALTITUDES, FT_TO_M
 from hfa_support.errors import BadInputError, advice, file_faults, shown
 from hfa_support.files import read_toml, regular_file
@@ -40,6 +48,7 @@ _TEXTS: dict[str, tuple[str, ...] | None] = {
     "units": SYSTEMS,
     "per": ("rad", "deg"),
     "axes": ("body", "stability"),
+    "dimensional": DIVIDED,
 }
 _ANGLES = {"rad": 1.0, "deg": math.pi / 180.0}
 
@@ -51,7 +60,7 @@ class Table:
     name: name of the aircraft.
     system: system of units, "english" or "si".
     source: path and hash of the file.
-    values: geometry, mass or weight, reference condition and thrust line, name -> value.
+    values: geometry, mass, reference condition and thrust line, name -> value.
     derivatives: name -> value, per rad for an angle.
     meanings: name of a derivative -> coefficient and argument.
     surfaces: control surface -> lowest and highest deflection, rad.
@@ -165,26 +174,69 @@ def _checked(entries: dict[str, Entry], source: Source, stem: str) -> Table:
     numbers = {
         name: each for name, each in entries.items() if name not in pairs and name not in _TEXTS
     }
+    axes = texts["axes"] or "body"
     values: dict[str, float] = {}
     derivatives: dict[str, float] = {}
     meanings: dict[str, Derivative] = {}
+    dimensional: dict[DimensionalDerivative, float] = {}
     per = _ANGLES[texts["per"] or "rad"]
     for name, entry in numbers.items():
         meaning = derivative_of(name, limits)
+        other = dimensional_of(name, limits)
         if name in UNITS:
             values[name] = number(name, entry, _unit(name, system))
         elif meaning is not None:
             plain = 1.0 / per if meaning.is_by_angle else 1.0
             derivatives[name] = number(name, entry, meaning.unit, plain)
             meanings[name] = meaning
+        elif other is not None:
+            plain = 1.0 / per if other.coefficient.is_by_angle else 1.0
+            unit = other.unit(system, _divided(name, entry, texts["dimensional"]))
+            dimensional[other] = number(name, entry, unit, plain)
         else:
             raise _unknown(name, entry, limits)
-    _refuse_missing(values, derivatives, source.text or "the table")
+    determined = {other.coefficient.name: other.name for other in dimensional}
+    _refuse_missing(values, {*derivatives, *determined}, source.text or "the table")
     _refuse_sizes(values, entries)
     _refuse_altitude(values.get("altitude", 0.0), entries, system)
+    if "mass" not in values:
+        values["mass"] = values["weight"] / GRAVITY[system]
+    _refuse_two_forms(entries, determined)
+    steady = {name: derivatives.get(name, 0.0) for name in ("CL_0", "CD_0", "Cm_0")}
+    for other, value in dimensional.items():
+        if axes == "body" and other.is_about_stability_axes and values.get("alpha", 0.0):
+            raise entries[other.name].error(
+                f'{other.name} is about stability axes; give axes = "stability", or alpha = 0'
+            )
+        coefficient = other.coefficient
+        meanings[coefficient.name] = coefficient
+        derivatives[coefficient.name] = other.value(
+            value, texts["dimensional"], values, steady, axes, system
+        )
     name = texts["name"] or stem
-    axes = texts["axes"] or "body"
     return Table(name, system, source, values, derivatives, meanings, limits, thrust, axes)
+
+
+def _divided(name: str, entry: Entry, stated: str) -> str:
+    """Return the definition of the dimensional derivatives, which the table must state."""
+    if not stated:
+        raise entry.error(
+            f'{name} is a dimensional derivative; give dimensional = "{DIVIDED[0]}" (and inertia), '
+            f'or dimensional = "{DIVIDED[1]}"'
+        )
+    return stated
+
+
+def _refuse_two_forms(entries: Mapping[str, Entry], determined: Mapping[str, str]) -> None:
+    """Raise BadInputError if two entries state the same derivative."""
+    # determined: derivative of a coefficient -> dimensional derivative that determines it
+    pairs = [(name, other) for name, other in determined.items()]
+    pairs += [(f"{each}_u", f"{each}_mach") for each in COEFFICIENTS]
+    pairs += [(f"{each}_mach", determined.get(f"{each}_u", "")) for each in COEFFICIENTS]
+    pairs.append((THRUST_BY_SPEED, "thrust_slope"))
+    for name, other in pairs:
+        if name in entries and other in entries:
+            raise entries[name].error(f"{name} and {other} state the same effect; remove one")
 
 
 def _text(name: str, entries: Mapping[str, Entry]) -> str:
@@ -228,11 +280,12 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
     """Return the error for an unknown entry, or for an entry without the two limits it requires."""
     arguments = (*ARGUMENTS, *surfaces)
     derivatives = (f"{each}_{argument}" for each in COEFFICIENTS for argument in arguments)
-    known = (*UNITS, *_TEXTS, *surfaces, *derivatives, INDUCED, THRUST_INPUT)
+    others = (THRUST_BY_SPEED, *dimensional_names(surfaces), AVL)
+    known = (*UNITS, *_TEXTS, *surfaces, *derivatives, INDUCED, THRUST_INPUT, *others)
     if name in known:
         return entry.error(f"{name} has a single value; give the lower and the upper limit")
     alike = [each for each in known if each[:2] == name[:2]]  # CL is lift, Cl is roll
-    if near := advice(name, alike or known):
+    if near := advice(name, alike) or advice(name, known):
         return entry.error(f"unknown entry {shown(name)}{near}")
     coefficient, _, argument = name.partition("_")
     if coefficient in COEFFICIENTS and argument.isidentifier():
@@ -246,9 +299,7 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
     )
 
 
-def _refuse_missing(
-    values: Mapping[str, float], derivatives: Mapping[str, float], where: str
-) -> None:
+def _refuse_missing(values: Mapping[str, float], derivatives: Collection[str], where: str) -> None:
     """Raise BadInputError with the names of all required entries that are missing."""
     missing = [name for name in REQUIRED if name not in values and name not in derivatives]
     if "mass" not in values and "weight" not in values:

@@ -5,6 +5,7 @@ refused.
 """
 
 import math
+import tomllib
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -281,6 +282,100 @@ def test_printed_modes_include_the_effect_of_thrust_line(mode):
     assert (abs(abs(central) - frequency) > 0.02 * frequency) == (mode == "phugoid")
 
 
+#: J. Roskam, Airplane Flight Dynamics and Automatic Flight Controls, Part I: damping and natural
+#: frequency, rad/s, or decay rate, 1/s, of the Cessna 182 in cruise.
+PRINTED_C182 = {
+    "phugoid": (0.129, 0.171),
+    "short period": (0.844, 5.27),
+    "dutch roll": (0.207, 3.24),
+    "roll": (1.0 / 0.077,),
+    "spiral": (1.0 / 55.9,),
+}
+
+
+def test_all_modes_of_a_propeller_aircraft_agree_with_published_modes():
+    """Damping and frequency of each mode of the Cessna 182 are within 0.5 % of the printed ones.
+
+    Without the decrease of the thrust with speed, only the phugoid's damping changes, by a third.
+    """
+    linear = linear_model("examples/cessna182.toml")
+    constant = linear_model("examples/cessna182.toml", CT_u=-0.064)  # 2 C_T1: a constant thrust
+    for mode, printed in PRINTED_C182.items():
+        (root,) = roots_of([printed])
+        for each in (linear, constant):
+            found = eigenvalue_near(each, root)
+            rate = abs(found)
+            computed = (-found.real / rate, rate) if len(printed) == 2 else (-found.real,)
+            agrees = computed == pytest.approx(printed, rel=0.005)
+            assert agrees == (each is linear or mode != "phugoid"), mode
+
+
+def test_slope_and_coefficient_of_the_thrust_are_equivalent():
+    """dT/dV = q̄ S (CT_u + 2 CT_1)/V_0 gives the same modes as CT_u."""
+    text = Path("examples/cessna182.toml").read_text()
+    table = tomllib.loads(text)
+    del table["longitudinal"]["CT_u"]
+    point = linear_model("examples/cessna182.toml").point
+    force = 0.5 * float(air_at(5000.0).density) * 220.1**2 * 174.0
+    slope = (-0.096 * force + 2.0 * point.inputs.thrust) / 220.1
+    other = linear_model({**table, "thrust_slope": f"{slope} lbf/(ft/s)"})
+    expected = np.sort_complex(np.linalg.eigvals(linear_model("examples/cessna182.toml").A))
+    np.testing.assert_allclose(np.sort_complex(np.linalg.eigvals(other.A)), expected, rtol=1e-9)
+
+
+#: Piper Cherokee PA-28-180 at 50 m/s in air of 1.06 kg/m³: dimensional derivatives divided by mass
+#: and moments of inertia, of a public course (aircraftflightmechanics.com, "Final Examples").
+CHEROKEE = {
+    "dimensional": "divided by mass",
+    "geometry": {"wing_area": 15.0, "span": 9.11, "chord": 1.6},
+    "mass": {"mass": 1090.0, "Ixx": 3100.0, "Iyy": 1700.0, "Izz": 1400.0},
+    "condition": {"speed": 50.0, "altitude": 1468.0},
+    "CL_0": 1090.0 * 9.80665 / (0.5 * 1.06 * 2500.0 * 15.0), "CD_0": 0.0615,
+    "Xu": -0.06728, "Xw": 0.02323, "Zu": -0.396, "Zw": -1.729, "Zq": -1.6804,
+    "Mw": -0.2772, "Mwdot": -0.0197, "Mq": -2.207,
+    "Yv": -0.1444, "Lv": -0.1166, "Nv": 0.174, "Lp": -2.283, "Np": -1.732, "Lr": 1.053,
+    "Nr": -1.029, "Y_rudder": 2.113, "L_rudder": 0.6133, "N_rudder": -6.583, "L_aileron": 3.101,
+    "Z_elevator": -17.01, "M_elevator": -44.71,
+    "elevator": ["-25 deg", "25 deg"],
+    "aileron": ["-25 deg", "25 deg"],
+    "rudder": ["-25 deg", "25 deg"],
+}  # fmt: skip
+
+
+def cherokee_by_hand():
+    """Return A for u, w, q, pitch and v, p, r, roll of the Cherokee, from the printed numbers."""
+    d, gravity, speed = CHEROKEE, 9.80665, 50.0
+    rates = [[d["Xu"], d["Xw"], 0.0, -gravity], [d["Zu"], d["Zw"], speed + d["Zq"], 0.0],
+             [0.0, d["Mw"], d["Mq"], 0.0], [0.0, 0.0, 1.0, 0.0]]  # fmt: skip
+    lag = np.eye(4)
+    lag[2, 1] = -d["Mwdot"]
+    lateral = [[d["Yv"], 0.0, -speed, gravity], [d["Lv"], d["Lp"], d["Lr"], 0.0],
+               [d["Nv"], d["Np"], d["Nr"], 0.0], [0.0, 1.0, 0.0, 0.0]]  # fmt: skip
+    return np.linalg.solve(lag, rates), np.array(lateral)
+
+
+@pytest.mark.parametrize("form", ["divided by mass", "not divided", "with respect to angles"])
+def test_dimensional_derivatives_give_the_modes_of_their_matrices(form):
+    """The modes agree with those of the matrices written down from the dimensional derivatives."""
+    table = dict(CHEROKEE)
+    mass = {"X": 1090.0, "Y": 1090.0, "Z": 1090.0, "L": 3100.0, "M": 1700.0, "N": 1400.0}
+    if form == "not divided":
+        table = {
+            name: value * mass[name[0]] if isinstance(value, float) and name[0] in mass else value
+            for name, value in CHEROKEE.items()
+        }
+        table["dimensional"] = form
+    elif form == "with respect to angles":
+        pairs = {"Xw": "Xalpha", "Zw": "Zalpha", "Mw": "Malpha", "Mwdot": "Malphadot"}
+        pairs |= {"Yv": "Ybeta", "Lv": "Lbeta", "Nv": "Nbeta"}
+        for name, other in pairs.items():
+            table[other] = 50.0 * table.pop(name)
+    found = np.linalg.eigvals(linear_model(table).A)
+    for matrix in cherokee_by_hand():
+        for printed in np.linalg.eigvals(matrix):
+            assert np.min(np.abs(found - printed)) < 2e-3 * abs(printed) + 2e-4
+
+
 def half_a_digit(value):
     """Return half a unit of the last printed digit of a number.
 
@@ -526,6 +621,13 @@ def test_each_entry_has_its_own_unit():
         ({"CLalpha": 4.0}, "did you mean CL_alpha?"),
         ({"Clbeta": 4.0}, "did you mean Cl_beta?"),
         ({"Cm_flap": 0.1}, "flap has no limits"),
+        ({"Zw": -2.0}, 'give dimensional = "divided by mass"'),
+        ({"dimensional": "divided by mass", "Zw": -2.0}, "CL_alpha and Zw state the same effect"),
+        ({"dimensional": "yes"}, "use divided by mass or not divided"),
+        ({"CL_u": 0.1, "CL_mach": 0.2}, "CL_u and CL_mach state the same effect"),
+        ({"CT_u": 0.1, "thrust_slope": 0.2}, "CT_u and thrust_slope state the same effect"),
+        ({"dimensional": "divided by mass", "Mwdot": "0.1 1/s"}, "Mwdot is in 1/s; give Mwdot in"),
+        ({"dimensional": "divided by mass", "Xq": 1.0, "alpha": 0.1}, 'give axes = "stability"'),
         ({"CL_alpha": "steep"}, "CL_alpha is 'steep'; give a number"),
         ({"CL_alpha": math.nan}, "give a finite number"),
         ({"CL_alpha": True}, "give a finite number"),
