@@ -307,6 +307,14 @@ def test_an_operation_without_enclosure_is_named() -> None:
         Program(ca.Function("f", [y], [ca.erf(y)]), "policy")
 
 
+def test_only_steps_of_opposite_arguments_are_a_slope() -> None:
+    """A step divided by the sum of two steps is 1/2 where both are 1, unless they are opposite."""
+    y = ca.SX.sym("y", 2)
+    share = (y[0] > 0) / ((y[0] > 0) + (y[1] > 0))
+    found = values_at(Program(ca.Function("f", [y], [share]), "f"), np.array([[1.0, 1.0], [1, -1]]))
+    assert found.ravel().tolist() == [0.5, 1.0]
+
+
 def test_evaluated_values_equal_the_function() -> None:
     """`values_at` equals the function, also at more points than are evaluated together."""
     points = np.random.default_rng(0).uniform(-0.5, 0.5, (2500, 3))

@@ -56,6 +56,12 @@ def cart_bound(coefficient: float) -> CostStatement:
     return CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, (piece,))
 
 
+def test_a_bound_is_at_most_its_level() -> None:
+    """The bound is W = 0.9 y² up to the level 0.5, the level above it, and outside of |y| < 1."""
+    found = cart_bound(0.9).bound(np.array([[0.1], [0.9], [-0.9], [3.0]]))
+    assert found == pytest.approx([0.009, 0.5, 0.5, 0.5])
+
+
 @pytest.mark.parametrize("margin", [1e-13, 0.1])
 def test_a_margin_of_1e13_is_decided_correctly(margin: float) -> None:
     """The bound (1 - margin) y² is proved, and (1 + margin) y² is refused. The least cost is y².

@@ -389,6 +389,19 @@ def test_every_coordinate_of_an_equilibrium_is_enclosed() -> None:
         equilibrium_near(plant, np.array([0.9, 0.7]))
 
 
+def test_rounding_of_the_rates_moves_the_equilibrium() -> None:
+    """The enclosure of an equilibrium includes the rounding errors of the rates.
+
+    In x' = x + 1e6 (sqrt(4 + 1e-9 x) - 2), the errors of the square root amount to 1e-9.
+    """
+    x = ca.SX.sym("x")
+    rate = x + 1e6 * (ca.sqrt(4.0 + 1e-9 * x) - 2.0)
+    program = Program(ca.Function("f", [x], [rate]), "f")
+    plant: Any = SimpleNamespace(program=program, nominal=np.ones(1))
+    found = equilibrium_near(plant, np.array([0.3]))
+    assert found.radius[0] > 1e-9 > abs(found.x[0]) - found.radius[0]
+
+
 def test_increase_within_the_hole_is_refused() -> None:
     """A region is refused if V increases in a part of the hole around the equilibrium.
 

@@ -18,6 +18,7 @@ import pytest
 from flint import arb, arb_series, ctx
 from pendulum_regions import read_and_check
 
+from hfa_aircraft.about import Domain
 from hfa_aircraft.model import Model, Signal
 from hfa_prove.certificate import read_statement
 from hfa_prove.check.loop_on_ball import LoopOnBall
@@ -25,8 +26,8 @@ from hfa_prove.check.positivity import check_positive
 from hfa_prove.check.region_squares import _check_extents, check_covered, extents_of, limits_of
 from hfa_prove.fields import Fields, Malformed, Rejected
 from hfa_prove.statements.evidence import Evidence, Square
-from hfa_prove.statements.loop import HIGHEST, LOWEST, Gain, Loop
-from hfa_prove.statements.plant import Subject, limits_hold
+from hfa_prove.statements.loop import FREE, HIGHEST, LOWEST, Gain, Loop
+from hfa_prove.statements.plant import Subject, limits_hold, model_limits
 from hfa_prove.statements.region import RegionStatement, _read_parts
 from hfa_support.errors import BadInputError
 from verification.enclosure.polynomial import Polynomial, key_of
@@ -148,26 +149,33 @@ def test_the_true_certificate_is_accepted() -> None:
     assert read_and_check(sink(), SINK) == 1
 
 
-def in_coordinates(factor: float) -> Content:
-    """Return the certificate of `sink` with V in y = factor z, for the part with |y_i| < 1.
+def in_coordinates(*factors: float) -> Content:
+    """Return the certificate of `sink` with V in y_i = factor_i z_i, for the part with |y_i| < 1.
 
-    factor: a power of 2, so that the coefficients of V are exact
+    factors: powers of 2, so that the coefficients of V are exact
     """
     content = sink()
     piece = content["statement"]["piece"]
-    piece["M"] = [[factor, 0.0], [0.0, factor]]
-    piece["W"] = [[value / factor**2, powers] for value, powers in piece["W"]]
+    piece["M"] = np.diag(factors).tolist()
+    piece["W"] = [
+        [value / float(np.prod(np.power(factors, powers))), powers] for value, powers in piece["W"]
+    ]
     piece["whole"] = False
     return content
 
 
-@pytest.mark.parametrize(("factor", "is_in_cube"), [(0.5, True), (1.0, False), (2.0, False)])
-def test_squares_and_boxes_agree_on_one_statement(factor: float, is_in_cube: bool) -> None:
-    """The region x² + y² <= 3 in |y_i| < 1, y = factor z, is proved by both kinds of evidence.
+@pytest.mark.parametrize(
+    ("factors", "is_in_cube"),
+    [((0.5, 0.5), True), ((1.0, 1.0), False), ((0.5, 2.0), False), ((2.0, 0.5), False)],
+)
+def test_squares_and_boxes_agree_on_one_statement(
+    factors: tuple[float, float], is_in_cube: bool
+) -> None:
+    """The region x² + y² <= 3 in |y_i| < 1, y_i = factor_i z_i, is proved by both kinds of evidence.
 
-    For a larger factor, the set exceeds the cube, and both kinds are refused.
+    With a larger factor, the set exceeds the cube, and both kinds are refused.
     """
-    content = in_coordinates(factor)
+    content = in_coordinates(*factors)
     boxes = {"prover": "boxes", "multipliers": [[0.3, 0.3]] * 2, "boxes": 10_000}
     for witness in (content["witness"], boxes):
         made = copy.deepcopy(content | {"witness": witness})
@@ -181,7 +189,7 @@ def test_squares_and_boxes_agree_on_one_statement(factor: float, is_in_cube: boo
 def test_extents_do_not_depend_on_coordinates() -> None:
     """The extents of an ellipsoid are those of z, in whatever coordinates V is stated."""
     found = []
-    for content in (sink(), in_coordinates(0.5)):
+    for content in (sink(), in_coordinates(0.5, 0.5)):
         statement = read_statement("region", content["statement"], Subject(SINK))
         found.append(extents_of(statement, np.eye(2)))
     assert found[0] == found[1]
@@ -450,6 +458,14 @@ def test_each_input_limit_is_decided_separately(
     assert region.reaches("u") == reached
 
 
+@pytest.mark.parametrize("ends", [(-0.1, 9.0), (-9.0, 2.25)])
+def test_each_reached_limit_needs_a_part(ends: tuple[float, float]) -> None:
+    """Parts with a free input alone are refused if the input may reach one of its limits."""
+    region = _on_unit_ball(replace(_loop(), limits={"u": ends}, policy=CURVED))
+    with pytest.raises(Rejected, match="do not cover"):
+        check_covered(region, [{"u": FREE}])
+
+
 def test_policies_act_on_deviations_from_the_trim() -> None:
     """A policy acts on deviations from the trim, not from the equilibrium.
 
@@ -533,6 +549,14 @@ def test_stated_limits_may_be_narrower(stated: tuple[float, float]) -> None:
     own = {"x": (-1.0, 2.0)}
     assert limits_hold({"x": (-0.5, 1.5)}, own, ()) is None
     assert limits_hold({"x": stated}, own, ()) == "x"
+
+
+def test_an_envelope_limits_states_about_the_trim() -> None:
+    """The limits of a model with an envelope are those of the envelope at the trim."""
+    domain = Domain(envelope=lambda x, p: {"x": (x.x - 0.5, x.x + 0.5)})
+    own = model_limits(replace(DRIVEN, domain=domain), {"x": 2.0}, {})
+    assert own["x"] == (1.5, 2.5)
+    assert limits_hold({"x": (1.5, 2.6)}, own, ()) == "x"
 
 
 def test_quartic_extents_are_at_most_the_balls() -> None:
