@@ -295,8 +295,8 @@ def _in_scalars(function: ca.Function, name: str) -> ca.Function:
         return function.expand()
     except RuntimeError as error:
         raise BadInputError(
-            f"{name}: the proof needs {function.name()}, a derivative of a smooth table; use the "
-            "method 'linear' of casadi.interpolant"
+            f"{name}: the proof needs {function.name()}, a derivative of a smooth table, whose "
+            "coefficients CasADi rounds; use the method 'linear' of casadi.interpolant"
         ) from error
 
 

@@ -56,6 +56,25 @@ def cart_bound(coefficient: float) -> CostStatement:
     return CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, (piece,))
 
 
+@pytest.mark.parametrize("method", ["linear", "bspline"])
+def test_derivatives_of_smooth_tables_are_refused(method: str) -> None:
+    """Rates with a linear table have a bound. For a smooth table, linear tables are recommended."""
+    table = ca.interpolant("drag", method, [[-9.0, -3.0, 3.0, 9.0]], [0.9, 0.3, -0.3, -0.9])
+
+    def rates(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return {"position": u.speed + table(x.position)}, {}
+
+    model = replace(CART, name="brake", equations=rates)
+    plant = Plant(model, {}, {"position": 0.0}, {"speed": 0.0}, {}, {})
+    claim = replace(cart_bound(0.7), plant=plant)
+    witness = CostWitness(("position",), (1000,))
+    if method == "linear":
+        assert check_cost(claim, witness)[0] > 0
+    else:
+        with pytest.raises(BadInputError, match="the method 'linear'"):
+            check_cost(claim, witness)
+
+
 def test_a_bound_is_at_most_its_level() -> None:
     """The bound is W = 0.9 y² up to the level 0.5, the level above it, and outside of |y| < 1."""
     found = cart_bound(0.9).bound(np.array([[0.1], [0.9], [-0.9], [3.0]]))
