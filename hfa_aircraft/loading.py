@@ -23,7 +23,7 @@ from hfa_support.errors import BadInputError, file_faults, prefix_errors, shown
 from hfa_support.files import read_toml, regular_file
 
 #: Suffixes of the data files that the project reads.
-DATA_FILES = (".csv", ".dml", ".npz", ".st", ".toml")
+DATA_FILES = (".csv", ".dml", ".json", ".mat", ".npz", ".st", ".toml")
 
 
 #: What precedes the table of masses in the text of an aircraft: "wing.st?mass=mass.toml".
@@ -270,7 +270,7 @@ def _reader_of(kind: str) -> AircraftReader:
         from hfa_aircraft.readers.daveml import read as daveml
 
         return daveml.read_model
-    if kind == ".npz":
+    if kind in (".json", ".mat", ".npz"):
         from hfa_aircraft.readers.matrices_file import linear_plant
 
         return linear_plant

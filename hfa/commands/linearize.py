@@ -10,6 +10,7 @@ import numpy as np
 
 import hfa_model
 from hfa.commands.trim import OneTrimRequest
+from hfa.options.aircraft import Aircraft, aircraft_help
 from hfa.options.argument_types import some_of
 from hfa.options.draws import draws_option, with_draws
 from hfa.options.output import Output, picture_option
@@ -55,6 +56,9 @@ def _about_states(model: Model) -> str:
 class LinearizeRequest(OneTrimRequest):
     """Options of `hfa linearize`."""
 
+    aircraft: Aircraft = part(
+        Aircraft, source=option(aircraft_help, "FILE.py:NAME", names="--aircraft --model")
+    )
     output: Output = part(
         Output, picture=picture_option("Bode plots from each input to each output")
     )

@@ -218,7 +218,9 @@ def plant_names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> 
 def linear_plant(path: str) -> Model:
     """Return the model x' = A x + B u of a plant in a file, with its trim at the origin.
 
-    path: file with A and B, and optionally names and units of states and inputs
+    A file without B has a plant without inputs, x' = A x.
+
+    path: file with A, and optionally B, and names and units of states and inputs
 
     Raises BadInputError if the file contains no such plant or the plant is in discrete time.
     """
@@ -230,7 +232,9 @@ def linear_plant(path: str) -> Model:
                 "the plant is in discrete time, which is not supported; give A "
                 "and B of x' = A x + B u"
             )
-        A, B = plant_matrices(stored)
+        has_inputs = "A" not in stored or "B" in stored
+        A, B = plant_matrices(stored if has_inputs else {**stored, "B": stored["A"]})
+        B = B if has_inputs else B[:, :0]
         n, m = B.shape
         names = plant_names(stored, n, m, notes)
     return plant_model(path, names.completed(n, m), A, B)

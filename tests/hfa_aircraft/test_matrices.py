@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
+import cli
 import control
 import numpy as np
 import pytest
@@ -150,3 +152,26 @@ def test_inconsistent_matrices_are_refused(arguments: dict[str, object], said: s
     """Matrices and names of inconsistent sizes and an entry of nan are refused."""
     with pytest.raises(BadInputError, match=said):
         hfa.LinearModel.of(**arguments)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".json"])
+def test_modes_of_given_matrices_are_printed(suffix: str, folder: Path) -> None:
+    """`hfa linearize --model FILE` reports the eigenvalues of A, with and without B."""
+    A = np.array([[0.0, 1.0], [-2.0, -0.3]])
+    for matrices in ({"A": A}, {"A": A, "B": np.array([[0.0], [1.0]])}):
+        file = f"plant{suffix}"
+        if suffix == ".npz":
+            np.savez(file, **matrices)
+        else:
+            Path(file).write_text(json.dumps({name: M.tolist() for name, M in matrices.items()}))
+        result = cli.hfa("linearize", "--model", file, "--json")
+        assert result.code == 0, result.err
+        (mode,) = json.loads(result.out)["modes"]
+        assert mode["frequency"] == pytest.approx(2.0**0.5)
+        assert mode["damping"] == pytest.approx(0.15 / 2.0**0.5)
+
+
+def test_a_matrix_that_is_not_square_is_refused(folder: Path) -> None:
+    """A file with only a matrix A that is not square is refused."""
+    np.savez("plant.npz", A=np.ones((2, 3)))
+    cli.assert_refused(cli.hfa("linearize", "--model", "plant.npz"), 2, "plant.npz", "square")
