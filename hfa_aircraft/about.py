@@ -15,6 +15,7 @@ class About:
     """Texts and names of a model in reports, options and files.
 
     title: name in reports, or "" for the name of the model
+    subject: short name in the first lines of reports, or "" for the title
     notes: sentences for every report
     aliases: name in another program -> name in the model
     names_schedule: whether options and data contain the name of the scheduling variable
@@ -23,6 +24,7 @@ class About:
     """
 
     title: str = ""
+    subject: str = ""
     notes: tuple[str, ...] = ()
     aliases: Mapping[str, str] = field(default_factory=dict)
     names_schedule: bool = False

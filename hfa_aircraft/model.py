@@ -49,6 +49,19 @@ _MODES = {
 }
 
 
+def recognized(states: Mapping[str, Signal]) -> dict[str, str]:
+    """Return role -> name of each state recognized by name and unit.
+
+    The roles are alpha, q, speed, theta, beta, p, r and phi.
+    """
+    found: dict[str, str] = {}
+    for role, (names, units) in _RECOGNIZED.items():
+        for name, signal in states.items():
+            if name.lower() in names and signal.unit in units:
+                found.setdefault(role, name)
+    return found
+
+
 def usual_modes(states: Mapping[str, Signal]) -> dict[str, tuple[str, ...]]:
     """Return the default modes of an aircraft, name of the mode -> states that dominate it.
 
@@ -58,11 +71,7 @@ def usual_modes(states: Mapping[str, Signal]) -> dict[str, tuple[str, ...]]:
     The phugoid also requires the states of the short period. A model that is not an aircraft may
     also have a speed and an angle. Roll and spiral also require the states of the Dutch roll.
     """
-    found: dict[str, str] = {}
-    for role, (names, units) in _RECOGNIZED.items():
-        for name, signal in states.items():
-            if name.lower() in names and signal.unit in units:
-                found.setdefault(role, name)
+    found = recognized(states)
     modes: dict[str, tuple[str, ...]] = {}
     for mode, (roles, beside) in _MODES.items():
         needed = (*roles, *_MODES[beside][0])
@@ -239,6 +248,11 @@ class Model(Reported):
     def title(self) -> str:
         """Name of the model in reports."""
         return self.about.title or self.name
+
+    @property
+    def subject(self) -> str:
+        """Short name of the model in the first lines of reports."""
+        return self.about.subject or self.title
 
     @property
     def schedule_unit(self) -> str:

@@ -114,6 +114,12 @@ _TYPICAL = {
 _PAPER = published_data()["trim"]
 
 
+def hfa_about(dynamics: str) -> About:
+    """Return the texts about the flexible aircraft with dynamics of this name."""
+    subject = "HFA" if dynamics == "published" else f"HFA ({dynamics})"
+    return About(f"{dynamics} dynamics", subject, names_schedule=True, variants=tuple(VARIANTS))
+
+
 _DECLARED = Model(
     name="published",
     # Named tuples of signals, whose classes become those of the vectors.
@@ -154,7 +160,7 @@ _DECLARED = Model(
         envelope=flight_limits,
         check=check_in_range,
     ),
-    about=About("published dynamics", names_schedule=True, variants=tuple(VARIANTS)),
+    about=hfa_about("published"),
 )
 
 
@@ -180,7 +186,7 @@ def rigid_panels(
         name=variant.name,
         equations=Equations(variant),
         parameters=values,
-        about=replace(_DECLARED.about, title=f"{variant.name} dynamics"),
+        about=hfa_about(variant.name),
         trimming=Trimming(describe=describe_trim),
     )
 

@@ -155,4 +155,9 @@ OUTPUTS: dict[str, tuple[str, Callable[[Moment], Quantity]]] = {
     "lift_center": ("lbf", lambda m: m.loads.center.lift),
     "lift_outer": ("lbf", lambda m: m.loads.outer.lift),
     "dynamic_pressure": ("lbf/ft^2", lambda m: density(m.x.altitude) * m.x.speed**2 / 2),
+    # Loads on the entire aircraft; the moment is about the center of mass.
+    "lift": ("lbf", lambda m: m.loads.lift),
+    "drag": ("lbf", lambda m: m.loads.drag),
+    "thrust": ("lbf", lambda m: m.loads.thrust),
+    "pitching_moment": ("ft lbf", lambda m: m.loads.pitching_moment),
 }

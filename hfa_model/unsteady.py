@@ -38,7 +38,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_model.aerodynamics import Loads, PanelLoads, panel_loads, sum_of_panels
 from hfa_model.atmosphere import density
-from hfa_model.declaration import rigid_panels
+from hfa_model.declaration import hfa_about, rigid_panels
 from hfa_model.dynamics import rates_from_loads
 from hfa_model.kinematics import (
     Velocity,
@@ -509,7 +509,7 @@ UNSTEADY = replace(
     linear=(*LINEAR_STATES, *_LAGS, "downwash"),
     modes={**_RIGID.modes, "lag": (*_LAGS, "downwash"), "gust": _GUSTS},
     parts={"short_period": ("alpha", *_LAGS, "downwash")},
-    about=replace(_RIGID.about, title="unsteady dynamics"),
+    about=hfa_about("unsteady"),
 )
 
 

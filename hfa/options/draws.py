@@ -10,7 +10,7 @@ from hfa.options.output import ProgressLine
 from hfa.options.part import option
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.text import Table, shown_unit, shown_value, wrapped
+from hfa_support.reporting.text import WIDTH, Table, shown_unit, shown_value, wrapped
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 #: Seed of the draws.
 SEED = 0
-#: Largest number of columns in a line.
-_WIDTH = 100
 #: A band that is narrower than this fraction of its ends is not listed.
 _CONSTANT = 1e-9
 
@@ -67,8 +65,8 @@ def with_draws(
 def reported(report: Report, draws: Draws) -> Report:
     """Return the report with a table of the bands and a line that summarizes the draws.
 
-    The line is the second line of the report, or the first if the draws fail and the report does
-    not. Bands of constant quantities are omitted.
+    The line follows the first line of the report, or is the first if the draws fail and the report
+    does not. Bands of constant quantities are omitted.
     """
     from verification.drawn import WithDraws
 
@@ -80,12 +78,15 @@ def reported(report: Report, draws: Draws) -> Report:
         rows.append((name, *values, shown_unit(band.unit)))
     about = f"95 % of {draws.count} aircraft, drawn from {len(draws.parameters)} parameters"
     table = Table((about, "itself", "low", "high", "unit"), tuple(rows))
-    first, *others = report.title.splitlines()
-    line = wrapped(draws.first_line, _WIDTH - len("FAIL: "))
-    lines = [first, line]
-    if not draws.ok and not first.startswith("FAIL"):
-        lines = [f"FAIL: {line}", first]
-    title = "\n".join([*lines, *others])
+    line = wrapped(draws.first_line, WIDTH - len("FAIL: "))
+    lines = report.title.splitlines()
+    if not draws.ok and not report.title.startswith("FAIL"):
+        lines.insert(0, f"FAIL: {line}")
+    else:
+        # A line that ends with ; or , is continued.
+        ends = [number for number, each in enumerate(lines) if each[-1:] not in (";", ",")]
+        lines.insert(ends[0] + 1, line)
+    title = "\n".join(lines)
     parts = (*report.parts, table)
     failure = "" if draws.ok else draws.first_line
     shown = replace(report, title=title, parts=parts, failure=failure)

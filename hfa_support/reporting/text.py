@@ -18,6 +18,8 @@ _MOST = 1e7
 MOST_DIGITS = 17
 #: Tone, from the best to the worst -> color code of a terminal.
 TONES = {"good": "32", "near": "33", "far": "35", "bad": "31"}
+#: Largest number of characters in a line of a report.
+WIDTH = 80
 #: Gap between two columns.
 _GAP = "  "
 

@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import connected_components
 ALLOWED = [
     {
         "trim.linear.linear_model",
+        "trim.point.first_lines",
         "trim.point.linearize",
         "trim.point.operating_point",
         "trim.point.trim_report",

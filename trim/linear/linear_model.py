@@ -29,8 +29,9 @@ from hfa_support.reporting.results import (
     stored,
     stored_as,
 )
-from hfa_support.reporting.text import Table, degrees, matrix_table, numbered
+from hfa_support.reporting.text import WIDTH, Table, degrees, matrix_table, numbered, wrapped
 from trim.linear.modes import modes_table
+from trim.point.first_lines import first_line, mode_lines
 
 if TYPE_CHECKING:
     import control
@@ -559,18 +560,25 @@ def linear_model_report(model: LinearModel) -> Report:
     equations = "x' = A x + B u, "
     if "C" in matrix_names:
         equations += "y = C x + D u, "
-    where = ", ".join(word for word in (point.at_scheduled, point.model.title) if word)
-    title = (
-        f"Linear model {where} ({equations}x = X - X0, u = U - U0)\n"
-        f"{', '.join(matrix_names[:-1])} and {matrix_names[-1]} in {units_in_words(model)}; the "
-        "offsets X0 and U0 in the units next to them"
+    modes = model.modes
+    title = "\n".join(
+        [
+            first_line(point, "linearized", modes),
+            mode_lines(modes, signals),
+            f"{equations}x = X - X0, u = U - U0",
+            wrapped(
+                f"{', '.join(matrix_names[:-1])} and {matrix_names[-1]} in {units_in_words(model)};"
+                " X0 and U0 in the units of their table",
+                WIDTH,
+            ),
+        ]
     )
     return Report(
         title=title,
         parts=[
             *matrices(model),
             Table(("offset", "value", "unit"), offset_rows),
-            modes_table(model.modes, signals.time_unit),
+            modes_table(modes, signals.time_unit),
         ],
         notes=model.warnings,
         data=model.as_data(),

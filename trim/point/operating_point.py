@@ -20,12 +20,15 @@ from hfa_support.reporting.results import UNSTORED, Record, Result, stored
 from hfa_support.reporting.text import Table, degrees, in_degrees
 from hfa_support.schema import NUMBER, checked
 from hfa_support.units import conversion, si_unit
+from trim.point.first_lines import first_line
 from trim.point.status import Status
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from hfa_support.reporting.named import ByName
     from trim.linear.linear_model import LinearModel
+    from trim.linear.modes import Mode
     from trim.point.condition import TrimCondition
     from trim.point.margins import Margin
     from trim.point.problem import TrimProblem
@@ -260,17 +263,17 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def title(self) -> str:
-        """One line of text with the model, the status, and remarks on the search.
+        """Text with the model, the status, the condition, and the unstable modes of a trim.
 
-        A remark names an angle without limits that exceeds 90 deg. Another remark states that the
-        search did not begin at the default initial point.
+        Further lines name an angle without limits that exceeds 90 deg, and state that the search
+        did not begin at the default initial point.
         """
-        words = [f"Trim, {self.model.title}: {self.status}"]
+        lines = [first_line(self, str(self.status), self.modes if self.ok else None)]
         if self.far_out:
-            words.append(f"far out, {self.far_out[0]}")
+            lines.append(f"Far out: {self.far_out[0]}")
         if self.started:
-            words.append("not from the default initial point")
-        return "; ".join(words)
+            lines.append("Not from the default initial point")
+        return "\n".join(lines)
 
     def report(self) -> Report:
         """Return the report of the trim that `hfa trim` prints.
@@ -283,6 +286,11 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
             return trim_report(self.model, self.problem.asked, self)
 
         return saved_report(self)
+
+    @cached_property
+    def modes(self) -> ByName[Mode]:
+        """Modes of the linear model at the point, fastest first."""
+        return self.linearize(disturbances=()).modes
 
     def linearize(self, **options: Any) -> LinearModel:
         """Return the linear model at the point.

@@ -16,6 +16,7 @@ from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown_unit, shown_value
 from trim.point.condition import TrimCondition
+from trim.point.first_lines import control_lines
 from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint, point_records
 from trim.point.problem import STARTS, TrimProblem
@@ -158,9 +159,17 @@ def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -
         data |= Performance(outputs, units).as_data()
         if outputs:
             parts.append(_outputs_table(outputs, units))
-    report = Report(point.title, parts, point.warnings, data, point_records(point))
+    title = f"{point.title}\n{control_lines(point, margins, _lift_over_drag(point))}"
+    report = Report(title, parts, point.warnings, data, point_records(point))
     described = model.trimming.describe
     return report if described is None else described(point, report)
+
+
+def _lift_over_drag(point: OperatingPoint) -> float | None:
+    """Return lift divided by drag, or None if the model has no outputs lift and drag."""
+    if not {"lift", "drag"} <= {*point.model.outputs}:
+        return None
+    return point["lift"] / point["drag"]
 
 
 def _rank(margin: Margin) -> tuple[bool, bool, bool, float]:

@@ -1,0 +1,188 @@
+"""First lines of reports on trims and linear models: condition, unstable modes, controls, modes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from hfa_aircraft.model import Model, recognized
+from hfa_support.reporting.text import ROUNDING, WIDTH, shown_unit, shown_value, wrapped
+
+if TYPE_CHECKING:
+    from trim.linear.modes import Mode
+    from trim.point.margins import Margin
+    from trim.point.operating_point import OperatingPoint
+
+#: Smaller flight-path angles and turn rates, rad and rad/s, are those of level, straight flight.
+_LEVEL = 1e-7
+#: Largest numbers of imposed values and of modes in first lines.
+_MOST_VALUES = 4
+_MOST_MODES = 6
+
+
+def first_line(point: OperatingPoint, done: str, modes: Iterable[Mode] | None) -> str:
+    """Return what was done, the condition and the unstable modes: "HFA trimmed: level, 68 ft/s,
+    40,000 ft, dihedral 10 deg; unstable: none".
+
+    done: "trimmed" or "linearized"
+    modes: modes of the linear model at the point, or None for a point that is not a trim
+    """
+    condition = ", ".join(condition_words(point))
+    words = [f"{point.model.subject} {done}" + f": {condition}" * bool(condition)]
+    if modes is not None:
+        words.append(f"unstable: {unstable_words(modes, point.model.time_unit)}")
+    return wrapped(_listed(words, "; "), WIDTH)
+
+
+def unstable_words(modes: Iterable[Mode], time: str) -> str:
+    """Return the unstable modes with their times to double as text, or "none".
+
+    time: unit of time of the modes
+    """
+    unstable = [
+        f"{mode.name} (2x in {mode.time_to_double:.3g} {time})"
+        for mode in modes
+        if math.isfinite(mode.time_to_double)
+    ]
+    return ", ".join(unstable) or "none"
+
+
+def condition_words(point: OperatingPoint) -> Iterator[str]:
+    """Yield the condition of an operating point as texts: "level", "68 ft/s", "40,000 ft".
+
+    The texts are flight path, turn, speed, altitude, scheduling variable, imposed load factor and
+    imposed rates. For a model without a speed, they are the first imposed values.
+    """
+    model = point.model
+    condition = None if point.problem is None else point.problem.asked
+    imposed = {} if condition is None else condition.imposed
+    speed = recognized(model.states).get("speed", "")
+    if speed:
+        yield from _path_words(point)
+        groups = [group for group in model.trimming.alternatives if speed in group]
+        typed = [name for group in groups for name in group[1:] if name in imposed]
+        named = [_named(point, name) for name in typed]
+        yield from named or [_number(model, speed, point[speed])]
+        if "altitude" in model.states:
+            yield _number(model, "altitude", point["altitude"])
+        names = [model.schedule] if model.schedule in (*model.states, *model.inputs) else []
+        names += [name for name in ("load_factor",) if name in imposed]
+        yield from (_named(point, name) for name in names if name not in (speed, "altitude"))
+    else:
+        yield from (_named(point, name) for name in [*imposed][:_MOST_VALUES])
+    if condition is not None:
+        for name, rate in condition.rates.items():
+            if rate:
+                yield f"{name}_dot {_number(model, f'{name}_dot', rate)}"
+
+
+def _path_words(point: OperatingPoint) -> Iterator[str]:
+    """Yield texts on the flight path and the turn: "climb 2 deg", "turn 3 deg/s"."""
+    model = point.model
+    roles = recognized(model.states)
+    gamma = math.nan
+    if "gamma" in model.outputs:
+        gamma = point["gamma"]
+    elif {"theta", "alpha"} <= {*roles}:
+        gamma = point[roles["theta"]] - point[roles["alpha"]]
+    if abs(gamma) < _LEVEL:
+        yield "level"
+    elif math.isfinite(gamma):
+        yield f"{'climb' if gamma > 0 else 'descent'} {digits(math.degrees(abs(gamma)))} deg"
+    turn = point["turn_rate"] if "turn_rate" in model.outputs else 0.0
+    if abs(turn) >= _LEVEL:
+        yield f"turn {_number(model, 'turn_rate', turn)}"
+
+
+def _named(point: OperatingPoint, name: str) -> str:
+    return f"{name} {_number(point.model, name, point[name])}"
+
+
+def _number(model: Model, name: str, value: float) -> str:
+    """Return a value with its unit as text, "40,000 ft"."""
+    unit = shown_unit(model.unit(name))
+    text = digits(float(shown_value(value, model.unit(name), ".12g")), 5)
+    return text if unit == "1" else f"{text} {unit}"
+
+
+def digits(value: float, count: int = 3) -> str:
+    """Return a number as text with `count` significant digits, and whole from 1000 on."""
+    if abs(value) < ROUNDING:
+        return "0"
+    return f"{value:,.0f}" if abs(value) >= 10 ** max(count, 3) else f"{value:,.{count}g}"
+
+
+def control_lines(
+    point: OperatingPoint, margins: dict[str, Margin], lift_over_drag: float | None
+) -> str:
+    """Return alpha, each input that is not 0 with its limits, and L/D: "alpha 2.8 deg, elevator
+    -1.37 of ±30 deg, throttle 40.1 of 200, L/D 22.4".
+
+    margins: margins of the point
+    lift_over_drag: lift divided by drag, or None if the model has no forces
+    """
+    model = point.model
+    words = []
+    alpha = recognized(model.states).get("alpha")
+    if alpha:
+        words.append(f"{alpha} {_short(model, alpha, point[alpha])}")
+    moved = [name for name in model.inputs if abs(margins[name].value) >= ROUNDING]
+    words += [_of_limits(margins[name]) for name in moved or model.inputs]
+    if lift_over_drag is not None:
+        words.append(f"L/D {digits(lift_over_drag)}")
+    return _listed(words, ", ")
+
+
+def _short(model: Model, name: str, value: float) -> str:
+    unit = model.unit(name)
+    return f"{digits(float(shown_value(value, unit, '.12g')))} {shown_unit(unit)}"
+
+
+def _of_limits(margin: Margin) -> str:
+    """Return an input with its limits as text: "elevator -1.37 of ±30 deg"."""
+    numbers = (margin.value, margin.lowest, margin.highest)
+    value, low, high = (float(shown_value(each, margin.unit, ".12g")) for each in numbers)
+    if math.isinf(low) and math.isinf(high):
+        limits = ""
+    elif low == -high:
+        limits = f" of ±{digits(high)}"
+    elif low == 0.0:
+        limits = f" of {digits(high)}"
+    else:
+        limits = f" of {digits(low)} to {digits(high)}"
+    unit = shown_unit(margin.unit)
+    return f"{margin.name} {digits(value)}{limits}" + f" {unit}" * (unit != "1")
+
+
+def mode_lines(modes: Sequence[Mode], model: Model) -> str:
+    """Return the modes as text: "short period 11.2 rad/s, damping 0.412; spiral -0.0277 1/s".
+
+    Modes that the model declares come alone, if there are any.
+
+    modes: modes of a linear model
+    """
+    declared = [mode for mode in modes if mode.name.partition(" (")[0] in model.modes]
+    time = model.time_unit
+    words = []
+    for mode in (declared or [*modes])[:_MOST_MODES]:
+        if mode.eigenvalue.imag:
+            words.append(
+                f"{mode.name} {digits(mode.frequency)} rad/{time}, damping {digits(mode.damping)}"
+            )
+        else:
+            words.append(f"{mode.name} {digits(mode.eigenvalue.real)} 1/{time}")
+    return _listed(words, "; ")
+
+
+def _listed(words: Sequence[str], separator: str) -> str:
+    """Return texts joined in lines of at most `WIDTH` characters, which end after a text."""
+    lines = [""]
+    for word in words:
+        joined = f"{lines[-1]}{separator}{word}" if lines[-1] else word
+        if len(joined) + len(separator.rstrip()) > WIDTH and lines[-1]:
+            lines[-1] += separator.rstrip()
+            lines.append(word)
+        else:
+            lines[-1] = joined
+    return "\n".join(lines)
