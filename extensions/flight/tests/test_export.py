@@ -156,6 +156,7 @@ def test_the_fmu_of_a_sweep_has_swept_inputs(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler")
 def test_a_clock_before_1980_dates_the_fmu_1980(monkeypatch: pytest.MonkeyPatch) -> None:
     """If the clock shows a date before 1980, the FMU's archive is dated 1980.

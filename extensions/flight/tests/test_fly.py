@@ -15,7 +15,7 @@ from known_models import model_at
 from network_files import torch_file
 from scipy.integrate import simpson
 
-from controller import basis, save_controller
+from controller import save_controller
 from hfa import Game, solve
 from hfa_aircraft.model import Model
 from hfa_flight.envelope import control_limits
@@ -33,10 +33,7 @@ FLY = ("fly", "--dihedral", "15", "--law", "exact")
 
 
 def test_a_flight_is_reported_and_written() -> None:
-    """A flight inside the envelope gives PASS. Its JSON file contains the scenario and the history.
-
-    The npz and CSV files contain the history too.
-    """
+    """A flight inside the envelope gives PASS. Its JSON file contains the scenario and the history."""
     words = (
         *FLY,
         "--duration",
@@ -67,10 +64,7 @@ def test_a_flight_is_reported_and_written() -> None:
     assert len(history["angles_of_attack"]) == 101
     assert data["final"]["angle_of_attack"] == history["angles_of_attack"][-1]
     assert max(history["updrafts"]) == pytest.approx(2.0, abs=0.01)
-    for suffix in ("npz", "csv"):
-        assert hfa(*words, "-o", f"flight.{suffix}").code == 0
-    with np.load("flight.npz") as stored:
-        np.testing.assert_array_equal(stored["history.states"], np.array(history["states"]))
+    assert hfa(*words, "-o", "flight.csv").code == 0
     lines = Path("flight.csv").read_text(encoding="utf-8").splitlines()
     assert "hfa.flight/1" in lines[1]
     assert lines[0].startswith("time [s],speed [ft/s],alpha [rad]")
@@ -103,17 +97,16 @@ def test_a_flight_without_a_policy_reports_a_cost() -> None:
 
 
 def test_gains_and_critics_in_files_equal_law_exact(game: Game) -> None:
-    """An exact K, P or W in a file gives the same flight as --law exact.
+    """An exact K or P in a file gives the same flight as --law exact.
 
     Another R changes the policy that follows from P. Wrong files and options are refused.
     """
     exact = solve(game)
     stored("K.json", K=exact.K)
     stored("P.npz", P=exact.P)
-    stored("W.mat", W=basis("quadratic", 6).weights(exact.P))
     flight = ("fly", "--dihedral", "15", "--duration", "0.5", "--initial", "speed=0.1", "--json")
     expected = json.loads(hfa(*flight, "--law", "exact").out)
-    for kind, file in (("gain", "K.json"), ("weights", "P.npz"), ("weights", "W.mat")):
+    for kind, file in (("gain", "K.json"), ("weights", "P.npz")):
         data = json.loads(hfa(*flight, "--weights", file).out)
         assert data["policy"]["law"] == f"{kind} of {file}"
         np.testing.assert_allclose(data["policy"]["K"], expected["policy"]["K"], rtol=1e-9)
@@ -146,7 +139,7 @@ FLOWN = (
     "fly",
     *BEHIND,
     "--duration",
-    "5",
+    "3",
     "--controller",
     "servo.npz",
     "--command",
@@ -160,7 +153,7 @@ def controllers(published_aircraft: Model, tmp_path_factory: pytest.TempPathFact
     save_controller(made / "slow.npz", integrating_controller(published_aircraft))
     save_controller(
         made / "servo.npz",
-        reference_servo(published_aircraft, "simvfa-1", np.radians(np.arange(9.0, 15.0))),
+        reference_servo(published_aircraft, "simvfa-1", np.radians([10.0, 13.0])),
     )
     return made
 
@@ -234,8 +227,6 @@ def test_members_follow_commands_during_a_fault() -> None:
     assert data[0]["law"] == "small"
     whole, weak = (each["effort"]["aileron_outer"][1] for each in data)
     assert weak < 0.5 * whole
-    stiff = json.loads(hfa(*words, *noisy, "--controller", "servo.npz", "--json").out)
-    assert (stiff["held"], stiff["law"]) == (3, "simvfa-1, reference model")
 
 
 # Networks.
@@ -282,11 +273,8 @@ def test_a_linear_network_flies_as_its_gain(game: Game) -> None:
 
 
 @needs_gcc
-def test_network_is_exported_as_c_and_as_fmu(game: Game) -> None:
-    """The exported C code of a network computes inputs that are saturated at the control limits.
-
-    The network can also be exported as an FMU.
-    """
+def test_a_network_is_exported_as_c(game: Game) -> None:
+    """The exported C code of a network computes inputs that are saturated at the control limits."""
     K = solve(game).K
     network = ("--weights", network_of(K), "--set", "activation=relu", "--dihedral", "15")
     assert hfa("export", "-o", "c", *network).code == 0
@@ -302,7 +290,6 @@ def test_network_is_exported_as_c_and_as_fmu(game: Game) -> None:
     limits = control_limits(point.model)
     assert limits.within(u).all()
     assert np.isclose(u, limits.highest).any()
-    assert hfa("export", "-o", "a.fmu", *network).code == 0
 
 
 # Monte Carlo.

@@ -203,12 +203,6 @@ def test_the_envelope_limits_alpha_relative_to_the_air(plan: MonteCarlo) -> None
             )
 
 
-def test_a_wrong_parameter_is_detected(plan: MonteCarlo) -> None:
-    """The comparison of members with single flights detects a wrong parameter (planted error)."""
-    with pytest.raises(AssertionError, match=r"rms_error|peak_error|effort"):
-        assert_same_flight(with_scenario(plan, duration=0.05), 3, PARAMETERS)
-
-
 # Plans.
 
 
@@ -305,10 +299,3 @@ def test_the_report_counts_members_beyond_control_limits(
         found.data["exceeded"]["elevator_outer"],
     ) == (2, 0, 2)
     assert "exceeded control limits: " in found.text()
-
-
-def test_short_flights_are_divided_into_several_chunks(plan: MonteCarlo) -> None:
-    """10,000 very short flights are divided into 8 to 100 chunks. Progress can then be reported."""
-    short = replace(plan.scenario, duration=0.02)
-    many = replace(plan, scenario=short, members=10_000)
-    assert 8 <= many.members / chunk_of(many) <= 100

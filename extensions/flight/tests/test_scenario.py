@@ -20,7 +20,6 @@ from hfa_flight import (
     Scenario,
     Uncertainty,
     Waveform,
-    scenario,
 )
 from hfa_flight.scenario import with_errors
 from hfa_model import LINEAR_STATES, Input, Parameters
@@ -68,41 +67,6 @@ def test_random_factors_have_the_specified_distribution(plan: MonteCarlo) -> Non
     assert set(changed) == set(plan.scenario.uncertainty.errors)
     index = Parameters._fields.index("lift_slope")
     assert parameters[index] == nominal[index] * member.errors["lift_slope"]
-
-
-@pytest.mark.parametrize(
-    ("sequence", "complaint"),
-    [
-        (
-            lambda seed, member, kind: np.random.SeedSequence(seed, spawn_key=(kind,)),
-            "members are alike",
-        ),
-        (
-            lambda seed, member, kind: np.random.SeedSequence(member // 2, spawn_key=(kind,)),
-            "members are alike",
-        ),
-    ],
-    ids=["one seed for all", "two members share one"],
-)
-def test_equal_members_are_detected(
-    plan: MonteCarlo, monkeypatch, sequence, complaint: str
-) -> None:
-    """The check of random factors detects members that share a seed (planted fault)."""
-    # Planted fault: the same random sequence for several members.
-    monkeypatch.setattr(scenario, "_sequence", sequence)
-    assert complaint in complaints_about_draws(plan, 300)
-
-
-def test_a_wrong_deviation_is_detected(plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The check of random factors detects a wrong standard deviation of each parameter (planted
-    fault).
-    """
-    honest = Uncertainty.factors
-    # Planted fault: factors with another standard deviation.
-    monkeypatch.setattr(
-        Uncertainty, "factors", lambda self, seed, member: honest(self, seed, member) ** 1.2
-    )
-    assert len(complaints_about_draws(plan)) == len(plan.scenario.uncertainty.errors)
 
 
 def test_seed_and_member_determine_the_scenario(plan: MonteCarlo) -> None:

@@ -140,15 +140,6 @@ def test_a_fast_policy_mode_divides_integration_steps() -> None:
         pendulum(1e9, 0.02)
 
 
-def test_a_run_ends_with_the_tick_of_stop() -> None:
-    """A run ends at the end of the tick in which `stop` is true, with the states of a longer run."""
-    loop = pendulum(4.0, 0.02, duration=30.0)
-    whole = loop.fly()
-    stopped = loop.fly(stop=lambda rows: rows.times > 24.11)
-    assert stopped.times[-1] == pytest.approx(24.2)
-    np.testing.assert_array_equal(stopped.states, whole.states[: len(stopped.times)])
-
-
 def test_error_of_diverging_loop_contains_only_its_time(capfd: pytest.CaptureFixture[str]) -> None:
     """The error of a loop that diverges reports the time, and nothing is printed."""
 

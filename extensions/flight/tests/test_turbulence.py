@@ -104,24 +104,24 @@ def test_variances_are_integrals_of_the_spectra(spectrum) -> None:
 
 
 def test_random_turbulence_has_the_specified_spectrum() -> None:
-    """1.3 hours of random turbulence at 50 Hz have the specified variances and spectra.
+    """Twenty minutes of random turbulence at 50 Hz have the specified variances and spectra.
 
-    The variances agree within 8 %, and the power in four bands within 10 %. The reference spectrum
+    The variances agree within 15 %, and the power in three bands within 15 %. The reference spectrum
     is folded at 25 Hz.
     """
-    air = air_of("dryden", 500.0, ticks=240_000)
+    air = air_of("dryden", 500.0, ticks=60_000)
     components = AirFilter.of(air).drawn(air.ticks, seed=7)
     made = AirFilter.of(air)
     variances = np.diag(made.C @ made.covariance @ made.C.T)
-    assert components.var(axis=0) == pytest.approx(variances, rel=0.08)
-    frequency, power = welch(components.T, 50.0, nperseg=8192)
+    assert components.var(axis=0) == pytest.approx(variances, rel=0.15)
+    frequency, power = welch(components.T, 50.0, nperseg=4096)
     omega = 2 * np.pi * frequency
     folds = np.arange(-20, 21)[:, None] * 2 * np.pi * 50.0
     folded = sum(specified("dryden", air, np.abs(omega + fold)) for fold in folds)
-    for low, high in ((0.05, 0.2), (0.2, 1.0), (1.0, 5.0), (5.0, 20.0)):
+    for low, high in ((0.2, 1.0), (1.0, 5.0), (5.0, 20.0)):
         band = (frequency >= low) & (frequency < high)
         ratio = power[:, band].mean(axis=1) / (2 * np.pi * folded[:, band]).mean(axis=1)
-        np.testing.assert_allclose(ratio, 1.0, atol=0.1)
+        np.testing.assert_allclose(ratio, 1.0, atol=0.15)
 
 
 @pytest.mark.parametrize("spectrum", ["dryden", "karman"])
@@ -292,7 +292,7 @@ def test_a_users_turbulence_intensity_is_applied(capsys) -> None:
 
     If a span is given, p, q and r are included. An altitude is refused in addition to an intensity.
     """
-    typed = "fly --aircraft examples/uav.toml --turbulence own:2:300:2.9 --duration 0.1"
+    typed = "fly --aircraft examples/uav.toml --turbulence own:2:300:2.9 --duration 0.1 --law none"
     main(typed.split())
     said = capsys.readouterr().out
     assert "of your own intensity (Dryden): u, v, w, p, q, r; intensity 2 m/s, scale 300 m" in said

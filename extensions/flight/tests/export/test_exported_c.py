@@ -60,14 +60,14 @@ def folder(aircraft: Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_exported_rates_equal_the_model(
     folder: Path, aircraft: Model, point: OperatingPoint
 ) -> None:
-    """At 1,000 random states, exported C code and the model give equal state rates, with updrafts."""
+    """At random states, exported C code and the model give equal state rates, with updrafts."""
     (x, u, p), w = symbols(), ca.SX.sym("w")
     ours = ca.Function(
         "ours", [x, u, p, w], [state_rates(x, u, p, hfa_model.variant_of(aircraft), rising(w))]
     )
     random = np.random.default_rng(5)
     dx = np.empty(7)
-    for row in range(1000):
+    for row in range(100):
         state = np.array(point.states) + 0.5 * np.array(STATE_SCALES) * random.uniform(-1, 1, 7)
         control = np.array(point.inputs) + 0.5 * np.array(INPUT_SCALES) * random.uniform(-1, 1, 5)
         updraft = float(row % 5 - 2)
@@ -254,14 +254,14 @@ def test_exported_controller_equals_the_simulated_one(
     published_aircraft: Model,
     point: OperatingPoint,
 ) -> None:
-    """At 1,000 random states, the exported controller gives the inputs and rates of the simulated
+    """At random states, the exported controller gives the inputs and rates of the simulated
     controller.
     """
     law = simulated_controller(controller, published_aircraft, point)
     random = np.random.default_rng(5)
     worst = 0.0
     limited = 0
-    for t in random.uniform(0.0, 5.0, 1000):
+    for t in random.uniform(0.0, 5.0, 200):
         x, a, m = (random.normal(size=size) for size in (6, 5, STATES))
         x[LINEAR_STATES.index("dihedral")] = random.uniform(
             -0.3, 0.2
@@ -280,7 +280,7 @@ def test_exported_controller_equals_the_simulated_one(
             rate[STATES + 2 :], 0.25 * (goal - r) - 2.0 * slope, rtol=1e-14, atol=1e-15
         )
     assert worst <= 1e-14
-    assert limited > 100
+    assert limited > 20
 
 
 def test_a_step_multiplies_states_by_the_exponential(
