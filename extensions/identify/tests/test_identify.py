@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 import hfa
 from hfa.main import main
 from hfa_aircraft.readers.derivatives.read import from_derivatives
-from hfa_identify.bands import correlations, noise_of, smooth_autocorrelation
+from hfa_identify.bands import noise_of, smooth_autocorrelation
 from hfa_identify.estimation import identify
 from hfa_identify.excitation import still_quantities
 from hfa_identify.records import Record, read_record, record_of
@@ -118,7 +118,7 @@ def test_estimates_agree_with_the_true_parameters():
 def test_pandas_tables_and_flights_are_accepted_as_records():
     """Pandas tables and flights are accepted as records. Units are read from the names of columns.
 
-    The residuals have the standard deviations of the sensors. A call without `free` is an error.
+    The residuals have the standard deviations of the sensors, which are also estimated. A call without `free` is an error.
     """
     pandas = pytest.importorskip("pandas")
     columns = record()
@@ -133,10 +133,9 @@ def test_pandas_tables_and_flights_are_accepted_as_records():
     (residuals,) = same.residuals
     for name, size in SENSORS.items():
         assert residuals[name].std() == pytest.approx(size, rel=0.15)
+        assert same.quantities[name].noise == pytest.approx(size, rel=0.15)
     with pytest.raises(hfa.BadInputError, match="at least one of mass, Ixx"):
         identify(begun(), table)
-    with pytest.raises(hfa.BadInputError, match="at least one of mass, Ixx"):
-        identify(begun(), table.rename(columns={"time [s]": "time"}).set_index("time"))
     with pytest.raises(hfa.BadInputError, match="unexpected keyword argument 'states'"):
         identify(begun(), table, states=["alpha"])
     moved = {"elevator": [(0.0, 0.03), (0.6, -0.03), (1.2, 0.0)]}
@@ -144,13 +143,6 @@ def test_pandas_tables_and_flights_are_accepted_as_records():
     off = LONGITUDINAL.with_parameters(Cm_q=1.5 * true_value("Cm_q"))
     again = identify(off, flight, ["Cm_q"], inputs="steps")
     assert again.parameters["Cm_q"].value == pytest.approx(true_value("Cm_q"), rel=1e-3)
-
-
-def test_sensor_noise_is_estimated():
-    """The estimated noise of each sensor is within 15 % of the simulated noise."""
-    for name, size in SENSORS.items():
-        assert found().quantities[name].noise == pytest.approx(size, rel=0.15)
-        assert found().quantities[name].white > 0.8
 
 
 def test_colored_residuals_widen_the_bands():
@@ -202,12 +194,6 @@ def test_slow_noise_in_white_noise_is_detected():
     noise = generator.standard_normal(4000) + 0.5 * slow
     seen = smooth_autocorrelation(noise, np.ones(4000, dtype=bool), 0.0)
     assert 10.0 < 1.0 + 2.0 * seen[1:].sum() < 40.0
-
-
-def test_an_unknown_variance_has_no_correlation():
-    """The correlation coefficients of an estimate with infinite variance are 0."""
-    found = correlations(np.array([[np.inf, 3.0, 0.0], [3.0, 4.0, 1.0], [0.0, 1.0, 1.0]]))
-    np.testing.assert_allclose(found, [[0.0, 0.0, 0.0], [0.0, 1.0, 0.5], [0.0, 0.5, 1.0]])
 
 
 def test_sensitivities_agree_with_differences():
@@ -286,6 +272,7 @@ def record_with_steps(moves, seconds):
     return noisy_columns(LONGITUDINAL, flight, 20, seed=0)
 
 
+@pytest.mark.slow
 def test_the_search_converges_from_coefficients_70_percent_off():
     """The search converges with 12 lateral coefficients that are 70 % off at the start.
 
@@ -331,8 +318,6 @@ def late(values, samples=2):
         ),
         ("pitch_rate", lambda q: 1.2 * q, "scale_p"),
         ("elevator", late, "delay_elevator of 0.08"),
-        ("pitch", late, "delay_pitch of 0.0"),
-        ("pitch_rate", lambda q: q + 0.02, "bias_pitch_rate of 0.0"),
         ("speed", lambda v: v + 4.0, "bias_speed of"),
         pytest.param("alpha", lambda a: -a, "alpha has the wrong sign", marks=pytest.mark.slow),
         (
@@ -374,8 +359,10 @@ def test_an_input_bias_is_named_with_another_parameter():
     ("name", "factor", "named"),
     [
         ("Cm_alpha", 1.2, "FAIL: Cm_alpha = -0.37"),
-        ("Cm_0", 0.3, "FAIL: Cm_0 = -0.0234 instead of the given value, or bias_elevator"),
-        ("Cm_alpha", 1.0, "PASS"),
+        pytest.param(
+            *("Cm_0", 0.3, "FAIL: Cm_0 = -0.0234 instead of the given value, or bias_elevator"),
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_a_value_contradicted_by_the_record_is_reported(name, factor, named):
@@ -482,8 +469,9 @@ SECOND = "FAIL: a second estimate explains the record equally well: k = {:.4g} (
 
 
 def test_a_second_minimum_is_named():
-    """With x' = u - k² x and a search that begins at k = 3.5, a second estimate at -k is
-    reported.
+    """With x' = u - k² x and a search that begins at k = 3.5, a second estimate at -k is reported.
+
+    It is not reported if the limits of k exclude it.
     """
     model, columns = lag(lambda u, k, x: u - k**2 * x, 3.5)
     noise = np.random.default_rng(0).standard_normal(len(columns["x"]))
@@ -492,21 +480,8 @@ def test_a_second_minimum_is_named():
     assert abs(found) == pytest.approx(1.0, abs=0.1)
     assert result.other_minimum["k"] == pytest.approx(-found, abs=0.01)
     assert result.first_line == SECOND.format(-found, found)
-
-
-def test_a_mirrored_minimum_is_named():
-    """With x' = u - k² x, a second estimate at -k is reported, unless the limits of k exclude
-    it.
-    """
-    model, columns = lag(lambda u, k, x: u - k**2 * x, 1.2)
-    noise = np.random.default_rng(0).standard_normal(len(columns["x"]))
-    columns["x"] = columns["x"] + 0.01 * noise
-    result = identify(model, columns, ["k"], inputs="steps")
-    found = result.parameters["k"].value
-    assert found == pytest.approx(1.0, abs=0.02)
-    assert not result.ok
-    assert result.first_line == SECOND.format(-found, found)
     positive = replace(model, parameters={"k": hfa.Signal("1/s", 1.0, 0.0, start=1.2)})
+    columns["x"] = columns["x"] + 0.01 * noise
     assert identify(positive, columns, ["k"], inputs="steps").ok
 
 
@@ -522,7 +497,9 @@ def test_a_minimum_that_is_not_mirrored_is_named():
     assert "a second estimate explains the record equally well: k = 2." in result.first_line
 
 
-@pytest.mark.parametrize(("coloured", "moved"), [(False, 0.0), (True, 0.0), (False, 1e-5)])
+@pytest.mark.parametrize(
+    ("coloured", "moved"), [(True, 0.0), pytest.param(False, 1e-5, marks=pytest.mark.slow)]
+)
 def test_a_record_without_motion_is_named(coloured, moved):
     """A record of sensor noise alone is refused, also if an input moves slightly."""
     columns = record(seed=3, coloured=coloured)
@@ -584,7 +561,6 @@ def test_stepwise_inputs_are_recognized():
     assert "inputs are constant between" in identify(begun(1.2), uneven, FREE).first_line
     linear = identify(begun(1.2), columns, FREE)
     assert linear.first_line == "FAIL: inputs are constant between samples; add --inputs steps"
-    assert identify(begun(1.2), columns, FREE, inputs="steps").ok
 
 
 def test_records_that_disagree_are_named():
@@ -676,10 +652,7 @@ def written(path, columns, units):
 
 
 def test_the_command_writes_an_aircraft(folder, capsys):
-    """`hfa identify` reads a CSV file in degrees and writes an aircraft file that can be trimmed.
-
-    The estimate of Cm_q equals that of the Python function.
-    """
+    """`hfa identify` reads a CSV file in degrees and writes an aircraft file that can be trimmed."""
     written(
         "flight.csv",
         record(model=AIRCRAFT),
@@ -690,9 +663,8 @@ def test_the_command_writes_an_aircraft(folder, capsys):
     printed = capsys.readouterr().out
     assert "PASS: 2 parameters of 1 record" in printed
     assert "uav.toml (SHA-256" in printed.splitlines()[-1]
-    ours = identify(AIRCRAFT, record(model=AIRCRAFT), ["Cm_alpha", "Cm_q"]).parameters["Cm_q"].value
     model = hfa.load_model("found.toml")
-    assert model.parameters["Cm_q"].start == pytest.approx(ours, rel=1e-4)
+    assert model.parameters["Cm_q"].start == pytest.approx(true_value("Cm_q"), rel=0.1)
     assert model.parameters["Cm_q"].start != true_value("Cm_q")
     assert main(["trim", "--aircraft", "found.toml"]) == 0
 

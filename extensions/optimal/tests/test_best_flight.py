@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 
 import hfa
 from hfa_flight.problem import MARGIN, flight_problem
-from hfa_optimal.collocation import DEGREE, Equations, Transcription
+from hfa_optimal.collocation import Equations, Transcription
 from hfa_optimal.search import BestFlights, refutation
 
 GTM = f"{Path(__file__).parents[3] / 'examples' / 'gtm.py'}:GTM"
@@ -97,7 +97,7 @@ def test_another_integrator_gives_the_same_cost(gtm: hfa.BestFlight) -> None:
         return [*gtm.model.rates_at(y[:-1], u).values(), float(price)]
 
     start = [*gtm.states[0], 0.0]
-    flown = solve_ivp(rate, (0.0, gtm.time[-1]), start, rtol=1e-6, atol=1e-8, max_step=0.05)
+    flown = solve_ivp(rate, (0.0, gtm.time[-1]), start, rtol=1e-5, atol=1e-8, max_step=0.2)
     assert flown.y[-1, -1] == pytest.approx(gtm.cost, rel=0.005)
     assert gtm.cost == pytest.approx(gtm.proposed_cost, rel=0.01)
     assert gtm.cost <= gtm.found.linear.cost
@@ -134,22 +134,6 @@ def test_the_simulation_confirms_or_refutes_a_proposal(gtm: hfa.BestFlight) -> N
     z = proposal.z.copy()
     z[-1, -1, 1:3] = [0.99, 0.9] * gtm.problem.state_limits[1][1:3]
     assert "leaves the limits" in search._unfinished(proposal._replace(z=z, cost=1e9))
-
-
-def test_a_proposal_on_a_coarse_mesh_is_refuted(gtm: hfa.BestFlight) -> None:
-    """On eight equal intervals, IPOPT proposes a cost more than 1 % below the best flight's cost.
-
-    The simulation refutes this proposal.
-    """
-    problem = gtm.problem
-    search = BestFlights(problem)
-    coarse = Transcription(problem, 8, Equations.of(problem))
-    start = gtm.found.proposal.start
-    lengths = np.full(8, gtm.seconds / 8.0)
-    proposal = coarse.solve(start, lengths, np.zeros((8 * DEGREE, 4)), np.zeros((9, 2)))
-    assert proposal.feasible
-    assert proposal.cost < 0.99 * gtm.cost
-    assert "off the proposed" in refutation(search.flights.follow(proposal, gtm.seconds), proposal)
 
 
 @pytest.mark.parametrize("is_of_time", [False, True])

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from cli import complaints_about
 from nominal import nominal_game
+from pendulum_deployment import pendulum_deployment
 
 import hfa
 from hfa.main import main
@@ -26,6 +27,7 @@ GTM = f"{EXAMPLES / 'gtm.py'}:GTM"
 PENDULUM = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
 
 
+@pytest.mark.slow
 def test_the_hfa_leaves_the_envelope_with_exact_policy(capsys: pytest.CaptureFixture[str]) -> None:
     """From the paper's x(0) at 15 deg, the pitch rate leaves the envelope with the exact policy.
 
@@ -54,24 +56,26 @@ def test_outcomes_contain_departure_and_convergence() -> None:
 
 
 def test_a_deployment_and_a_critic_are_compared(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """`hfa optimize` compares the best flight with a critic and with a deployed policy, and draws
-    them.
+    """`hfa optimize` compares the best flight with a critic and with a deployed policy.
+
+    The flight is drawn on a page. A saturated gain of half the size costs more than the best flight.
     """
-    model = hfa.load_model(GTM)
+    model = hfa.load_model(PENDULUM)
     game = nominal_game(hfa.linearize(model, hfa.trim(model)))
-    K = tmp_path / "K.npz"
-    np.savez(K, K=1.5 * hfa.solve(game).K)
-    deployment = EXAMPLES / "gtm_policy" / "on_time.toml"
-    page = tmp_path / "flight.html"
-    words = ["optimize", "--aircraft", GTM, "--start", "alpha=4", "--weights", str(K)]
-    words += ["--policy", str(deployment), "-o", str(page)]
-    assert main(words) == 0
-    text = capsys.readouterr().out
-    assert f"critic of {K}: " in text
-    assert f"policy of {deployment}: " in text
-    assert page.read_text().partition("<img")[2].index(">") > 10_000
+    np.savez("K.npz", K=0.5 * hfa.solve(game).K)
+    deployment = pendulum_deployment(folder, "[timing]\ndt = 0.02\n")
+    words = ["optimize", "--aircraft", PENDULUM, "--start", "angle=20", "--weights", "K.npz"]
+    assert main([*words, "--policy", str(deployment), "-o", "flight.html"]) == 0
+    assert f"policy of {deployment}: " in capsys.readouterr().out
+    assert Path("flight.html").read_text().partition("<img")[2].index(">") > 10_000
+    assert main([*words, "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    linear, critic = data["policies"]
+    assert critic["policy"].startswith("critic of K.npz")
+    assert critic["over_best"] > linear["over_best"] > 0.999
+    assert data["start"] == pytest.approx({"angle": np.radians(20.0)}, rel=1e-4)
 
 
 @pytest.mark.slow
@@ -89,7 +93,7 @@ def test_optimize_counts_initial_conditions_in_a_table(capsys: pytest.CaptureFix
 
 def test_an_interrupted_table_contains_the_finished_flights() -> None:
     """Ctrl-C ends the table after the present flight, and the table contains the finished flights."""
-    model = hfa.load_model(GTM)
+    model = hfa.load_model(PENDULUM)
     search = BestFlights(flight_problem(model, hfa.trim(model)))
     starts = drawn_starts(search.problem, 3, 0)
     before = signal.getsignal(signal.SIGINT)
@@ -129,16 +133,15 @@ def test_wrong_options_are_refused(
     assert "\n" not in error
 
 
-def test_verify_simulates_the_critic(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_verify_simulates_the_critic(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`hfa verify --flights` reports the median cost of the critic relative to the best flight.
 
     The flights with twice the optimal gain cost more than those of the linear optimum.
     """
-    model = hfa.load_model(GTM)
+    model = hfa.load_model(PENDULUM)
     game = nominal_game(hfa.linearize(model, hfa.trim(model)))
-    K = tmp_path / "K.npz"
-    np.savez(K, K=2.0 * hfa.solve(game).K)
-    words = ["verify", "--aircraft", GTM, "--weights", str(K), "--flights", "1", "--json"]
+    np.savez("K.npz", K=2.0 * hfa.solve(game).K)
+    words = ["verify", "--aircraft", PENDULUM, "--weights", "K.npz", "--flights", "1", "--json"]
     assert main(words) == 1
     data = json.loads(capsys.readouterr().out)
     assert complaints_about(data) == []
@@ -147,6 +150,7 @@ def test_verify_simulates_the_critic(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert critic["median"] > linear["median"] > 0.999
 
 
+@pytest.mark.slow
 def test_assess_orders_two_policies_by_their_flights(capsys: pytest.CaptureFixture[str]) -> None:
     """`hfa assess --best` ranks two policies opposite to their costs on the linear model."""
     best = {}
