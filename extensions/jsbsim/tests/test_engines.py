@@ -39,7 +39,7 @@ def test_simulations_of_jsbsim_converge_to_the_models_simulation(name):
     """
     model, point = trimmed(f"jsbsim:{name}?filters=states&engines=states")
     (flight,) = drawn(point, 1, seed=3)
-    flight["flight"] = 12
+    flight["flight"] = 6
     items = [
         {"aircraft": name, "point": flight | {"step": step}} for step in (1.0 / 120.0, 1.0 / 480.0)
     ]

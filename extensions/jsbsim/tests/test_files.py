@@ -94,6 +94,7 @@ def test_wrong_inputs_are_refused(query, fault, tmp_path):
         load_model(f"{written(tmp_path, DECLARED)}?{query}")
 
 
+@pytest.mark.slow
 def test_a_missing_trim_names_the_constant_commands(tmp_path):
     """The reason for a missing trim names the option that makes the command an input."""
     result = run("trim", "--aircraft", written(tmp_path, DECLARED))

@@ -127,7 +127,8 @@ def misses(name, count):
 
 
 @pytest.mark.parametrize(
-    "name", ["737", "c182", pytest.param("DHC6", marks=pytest.mark.slow), "sgs126"]
+    "name",
+    ["c182", "sgs126", *(pytest.param(jet, marks=pytest.mark.slow) for jet in ("737", "DHC6"))],
 )
 def test_jet_propellers_and_glider_accelerate_as_in_jsbsim(name):
     """Accelerations and thrust of a jet, propeller aircraft and a glider agree with JSBSim.
