@@ -62,8 +62,14 @@ def exact(name: str) -> tuple[Game, Solution]:
     return game, solve(game)
 
 
-@pytest.mark.parametrize("starts", [2, pytest.param(1000, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", SIZES)
+@pytest.mark.parametrize("starts", [1, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=() if name in ("simvfa-1", "its filter") else pytest.mark.slow)
+        for name in SIZES
+    ],
+)
 def test_learning_settles_from_every_initial_critic(name: str, starts: int) -> None:
     """From every random initial critic, learning settles within 10 s at the exact P and K.
 

@@ -155,7 +155,7 @@ def test_the_linear_prediction_equals_a_numpy_integration(
         u[column] = (C @ e + D @ told)[0]
         return np.concatenate([model.A @ x + model.B @ a, 2.0 * (u - a), A @ e + B @ told])
 
-    path = solve_ivp(rate, (0.0, 12.0), np.zeros(13), rtol=1e-9, atol=1e-12, max_step=0.5)
+    path = solve_ivp(rate, (0.0, 12.0), np.zeros(13), rtol=1e-7, atol=1e-10, max_step=0.5)
     np.testing.assert_allclose(result.predicted.states[-1], path.y[:7, -1], rtol=1e-5, atol=1e-9)
     np.testing.assert_allclose(result.predicted.memory[-1], path.y[12:, -1], rtol=1e-5, atol=1e-9)
     own_modes = servo_policy(
