@@ -63,7 +63,7 @@ _UNITS = {
     **dict.fromkeys(("deg", "°", "degree", "degrees"), _Unit(math.pi / 180.0, _ANGLE)),
     "N": _Unit(1.0, _FORCE),
     "lbf": _Unit(_SI["lbf"][1], _FORCE),
-    **dict.fromkeys(("kt", "kts", "knot", "knots"), _Unit(_NAUTICAL_MILE / _HOUR, _SPEED)),
+    **dict.fromkeys(("kt", "kts", "kn", "knot", "knots"), _Unit(_NAUTICAL_MILE / _HOUR, _SPEED)),
     "mph": _Unit(_MILE / _HOUR, _SPEED),
 }
 

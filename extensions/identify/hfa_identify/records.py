@@ -202,6 +202,8 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
         text = path.read_text("utf-8-sig")
         head = text.lstrip().partition("\n")[0]
         separator = next((each for each in "\t;" if each in head), ",")
+        if separator == ";":
+            text = _with_decimal_points(path, text)
         rows = list(csv.reader(io.StringIO(text), delimiter=separator))
     except (UnicodeDecodeError, csv.Error) as error:
         raise BadInputError(
@@ -224,14 +226,25 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
         if len(row) != len(names):
             raise BadInputError(
                 f"{path}, row {number} has {len(row)} cells, but the first row has"
-                f" {len(names)}; give one cell for each column"
+                f" {len(names)}; give one cell for each column, and separate cells by ; if the"
+                " decimal is a comma"
             )
-        decimal = [cell.replace(",", ".") for cell in row] if separator == ";" else row
         table[number - 2] = [
-            _cell(path, number, name, cell) for name, cell in zip(names, decimal, strict=True)
+            _cell(path, number, name, cell) for name, cell in zip(names, row, strict=True)
         ]
     factors = [factor for _, factor in heads]
     return {name: table[:, place] * factors[place] for place, name in enumerate(names)}
+
+
+def _with_decimal_points(path: Path, text: str) -> str:
+    """Return the text of a file with semicolons, with points in place of decimal commas."""
+    head, _, samples = text.partition("\n")
+    if "," in samples and "." in samples:
+        raise BadInputError(
+            f"{path} contains decimal commas and points, one of which may separate thousands; give "
+            "one of them, as the decimal"
+        )
+    return f"{head}\n{samples.replace(',', '.')}"
 
 
 def columns_of_table(table: Any, model: Model, name: str) -> dict[str, np.ndarray]:
@@ -260,8 +273,11 @@ def _head(path: str | Path, cell: str, model: Model) -> tuple[str, float]:
         )
     name, stated = match[1], match[2]
     known = ("time", *model.inputs, *model.states, *model.outputs)
+    whole, _, unit = name.rpartition("_")
+    if name not in known and whole in known and conversion(unit, _unit_of(model, whole)):
+        raise BadInputError(f'{path}: unknown column {shown(name)}; write "{whole} [{unit}]"')
     refuse_unknown(f"{path}: unknown column", name, known)
-    unit = "s" if name == "time" else model.unit(name)
+    unit = _unit_of(model, name)
     if not stated:
         return name, 1.0
     factor = conversion(stated, unit)
@@ -273,6 +289,11 @@ def _head(path: str | Path, cell: str, model: Model) -> tuple[str, float]:
     return name, factor
 
 
+def _unit_of(model: Model, column: str) -> str:
+    """Return the unit of a column in the model."""
+    return "s" if column == "time" else model.unit(column)
+
+
 def _cell(path: Path, number: int, name: str, cell: str) -> float:
     """Return the number in a cell, NaN for an empty cell. Raises BadInputError for other text."""
     if not cell.strip():
@@ -280,9 +301,12 @@ def _cell(path: Path, number: int, name: str, cell: str) -> float:
     try:
         return float(cell)
     except ValueError:
-        raise BadInputError(
-            f"{path}, row {number}: {name} is {shown(cell)}; give a number or leave the cell empty"
-        ) from None
+        advice = "give a number or leave the cell empty"
+        if "," in cell:
+            advice = "give a decimal point, or separate cells by ;"
+        elif number == 2:
+            advice += ' (units follow names, as in "alpha [deg]")'
+        raise BadInputError(f"{path}, row {number}: {name} is {shown(cell)}; {advice}") from None
 
 
 def _numbers(record: str, name: str, values: Any) -> np.ndarray:

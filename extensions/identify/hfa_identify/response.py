@@ -295,8 +295,8 @@ class Responses:
         if longest * fastest > _FAR_TOO_LONG:
             raise BadInputError(
                 f"{record.name}: samples are up to {longest:g} s apart, but the fastest mode of "
-                f"the model has a time constant of {1.0 / fastest:.2g} s; check that the time is "
-                "in s"
+                f"the model has a time constant of {1.0 / fastest:.2g} s; give the time in s, or "
+                'name its column in a CSV file "time [ms]"'
             )
 
     def steps_between(

@@ -74,6 +74,7 @@ def read_as_written(folder: Path, head: str, columns: list[np.ndarray], separato
         ("time,alpha [°],speed", (1.0, np.degrees(1.0), 1.0), ","),
         ("time,alpha [degrees],speed", (1.0, np.degrees(1.0), 1.0), ","),
         ("time,alpha,speed [kt]", (1.0, 1.0, 1.0 / 0.514444444), ","),
+        ("time,alpha,speed [kn]", (1.0, 1.0, 1.0 / 0.514444444), ","),
         ("time,alpha,speed [km/h]", (1.0, 1.0, 3.6), ","),
         ("time [ms],alpha,speed", (1e3, 1.0, 1.0), ","),
         ("time [us],alpha,speed", (1e6, 1.0, 1.0), ","),
@@ -92,3 +93,25 @@ def test_units_and_separators_of_a_record(
 def test_units_of_a_record_that_are_read(tmp_path: Path) -> None:
     """A record in deg and with commas is read."""
     read_as_written(tmp_path, "time,alpha [deg],speed", [TIME, np.degrees(ALPHA), SPEED], ",")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time_ms,alpha\n0,0.1", r'unknown column .time_ms.; write "time \[ms\]"'),
+        ("time,speed_kt\n0,30", r'unknown column .speed_kt.; write "speed \[kt\]"'),
+        ("time\talpha\n0,02\t0,1", "row 2: time is '0,02'; give a decimal point, or separate"),
+        (
+            "time,alpha\n0,02,0,1",
+            "row 2 has 4 cells.*separate cells by ; if the decimal is a comma",
+        ),
+        ("time;alpha\n0,02;0.1", "contains decimal commas and points"),
+        ("time,alpha\ns,deg", r'row 2: time is .s.; .*units follow names, as in "alpha \[deg\]"'),
+    ],
+)
+def test_what_a_record_does_not_say_is_refused(text: str, message: str, tmp_path: Path) -> None:
+    """A unit outside the brackets and an unclear decimal are refused with what to write."""
+    path = tmp_path / "record.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(hfa.BadInputError, match=message):
+        read_record(str(path), hfa.load_model(UAV), {})
