@@ -88,6 +88,15 @@ class Polynomial:
         return cls(parts)
 
     @property
+    def constant_term(self) -> Any:
+        """Value at y = 0."""
+        return self.parts[0].get(0, arb(0)) if self.parts else arb(0)
+
+    def without_constant(self) -> Polynomial:
+        """Return the terms of degree 1 and more."""
+        return Polynomial([{}, *self.parts[1:]])
+
+    @property
     def degree(self) -> int:
         """Highest degree of the stored terms."""
         return len(self.parts) - 1

@@ -102,8 +102,7 @@ class Taylor(ABC):
     @property
     def center(self) -> Any:
         """Value of the polynomial at the center."""
-        parts = self.polynomial.parts
-        return parts[0].get(0, arb(0)) if parts else arb(0)
+        return self.polynomial.constant_term
 
     def map(self, linear: Callable[[Any], Any], size: Callable[[Any], Any] | None = None) -> Self:
         """Return the image under a linear map of a ball or of a matrix of balls.
@@ -170,7 +169,7 @@ class Taylor(ABC):
             raise Undecided("a function is not proved to be smooth on the whole set")
         if self._reach() is None:
             return self._of(slopes[0])
-        delta = self._like(Polynomial([{}, *self.polynomial.parts[1:]]), self.remainder)
+        delta = self._like(self.polynomial.without_constant(), self.remainder)
         total = self._of(slopes[order])
         for slope in reversed(slopes[:order]):
             total = total * delta + slope
@@ -270,6 +269,22 @@ class TaylorModel(Taylor):
         return (*polynomial, remainder, *(second.get(key, zero) for key in keys))
 
     @property
+    def slope(self) -> Any:
+        """Coefficient c_1 of s."""
+        return self.parts[1]
+
+    @property
+    def bend(self) -> Any:
+        """Coefficient c_2 of s²."""
+        return self.parts[2]
+
+    @property
+    def errors(self) -> tuple[Any, ...]:
+        """Coefficients z_k of the errors t_k."""
+        _, _, _, _, *errors = self.parts
+        return tuple(errors)
+
+    @property
     def _terms(self) -> list[dict[Key, Any]]:
         """Terms of the degrees 0, 1 and 2."""
         parts = self.polynomial.parts
@@ -295,10 +310,10 @@ class TaylorModel(Taylor):
         """Return the transpose of a model of matrices."""
         return self.map(lambda part: part.transpose())
 
-    def polynomial_at(self, s: float) -> Any:
-        """Return c_0 + c_1 s + c_2 s², without the remainder and the errors."""
-        c0, c1, c2, *_ = self.parts
-        return c0 + arb(s) * c1 + arb(s * s) * c2
+    def at(self, s: arb) -> TaylorModel:
+        """Return the model at one position s, a model in the errors alone."""
+        c0, c1, c2, remainder, *errors = self.parts
+        return TaylorModel(c0 + s * c1 + s * s * c2, 0, 0, remainder, *errors)
 
     def corners(self) -> list[Any]:
         """Return enclosures whose convex hull contains all values of the model on the box."""

@@ -448,10 +448,12 @@ def joined(runs: Sequence[tuple[float, float, Found]]) -> list[tuple[float, floa
     """
     together: list[tuple[float, float, Found]] = []
     for low, high, result in runs:
-        if together and together[-1][1:] == (low, result):
-            together[-1] = (together[-1][0], high, result)
-        else:
-            together.append((low, high, result))
+        if together:
+            begin, end, last = together[-1]
+            if (end, last) == (low, result):
+                together[-1] = (begin, high, result)
+                continue
+        together.append((low, high, result))
     return together
 
 

@@ -76,7 +76,7 @@ def solution_on(
     P = P + TaylorModel(zero, zero, zero, arb_mat(n, n, offsets.entries()))
     if modes_right_of(A - S * P, box.line) != 0:
         raise Rejected("A - S P is not proved Hurwitz")
-    axes = matrix(np.linalg.eigh(doubles(P.parts[0]))[1])
+    axes = matrix(np.linalg.eigh(doubles(P.center))[1])
     if min(eigenvalue_signs(P.range(), axes)) != lowest:
         raise Rejected(
             "the sign of the lowest eigenvalue of the solution differs from the sign in the "
@@ -236,7 +236,7 @@ def check_game(statement: GameStatement, witness: GameWitness) -> int:
     A, B = wide
     if statement.gain_of_value:
         check_gain(weights, B, statement.critic)
-    n = A.parts[0].nrows()
+    n = A.center.nrows()
     loop = A - B * matrix(statement.critic["K"])
     check_runs("loop", [Run(0.0, 0.0, *statement.loop)], _line_bounds(loop, witness.loop), n)
     if statement.delta_min is None:

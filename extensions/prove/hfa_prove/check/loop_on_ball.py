@@ -74,7 +74,7 @@ class LoopOnBall:
         name: name of the input
         """
         low, high = self.statement.loop.limits.get(name, (-np.inf, np.inf))
-        at = self.inputs[name].parts[0][0]
+        at = self.inputs[name].constant_term
         below = at - exact(low) if np.isfinite(low) else None
         above = exact(high) - at if np.isfinite(high) else None
         return below, above
@@ -147,7 +147,7 @@ class LoopOnBall:
 
     def command(self, name: str) -> Polynomial:
         """Return u - u_e of an input before saturation, with u_e at the equilibrium, in y."""
-        return Polynomial([{}, *self.inputs[name].parts[1:]])
+        return self.inputs[name].without_constant()
 
     def reaches(self, name: str) -> tuple[bool, bool]:
         """Return whether an input may reach its lowest and its highest value on the unit ball of y.
@@ -305,7 +305,7 @@ def _without_center(rate: TaylorOnBall) -> TaylorOnBall:
 
     The constant term is 0, because the polynomial is about the equilibrium.
     """
-    return TaylorOnBall(rate.order, Polynomial([{}, *rate.polynomial.parts[1:]]), rate.remainder)
+    return TaylorOnBall(rate.order, rate.polynomial.without_constant(), rate.remainder)
 
 
 def refuse_curved(loop: Loop) -> None:

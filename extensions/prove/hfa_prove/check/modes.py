@@ -30,7 +30,7 @@ def modes_right_of(A: TaylorModel, line: Line) -> int:
     """
     H = matrix(line.H)
     turn = matrix(line.turn)
-    n = A.parts[0].nrows()
+    n = A.center.nrows()
     rate = matrix(line.rate * np.eye(n))
     half = -(H * (A + rate))
     check_positive(half + half.transpose(), turn)
@@ -48,7 +48,7 @@ def least_and_most(A: TaylorModel, line: Line) -> tuple[int, int]:
     """
     count = modes_right_of(A, line)
     least = count if line.rate <= 0.0 else 0
-    most = count if line.rate >= 0.0 else A.parts[0].nrows()
+    most = count if line.rate >= 0.0 else A.center.nrows()
     return least, most
 
 
@@ -64,7 +64,7 @@ def check_motion(
     turn_of_box: (n, n), coordinates in which definiteness is tested
     """
     turn = matrix(turn_of_box)
-    for end in (P.parts[0] - P.parts[1], P.parts[0] + P.parts[1]):
+    for end in (P.center - P.slope, P.center + P.slope):
         if -1 in eigenvalue_signs(end, turn):
             raise Rejected(
                 "the Lyapunov function for the moving scheduling variable is not proved positive"

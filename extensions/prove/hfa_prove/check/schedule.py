@@ -91,7 +91,7 @@ def _loop_bounds(
     A = closed_loop(linear, model, statement.controller, statement.actuators)
     least, most = least_and_most(A, box.proof)
     if most == 0 and box.proof.rate < statement.decay_rate:
-        most = A.parts[0].nrows()  # stable, but not with the decay rate that is claimed
+        most = A.center.nrows()  # stable, but not with the decay rate that is claimed
     return least, most
 
 
@@ -119,7 +119,7 @@ def _check_scheduled_rate(
         linear = _linear_model(statement, trim)
         loop = closed_loop(linear, flight.model, statement.controller, statement.actuators)
         P = between(motion.breakpoints, motion.P, trim.low, trim.high)
-        slope = P.parts[1] * (2 / (arb(trim.high) - arb(trim.low)))
+        slope = P.slope * (2 / (arb(trim.high) - arb(trim.low)))
         check_motion(loop, P, slope * arb(statement.scheduled_rate), turn)
         linear_models.append(linear)
     return linear_models

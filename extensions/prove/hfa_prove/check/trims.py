@@ -224,9 +224,9 @@ def linear_model_on(
     imposed = known_values(flight, trim, decimals=decimals)
     along = dict(imposed)
     around = dict(imposed)
-    for name, (c0, c1, c2, *errors) in trim.polynomials.items():
-        along[name] = TaylorModel(c0, c1, c2, arb(0), *errors)
-        around[name] = TaylorModel(c0, c1, c2, symmetric(trim.radii[name]), *errors)
+    for name, polynomial in trim.polynomials.items():
+        along[name] = polynomial
+        around[name] = polynomial + TaylorModel(0, 0, 0, symmetric(trim.radii[name]))
     linear = equations.linear(around)
     offsets = _root_offsets(equations.residual(along), linear, [*trim.radii.values()])
     values = dict(zip(equations.names, (value for (value,) in linear.values), strict=True)) | around
@@ -376,7 +376,7 @@ def _stated_trim(flight: Flight, trim: StatedTrim) -> LinearModelBox:
 
     The errors of the parameters (`spread`) are not included.
     """
-    polynomials = {name: [arb(x), arb(0), arb(0)] for name, x in trim.unknowns.items()}
+    polynomials = {name: TaylorModel(arb(x)) for name, x in trim.unknowns.items()}
     radii = {name: arb(SAME_TRIM * flight.model.signals[name].nominal) for name in trim.unknowns}
     box = TrimBox(trim.breakpoint, trim.breakpoint, polynomials, radii)
     return linear_model_on(replace(flight, spread={}), box)
@@ -404,26 +404,24 @@ def _holds_root(box: LinearModelBox, other: LinearModelBox, scheduling_value: fl
     for name, offset in other.offsets.items():
         here = _polynomial_at(box.trim, name, scheduling_value)
         there = _polynomial_at(other.trim, name, scheduling_value)
-        away = offset + there[0] - here[0]
-        for other_slope, slope in zip(there[1:], here[1:], strict=False):
-            away += arb(0, 1) * (other_slope - slope)
-        if not symmetric(box.trim.radii[name]).contains_interior(away):
+        between = there.center - here.center
+        if here.errors and there.errors:
+            between = (there - here).range()
+        if not symmetric(box.trim.radii[name]).contains_interior(offset + between):
             return False
     return True
 
 
-def _polynomial_at(trim: TrimBox, name: str, scheduling_value: float) -> list[arb]:
-    """Return the value and the coefficients z_k of an unknown's polynomial at a scheduling value.
+def _polynomial_at(trim: TrimBox, name: str, scheduling_value: float) -> TaylorModel:
+    """Return the polynomial of an unknown at a scheduling value, a model in the errors alone.
 
     name: name of the unknown
     """
-    c0, c1, c2, *errors = trim.polynomials[name]
     if trim.low == trim.high:
-        return [c0, *errors]
+        return trim.polynomials[name]
     low = arb(trim.low)
     high = arb(trim.high)
-    s = (2 * arb(scheduling_value) - low - high) / (high - low)
-    return [c0 + c1 * s + c2 * s * s, *errors]
+    return trim.polynomials[name].at((2 * arb(scheduling_value) - low - high) / (high - low))
 
 
 def equations_of(flight: Flight, measured: Sequence[str] = ()) -> SteadyFlight:

@@ -252,16 +252,18 @@ class TrimSearch:
         unknowns = self._equations.unknowns
         middle = self._newton(box.middle)
         C = matrix(np.linalg.inv(doubles(self._slopes(box.middle, middle))))
-        count = len(self.flight.spread)
-        zeros = [arb(0) for _ in range(2 + count)]
-        polynomials = {name: [value, *zeros] for name, value in zip(unknowns, middle, strict=True)}
+        polynomials = {name: TaylorModel(c0) for name, c0 in zip(unknowns, middle, strict=True)}
         trim_of_box = TrimBox(box.low, box.high, polynomials, {})
-        for order in (1, 2):
-            steps = (C * self._residual(trim_of_box).parts[order]).entries()
-            for name, step in zip(unknowns, steps, strict=True):
-                polynomials[name][order] = arb(float(-step.mid()))
-            if order == 1:
-                self._add_errors(trim_of_box, C)
+        slopes = _steps(C, self._residual(trim_of_box).slope)
+        for c0, c1, name in zip(middle, slopes, unknowns, strict=True):
+            polynomials[name] = TaylorModel(c0, c1)
+        by_error = [_steps(C, column) for column in self._residual(trim_of_box).errors]
+        errors = list(zip(*by_error, strict=True)) or [()] * len(unknowns)
+        for c0, c1, z, name in zip(middle, slopes, errors, unknowns, strict=True):
+            polynomials[name] = TaylorModel(c0, c1, arb(0), arb(0), *z)
+        bends = _steps(C, self._residual(trim_of_box).bend)
+        for c2, name in zip(bends, unknowns, strict=True):
+            polynomials[name] += TaylorModel(arb(0), arb(0), c2)
         trim_of_box.radii.update(self._radii(C, self._residual(trim_of_box), _ROOM))
         return trim_of_box
 
@@ -274,9 +276,7 @@ class TrimSearch:
         unknowns = self._equations.unknowns
         values = self._newton(scheduling_value, precise=True)
         C = matrix(np.linalg.inv(doubles(self._slopes(scheduling_value, values))))
-        center = {
-            name: [value, arb(0), arb(0)] for name, value in zip(unknowns, values, strict=True)
-        }
+        center = {name: TaylorModel(c0) for name, c0 in zip(unknowns, values, strict=True)}
         trim_of_box = TrimBox(scheduling_value, scheduling_value, center, {})
         of_doubles = self._radii(C, self._residual(trim_of_box, decimals=False), 2 * _ROOM)
         of_decimals = self._radii(C, self._residual(trim_of_box, decimals=True), 2 * _ROOM)
@@ -318,9 +318,9 @@ class TrimSearch:
         C = matrix(np.linalg.inv(doubles(self._slopes(scheduling_value, values))))
         for _ in range(_STEPS if precise else 1):
             pairs = zip(unknowns, values, strict=True)
-            center = {name: [value, arb(0), arb(0)] for name, value in pairs}
+            center = {name: TaylorModel(c0) for name, c0 in pairs}
             trim_of_box = TrimBox(scheduling_value, scheduling_value, center, {})
-            steps = (C * self._residual(trim_of_box, decimals=False).parts[0]).entries()
+            steps = (C * self._residual(trim_of_box, decimals=False).center).entries()
             values = [(value - step).mid() for value, step in zip(values, steps, strict=True)]
         return values if precise else [arb(float(value)) for value in values]
 
@@ -330,8 +330,7 @@ class TrimSearch:
         decimals: whether to cover all decimal numbers that round to the stored doubles
         """
         values: dict[str, Any] = known_values(self.flight, trim_of_box, decimals=decimals)
-        for name, (c0, c1, c2, *errors) in trim_of_box.polynomials.items():
-            values[name] = TaylorModel(c0, c1, c2, arb(0), *errors)
+        values |= trim_of_box.polynomials
         residual = self._equations.residual(values)
         return stacked([[residual[row]] for row in self._rows])
 
@@ -342,17 +341,12 @@ class TrimSearch:
         """
         trim_of_box = TrimBox(scheduling_value, scheduling_value, {}, {})
         imposed = known_values(self.flight, trim_of_box, decimals=False)
-        at: dict[str, Any] = {name: model.parts[0] for name, model in imposed.items()}
+        at: dict[str, Any] = {name: model.center for name, model in imposed.items()}
         at |= dict(zip(self._equations.unknowns, values, strict=True))
         slopes = self._equations.linear(at).slopes
-        return stacked([slopes[row] for row in self._rows]).parts[0]
+        return stacked([slopes[row] for row in self._rows]).center
 
-    def _add_errors(self, trim_of_box: TrimBox, C: Any) -> None:
-        """Add the first-order effects of the parameter errors to the polynomials of a box.
 
-        C: approximate inverse of F_w
-        """
-        for index, slope in enumerate(self._residual(trim_of_box).parts[4:]):
-            steps = (C * slope).entries()
-            for name, step in zip(self._equations.unknowns, steps, strict=True):
-                trim_of_box.polynomials[name][3 + index] = arb(float(-step.mid()))
+def _steps(C: Any, column: Any) -> list[arb]:
+    """Return the midpoints of -C F for a column F of balls, rounded to doubles."""
+    return [arb(float(-step.mid())) for step in (C * column).entries()]

@@ -247,7 +247,7 @@ def _newton_step(A: TaylorModel, S: TaylorModel, Q: arb_mat, P: arb_mat) -> arb_
     loop = A - S * P
     residual = (loop.transpose() * P + P * A + Q).range()
     try:
-        inverse = lyapunov_operator(loop.parts[0].mid()).inv()
+        inverse = lyapunov_operator(loop.center.mid()).inv()
     except ZeroDivisionError as error:
         raise NoSolutionError(
             "the equation of Newton's step for P is singular within rounding"
@@ -360,7 +360,7 @@ def prove_solution(
     exact.solution()
     box, solution = exact.solution(decimals=True)
     A, B = exact.wide
-    K = doubles(gain_matrix(exact.weights, B).parts[0] * matrix(P))
+    K = doubles(gain_matrix(exact.weights, B).center * matrix(P))
     critic = {"K": K, "P": P}
     distances = {}
     for name, (_, most) in critic_distances(critic, solution).items():
@@ -439,7 +439,7 @@ def prove_critic(
     if critic.P is not None:
         parts["P"] = critic.P
         if critic.feedback is not None:  # K follows from P
-            parts["K"] = doubles(gain_matrix(exact.weights, B).parts[0] * matrix(critic.P))
+            parts["K"] = doubles(gain_matrix(exact.weights, B).center * matrix(critic.P))
     if critic.weights is not None:
         parts["W"] = critic.weights[:, None]
     bounds = {}
@@ -489,11 +489,11 @@ def _trim_content(trim: PointTrim | None) -> dict[str, Any]:
     if trim is None:
         return {}
     rows = {}
-    for name, (center, *_) in trim.center.items():
-        rows[name] = [center, float(trim.radii[name]), float(trim.wide_radii[name])]
+    for name, constant in trim.center.items():
+        rows[name] = [constant.center, float(trim.radii[name]), float(trim.wide_radii[name])]
     return {"trim": rows}
 
 
 def _solution_content(box: SolutionBox) -> Content:
-    content: Content = {"units": box.units, "P": [box.P.parts[0].tolist()]}
+    content: Content = {"units": box.units, "P": [box.P.center.tolist()]}
     return content | {"reach": float(box.reach), "H": box.line.H, "turn": box.line.turn}

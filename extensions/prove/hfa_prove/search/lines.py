@@ -41,7 +41,7 @@ def lines_near_axis(A: TaylorModel) -> list[Line]:
     The list contains the nearest line found on each side of the imaginary axis, at most one per
     side.
     """
-    abscissae = np.sort(np.linalg.eigvals(doubles(A.parts[0])).real)
+    abscissae = np.sort(np.linalg.eigvals(doubles(A.center)).real)
     lines = []
     for side in (-1.0, 1.0):
         between = []
@@ -70,7 +70,7 @@ def bounds_of_modes(A: TaylorModel) -> tuple[tuple[int, int], list[Line]]:
         count, line = on_axis
         return (count, count), [line]
     least = 0
-    most = A.parts[0].nrows()
+    most = A.center.nrows()
     lines = lines_near_axis(A)
     for line in lines:
         at_least, at_most = least_and_most(A, line)
@@ -92,7 +92,7 @@ def _candidates(A: TaylorModel, rate: float) -> Iterator[tuple[np.ndarray, np.nd
     A: Taylor model of the matrix on the box
     rate: a, 1/s
     """
-    middle, *additions = A.parts
+    middle, slope, bend, remainder, *errors = A.parts
     A_middle = doubles(middle)
     values, vectors = np.linalg.eig(A_middle)
     distances = np.abs(values.real + rate)
@@ -101,7 +101,7 @@ def _candidates(A: TaylorModel, rate: float) -> Iterator[tuple[np.ndarray, np.nd
         return
     inverse = np.linalg.inv(vectors)
     shares = []
-    for chosen in (additions, additions[3:]):
+    for chosen in ((slope, bend, remainder, *errors), errors):
         share = _shares(distances, vectors, inverse, chosen)
         if share is not None:
             shares.append(share)

@@ -178,7 +178,7 @@ class ScheduleSearch:
             proof = {"pieces": [vars(piece) for piece in pieces]}
             return ProvedBox(box, 0, 0, 0.0, trim_content(linear.trim) | proof)
         form = self.closed_loop(box)
-        middle = doubles(form.parts[0])
+        middle = doubles(form.center)
         if not np.isfinite(middle).all():
             raise BadInputError("the matrix of the loop overflows; check the gains in the table")
         rate = RATE_SHARE * max(0.0, -float(np.linalg.eigvals(middle).real.max()))
@@ -313,9 +313,10 @@ class ScheduleSearch:
         size: number of eigenvalues
         """
         proved = [box.run for box in self.boxes[name]]
-        cuts = sorted({self.low, self.high, *(end for run in proved for end in run[:2])})
+        ends = {self.low, self.high}
+        ends |= {run.low for run in proved} | {run.high for run in proved}
         runs = []
-        for low, high in pairwise(cuts):
+        for low, high in pairwise(sorted(ends)):
             here = [run for run in proved if run.low <= low and high <= run.high]
             least = max((run.least for run in here), default=0)
             most = min((run.most for run in here), default=size)
@@ -372,14 +373,14 @@ class MotionSearch:
             return []
         points = []
         for box, loop in zip(self._boxes, loops, strict=True):
-            slope = doubles(loop.parts[1]) * 2.0 / (box.high - box.low)
-            points.append((doubles(loop.parts[0]), slope))
+            slope = doubles(loop.slope) * 2.0 / (box.high - box.low)
+            points.append((doubles(loop.center), slope))
         if max(np.linalg.eigvals(A).real.max() for A, _ in points) >= 0.0:
             return []
         fastest, W = _weight([*points[::_STRIDE], points[-1]])
         ends = []
         for loop in loops:
-            c0, c1, c2 = (doubles(part) for part in loop.parts[:3])
+            c0, c1, c2 = (doubles(part) for part in (loop.center, loop.slope, loop.bend))
             ends.append(c0 - c1 + c2)
         ends.append(c0 + c1 + c2)
         self.P = np.array([_lyapunov(A, W) for A in ends])
@@ -408,8 +409,8 @@ class MotionSearch:
     def _prove(self, rate: float, box: Box) -> Content | None:
         loop = self._search.closed_loop(box)
         P = between(np.array(self.breakpoints), self.P, box.low, box.high)
-        slope = P.parts[1] * (2 / (arb(box.high) - arb(box.low)))
-        half = doubles(-(loop.parts[0].transpose() * P.parts[0]))
+        slope = P.slope * (2 / (arb(box.high) - arb(box.low)))
+        half = doubles(-(loop.center.transpose() * P.center))
         try:
             turn = np.linalg.inv(np.linalg.cholesky(half + half.T)).T
         except np.linalg.LinAlgError:

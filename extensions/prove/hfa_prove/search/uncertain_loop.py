@@ -17,7 +17,7 @@ from hfa_prove.check.modes import check_pieces
 from hfa_prove.check.trims import LinearModelBox, Rejected
 from hfa_prove.search.loops import Loop
 from hfa_prove.statements.schedule import Piece, UncertainActuators
-from verification.enclosure.balls import doubles
+from verification.enclosure.balls import doubles, exact
 
 #: Largest number of halvings of the interval of bandwidths.
 _HALVINGS = 3
@@ -102,8 +102,8 @@ def _points(
     lag = doubles(loop.lag)
     points = []
     for s in (-1.0, 1.0):
-        base = doubles(loop.base.polynomial_at(s))
-        U = doubles(loop.U.polynomial_at(s))
+        base = doubles(loop.base.at(exact(s)).center)
+        U = doubles(loop.U.at(exact(s)).center)
         heard = U @ eye[:n] + eye[n : n + a]
         v = (least + most) / 2 * heard + eye[n + a :]
         for w in sorted(set(bandwidth)):

@@ -17,6 +17,7 @@ from flint import arb
 from hfa_aircraft.model import Model
 from hfa_prove.fields import Fields, Stated, entry, require
 from hfa_prove.statements.plant import facts, read_model
+from verification.enclosure.series import TaylorModel
 
 
 class StatedTrim(NamedTuple):
@@ -172,13 +173,13 @@ class TrimBox:
     errors of the parameters in units of their half-widths, |t_k| <= 1.
 
     low, high: ends of the box of scheduling values
-    polynomials: unknown -> (c0, c1, c2, z_1, ...)
+    polynomials: unknown -> c0 + c1 s + c2 s² + Σ z_k t_k
     radii: unknown -> radius
     """
 
     low: float
     high: float
-    polynomials: dict[str, list[arb]]
+    polynomials: dict[str, TaylorModel]
     radii: dict[str, arb]
 
     @classmethod
@@ -193,7 +194,8 @@ class TrimBox:
         polynomials = {}
         radii = {}
         for name in flight.unknowns:
-            radii[name], *polynomials[name] = trims.balls(name, 4 + len(flight.spread))
+            radii[name], c0, c1, c2, *errors = trims.balls(name, 4 + len(flight.spread))
+            polynomials[name] = TaylorModel(c0, c1, c2, arb(0), *errors)
             require(bool(radii[name] > 0), trims.where, name)
         trims.close()
         return cls(low, high, polynomials, radii)
@@ -229,8 +231,8 @@ class Line:
 
 def trim_content(trim: TrimBox) -> dict[str, Any]:
     """Return an enclosure of trims in the form that is stored in a certificate, with doubles."""
-    numbers = {
-        name: [float(trim.radii[name]), *map(float, polynomial)]
-        for name, polynomial in trim.polynomials.items()
-    }
+    numbers = {}
+    for name, polynomial in trim.polynomials.items():
+        c0, c1, c2, _, *errors = polynomial.parts
+        numbers[name] = [float(each) for each in (trim.radii[name], c0, c1, c2, *errors)]
     return {"range": [trim.low, trim.high], "trim": numbers}

@@ -217,13 +217,13 @@ class SolutionBox:
 class PointTrim:
     """Enclosure of the trim at one scheduling value.
 
-    center: unknown -> (c0, 0, 0) with the center c0
+    center: unknown -> center c0, a constant
     radii: unknown -> radius about c0 that contains the trim of the stored doubles
     wide_radii: unknown -> radius about c0 that contains the trims of all decimal numbers that round
         to these doubles
     """
 
-    center: dict[str, list[arb]]
+    center: dict[str, TaylorModel]
     radii: dict[str, arb]
     wide_radii: dict[str, arb]
 
@@ -240,7 +240,7 @@ class PointTrim:
         wide_radii = {}
         for name in flight.unknowns:
             middle, radii[name], wide_radii[name] = entries.balls(name, 3)
-            center[name] = [middle, arb(0), arb(0)]
+            center[name] = TaylorModel(middle)
             require(bool(radii[name] > 0) and bool(radii[name] <= wide_radii[name]), entries.where)
         entries.close()
         return cls(center, radii, wide_radii)

@@ -574,7 +574,7 @@ def test_trims_are_identified_for_all_parameter_errors() -> None:
     """
 
     def box_at(center: float, error: float) -> Any:
-        polynomial = [arb(center), arb(0), arb(0), arb(error)]
+        polynomial = TaylorModel(arb(center), 0, 0, 0, arb(error))
         trim = TrimBox(1.0, 1.0, {"x": polynomial}, {"x": arb(1)})
         return SimpleNamespace(trim=trim, offsets={"x": arb(0)})
 
