@@ -14,9 +14,9 @@ import numpy as np
 from controller.critic.critic import GAMES, Critic, from_functions, from_weights, symbols_for
 from controller.critic.features import basis_of
 from controller.critic.network.activations import COMMON
-from controller.critic.network.network_file import NetworkFile, network_in
+from controller.critic.network.network_file import NetworkFile, network_in, network_of_tensors
 from controller.critic.network.q_function import policy_of
-from controller.critic.network.torch_module import module_network
+from controller.critic.network.torch_module import module_network, state_dict_of
 from controller.critic.reading import Reading
 from controller.game.basis import Basis
 from controller.game.discrete_game import DiscreteGame
@@ -43,10 +43,11 @@ def from_network(
     A network whose input is (x, u) is a Q function. Its policy is computed by `policy_of`.
 
     game: the game that the critic should solve
-    source: a file that `network_in` reads, a CasADi Function of the state, or a torch.nn.Sequential
-        of linear layers and activations. The name "V", "gradient" or "policy" of a CasADi Function
-        is its kind, if `network` is not given
-    network: the parts of a file and their kinds, such as "value", "V=value" or
+    source: a file that `network_in` reads, a CasADi Function of the state, a torch.nn.Sequential of
+        linear layers and activations, or another torch module, which is read through its state
+        dict. The name "V", "gradient" or "policy" of a CasADi Function is its kind, if `network` is
+        not given
+    network: the parts of a file or state dict and their kinds, such as "value", "V=value" or
         "V=value,policy=actor". Without a kind, the number of outputs decides
     activation: activation between the layers of a state dict
     scale: (n,), factors on the states at the inputs of the network, none of them 0
@@ -75,14 +76,21 @@ def from_network(
         kind = network or (source.name() if source.name() in OUTPUTS else "")
         stored = NetworkFile({kind: source}, "a CasADi function", "float64")
         return _of_states(game, stored, scales, "network", {})
-    if not isinstance(source, (str, Path)):
-        stored = module_network(source, network, n, m)
-        return _of_states(game, stored, scales, f"network {stored.chain}", {})
     count = psi.size if isinstance(psi, Basis) else psi.numel_out(0)
     parts = _parts(network)
-    stored = network_in(source, n, activation, parts, count, m)
-    origin = f"network {Path(source).name}: {stored.chain}"
-    with prefix_errors(source):
+    tensors = None if isinstance(source, (str, Path)) else state_dict_of(source)
+    if isinstance(source, (str, Path)):
+        stored = network_in(source, n, activation, parts, count, m)
+        named = str(source)
+        origin = f"network {Path(source).name}: {stored.chain}"
+    elif tensors is not None:
+        stored = network_of_tensors(tensors, n, activation, parts, count, m, is_ordered=True)
+        named = type(source).__name__
+        origin = f"network {named}: {stored.chain}"
+    else:
+        stored = module_network(source, network, n, m)
+        return _of_states(game, stored, scales, f"network {stored.chain}", {})
+    with prefix_errors(named):
         if stored.on_basis is not None:
             return _on_basis(game, stored, psi, scales, parts, origin)
         variants: dict[str, Callable[[], Critic]] = {}

@@ -109,13 +109,16 @@ def network_in(
                 return NetworkFile(
                     graph.functions, graph.operators, graph.precision, rows=graph.rows
                 )
-            content = regular_file(path).read_bytes()
-            tensors, precision = checked_tensors(without_training(tensors_in(content, suffix)))
-            chosen = {
-                name: layers_of(tensors, part, is_policy=name == "policy")
-                for name, part in parts.items()
-            }
-            networks = {name: _layers(layers, suffix) for name, layers in chosen.items()}
+            tensors = tensors_in(regular_file(path).read_bytes(), suffix)
+            return network_of_tensors(
+                tensors,
+                states,
+                activation,
+                parts,
+                basis_size,
+                inputs,
+                is_ordered=suffix in _ORDERED,
+            )
         except OSError as error:
             raise BadInputError(
                 f"cannot be read ({error.strerror}); give a readable file"
@@ -127,26 +130,51 @@ def network_in(
             raise BadInputError(
                 f"the file is damaged or is not a network ({reason}); save the network again"
             ) from error
-        first = next(iter(networks.values()))
-        if len(first) == 1 and first[0].inputs == basis_size:
-            return NetworkFile({}, f"{basis_size} functions -> 1", precision, first[0])
-        read = {tensor for layers in chosen.values() for tensor in layers}
-        others = {tensor: array for tensor, array in tensors.items() if tensor not in read}
-        functions = {}
-        rows = {}
-        chains = []
-        for name, layers in networks.items():
-            check_width(layers[0].inputs, states, inputs)
-            refuse_others(others, layers[0].inputs, layers[-1].outputs)
-            steps = _with_activations(layers, activation)
-            functions[name], on_rows = composed(steps)
-            chains.append(_chain(name, steps))
-            if on_rows is not None:
-                rows[name] = on_rows
-        return NetworkFile(functions, "; ".join(chains), precision, rows=rows)
 
 
-def _layers(tensors: Mapping[str, np.ndarray], suffix: str) -> list[Layer]:
+def network_of_tensors(
+    stored: Mapping[str, np.ndarray],
+    states: int,
+    activation: str | None,
+    parts: Mapping[str, str],
+    basis_size: int,
+    inputs: int,
+    *,
+    is_ordered: bool,
+) -> NetworkFile:
+    """Return the network of linear layers in a state dict.
+
+    stored: the tensors by name
+    states, activation, parts, basis_size, inputs: as for `network_in`
+    is_ordered: whether the tensors are in the order of evaluation. Otherwise layers are numbered
+
+    Raises a BadInputError of one line.
+    """
+    tensors, precision = checked_tensors(without_training(stored))
+    chosen = {
+        name: layers_of(tensors, part, is_policy=name == "policy") for name, part in parts.items()
+    }
+    networks = {name: _layers(layers, is_ordered) for name, layers in chosen.items()}
+    first = next(iter(networks.values()))
+    if len(first) == 1 and first[0].inputs == basis_size:
+        return NetworkFile({}, f"{basis_size} functions -> 1", precision, first[0])
+    read = {tensor for layers in chosen.values() for tensor in layers}
+    others = {tensor: array for tensor, array in tensors.items() if tensor not in read}
+    functions = {}
+    rows = {}
+    chains = []
+    for name, layers in networks.items():
+        check_width(layers[0].inputs, states, inputs)
+        refuse_others(others, layers[0].inputs, layers[-1].outputs)
+        steps = _with_activations(layers, activation)
+        functions[name], on_rows = composed(steps)
+        chains.append(_chain(name, steps))
+        if on_rows is not None:
+            rows[name] = on_rows
+    return NetworkFile(functions, "; ".join(chains), precision, rows=rows)
+
+
+def _layers(tensors: Mapping[str, np.ndarray], is_ordered: bool) -> list[Layer]:
     """Return the layers of a state dict in order of evaluation."""
     layers = []
     for name, array in tensors.items():
@@ -159,7 +187,7 @@ def _layers(tensors: Mapping[str, np.ndarray], suffix: str) -> list[Layer]:
         if bias.shape != array.shape[:1]:
             raise _no_chain(f"{stem}bias", bias, "is not the bias of its layer", tensors)
         layers.append(Layer(stem.removesuffix("."), array, bias))
-    layers = _as_saved(layers) if suffix in _ORDERED else _as_numbered(layers)
+    layers = _as_saved(layers) if is_ordered else _as_numbered(layers)
     for before, layer in pairwise(layers):
         if before.outputs != layer.inputs:
             reason = (

@@ -58,11 +58,6 @@ def tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
         return _safetensors(content)
     if suffix == ".json":
         return {name: numbers_in(name, rows) for name, rows in json.loads(content).items()}
-    if content[:2] != b"PK":
-        raise BadInputError(
-            "the file was not written by torch.save of torch 1.6 or later; save state_dict() "
-            "with such a version, or export the network to ONNX"
-        )
     return _torch_zip(content)
 
 
@@ -267,6 +262,8 @@ class _Restricted(pickle.Unpickler):
             raise BadInputError(
                 "the file is damaged (a storage has no data type); save the network again"
             )
+        if f"data/{pid[2]}" not in self.storages:
+            raise _not_torch()
         return np.frombuffer(self.storages[f"data/{pid[2]}"], pid[1])
 
 
@@ -301,8 +298,18 @@ def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
         return stream.read(entry.file_size)
 
 
+def _not_torch() -> BadInputError:
+    """Return the error for a file of an older torch, or of another program."""
+    return BadInputError(
+        "the file was not written by torch.save of torch 1.6 or later; save state_dict() with such "
+        "a version, or export the network to ONNX"
+    )
+
+
 def _torch_zip(content: bytes) -> dict[str, np.ndarray]:
     """Return the tensors of torch.save, or of policy.pth in a Stable-Baselines3 zip."""
+    if content[:2] != b"PK":
+        raise _not_torch()
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         _refuse_large(archive)
         names = archive.namelist()
@@ -314,6 +321,8 @@ def _torch_zip(content: bytes) -> dict[str, np.ndarray]:
                 "instead, or export the network to ONNX"
             )
         members = {name.partition("/")[2]: unpacked(archive, name) for name in names}
+    if "data.pkl" not in members:
+        raise _not_torch()
     stored = _Restricted(members["data.pkl"], members).load()
     refuse_shared(stored)
     return _flattened("", stored)

@@ -28,6 +28,17 @@ _ACTIVATIONS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
 }
 
 
+def state_dict_of(module: Any) -> dict[str, np.ndarray] | None:
+    """Return the state dict of a torch module, or None for objects without one.
+
+    The result is None for a Sequential too, whose parts also state the activations.
+    """
+    is_known = _class_of(module) in ("Sequential", "Linear")
+    if is_known or not callable(getattr(module, "state_dict", None)):
+        return None
+    return {name: _numbers(name, tensor) for name, tensor in module.state_dict().items()}
+
+
 def module_network(module: Callable[..., Any], kind: str, states: int, inputs: int) -> NetworkFile:
     """Return the network of a torch.nn.Sequential of Linear layers and activations.
 
@@ -87,7 +98,8 @@ def _parts(name: str, module: Any) -> Iterator[tuple[str, Any]]:
     elif kind != "Identity":
         raise BadInputError(
             f"the network contains {shortened(kind)}, but only torch.nn.Sequential with Linear "
-            f"and {', '.join(_ACTIVATIONS)} is supported; {_ELSE}"
+            f"and {', '.join(_ACTIVATIONS)}, and modules with a state_dict() of linear layers are "
+            f"supported; {_ELSE}"
         )
 
 

@@ -240,6 +240,17 @@ def test_a_pickle_with_code_is_not_executed(packed: bool) -> None:
     assert Path("executed").exists()
 
 
+@pytest.mark.parametrize("member", ["policy.pth", "archive/tensors/0", "archive/data.pkl"])
+def test_a_zip_of_an_older_torch_is_refused_plainly(member: str) -> None:
+    """Zips without torch's tensors, or whose policy.pth is no zip, are refused with the version."""
+    torch_file("a.pt", {"weight": np.ones((4, 6))})
+    with zipfile.ZipFile("a.pt") as archive:
+        of_tensors = archive.read("critic/data.pkl")  # without its storages
+    with zipfile.ZipFile("old.zip", "w") as archive:
+        archive.writestr(member, of_tensors)
+    assert "written by torch.save of torch 1.6 or later; save state_dict()" in refusal("old.zip")
+
+
 @pytest.mark.parametrize("stride", [60, -6])
 def test_a_tensor_beyond_its_storage_is_refused(stride: int) -> None:
     """A tensor whose entries lie outside its storage is refused.

@@ -92,6 +92,28 @@ def _named(pair: tuple[np.ndarray, np.ndarray]) -> Any:
     return zip(("weight", "bias"), pair, strict=True)
 
 
+def test_another_module_is_read_through_its_state_dict() -> None:
+    """A module of the user's class is the network of its state dict, with the given activation.
+
+    Without an activation, and with a tensor that is no linear layer, it is refused.
+    """
+    arrays = dict(zip(("body.0.weight", "head.weight"), WEIGHTS, strict=True))
+    arrays |= dict(zip(("body.0.bias", "head.bias"), BIASES, strict=True))
+    ordered = {name: arrays[name] for name in sorted(arrays)}
+    tensors = {name: _Tensor(array) for name, array in ordered.items()}
+    made = type("Actor", (), {"state_dict": lambda self: tensors, "__call__": lambda self, x: x})
+    critic = hfa.from_network(GAME, made(), activation="tanh")
+    for z in POINTS:
+        u = WEIGHTS[1] @ np.tanh(WEIGHTS[0] @ z + BIASES[0]) + BIASES[1]
+        assert np.asarray(critic.policy(z)).ravel() == pytest.approx(u, rel=1e-12)
+    assert "Actor" in critic.origin
+    with pytest.raises(BadInputError, match='give activation="tanh"'):
+        hfa.from_network(GAME, made())
+    tensors["norm.weight"] = _Tensor(np.ones(2))
+    with pytest.raises(BadInputError, match=r"norm\.weight"):
+        hfa.from_network(GAME, made(), activation="tanh")
+
+
 def test_a_sequential_is_simulated_as_a_policy() -> None:
     """In a flight with a Sequential as policy, the inputs follow the network's formula at all
     times.
