@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
 from hfa_aircraft.model import Model
 from hfa_model.declaration import rigid_panels
 from hfa_model.parameters import Parameters, default_parameters
+from hfa_model.trim_loads import with_loads
 from hfa_model.variants import Newton, Published, Variant, variant_named
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, is_finite, shown
-
-if TYPE_CHECKING:
-    from hfa_support.reporting.report import Report
 
 #: Parameters that must not be negative. Inertias are not included: a fit to one printed angle does
 #: not determine one of them, and it may be negative.
@@ -38,19 +34,12 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
         need(parameters, Parameters, "aircraft: parameters", "Parameters(...)")
     values = default_parameters().values if parameters is None else _checked_parameters(parameters)
     if not isinstance(dynamics, str):
-        return rigid_panels(dynamics, values, _with_loads)
+        return rigid_panels(dynamics, values, with_loads)
     if dynamics == "unsteady":
         from hfa_model.unsteady import unsteady_aircraft
 
         return unsteady_aircraft(values)
-    return rigid_panels(variant_named(dynamics), values, _with_loads)
-
-
-def _with_loads(point: Any, report: Report) -> Report:
-    """Return the report of an operating point with tables of loads and performance added."""
-    from hfa_model.trim_loads import with_loads
-
-    return with_loads(point, report)
+    return rigid_panels(variant_named(dynamics), values, with_loads)
 
 
 def _checked_parameters(parameters: Parameters) -> Parameters:
