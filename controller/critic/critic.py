@@ -139,8 +139,8 @@ class Critic(Reported):
             return self.network["policy"]
         z = self.symbols
         if self.network:
-            assert self.gradient is not None
-            assert self.feedback is not None
+            assert self.gradient is not None  # networks of V have a gradient
+            assert self.feedback is not None  # also of V alone
             u = -0.5 * ca.DM(self.feedback) @ self.gradient(z)
             if self.F is not None:
                 u -= ca.DM(self.F) @ z
@@ -369,7 +369,7 @@ def from_functions(
     if u is not None:
         K = -_derivative_at_0(u, z)
     else:
-        assert P is not None
+        assert P is not None  # a critic has u or V
         K = game.gain(P)
     return Critic(
         K,

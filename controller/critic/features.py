@@ -85,7 +85,7 @@ def expressions(text: str, symbols: Mapping[str, ca.SX], known: str) -> list[ca.
     formula.
     """
     tree = ast.parse(f"({text[:_LONGEST]},)", mode="eval").body
-    assert isinstance(tree, ast.Tuple)
+    assert isinstance(tree, ast.Tuple)  # because of the comma
     return [_expression(node, symbols, known) for node in tree.elts]
 
 

@@ -35,12 +35,10 @@ def discrete_critic(problem: DiscreteGame, critic: Critic) -> Critic:
     network = dict(critic.network)
     if critic.is_quadratic or not critic.finite:
         return critic
+    assert critic.gradient is not None  # not quadratic: with weights, or a network of V
     if not network:
-        assert critic.value is not None
-        network["V"] = critic.value
-        assert critic.gradient is not None
-        network["gradient"] = critic.gradient
-    assert critic.gradient is not None
+        assert critic.value is not None  # as above
+        network = {"V": critic.value, "gradient": critic.gradient}
     network["policy"] = policy_of_next(problem, critic.gradient, K, L)
     return replace(critic, feedback=None, network=network, implies_policy=True)
 

@@ -660,8 +660,8 @@ def _coupling_by_signs(control: Found, filter_: Found, delta: float) -> Answer:
     # and the result is None or False.
     # Source: Benner, Byers, Mehrmann and Xu, A robust numerical method for the γ-iteration in
     # H-infinity control, Linear Algebra and its Applications 425 (2007).
-    assert control.subspace is not None
-    assert filter_.subspace is not None
+    assert control.subspace is not None  # X exists
+    assert filter_.subspace is not None  # Y exists
     X1, X2 = np.split(control.subspace.basis, 2)
     Y1, Y2 = np.split(filter_.subspace.basis, 2)
     if not X2.any() or not Y2.any():

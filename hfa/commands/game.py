@@ -133,7 +133,7 @@ def solve(request: SolveRequest) -> int:
         solution = gare.solve(named.game, ProgressLine("solve"))
         solved = solution.report()
     if request.order is not None:
-        assert named.linear is not None
+        assert named.linear is not None  # --order requires an aircraft
         expanded = expand(named.linear, solution, request.order).report()
         parts = (*solved.parts, expanded.title, *expanded.parts)
         solved = replace(solved, parts=parts).with_data(**expanded.data)

@@ -185,7 +185,7 @@ def _judged_game(request: VerifyRequest, named: NamedGame) -> Game | DiscreteGam
         return named.discrete or named.game
     from controller.discrete.solution import sampled
 
-    assert request.dt is not None
+    assert request.dt is not None  # required with --discount
     return sampled(named.game, request.dt, request.discount)
 
 

@@ -34,7 +34,7 @@ def navion_of_the_tutorial() -> hfa.Model:
     """Return the longitudinal Navion with four states, loaded from the code in the tutorial."""
     text = _TUTORIAL.read_text(encoding="utf-8")
     found = re.search(r"```python\n# navion.py\n(.*?)```", text, re.DOTALL)
-    assert found is not None
+    assert found is not None  # the tutorial contains navion.py
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "navion.py"
         path.write_text(found[1], encoding="utf-8")

@@ -340,12 +340,9 @@ class _Problem:
         self._entries = [
             i + len(LINEAR_STATES) * j for j in range(len(LINEAR_STATES + INPUTS)) for i in moved
         ]
-        printed = [
-            np.hstack(each).ravel("F")
-            for m in models
-            for each in ((m.A, m.B), (m.half_unit_A, m.half_unit_B))
-        ]
-        self._printed = [each[self._entries] for each in printed]
+        self._printed = [np.hstack([m.A, m.B]).ravel("F")[self._entries] for m in models]
+        half_units = [np.hstack([m.half_unit_A, m.half_unit_B]).ravel("F") for m in models]
+        self._half_units = [each[self._entries] for each in half_units]
         self._p = np.array([ASSUMED.get(name, (0.0,))[0] for name in Parameters._fields])
         self._known = [Parameters._fields.index(name) for name in IDENTIFIED]
         self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray]] | None = None
@@ -366,11 +363,13 @@ class _Problem:
         if self._last is None or not np.array_equal(self._last[0], theta):
             values = []
             jacobians = []
-            for k, inputs in enumerate(self.trim_inputs(theta)):
-                v = np.array([self._held[k].get(name, 0.0) for name in hfa.aircraft().variables])
+            trims = zip(self._held, self.trim_inputs(theta), strict=True)
+            for (held, inputs), printed, half in zip(
+                trims, self._printed, self._half_units, strict=True
+            ):
+                v = np.array([held.get(name, 0.0) for name in hfa.aircraft().variables])
                 v[self._free] = inputs
                 found, by_p = entries_at(self._layout, v, self._p, self._free, self._rows)
-                printed, half = self._printed[2 * k : 2 * k + 2]
                 values.append((found[self._entries] - printed) / half)
                 jacobians.append(by_p[np.ix_(self._entries, self._known)] / half[:, None])
             self._last = theta.copy(), (np.concatenate(values), np.vstack(jacobians))

@@ -222,7 +222,7 @@ class _Panels:
 
     def weights(self, record: FlightRecord, title: str, *, increments: bool = False) -> PlotPanel:
         """Return a panel of the weights W of a critic over time."""
-        assert record.critic is not None
+        assert record.critic is not None  # the caller draws learned critics
         weights = record.critic.weights
         order = np.argsort(-np.abs(weights[-1]), kind="stable")
         named = np.sort(order[:_NAMED])
@@ -249,7 +249,7 @@ class _Panels:
         """Return a panel of the relative rate of change of the learned weights, 1/s."""
 
         def speed(record: FlightRecord) -> np.ndarray:
-            assert record.critic is not None
+            assert record.critic is not None  # as above
             size = np.linalg.norm(np.diff(record.critic.weights, axis=0), axis=1)
             final = float(np.linalg.norm(record.critic.weights[-1]))
             # A logarithmic axis cannot show 0.

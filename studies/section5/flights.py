@@ -250,7 +250,7 @@ class FlightRecord:
 
     def learned_value(self, row: int) -> np.ndarray:
         """Return the learned matrix P, (6, 6), in the row of the record with this number."""
-        assert self.critic is not None
+        assert self.critic is not None  # the law learns
         return self.critic.basis.matrix(self.critic.weights[row])
 
 

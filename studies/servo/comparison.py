@@ -156,7 +156,7 @@ def _servo(on: Start, controller: ScheduledController) -> Policy:
 def designed_servo(aircraft: Model) -> ScheduledController:
     """Return the project's servo controller, designed at the breakpoints of its design file."""
     design = load_design("servo", hfa.aircraft()).of(aircraft)
-    assert design.shaping is not None
+    assert design.shaping is not None  # of the servo design
     return design_controller(aircraft, design, np.array(design.shaping.breakpoints))
 
 

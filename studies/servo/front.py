@@ -39,7 +39,7 @@ def front(aircraft: Model) -> Report:
     """
     design = load_design("servo", hfa.aircraft()).of(aircraft)
     model = level_model(aircraft, math.radians(TRIM_DEG))
-    assert design.shaping is not None
+    assert design.shaping is not None  # of the servo design
     points: list[dict[str, Any]] = []
     for factor in FACTORS:
         weight = design.shaping.outputs[REGULATED[1]]

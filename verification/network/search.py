@@ -328,7 +328,7 @@ def nonlinear_section(
     """
     functions = critic.network
     if not functions:
-        assert critic.value is not None
+        assert critic.value is not None  # of weights that are not quadratic
         functions = {"V": critic.value}
     outputs = [name for name in FUNCTIONS if name in functions]
     if "gradient" in outputs and "V" in outputs:

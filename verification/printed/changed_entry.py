@@ -184,7 +184,7 @@ def _likeliest(
 def _edits(text: str) -> dict[str, str]:
     """Return right text -> misprint that turns the right text into the given text."""
     match = re.fullmatch(r"([+-]?)([\d.]+)(.*)", text)
-    assert match is not None
+    assert match is not None  # every number has this form
     sign, digits, exponent = match.groups()
     opposite = "" if sign == "-" else "-"
     slips = {f"{opposite}{digits}{exponent}": _SIGN}

@@ -301,9 +301,8 @@ def _of_variants(game: Game, exact: Exact, critic: Critic, box: np.ndarray) -> I
             variant = read()
             undone = [Answer(variant.P, variant.K), nearest_linear(game, variant, box)]
             for view, answer in zip(views, undone, strict=True):
-                matrix = answer.P if view.kind == "P" else answer.K
-                assert matrix is not None
-                yield named(view, [Hypothesis(says, matrix)], OF_NETWORKS)
+                undone_matrix = Hypothesis(says, answer.of_kind(view.kind))
+                yield named(view, [undone_matrix], OF_NETWORKS)
 
 
 def _network_views(exact: Exact, answer: Answer, critic: Critic, box: np.ndarray) -> list[View]:

@@ -68,6 +68,12 @@ class Answer(NamedTuple):
     P: np.ndarray | None
     K: np.ndarray
 
+    def of_kind(self, kind: str) -> np.ndarray:
+        """Return P or K, by its name."""
+        matrix = self.P if kind == "P" else self.K
+        assert matrix is not None  # views of P are made only where P is known
+        return matrix
+
 
 class Family(NamedTuple):
     """Games with one parameter x, or a single game.
@@ -334,8 +340,7 @@ def of_whole_cost(answer: Answer, step: float) -> Answer:
     answer: solution for a cost that is multiplied by the time step
     step: time step, s
     """
-    assert answer.P is not None
-    return Answer(answer.P / step, answer.K)
+    return Answer(answer.of_kind("P") / step, answer.K)
 
 
 def euler(game: Game, step: float) -> Answer:
@@ -364,8 +369,7 @@ def is_answer(view: View, answer: Answer, says: str) -> Hypothesis:
     answer: solution of the other game
     says: sentence that names the game
     """
-    matrix = answer.P if view.kind == "P" else answer.K
-    assert matrix is not None
+    matrix = answer.of_kind(view.kind)
     return Hypothesis(says, view.judged - matrix + view.exact, answer=matrix)
 
 
@@ -451,31 +455,23 @@ def _nearest(view: View, family: Family, explained: float) -> float | None:
     """Return the parameter x of the game in a family that is closest to the critic, or None."""
     from scipy.optimize import least_squares
 
-    @lru_cache
-    def difference(parameter: float) -> np.ndarray | None:
-        try:
-            with np.errstate(divide="raise", invalid="raise"):
-                answer = family.answer(parameter)
-                matrix = answer.P if view.kind == "P" else answer.K
-                assert matrix is not None
-                away = (matrix - view.judged) * view.weights
-                return np.ravel(away / np.linalg.norm(matrix * view.weights))
-        except (NoSolutionError, BadInputError, ValueError, ArithmeticError):  # no such game
-            return None
-
     lowest, highest = family.limits
-    starts = [start for start in family.starts if lowest < start < highest]
-    tried = {start: difference(start) for start in starts}
-    sizes = {
-        start: float(np.linalg.norm(away)) for start, away in tried.items() if away is not None
+    differences: dict[float, np.ndarray | None] = {
+        start: _difference(view, family, start)
+        for start in family.starts
+        if lowest < start < highest
     }
+    sizes = {x: float(np.linalg.norm(d)) for x, d in differences.items() if d is not None}
     if not sizes:
         return None
     begin = min(sizes, key=lambda start: sizes[start])
     nowhere = np.full(view.judged.size, _NO_GAME * max(sizes[begin], ROUNDING))
 
     def residuals(parameter: np.ndarray) -> np.ndarray:
-        away = difference(float(parameter[0]))
+        (x,) = parameter.tolist()
+        if x not in differences:
+            differences[x] = _difference(view, family, x)
+        away = differences[x]
         return nowhere if away is None else away
 
     end = least_squares(
@@ -491,3 +487,14 @@ def _nearest(view: View, family: Family, explained: float) -> float | None:
     difference_left = float(np.linalg.norm(end.fun))
     enough = max(_REACHED * sizes[begin], explained, ROUNDING)
     return float(end.x[0]) if difference_left <= enough else None
+
+
+def _difference(view: View, family: Family, x: float) -> np.ndarray | None:
+    """Return the relative difference of the critic's matrix from a game's, or None without game."""
+    try:
+        with np.errstate(divide="raise", invalid="raise"):
+            matrix = family.answer(x).of_kind(view.kind)
+            away = (matrix - view.judged) * view.weights
+            return np.ravel(away / np.linalg.norm(matrix * view.weights))
+    except (NoSolutionError, BadInputError, ValueError, ArithmeticError):
+        return None

@@ -180,7 +180,7 @@ def _on_basis(
 ) -> Critic:
     """Return the critic V of a single layer whose inputs are the functions of a basis."""
     layer = stored.on_basis
-    assert layer is not None
+    assert layer is not None  # the caller found one layer
     if len(layer.weight) != 1:
         raise BadInputError(
             f"the single layer on the basis functions has {len(layer.weight)} outputs; give a "

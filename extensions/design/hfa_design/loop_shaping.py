@@ -197,6 +197,5 @@ def _held_for_ever(
         raise NoSolutionError(
             "the inputs cannot track every command of the outputs; declare fewer commanded outputs"
         )
-    Pi = solution[: 3 * q * size].reshape(3 * q, size).T
-    Gamma = solution[3 * q * size :].reshape(3 * q, m).T
-    return Pi, Gamma
+    Pi, Gamma = np.split(solution, [3 * q * size])
+    return Pi.reshape(3 * q, size).T, Gamma.reshape(3 * q, m).T

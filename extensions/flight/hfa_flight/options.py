@@ -409,7 +409,7 @@ class ScenarioGiven(Part):
         duration = self.duration
         delay = self.delay
         model = point.model
-        assert duration is not None
+        assert duration is not None  # has a default
         if delay and not 0.0 < delay < duration:
             raise BadInputError(
                 f"--delay is {delay:g} s; give a delay from 0 to less than {duration:g} s"

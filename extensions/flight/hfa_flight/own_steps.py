@@ -105,7 +105,7 @@ class _OwnSteps:
 
     def __init__(self, loop: CompiledLoop, make: Callable[[float], Any]) -> None:
         plant = loop.loop.plant
-        assert isinstance(plant, NonlinearPlant)
+        assert isinstance(plant, NonlinearPlant)  # only these have steps of their own
         scenario = loop.loop.scenario
         self.step = scenario.step
         self.steps = scenario.steps_per_tick

@@ -210,23 +210,21 @@ def points_of_unknowns(k: int, m: int, intervals: int) -> ca.DM:
     m: number of inputs
     intervals: number of intervals
     """
-    inner = DEGREE * k + m
-    columns = m + intervals * inner
-    rows: list[int] = []
-    places: list[int] = []
-    values: list[float] = []
-    for point in range(intervals * DEGREE):
-        interval, number = divmod(point, DEGREE)
-        row = point * (k + m)
-        end = m + interval * inner + DEGREE * k
-        begin = end - inner if interval else 0
-        tau = collocation_points()[1 + number]
-        rows += list(range(row, row + k + m)) + list(range(row + k, row + k + m))
-        first = m + interval * inner + number * k
-        places += list(range(first, first + k))
-        places += list(range(begin, begin + m)) + list(range(end, end + m))
-        values += [1.0] * k + [1.0 - tau] * m + [tau] * m
-    return ca.DM.triplet(rows, places, ca.DM(values), intervals * DEGREE * (k + m), columns)
+    unknowns = np.arange(m + intervals * (DEGREE * k + m))
+    of_intervals = unknowns[m:].reshape(intervals, DEGREE * k + m)
+    states, inputs = np.split(of_intervals, [DEGREE * k], axis=1)
+    at_ends = np.vstack([unknowns[:m], inputs])
+    before = np.repeat(at_ends[:-1], DEGREE, axis=0)
+    after = np.repeat(at_ends[1:], DEGREE, axis=0)
+    # Inputs are linear in an interval: v = (1 - tau) v_before + tau v_after.
+    tau = np.tile(collocation_points()[1:], intervals)[:, None] * np.ones(m)
+    points = np.arange(intervals * DEGREE * (k + m)).reshape(-1, k + m)
+    of_z, of_v = np.split(points, [k], axis=1)
+    rows = np.concatenate([of_z.ravel(), of_v.ravel(), of_v.ravel()])
+    columns = np.concatenate([states.ravel(), before.ravel(), after.ravel()])
+    values = np.concatenate([np.ones(states.size), (1.0 - tau).ravel(), tau.ravel()])
+    size = points.size, unknowns.size
+    return ca.DM.triplet(rows.tolist(), columns.tolist(), ca.DM(values), *size)
 
 
 def solved_by(solver: ca.Function, **arguments: np.ndarray) -> dict[str, ca.DM]:

@@ -125,7 +125,7 @@ class AssessedPoint(Result):
     @property
     def offset(self) -> np.ndarray:
         """Equilibrium minus trim in the linear states, (k,), defined only with an equilibrium."""
-        assert self.equilibrium is not None
+        assert self.equilibrium is not None  # required by the docstring
         model = self.point.model
         rows = [list(model.states).index(name) for name in model.linear]
         return (self.equilibrium.states - np.array(self.point.states))[rows]

@@ -23,8 +23,7 @@ from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_policy.flights import SampledFlight, symbols_of_a_sample
 from hfa_policy.outcomes import departure_at, refuse_edges
 from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
-from hfa_support.native.bound import RowFunction
-from hfa_support.native.row_code import RowCode, bound_rows, row_code
+from hfa_support.native.row_code import bound_rows, row_code
 from trim.point.operating_point import OperatingPoint
 
 #: From this number of episodes on, several threads are faster.
@@ -268,11 +267,14 @@ class Episodes:
         count = len(self.owners)
         code = row_code(self._sample(), one_row=count == 1)
         tables = (self._state, self._held, self.outcomes, self._observed)
-        if count < _MANY:
-            return _bound(code, *tables)
-        parts = os.cpu_count() or 1
+        parts = 1 if count < _MANY else os.cpu_count() or 1
         split = zip(*(np.array_split(table, parts) for table in tables), strict=True)
-        bound = [_bound(code, *part) for part in split]
+        bound = [
+            bound_rows(code, (state, held), (state, outcomes, observed))
+            for state, held, outcomes, observed in split
+        ]
+        if parts == 1:
+            return bound[0]
         threads = ThreadPoolExecutor(parts)
         return lambda: list(threads.map(lambda fly: fly(), bound))
 
@@ -287,7 +289,7 @@ class Episodes:
         flying, limits = ca.vertsplit(held, [0, of_flight, of_flight + 2 * n])
         actions, trim, _ = (flying[part] for part in flight.held_slices)
         X, before = now[:n], now[-m:]
-        assert flight.moves is not None
+        assert flight.moves is not None  # set by the constructor
         U = flight.moves(actions, X, before, trim)
         cost = flight.dt * cost_rate(self.deployed)(X, U, trim)
         after = flight.tick()(now, flying)
@@ -302,17 +304,6 @@ class Episodes:
         trim = ca.MX.sym("trim", self._flight.held_sizes[1])
         seen = self.deployed.observe(state[:n], state[-m:], trim)
         return ca.Function("observation", [state, trim], [seen])
-
-
-def _bound(
-    code: RowCode | RowFunction,
-    state: np.ndarray,
-    held: np.ndarray,
-    outcomes: np.ndarray,
-    observed: np.ndarray,
-) -> Callable[[], Any]:
-    """Return a function without arguments that advances episodes by one sample, in place."""
-    return bound_rows(code, (state, held), (state, outcomes, observed))
 
 
 def _ranges(

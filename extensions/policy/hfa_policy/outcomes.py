@@ -52,7 +52,7 @@ def departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
     time: s
     """
     left = departure(envelope, np.array([time]), states[None], False)
-    assert left is not None
+    assert left is not None  # the states are outside
     return departure_text(left)
 
 

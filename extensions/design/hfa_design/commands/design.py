@@ -119,7 +119,7 @@ def design(request: DesignRequest) -> int:
     if stored is not None and stored.suffix == ".toml":
         design = load_design(str(stored), model)
     if design is None:
-        assert stored is not None
+        assert stored is not None  # a design or a file is required
         request.refuse(
             ("at", "output.file"),
             "applies only to a design; remove this option for a controller file",

@@ -303,7 +303,8 @@ class TurbulentAir(Gust):
     def winds(self, t: Any, held: ca.SX) -> dict[str, Any]:
         """Return the turbulence at time t, as disturbance of the model -> value."""
         count = len(self.names)
-        now = held[1 : 1 + count] + (t - held[0]) * held[1 + count :]
+        begin, values, slopes = ca.vertsplit(held, [0, 1, 1 + count, 1 + 2 * count])
+        now = values + (t - begin) * slopes
         return dict(zip(self.names, ca.vertsplit(now), strict=True))
 
     @cached_property

@@ -320,11 +320,11 @@ def _fly_steps(request: FlyRequest, path: Path) -> int:
     request.refuse(sorted(others), "applies only to an aircraft; remove this option or --model")
     stored = stored_game(path)
     problem = stored.discrete
-    assert problem is not None
+    assert problem is not None  # the caller found a discrete plant
     if not request.scenario.initial:
         raise BadInputError("--model requires an initial state; add --initial NAME=VALUE")
     duration = request.scenario.duration
-    assert duration is not None
+    assert duration is not None  # has a default
     if not (duration == int(duration) and 1 <= duration <= _MOST_STEPS):
         raise BadInputError(
             f"--duration is {duration:g}; give a whole number of steps from 1 to {_MOST_STEPS}"
@@ -354,7 +354,7 @@ def _fly_members(request: FlyRequest) -> int:
     from hfa_flight.samples.store import run_monte_carlo, stream_members
 
     members = request.members
-    assert members is not None
+    assert members is not None  # --samples or --draws is given
     if request.draws is not None:
         request.refuse(
             ("samples",),

@@ -42,7 +42,7 @@ def with_stability(
     condition: trim condition of all aircraft
     progress: callback for the progress of the trims
     """
-    assert plan.spread is not None
+    assert plan.spread is not None  # the plan draws aircraft
     names = tuple(plan.spread.values)
     drawn = DrawnAircraft(plan.aircraft, names, plan.seed, condition, plan.point)
     if isinstance(plan.policy, OpenLoop):

@@ -250,7 +250,7 @@ def _table(
     from hfa_flight.initial_box import drawn_starts
     from hfa_optimal.initial_conditions import starts_table
 
-    assert request.starts is not None
+    assert request.starts is not None  # the caller found --starts
     starts = drawn_starts(search.problem, request.starts, request.seed)
     table = starts_table(search, starts, loops, ProgressLine("optimize"), bound)
     request.show(table.report())

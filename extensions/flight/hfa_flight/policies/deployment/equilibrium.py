@@ -244,53 +244,49 @@ class EquilibriumSearch:
         """Return the point with the least squared residual that a search from z finds."""
         from scipy.optimize import least_squares
 
-        def at(steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            moved = z.copy()
-            moved[self.moving] += steps * self.scales
-            residual, jacobian = self._system(moved)
-            scaled = jacobian * self.scales / self.residual_scales[:, None]
-            values = np.nan_to_num(residual / self.residual_scales, nan=_FAR_OFF)
-            return values, np.nan_to_num(scaled)
+        def residuals(steps: np.ndarray) -> np.ndarray:
+            residual, _ = self._scaled_system(self._moved(z, steps))
+            return np.nan_to_num(residual, nan=_FAR_OFF)
 
-        count = len(self.moving)
-        found = least_squares(
-            lambda steps: at(steps)[0],
-            np.zeros(count),
-            jac=lambda steps: at(steps)[1],
-            method="lm",
-            max_nfev=200,
-        )
-        nearest = z.copy()
-        nearest[self.moving] += found.x * self.scales
-        return nearest
+        def slopes(steps: np.ndarray) -> np.ndarray:
+            _, jacobian = self._scaled_system(self._moved(z, steps))
+            return np.nan_to_num(jacobian)
+
+        start = np.zeros(len(self.moving))
+        found = least_squares(residuals, start, jac=slopes, method="lm", max_nfev=200)
+        return self._moved(z, found.x)
+
+    def _moved(self, z: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """Return the point after scaled steps of the moving entries."""
+        moved = z.copy()
+        moved[self.moving] += steps * self.scales
+        return moved
+
+    def _scaled_system(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the scaled residual and its Jacobian with respect to scaled steps."""
+        residual, jacobian = self._system(z)
+        scaled = jacobian * self.scales / self.residual_scales[:, None]
+        return residual / self.residual_scales, scaled
 
     def _by_newton(self, z: np.ndarray) -> Equilibrium | None:
         """Return the equilibrium found by Newton's method with step halving, or None."""
-        residual, jacobian = self._system(z)
-        size = self._size(residual)
+        residual, jacobian = self._scaled_system(z)
+        size = _finite_norm(residual)
         for _ in range(_MOST_STEPS):
             if size <= _STEADY * 1e-3 or not (np.isfinite(size) and np.isfinite(jacobian).all()):
                 break
-            scaled = jacobian * self.scales / self.residual_scales[:, None]
-            step = np.linalg.lstsq(scaled, -residual / self.residual_scales, rcond=1e-12)[0]
-            share = 1.0
+            step = np.linalg.lstsq(jacobian, -residual, rcond=1e-12)[0]
             for _ in range(_MOST_HALVES):
-                trial = z.copy()
-                trial[self.moving] += share * step * self.scales
-                following = self._system(trial)
-                if self._size(following[0]) < size:
+                trial = self._moved(z, step)
+                following, slopes = self._scaled_system(trial)
+                if _finite_norm(following) < size:
                     break
-                share /= 2.0
+                step = step / 2.0
             else:
                 break
-            z = trial
-            residual, jacobian = following
-            size = self._size(residual)
+            z, residual, jacobian = trial, following, slopes
+            size = _finite_norm(residual)
         return self._found(z) if size <= _STEADY else None
-
-    def _size(self, residual: np.ndarray) -> float:
-        size = float(np.linalg.norm(residual / self.residual_scales))
-        return size if np.isfinite(size) else np.inf
 
     def _parts(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         n = len(self.model.states)
@@ -423,6 +419,12 @@ class EquilibriumSearch:
         """Return the inputs of the policy if X and U are constant over the whole history."""
         o = np.array(self.deployed.observe(X, U, self.trim)).ravel()
         return np.tile(o, self.deployed.deployment.history)
+
+
+def _finite_norm(values: np.ndarray) -> float:
+    """Return the norm of a vector, inf if it is not a finite number."""
+    norm = float(np.linalg.norm(values))
+    return norm if np.isfinite(norm) else np.inf
 
 
 def _reaches(value: float, lowest: float, highest: float) -> bool:

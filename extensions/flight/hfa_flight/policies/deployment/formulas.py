@@ -140,7 +140,7 @@ def _value(node: ast.expr, values: Mapping[str, Any]) -> Any:
     if isinstance(node, ast.UnaryOp):
         operand = _value(node.operand, values)
         return -operand if isinstance(node.op, ast.USub) else operand
-    assert isinstance(node, ast.Call)
-    assert isinstance(node.func, ast.Name)
+    assert isinstance(node, ast.Call)  # the syntax was checked
+    assert isinstance(node.func, ast.Name)  # as above
     _, function = _FUNCTIONS[node.func.id]
     return function(*(_value(argument, values) for argument in node.args))
