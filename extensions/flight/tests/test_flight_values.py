@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import hfa
+from hfa_flight.initial_box import drawn_starts
+from hfa_flight.problem import flight_problem
 from hfa_flight.scenario import Scenario
 from hfa_support.errors import BadInputError
 
@@ -29,6 +33,18 @@ def test_steps_of_an_input_give_the_step_response() -> None:
     np.testing.assert_allclose(flight["twice"], 2.0 * flight["speed"], atol=1e-12)
     assert flight.time[-1] == pytest.approx(2.0)
     assert (flight["force"] == 1.0).all()
+    late = flight["speed"][len(flight.time) // 2 :]
+    assert flight.rms_error["speed"] == pytest.approx(np.sqrt(np.mean(late**2)), rel=1e-12)
+
+
+def test_drawn_initial_conditions_are_within_the_nearer_limit() -> None:
+    """The initial conditions reach 0.9 of the way to the nearer limit, in both directions."""
+    speed = CART.states["speed"]._replace(min=-1.0, max=10.0)
+    model = replace(CART, states={**CART.states, "speed": speed})
+    problem = flight_problem(model, hfa.trim(model))
+    starts = drawn_starts(problem, 200, 0, np.array([1.0, 5.0]))[:, 1]
+    assert -0.9 <= starts.min() < -0.8
+    assert 0.8 < starts.max() <= 0.9
 
 
 @pytest.mark.parametrize("kind", ["gain", "solution", "critic", "function", "mapping"])

@@ -161,3 +161,4 @@ def test_one_minus_cosine_gust_equals_its_formula() -> None:
     wave = -5.0 * (1.0 - np.cos(2 * np.pi * (times - 2.0) / 5.0))
     np.testing.assert_allclose(values, np.where(passing, wave, 0.0), atol=1e-12)
     assert np.all(values[~passing] == 0.0)
+    assert gust.until == pytest.approx(7.0)

@@ -74,6 +74,17 @@ def test_at_breakpoints_the_policy_equals_gain_and_trim(degrees: float) -> None:
     np.testing.assert_allclose(slope, -exact_gain(degrees), rtol=1e-9, atol=1e-12)
 
 
+def test_the_reference_moves_along_the_trims() -> None:
+    """While the command changes, the rate of the reference is the slope of its dihedral angle."""
+    path = policy_from(exact_gains(5.0, 15.0), 5.0, 15.0).path
+    t = ca.SX.sym("t")
+    at = ca.Function("at", [t], [path.at(t)])
+    before, now, after = (np.array(at(time)).ravel() for time in (3.0 - 1e-4, 3.0, 3.0 + 1e-4))
+    rate = now[LINEAR_STATES.index("dihedral_rate")]
+    assert rate == pytest.approx((after - before)[DIHEDRAL] / 2e-4, rel=1e-6)
+    assert rate > 1e-3
+
+
 class _TrimOfTheMeasuredDihedral(ScheduledGainPolicy):
     """Policy with a planted fault: its trim inputs depend on the measured dihedral angle.
 

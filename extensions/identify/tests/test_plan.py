@@ -60,13 +60,14 @@ def test_the_planned_maneuver_gives_the_predicted_band():
 
 
 def test_the_report_sorts_maneuvers_by_width():
-    """The maneuvers are sorted by predicted width, and their amplitudes are within the input
-    limits.
+    """The maneuvers are sorted by predicted width, and their amplitudes are about half of the way
+    from the trim to the nearer limit.
     """
     found = planned()
     after = [each.after for each in found.plan]
     assert after == sorted(after)
     assert "3-2-1-1" in str(found)
-    limits = UAV.inputs
+    at_trim = hfa.trim(UAV).inputs._asdict()
     for each in found.plan:
-        assert 0.0 < each.amplitude <= limits[each.input].max
+        signal, value = UAV.inputs[each.input], at_trim[each.input]
+        assert 0.0 < each.amplitude <= 0.51 * min(signal.max - value, value - signal.min)

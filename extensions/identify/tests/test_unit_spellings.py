@@ -11,7 +11,9 @@ from cli import hfa as run
 from project import ROOT
 
 import hfa
+from hfa_identify.faults import _UNITS
 from hfa_identify.records import read_record
+from hfa_support.units import conversion
 
 UAV = str(ROOT / "examples" / "uav.toml")
 
@@ -46,6 +48,18 @@ def test_units_of_a_held_value(typed: str) -> None:
     assert result.code == 0, result.err
     states = json.loads(result.out)["operating_point"]["states"]
     assert states["speed"] == pytest.approx(30.0, rel=1e-4)
+
+
+def test_units_in_which_a_column_is_suspected() -> None:
+    """The factor of each suspected unit is that of the conversion to this unit."""
+    known = [
+        (factor, conversion(unit, text.removeprefix("is in ")))
+        for unit, faults in _UNITS.items()
+        for factor, text in faults.items()
+    ]
+    factors, expected = zip(*[each for each in known if each[1] is not None], strict=True)
+    assert len(factors) >= 8
+    np.testing.assert_allclose(factors, expected, rtol=1e-5)
 
 
 #: Times, s, angles of attack, rad, and speeds, m/s, of a record.

@@ -77,6 +77,16 @@ def test_a_missed_target_is_detected(cart_flight: QuickestFlight) -> None:
     assert not not_arrived(cart_flight.problem, cart_flight.flown, cart_flight.proposal)
 
 
+def test_meshes_that_disagree_confirm_no_flight(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A proposal whose time differs between two meshes is not confirmed."""
+    monkeypatch.setattr("hfa_optimal.quickest.MESHES_AGREE", -1.0)
+    monkeypatch.setattr("hfa_optimal.quickest._MESHES", (10, 20))
+    model = cart()
+    best = hfa.optimize(model, hfa.trim(model), {"position": 8.0}, minimize="time")
+    assert best.reason is not None
+    assert best.reason.startswith("two meshes differ by")
+
+
 def test_the_first_simulated_arrival_is_an_upper_bound(
     cart_flight: QuickestFlight, monkeypatch: pytest.MonkeyPatch
 ) -> None:

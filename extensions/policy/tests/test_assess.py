@@ -272,6 +272,31 @@ def test_a_saturated_equilibrium_is_not_called_stable():
     assert not point.holds
 
 
+def test_the_steady_state_error_is_named_with_its_sign():
+    """The finding names the state with the largest steady-state error, and its sign."""
+    model = model_of(GTM)
+    o = ca.SX.sym("o", 4)
+    for push in (0.01, -0.01):
+        biased = ca.Function("biased", [o], [ca.vertcat(0.3 * o[2] + 0.3 * o[3] + push, 0.0)])
+        result = assess(model, gtm_deployment({"file": biased}), [45.0], samples=0)
+        (text,) = [each.text for each in result.findings if each.text.startswith("steady-state ")]
+        name, sign = text.split()[1], text.split()[3][0]
+        offset = dict(zip(model.linear, result.points[0].offset, strict=True))[name]
+        assert sign == ("+" if offset > 0.0 else "-")
+
+
+@pytest.mark.parametrize("mean", [100.0, -100.0])
+def test_an_observation_clipped_at_the_equilibrium_is_named(mean):
+    """An observation that the normalizer clips at the equilibrium is named, on either side."""
+    o = ca.SX.sym("o", 4)
+    policy = {
+        "file": ca.Function("policy", [o], [ca.vertcat(0.1 * o[2], 0.0)]),
+        "normalizer": {"mean": [mean, 0.0, 0.0, 0.0], "variance": [1.0] * 4},
+    }
+    result = assess(model_of(GTM), gtm_deployment(policy), [45.0], samples=0)
+    assert ("warning", "the normalizer clips speed at the equilibrium") in result.findings
+
+
 @pytest.mark.slow
 def test_the_seed_determines_the_flights():
     """Equal seeds give equal flights, and another seed gives another worst initial condition."""
