@@ -79,7 +79,7 @@ def file_faults(file: str | Path) -> Iterator[None]:
         raise
     except OSError as error:
         raise BadInputError(
-            f"{file} cannot be read ({error.strerror}); give a readable file"
+            f"{file} cannot be read ({error.strerror or error}); give a readable file"
         ) from error
     except (ValueError, EOFError) as error:
         raise BadInputError(f"{file}: {error}; correct the file") from error

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfa.page.results import ClaimsData
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, file_faults
 from hfa_support.files import read_json
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table
@@ -98,12 +98,8 @@ def load_claims(path: Path) -> Claims:
     """
     file = path / "claims.json" if path.is_dir() else path
     study = "`python -m studies.section5`"
-    try:
+    with file_faults(file):
         data = read_json(file)
-    except OSError as error:
-        raise BadInputError(
-            f"{file} cannot be read ({error.strerror}); give a file written by {study}"
-        ) from error
     try:
         if data["schema"] != SCHEMA:
             raise ValueError(data["schema"])

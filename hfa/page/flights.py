@@ -11,7 +11,7 @@ import numpy as np
 from hfa.page.results import FlightsData
 from hfa_flight.envelope import limits_text
 from hfa_model import choice
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, file_faults
 from hfa_support.files import read_json
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table, shown_unit
@@ -87,12 +87,8 @@ def load_flights(path: Path) -> StoredFlights:
     Raises BadInputError if the file cannot be read, has another schema or lacks an entry.
     """
     file = path / "best_flights.json" if path.is_dir() else path
-    try:
+    with file_faults(file):
         data = read_json(file)
-    except OSError as error:
-        raise BadInputError(
-            f"{file} cannot be read ({error.strerror}); give a file written by {_STUDY}"
-        ) from error
     try:
         if data["schema"] != FlightsData.schema:
             raise ValueError(data["schema"])

@@ -14,7 +14,7 @@ from hfa_aircraft.matrices import plant_model
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.signals import Signal, StatesAndInputs
 from hfa_support.arguments import ArrayLike, checks_arguments
-from hfa_support.errors import BadInputError, prefix_errors
+from hfa_support.errors import BadInputError, file_faults, prefix_errors
 from hfa_support.files import read_json
 from hfa_support.labels import in_order, labels_of
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
@@ -480,10 +480,8 @@ def _labelled(name: str, matrix: Any, *orders: tuple[str, ...]) -> np.ndarray:
 
 def _loaded(path: str | Path) -> LinearModel:
     """Return the linear model in a JSON file (`LinearModel.load`)."""
-    try:
+    with file_faults(path):
         data: Any = read_json(Path(path))
-    except OSError as error:
-        raise BadInputError(f"{path} cannot be read ({error.strerror})") from error
     is_model = isinstance(data, dict) and data.get("schema") == LinearModel.schema
     if not is_model or not {"A", "B"} <= {*data}:
         raise BadInputError(

@@ -12,7 +12,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs, record
-from hfa_support.errors import BadInputError, refuse_unknown, shortened
+from hfa_support.errors import BadInputError, file_faults, refuse_unknown, shortened
 from hfa_support.files import read_json, write_text
 from hfa_support.reporting.data_files import json_text
 from hfa_support.reporting.report import Report, Reported
@@ -373,12 +373,8 @@ def loaded_point(path: Path, model: Model) -> OperatingPoint:
     Raises BadInputError, which names the file and the fault, if the file contains no point of the
     model.
     """
-    try:
+    with file_faults(path):
         data = read_json(path)
-    except OSError as error:
-        raise BadInputError(
-            f"{path} cannot be read ({error.strerror}); give a readable operating point"
-        ) from error
     if isinstance(data, dict):
         data = data.get("operating_point", data)
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:

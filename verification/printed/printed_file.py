@@ -17,6 +17,7 @@ import numpy as np
 from controller.critic.features import expressions
 from hfa_support.errors import (
     BadInputError,
+    file_faults,
     prefix_errors,
     refuse_unknown,
     refuse_unless_positive,
@@ -107,12 +108,8 @@ def load_printed(path: Path) -> PrintedFile:
     Raises BadInputError if the file cannot be read, for text that is not a number, for a wrong
     shape and for missing entries. The message on an entry names the matrix and the row.
     """
-    try:
+    with file_faults(path):
         content = read_toml(path)
-    except OSError as error:
-        raise BadInputError(
-            f"{path} cannot be read ({error.strerror}); give a readable file"
-        ) from error
     note_read(path)
     with prefix_errors(path):
         return _printed_file(content)

@@ -27,7 +27,7 @@ from controller.critic.network.state_dict import (
     without_training,
 )
 from controller.critic.network.tensors import checked_tensors, tensors_in
-from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown, shortened
+from hfa_support.errors import BadInputError, file_faults, prefix_errors, refuse_unknown, shortened
 from hfa_support.files import regular_file
 
 #: Formats that store the order of the layers.
@@ -102,7 +102,7 @@ def network_in(
     path = Path(path)
     parts = parts or {"": ""}
     suffix = path.suffix.lower()
-    with prefix_errors(path):
+    with prefix_errors(path), file_faults(path):
         try:
             if suffix == ".onnx":
                 graph = graph_functions(path, states, inputs, parts)
@@ -119,11 +119,7 @@ def network_in(
                 inputs,
                 is_ordered=suffix in _ORDERED,
             )
-        except OSError as error:
-            raise BadInputError(
-                f"cannot be read ({error.strerror}); give a readable file"
-            ) from error
-        except BadInputError:
+        except (OSError, BadInputError):
             raise
         except Exception as error:  # a damaged file may cause any exception
             reason = shortened(str(error).partition("\n")[0])

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_support.errors import BadInputError, shortened
+from hfa_support.errors import BadInputError, file_faults, shortened
 from hfa_support.files import regular_file
 
 #: Largest depth of nested elements in an aircraft file.
@@ -320,12 +320,8 @@ class Folders:
         Raises BadInputError if the file cannot be read, and as `parsed` does.
         """
         if path not in self._files:
-            try:
+            with file_faults(path):
                 text = regular_file(path).read_bytes()
-            except OSError as error:
-                raise BadInputError(
-                    f"{path}: the file cannot be read ({error.strerror}); make the file readable"
-                ) from error
             digest = hashlib.sha256(text).hexdigest()
             self._files[path] = (parsed(text, self._shown(path)), digest)
         return self._files[path][0]

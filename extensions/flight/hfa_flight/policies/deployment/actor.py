@@ -15,7 +15,7 @@ from controller.critic.network.row_network import RowNetwork
 from controller.critic.network.tensors import tensors_in
 from hfa_flight.policies.deployment.stable_baselines import Zip, is_stable_baselines, read_zip
 from hfa_support.arrays.read import read_arrays
-from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shown
+from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors, shown
 from hfa_support.files import regular_file
 
 #: Value of `normalizer` for a policy without one. Its training may have had a VecNormalize that
@@ -162,13 +162,9 @@ def stored_gain(path: Path) -> np.ndarray | None:
     """
     if path.suffix.lower() != ".npz":
         return None
-    with prefix_errors(path):
+    with prefix_errors(path), file_faults(path):
         try:
             arrays = tensors_in(regular_file(path).read_bytes(), ".npz")
-        except OSError as error:
-            raise BadInputError(
-                f"cannot be read ({error.strerror}); give a readable file"
-            ) from error
         except ValueError as error:
             raise BadInputError(
                 f"the file is not an .npz file of numbers ({error}); save the arrays with "

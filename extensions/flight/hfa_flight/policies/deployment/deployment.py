@@ -23,7 +23,7 @@ from hfa_flight.policies.deployment.actor import (
 )
 from hfa_flight.policies.deployment.normalizer import Normalizer, normalizer_of, read_normalizer
 from hfa_support.arguments import checks_arguments, need
-from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown, shown
+from hfa_support.errors import BadInputError, file_faults, prefix_errors, refuse_unknown, shown
 from hfa_support.files import read_toml
 from hfa_support.reporting.report import Reported
 from hfa_support.schema import NUMBER, POSITIVE, Number, checked
@@ -145,12 +145,8 @@ class Deployment(Reported):
                 f"{path} is not a deployment file (.toml); give a .toml file in which policy.file "
                 "is the path of the policy"
             )
-        try:
+        with file_faults(path):
             entries = read_toml(path)
-        except OSError as error:
-            raise BadInputError(
-                f"{path} cannot be read ({error.strerror or error}); give a readable file"
-            ) from error
         tables = ("policy", "observation", "action", "timing", "cost")
         for name in entries:
             refuse_unknown(f"{path}: unknown table", name, tables)

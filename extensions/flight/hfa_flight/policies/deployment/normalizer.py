@@ -11,7 +11,14 @@ import casadi as ca
 import numpy as np
 
 from hfa_flight.policies.deployment.inert_pickle import Inert, inert
-from hfa_support.errors import BadInputError, is_finite, numbers_in, prefix_errors, shown
+from hfa_support.errors import (
+    BadInputError,
+    file_faults,
+    is_finite,
+    numbers_in,
+    prefix_errors,
+    shown,
+)
 from hfa_support.files import regular_file
 
 #: Defaults of VecNormalize, for a deployment file with mean and variance only.
@@ -98,12 +105,8 @@ def read_normalizer(path: str | Path) -> Normalizer | None:
     observations.
     """
     with prefix_errors(path):
-        try:
+        with file_faults(path):
             content = regular_file(path).read_bytes()
-        except OSError as error:
-            raise BadInputError(
-                f"cannot be read ({error.strerror}); give a readable file"
-            ) from error
         stored = inert(content)
         statistics = getattr(stored, "obs_rms", None)
         if not isinstance(stored, Inert) or not {"clip_obs", "epsilon"} <= vars(stored).keys():

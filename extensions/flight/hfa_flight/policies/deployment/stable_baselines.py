@@ -23,7 +23,7 @@ import numpy as np
 
 from controller.critic.network.tensors import checked_tensors, tensors_in, unpacked
 from hfa_flight.policies.deployment.inert_pickle import inert
-from hfa_support.errors import BadInputError, prefix_errors, shortened, shown
+from hfa_support.errors import BadInputError, file_faults, prefix_errors, shortened, shown
 from hfa_support.files import regular_file
 from hfa_support.schema import Number
 
@@ -101,7 +101,7 @@ def read_zip(path: str | Path) -> Zip:
 
     Raises a BadInputError that names the file and the fault.
     """
-    with prefix_errors(path):
+    with prefix_errors(path), file_faults(path):
         try:
             with zipfile.ZipFile(regular_file(path)) as archive:
                 data = json.loads(_member(archive, "data"))
@@ -111,11 +111,7 @@ def read_zip(path: str | Path) -> Zip:
                         "again"
                     )
                 tensors, _ = checked_tensors(tensors_in(_member(archive, "policy.pth"), ".pth"))
-        except OSError as error:
-            raise BadInputError(
-                f"cannot be read ({error.strerror or error}); give a readable file"
-            ) from error
-        except BadInputError:
+        except (OSError, BadInputError):
             raise
         except Exception as error:  # a damaged member may cause any exception
             raise BadInputError(
