@@ -12,9 +12,9 @@ from controller.game.zero_sum import Game
 from hfa_aircraft.model import Model
 from hfa_aircraft.names import PlantNames
 from hfa_model.published import published_data
-from hfa_model.vectors import INPUTS, LINEAR_STATES
+from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.matrices import LARGEST, checked_matrix
-from hfa_support.units import si_factor
+from hfa_support.units import si_factor, si_unit
 
 if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel
@@ -22,6 +22,21 @@ if TYPE_CHECKING:
 #: Half-widths of the box of typical deviations of the aircraft: ft/s, rad and rad/s, in the order
 #: of `LINEAR_STATES`. They have the size of the commands in Section 5.1, and less for the dihedral.
 ORDINARY_DEVIATIONS = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
+
+
+def ordinary_deviations(names: PlantNames) -> np.ndarray | None:
+    """Return the typical deviations of the paper's aircraft, (6,), or None for another plant.
+
+    names: names of the plant. Its units are English, SI, or unknown
+    """
+    if (names.states, names.inputs) != (LINEAR_STATES, INPUTS):
+        return None
+    widths = np.array(ORDINARY_DEVIATIONS)
+    if names.state_units == tuple(si_unit(unit) for unit in LINEAR_UNITS):
+        return widths * [si_factor(unit) for unit in LINEAR_UNITS]
+    if any(names.state_units) and names.state_units != LINEAR_UNITS:
+        return None
+    return widths
 
 
 def plant_names(linear: LinearModel) -> PlantNames:

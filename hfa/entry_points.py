@@ -151,6 +151,7 @@ COMMANDS = {
             Written(
                 "controller.critic.training_run:TrainingRun",
                 more=(_NAMED_GAME, "hfa.commands.game:LearnedChecks"),
+                optional=("hfa_flight.commands.learning:LearnedInFlight",),
             ),
         ),
     ),

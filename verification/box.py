@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from controller.game.zero_sum import Game
-from controller.hfa_game import ORDINARY_DEVIATIONS
+from controller.hfa_game import ordinary_deviations
 from controller.riccati.normal_form import NormalForm
+from hfa_aircraft.names import PlantNames
 from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.reporting.results import Vector
-from hfa_support.units import si_factor, si_unit
-
-_SI_UNITS = tuple(si_unit(unit) for unit in LINEAR_UNITS)
 
 
 class Box(NamedTuple):
@@ -39,15 +35,11 @@ def ordinary_box(
     states, inputs: names, which must be those of the aircraft
     state_units: units of the states, English or SI, or () if unknown
     """
-    if (states, inputs) != (LINEAR_STATES, INPUTS):
+    widths = ordinary_deviations(PlantNames(states, inputs, state_units))
+    if widths is None:
         return None
-    widths = np.array(ORDINARY_DEVIATIONS)
-    speed = f"{widths[0]:g} ft/s"
-    if state_units == _SI_UNITS:
-        widths = widths * [si_factor(unit) for unit in LINEAR_UNITS]
-        speed = f"{widths[0]:.4g} m/s"
-    elif any(state_units) and state_units != LINEAR_UNITS:
-        return None
+    is_si = state_units and state_units != LINEAR_UNITS
+    speed = f"{widths[0]:.4g} m/s" if is_si else f"{widths[0]:g} ft/s"
     about = f"typical deviations of the aircraft, {speed}, 0.1 rad, 0.1 rad/s"
     return Box(widths, about, "typical box")
 

@@ -84,6 +84,22 @@ def learn(
     >>> hfa.learn(game, seed=1).K.round(4).tolist()
     [[3.0972]]
     """
+    if progress is not None:
+        progress(0.0, 1.0, "choosing samples")
+    learner = learner_of(game, law, seed, pool=pool, **options)
+    if progress is not None:
+        progress(0.0, 1.0, "learning")
+    finished: TrainingRun = learner.conclude(run(learner, progress=progress))
+    return finished
+
+
+def learner_of(
+    game: Game, law: str = DEFAULT, seed: int = 0, *, pool: Stack | None = None, **options: Any
+) -> Any:
+    """Return the learner of a law for `run`, with its recorded samples.
+
+    The arguments and errors are those of `learn`.
+    """
     need(game, Game, "learn: game", "a game: hfa.game(linear, Q, R, delta)")
     if pool is not None:
         need(pool, Stack, "learn: pool", Stack.how_to_make)
@@ -97,10 +113,4 @@ def learn(
             f"{weight} is zero, but every learning law divides by z'Qz; give at least one state a "
             "weight"
         )
-    settings = LAWS[law].settings(**options)
-    if progress is not None:
-        progress(0.0, 1.0, "choosing samples")
-    learner = LAWS[law].make(game, settings, seed, pool)
-    if progress is not None:
-        progress(0.0, 1.0, "learning")
-    return learner.conclude(run(learner, progress=progress))
+    return LAWS[law].make(game, LAWS[law].settings(**options), seed, pool)

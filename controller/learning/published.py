@@ -18,6 +18,7 @@ import numpy as np
 from controller.critic.training_run import TrainingRun
 from controller.game.basis import Basis, basis
 from controller.game.zero_sum import Game
+from controller.hfa_game import ordinary_deviations
 from controller.learning.bellman_equations import StackEquations
 from controller.learning.recording import Stack, choose, random_pool
 from controller.learning.ticks import Run, training_run
@@ -36,6 +37,7 @@ _WORDS = {
     "stack_policies": ("frozen", "reevaluated"),
     "integrator": ("explicit", "proximal"),
     "coordinates": ("raw", "scaled"),
+    "drift": ("with reference", "error"),
 }
 
 
@@ -51,6 +53,8 @@ class PublishedSettings:
     gamma: γ in Γ = γ I
     basis: name of the basis ψ
     samples: number N_h of recorded samples, the most different ones of `pool_samples` random states
+    box: half-widths of the box of these states, or () for the typical deviations of the paper's
+      aircraft, and for another plant those of `natural_spread`
     initial_weights: W(0), or one number for all weights
     recorded_weights: weights of the policies stored with the samples, or one number for all weights
     normalisation: "root", n = sqrt(1 + σ'σ), or "squared", n = 1 + σ'σ
@@ -58,6 +62,8 @@ class PublishedSettings:
       "reevaluated" for the policies of the current weights
     gains: (α₁, α₂), or None for the gains of Theorem 1
     integrator: "explicit" (forward Euler) or "proximal" (implicit)
+    drift: in a flight that tracks a reference x_d, "with reference" for F = A x - x_d' as the paper
+      defines it, or "error" for F = A z
     coordinates: "raw" for the units of the model, or "scaled" by the root mean square of each
       recorded channel. Γ, σ̄ and λ₀ refer to these coordinates. Initial and recorded weights are in
       the model's units in both cases.
@@ -73,12 +79,14 @@ class PublishedSettings:
     basis: str = "paper"
     samples: int = 50
     pool_samples: int = 500
+    box: tuple[float, ...] = ()
     initial_weights: float | tuple[float, ...] = 100.0
     recorded_weights: float | tuple[float, ...] = 100.0
     normalisation: str = "root"
     stack_policies: str = "frozen"
     gains: tuple[float, float] | None = None
     integrator: str = "explicit"
+    drift: str = "with reference"
     coordinates: str = "raw"
     flight_start: tuple[float, ...] = ()
 
@@ -411,7 +419,8 @@ class PublishedLaw:
     def _steps(self) -> int:
         return math.ceil(self.settings.predefined_time / self.settings.step - 1e-9)
 
-    def _steps_done(self, tick: int) -> int:
+    def steps_done(self, tick: int) -> int:
+        """Return the number of integration steps before a tick."""
         return tick * self._steps // self.ticks
 
     # The four members that `controller.run` uses.
@@ -437,17 +446,17 @@ class PublishedLaw:
         weights = memory["weights"]
         error = memory["error"]
         with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
-            for step in range(self._steps_done(tick), self._steps_done(tick + 1)):
+            for step in range(self.steps_done(tick), self.steps_done(tick + 1)):
                 weights, error = self._step(weights, error)
                 if not math.isfinite(float(weights @ weights) + float(error @ error)):
-                    raise NoSolutionError(self._overflow(step + 1))
+                    raise NoSolutionError(self.overflow(step + 1))
         return {"weights": weights, "error": error}
 
     def observe(self, tick: int, memory: dict[str, np.ndarray]) -> Mapping[str, Any]:
         """Return the quantities to record after `tick` ticks."""
         weights = memory["weights"]
         return {
-            "time": min(self._steps_done(tick) * self.settings.step, self.settings.predefined_time),
+            "time": min(self.steps_done(tick) * self.settings.step, self.settings.predefined_time),
             "weights": self.equations.unscaled(weights),
             **self.equations.reported_residuals(weights),
             "law_residual_norm": float(np.linalg.norm(self.recorded(weights).residuals)),
@@ -474,7 +483,8 @@ class PublishedLaw:
         rate = (error[None, :] @ self._plant.T)[0] - 0.5 * self._S_control @ value_gradient
         return new, error + s.step * rate
 
-    def _overflow(self, step: int) -> str:
+    def overflow(self, step: int) -> str:
+        """Return the message for numbers that overflow at an integration step."""
         return (
             f"the {self.name} law overflowed at step {step}"
             f" (t = {step * self.settings.step:.3g} s):"
@@ -504,12 +514,14 @@ START_Q = 1000.0
 @dataclass(frozen=True)
 class ModifiedSettings(PublishedSettings):
     """Settings with which the update law stays bounded: gains by hand, scaled states, a quadratic
-    basis, and a start that stabilizes (`stabilizing_weights`), unless other weights are given.
+    basis, drifts of the error, and a start that stabilizes (`stabilizing_weights`), unless other
+    weights are given.
     """
 
     basis: str = "quadratic"
     gains: tuple[float, float] | None = (100.0, 100.0)
     coordinates: str = "scaled"
+    drift: str = "error"
     initial_weights: float | tuple[float, ...] | None = None  # type: ignore[assignment]
     recorded_weights: float | tuple[float, ...] | None = None  # type: ignore[assignment]
 
@@ -555,5 +567,8 @@ def published_law(
     pool: candidates for the recorded samples, or None for random states
     """
     functions = basis(chosen.basis, game.A.shape[0])
-    recorded = random_pool(game, chosen.pool_samples, seed) if pool is None else pool
+    recorded = pool
+    if recorded is None:
+        widths = np.array(chosen.box) if chosen.box else ordinary_deviations(game.names)
+        recorded = random_pool(game, chosen.pool_samples, seed, widths)
     return PublishedLaw(game, choose(recorded, functions, chosen.samples), functions, chosen, seed)

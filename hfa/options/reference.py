@@ -21,23 +21,33 @@ if TYPE_CHECKING:
     from hfa.options.game import NamedGame
 
 
-def _commanded(model: Model, name: str, text: str) -> Waveform:
-    """Return the command of a state, (1,), in the units of the model (typed in degrees)."""
+def deviation(model: Model, name: str, text: str) -> float:
+    """Return the typed deviation of a state, in the units of the model (typed in degrees)."""
     if name not in model.linear:
         raise BadInputError(f"is unknown; {choice_of(name, model.linear)}")
-    one = quantity(model, name, "1")
-    return channel(text).through(np.array([[one]]))
+    return quantity(model, name, text)
 
 
-def reference_option() -> Any:
+def _signal(model: Model, name: str, text: str) -> Waveform:
+    """Return the signal of a state, (1,), in the units of the model (typed in degrees)."""
+    return channel(text).through(np.array([[deviation(model, name, "1")]]))
+
+
+def signal_option(about: str, package: str = "") -> Any:
+    """Return a field of a request with a signal for each of several states.
+
+    about: help of the option
+    package: package of an extension that the option requires, or ""
+    """
+    return option(about, "NAME=SIGNAL", OfModel(_signal), named=True, rare=True, package=package)
+
+
+def reference_option(package: str = "") -> Any:
     """Return the field `reference` of a request, with the option --reference."""
-    return option(
+    return signal_option(
         "track a reference: deviation of a state from the trim, a sum of terms such as 7, 0.01t, "
         "2sin(0.5t) with t in s, degrees for angles; repeatable",
-        "NAME=SIGNAL",
-        OfModel(_commanded),
-        named=True,
-        rare=True,
+        package,
     )
 
 

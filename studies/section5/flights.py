@@ -14,8 +14,8 @@ import hfa
 from controller import Stack, basis, random_pool
 from controller.critic.training_run import TrainingRun
 from controller.game.basis import Basis
-from controller.learning.integral_rl import baseline_weights
-from controller.learning.published import PublishedSettings, published_law
+from controller.learning.integral_rl import baseline_gain, baseline_weights
+from controller.learning.laws import learner_of
 from controller.reference import feedforward as exact_feedforward, forcing
 from hfa import Game, Solution, learn, solve, verify
 from hfa.paper import published_game
@@ -23,14 +23,14 @@ from hfa_aircraft.waveform import Harmonic, zero
 from hfa_flight import Policy, Scenario, Waveform
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant
 from hfa_flight.history import Deviations
+from hfa_flight.policies.critic_policy import CriticPolicy
+from hfa_flight.policies.learned_gains import certified_gains
 from hfa_flight.policies.policy import Measurements, column_by_column
 from hfa_flight.simulation import CompiledLoop
 from hfa_model import INPUTS, LINEAR_STATES, published_models
 from hfa_model.vectors import CONTROL_LIMITS
 from hfa_support.errors import refuse_unknown
 from studies.section5.configuration import Configuration
-from studies.section5.critic_policy import CriticPolicy
-from studies.section5.learning_in_flight import certified_gains
 from studies.section5.metrics import Critic, flight_metrics, learning_metrics, residual_at
 from trim.hfa.printed import regenerate
 
@@ -384,31 +384,26 @@ def _published(
     """Return the policy that learns by Eq. (46) with recorded samples, as printed or modified."""
     configuration = setting.configuration
     critic = setting.configuration.critic
+    chosen: dict[str, Any] = {
+        "predefined_time": predefined_time,
+        "step": configuration.flight.step,
+        "theta": critic.theta,
+        "samples": critic.samples,
+        "normalisation": critic.normalisation,
+    }
     own = configuration.published_as_printed
-    modified = configuration.published_modified
-    start = own.initial_weight
-    functions = basis(critic.basis, _N)
-    gains = None
     if name == MODIFIED:
-        own = modified
-        start_game = replace(case.game, Q=modified.start_Q * np.eye(_N), delta=np.inf)
-        functions = basis(modified.basis, _N)
-        gains = (modified.alpha1, modified.alpha2)
-        start = tuple(functions.weights(solve(start_game).P).tolist())
-    chosen = PublishedSettings(
-        predefined_time=predefined_time,
-        step=configuration.flight.step,
-        theta=critic.theta,
-        basis=functions.name,
-        samples=critic.samples,
-        initial_weights=start,
-        recorded_weights=start,
-        normalisation=critic.normalisation,
-        gains=gains,
-        coordinates=own.coordinates,
-    )
-    law = published_law(case.game, chosen, critic.seed, recorded_pool(setting, case))
-    drift = forcing(case.game.A, reference) if own.drift == "with reference" else zero(_N)
+        own = configuration.published_modified
+        chosen |= {"basis": own.basis, "gains": (own.alpha1, own.alpha2)}
+    else:
+        chosen |= {"basis": critic.basis, "initial_weights": own.initial_weight}
+        chosen |= {"recorded_weights": own.initial_weight}
+    chosen |= {"coordinates": own.coordinates, "drift": own.drift}
+    kind = "modified" if name == MODIFIED else "published"
+    pool = recorded_pool(setting, case)
+    law = learner_of(case.game, kind, critic.seed, pool=pool, **chosen)
+    told = law.settings.drift == "with reference"
+    drift = forcing(case.game.A, reference) if told else zero(_N)
     learning = int(np.ceil(predefined_time / configuration.flight.tick - 1e-9))
     ticks = np.arange(learning + 1 if frozen else 1)
 
@@ -453,7 +448,9 @@ def _train(setting: Setting, case: PaperCase, law: str, predefined_time: float) 
         chosen |= {"predefined_time": predefined_time, "tick": configuration.flight.tick}
         chosen |= {"initial_weights": configuration.published_as_printed.initial_weight}
         learned = learn(case.game, law, critic.seed, pool=recorded_pool(setting, case), **chosen)
-    gains, certified_from = certified_gains(case.game, learned, configuration.flight.tick)
+    gains, certified_from = certified_gains(
+        case.game, learned, configuration.flight.tick, baseline_gain(case.game)
+    )
     verdict = verify(target, learned)
     return _Training(learned, gains, certified_from, verdict.ok)
 

@@ -210,11 +210,8 @@ def made(reference: Reference, case: Case, chosen: PublishedSettings) -> dict[st
     """
     game = reference.game
     exact = reference.exact
-    pool = (
-        random_pool(game, chosen.pool_samples, case.seed, np.array(FLIGHT_BOX))
-        if case.box
-        else None
-    )
+    widths = np.array(FLIGHT_BOX) if case.box else None
+    pool = random_pool(game, chosen.pool_samples, case.seed, widths)
     law = published_law(game, chosen, case.seed, pool)
     facts = {"dihedral_deg": reference.dihedral_deg, "settings": asdict(chosen), **law.facts}
     stack: dict[str, Any] = {"seed": case.seed, "box": case.box}

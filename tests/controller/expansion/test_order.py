@@ -50,6 +50,7 @@ def test_written_weights_are_read_as_a_critic(written: Path) -> None:
     assert critic.u(z.T) == pytest.approx(np.array(expansion.policy(z)).T, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_report_shows_both_sizes() -> None:
     expansion = expand(model_at(15.0), solve(game_at(15.0)), 4)
     text = expansion.report().text()

@@ -25,6 +25,7 @@ from controller.learning.published import (
     theorem_gains,
     update_direction,
 )
+from controller.learning.recording import natural_spread
 from hfa import Game, NoSolutionError
 from hfa_model.published import published_data
 
@@ -233,6 +234,7 @@ def test_reevaluated_policies_converge_from_a_stabilizing_start() -> None:
         QUADRATIC.weights(reference_solution(replace(game, Q=1000.0 * np.eye(6), delta=np.inf)).P)
     )
     options = {"stack_policies": "reevaluated", "predefined_time": 2.0, "initial_weights": start}
+    options["box"] = tuple(natural_spread(game).tolist())
     result = learned(game, **ALONE | options)
     assert result.settled
     assert relative_error(result.P, exact.P) < 1e-9

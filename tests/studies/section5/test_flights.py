@@ -18,6 +18,7 @@ from controller.reference import forcing
 from hfa import fly, learn, solve
 from hfa_aircraft.waveform import Harmonic
 from hfa_flight import GainPolicy, Scenario, Waveform
+from hfa_flight.policies.learned_gains import certified_gains
 from studies.section5.configuration import PaperFlight, section5_configuration
 from studies.section5.flights import (
     CERTIFIED,
@@ -36,7 +37,6 @@ from studies.section5.flights import (
     make_setting,
     simulate_plan,
 )
-from studies.section5.learning_in_flight import certified_gains
 from studies.section5.metrics import TRACKED
 
 #: Ten times the paper's step, which is sufficient for smooth gains. A flight takes a second.
@@ -272,17 +272,17 @@ def test_learning_in_flight_begins_with_the_baseline(
     Gains do not depend on later data.
     """
     learned = learn(newton.game, predefined_time=2.0)
-    gains, certified_from = certified_gains(newton.game, learned, 0.01)
+    baseline = baseline_gain(newton.game)
+    gains, certified_from = certified_gains(newton.game, learned, 0.01, baseline)
     assert 0.0 < certified_from < 2.0
     first = round(certified_from / 0.01)
-    baseline = baseline_gain(newton.game)
     assert all(np.array_equal(gain, baseline) for gain in gains[:first])
     assert not np.array_equal(gains[first], baseline)
     for gain in gains:
         assert np.linalg.eigvals(newton.game.A - newton.game.B @ gain).real.max() < 0.0
     np.testing.assert_array_equal(gains[-1], learned.K)
     cut = replace(learned, time=learned.time[:120], weights=learned.weights[:120])
-    assert np.array_equal(certified_gains(newton.game, cut, 0.01)[0][:119], gains[:119])
+    assert np.array_equal(certified_gains(newton.game, cut, 0.01, baseline)[0][:119], gains[:119])
     law = GainPolicy("learning", gains)
     result = fly(
         newton.aircraft,

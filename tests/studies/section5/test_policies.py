@@ -23,9 +23,9 @@ from controller.learning.published import (
 from controller.reference import forcing
 from hfa.paper import published_game
 from hfa_aircraft.waveform import zero
+from hfa_flight.policies.critic_policy import CriticPolicy
 from hfa_model import published_models
 from studies.section5.configuration import PaperFlight
-from studies.section5.critic_policy import CriticPolicy
 
 REFERENCE = PaperFlight.REFERENCE
 

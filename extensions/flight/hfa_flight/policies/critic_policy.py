@@ -10,7 +10,6 @@ import casadi as ca
 import numpy as np
 
 from controller.game.basis import Basis
-from controller.learning.published import PublishedLaw
 from hfa_aircraft.waveform import Waveform
 from hfa_flight.policies.policy import Measurements, Policy
 from hfa_support.errors import BadInputError
@@ -22,15 +21,15 @@ class CriticPolicy(Policy):
 
     W'(46) is the update of Eq. (46). p = 1 during learning, and p = 0 when the weights are frozen.
 
-    law: samples, gains, normalization and coordinates of Eq. (46). The memory contains W (M,) in
-      the law's coordinates y = z / scales.
-    forcing: r(t) = A x_d - x_d' (6,), or zero if the critic receives F = A z
+    law: the `PublishedLaw`, with samples, gains, normalization and coordinates of Eq. (46). The
+      memory contains W (M,) in the law's coordinates y = z / scales.
+    forcing: r(t) = A x_d - x_d', (n,), or zero if the critic receives F = A z
 
     Raises BadInputError if the law re-evaluates the policies of the samples, which is not supported
     in flight.
     """
 
-    law: PublishedLaw
+    law: Any
     forcing: Waveform
 
     def __post_init__(self) -> None:
@@ -42,7 +41,7 @@ class CriticPolicy(Policy):
             )
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return the input -½ R⁻¹B' ∂ψ'W, (5,)."""
+        """Return the input -½ R⁻¹B' ∂ψ'W, (m,)."""
         value_gradient = (
             ca.mtimes(gradient(self.law.basis, measurements.error / self._scales).T, memory)
             / self._scales
@@ -60,11 +59,11 @@ class CriticPolicy(Policy):
         held: 1 during learning, 0 when the weights are frozen
         """
         s = self.law.settings
-        gains = self.law.gains
+        alpha1, alpha2 = self.law.gains
         sigma, residual = self._current(t, measurements.error, memory)
         squared = 1.0 + ca.dot(sigma, sigma)
         n = squared if s.normalisation == "squared" else ca.sqrt(squared)
-        push = self._stack(memory) + sigma / n * powers(residual / n, *gains, s.eta)
+        push = self._stack(memory) + sigma / n * powers(residual / n, alpha1, alpha2, s.eta)
         return -s.gamma * held * push
 
     @cached_property
@@ -76,7 +75,8 @@ class CriticPolicy(Policy):
         regressors = ca.DM(stored.regressors)
         weights = ca.MX.sym("W", self.law.basis.size)
         residuals = ca.mtimes(regressors, weights) + ca.DM(stored.residuals)
-        push = ca.mtimes(regressors.T, powers(residuals, *self.law.gains, self.law.settings.eta))
+        alpha1, alpha2 = self.law.gains
+        push = ca.mtimes(regressors.T, powers(residuals, alpha1, alpha2, self.law.settings.eta))
         return ca.Function("stack", [weights], [push], {"never_inline": True})
 
     def _current(self, t: ca.SX, z: ca.SX, memory: ca.SX) -> tuple[ca.SX, ca.SX]:
