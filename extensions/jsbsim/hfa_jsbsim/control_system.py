@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -37,6 +38,8 @@ from hfa_jsbsim.properties import (
 from hfa_jsbsim.xml_file import Element, number_of
 from hfa_support.errors import shortened
 
+#: Radians in a degree in <angle>, as in JSBSim.
+_DEGREE = 0.017453293
 #: Surfaces whose position JSBSim stores in rad, in deg and as a magnitude. One value determines the
 #: others.
 SURFACES = ("elevator", "left-aileron", "right-aileron", "rudder", "flap", "speedbrake", "spoiler")
@@ -59,7 +62,7 @@ def add_control_systems(
             for component in channel.children:
                 if component.name in KINDS:
                     order += 2  # the other units of a surface are set directly after it
-                    writers.append(_add_component(component, properties, commands, order))
+                    writers += _add_component(component, properties, commands, order)
             if channel.attributes.get("execute"):
                 switched.append((channel, writers))
     for channel, writers in switched:
@@ -69,10 +72,10 @@ def add_control_systems(
 
 def _add_component(
     component: Element, properties: Properties, commands: ca.SX, order: int
-) -> Writer:
-    """Define the properties that a component sets, and return their writer."""
-    # The component's name, its <output> elements and the cases of a distributor name these
-    # properties.
+) -> list[Writer]:
+    """Define the properties that a component sets, and return their writers."""
+    # The component's name and its <output> elements name these properties, or the cases of a
+    # distributor.
     name = component.attributes.get("name", "")
     names = [name if "/" in name else f"fcs/{lower_dashes(name)}"]
     outputs = [child for child in component.children if child.name == "output"]
@@ -83,23 +86,31 @@ def _add_component(
                 "remove the sign"
             )
     names += [output.text for output in outputs]
-    for case in component.children if component.name == "distributor" else ():
-        names += [child.text for child in case.children if child.name == "property"]
 
-    def compute() -> Any:
+    def compute(distributed: str = "") -> Any:
         component.take()
         for child in component.all("output"):
             child.take()
         try:
+            if distributed:
+                return _distributed(component, distributed, properties)
             return _output(component, properties, commands)
         except LoopError:
             component.taken = False
             raise
 
-    writer = Writer(compute, component.where, order, component, component)
-    for output_name in names:
+    if component.name == "distributor":
+        writers = {
+            each: Writer(partial(compute, each), component.where, order, component, component)
+            for each in _distributed_names(component)
+        }
+    else:
+        writers = dict.fromkeys(
+            names, Writer(compute, component.where, order, component, component)
+        )
+    for output_name, writer in writers.items():
         properties.compute(output_name, writer)
-    return writer
+    return list(writers.values())
 
 
 def _switch_off(channel: Element, writers: list[Writer], properties: Properties) -> None:
@@ -286,13 +297,45 @@ def _lagged(component: Element, name: str, value: Any, properties: Properties) -
 
 def _sensor(component: Element, properties: Properties) -> Any:
     """Return the output of a <sensor>: its input after lag, gain and bias."""
+    return _sensed(component, input_of(component, properties), properties)
+
+
+def _sensed(component: Element, value: Any, properties: Properties) -> Any:
+    """Return a value after the lag, gain and bias of a sensor."""
     for name in ("quantization", "drift_rate", "noise"):
         child = component.find(name)
         if child is not None:
             raise child.error(f"<{name}> of a sensor is not supported; remove this element")
     gain = component.value_of("gain", 0.0) or 1.0
-    value = _lagged(component, "lag", input_of(component, properties), properties)
+    value = _lagged(component, "lag", value, properties)
     return value * gain + component.value_of("bias", 0.0)
+
+
+def _gyro(component: Element, properties: Properties) -> Any:
+    """Return the output of a <gyro>: the angular rate about a body axis, as of a <sensor>."""
+    for name in ("orientation", "lag"):
+        child = component.find(name)
+        if child is not None:
+            raise child.error(f"<{name}> of a gyro is not supported; remove this element")
+    axis = component.need("axis")
+    rates = {"X": "p", "Y": "q", "Z": "r"}
+    if axis.text not in rates:
+        raise axis.error(f"<axis> is {shortened(axis.text)}; give X, Y or Z")
+    rate = properties.value(f"velocities/{rates[axis.text]}-rad_sec", axis)
+    return _sensed(component, rate, properties)
+
+
+def _angle(component: Element, properties: Properties) -> Any:
+    """Return the output of an <angle>: the angle from the source to the target, within ±180 deg."""
+    angles = []
+    for name in ("source_angle", "target_angle"):
+        child = component.need(name)
+        value = properties.value(child.text, child)
+        angles.append(value * _DEGREE if child.attributes.get("unit") == "DEG" else value)
+    source, target = angles
+    angle = ca.atan2(ca.sin(target - source), ca.cos(target - source))
+    in_degrees = component.attributes.get("unit") == "DEG"
+    return angle * 180.0 / math.pi if in_degrees else angle
 
 
 def _function(component: Element, properties: Properties) -> Any:
@@ -398,6 +441,55 @@ def _switch(component: Element, properties: Properties) -> Any:
         of_test = properties.value(test.attributes["value"], test)
         value = of_test if is_constant(holds) else ca.if_else(holds, of_test, value)
     return value
+
+
+def _distributed_names(component: Element) -> list[str]:
+    """Return the names of the properties that the cases of a <distributor> set, each once."""
+    cases = [case for case in component.children if case.name == "case"]
+    names = [each.text for case in cases for each in case.children if each.name == "property"]
+    return list(dict.fromkeys(names))
+
+
+def _distributed(component: Element, name: str, properties: Properties) -> Any:
+    """Return the value that the cases of a <distributor> set a property to.
+
+    Raises BadInputError if the property is not declared, or keeps its previous value where no test
+    is true.
+    """
+    if not properties.is_known_without(name, component):
+        raise component.error(
+            f"<distributor> sets {shortened(name)}, which JSBSim does not know; declare it by "
+            "<property>"
+        )
+    is_exclusive = component.attributes.get("type") == "exclusive"
+    is_set = ca.SX(0.0)  # whether the test of a previous case is true
+    choices: list[tuple[ca.SX, Any]] = []
+    for case in component.all("case"):
+        test = case.find("test")
+        applies = ca.SX(1.0)
+        if test is not None:
+            holds = _holds(test, properties)
+            applies = ca.logic_and(holds, ca.logic_not(is_set)) if is_exclusive else holds
+            is_set = ca.logic_or(is_set, holds)
+        for each in case.all("property"):
+            given = properties.value(each.attributes.get("value", ""), each)
+            if each.text == name:
+                choices.append((applies, given))
+    always = [place for place, (applies, _) in enumerate(choices) if _is_true(applies)]
+    if not always:
+        raise component.error(
+            f"<distributor> keeps the previous value of {shortened(name)} where each <test> is "
+            "false; add a first <case> without <test>"
+        )
+    value = choices[always[-1]][1]
+    for applies, given in choices[always[-1] + 1 :]:
+        value = ca.if_else(applies, given, value)
+    return value
+
+
+def _is_true(condition: ca.SX) -> bool:
+    """Return whether a condition is constant and true."""
+    return is_constant(condition) and bool(float(condition))
 
 
 _COMPARISONS: dict[str, Callable[[Any, Any], Any]] = {
@@ -507,6 +599,8 @@ _COMPONENTS: dict[str, Callable[[Element, Properties], Any]] = {
     "deadband": _deadband,
     "actuator": _actuator,
     "sensor": _sensor,
+    "gyro": _gyro,
+    "angle": _angle,
     "fcs_function": _function,
     "switch": _switch,
     "lag_filter": _lag,
@@ -516,7 +610,7 @@ _COMPONENTS: dict[str, Callable[[Element, Properties], Any]] = {
 }
 #: Elements that JSBSim regards as components of a channel. It ignores others.
 KINDS = (
-    *(*_COMPONENTS, "pid", "integrator", "accelerometer", "magnetometer", "gyro", "angle"),
+    *(*_COMPONENTS, "pid", "integrator", "accelerometer", "magnetometer"),
     *("waypoint_heading", "waypoint_distance", "distributor", "linear_actuator"),
 )
 

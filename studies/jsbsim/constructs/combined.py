@@ -180,7 +180,8 @@ _CHANNELS = {
         f'<distributor name="d" type="exclusive"> <case> <test> {_FLAP} gt 0.1 </test>'
         ' <property value="0.4"> fcs/probe </property> </case> <case>'
         ' <property value="0.1"> fcs/probe </property> </case> </distributor>'
-    ),
+    )
+    | {"control": "<property>fcs/probe</property>"},
     "deadband behind a gain": _channels(
         _GAIN.format("fcs/first", _ELEVATOR, 1.5)
         + '<deadband name="fcs/probe"> <input>fcs/first</input> <width>0.4</width> <gain>0.8</gain>'

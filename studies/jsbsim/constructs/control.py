@@ -56,6 +56,7 @@ _TABLE = (
     " <tableData> -1 2\n 0 1\n 1 3\n </tableData> </table>"
 )
 _TEST = '<test value="0.7"> velocities/vc-kts {} 1 </test>'
+_PROBE = {"control": "<property>fcs/probe</property>"}
 _SENSOR_INPUT = "velocities/r-rad_sec"
 
 CONSTRUCTS: dict[str, dict[str, str]] = {
@@ -253,7 +254,30 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "distributor": component(
         '<distributor name="fcs/c" type="exclusive"> <case> <property value="0.3">fcs/probe'
         "</property> </case> </distributor>"
+    )
+    | _PROBE,
+    "distributor, undeclared": component(
+        '<distributor name="fcs/c" type="exclusive"> <case> <property value="0.3">fcs/probe'
+        "</property> </case> </distributor>"
     ),
+    **{
+        f"distributor, {kind} tests": component(
+            f'<distributor name="fcs/c" type="{kind}">'
+            ' <case> <property value="0.1">fcs/probe</property> </case>'
+            f" <case> <test>{_STICK} gt -0.9</test>"
+            ' <property value="aero/alpha-rad">fcs/probe</property> </case>'
+            f" <case> <test>{_STICK} gt -0.8</test>"
+            ' <property value="0.3">fcs/probe</property> </case> </distributor>'
+        )
+        | _PROBE
+        for kind in ("exclusive", "inclusive")
+    },
+    "distributor without a value": component(
+        '<distributor name="fcs/c" type="inclusive">'
+        f" <case> <test>{_STICK} gt 0.1</test>"
+        ' <property value="0.3">fcs/probe</property> </case> </distributor>'
+    )
+    | _PROBE,
     "actuator, failed": _of("actuator", "<lag>20</lag>")
     | {"control": '<property value="1">fcs/c/malfunction/fail_zero</property>'},
     "actuator, saturated": component(
