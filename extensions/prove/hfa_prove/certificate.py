@@ -12,7 +12,7 @@ from typing import Any
 
 from flint import ctx
 
-from hfa_prove.fields import Fields, Statement, Witness, naming
+from hfa_prove.fields import Fields, Statement, Witness, naming, require
 from hfa_prove.statements.cost import CostStatement, CostWitness
 from hfa_prove.statements.game import GameStatement, GameWitness
 from hfa_prove.statements.plant import Subject
@@ -80,9 +80,10 @@ def read_content(content: dict[str, Any], subject: Subject | None = None) -> tup
     """
     entries = Fields("", content)
     for name in ("schema", "toolchain", *_CLOSING):
-        entries.value(name, lambda value: True)
-    kind = entries.value("kind", lambda value: isinstance(value, str) and value in KINDS)
-    statement = read_statement(kind, entries.value("statement", lambda value: True), subject)
+        entries.value(name)
+    kind = entries.value("kind", str)
+    require(kind in KINDS, "kind", kind)
+    statement = read_statement(kind, entries.value("statement"), subject)
     witness = KINDS[kind][1](entries.fields("witness"), statement)
     entries.close()
     return statement, witness

@@ -91,40 +91,46 @@ class Fields:
             not self._remaining, f"{self.where}: unknown entry", sorted(self._remaining, key=str)
         )
 
-    def value(self, name: str, holds: Callable[[Any], bool]) -> Any:
-        """Return the entry with the given name if it passes the test `holds`."""
+    def value(self, name: str, kind: Any = object) -> Any:
+        """Return the entry with the given name if it is of the given kind.
+
+        kind: type in Python, or a tuple of types
+        """
         require(name in self._remaining, f"{self._called(name)}: missing entry")
         value = self._remaining.pop(name)
-        require(bool(holds(value)), self._called(name), value)
+        require(isinstance(value, kind), self._called(name), value)
         return value
 
     def same(self, name: str, expected: Any) -> None:
         """Raise Malformed unless an entry equals `expected`."""
-        self.value(name, lambda value: value == expected)
+        value = self.value(name)
+        require(value == expected, self._called(name), value)
 
     def fields(self, name: str) -> Fields:
         """Return a reader of an entry that is a JSON object."""
-        return Fields(self._called(name), self.value(name, lambda value: isinstance(value, dict)))
+        return Fields(self._called(name), self.value(name, dict))
 
     def items(self, name: str) -> list[Fields]:
         """Return a reader of each object in an entry that is a list."""
-        entries = self.value(name, lambda value: isinstance(value, list))
+        entries = self.value(name, list)
         return [Fields(f"{self._called(name)} {i}", entry) for i, entry in enumerate(entries)]
 
     def texts(self, name: str, allowed: Any) -> tuple[str, ...]:
         """Return an entry that is a list of strings, each of which must be in `allowed`."""
-        entries = self.value(name, lambda value: isinstance(value, list))
+        entries = self.value(name, list)
         for entry in entries:
             require(isinstance(entry, str) and entry in allowed, self._called(name), entry)
         return tuple(entries)
 
     def flag(self, name: str) -> bool:
         """Return an entry that is true or false."""
-        return bool(self.value(name, lambda value: isinstance(value, bool)))
+        return bool(self.value(name, bool))
 
     def count(self, name: str, most: int) -> int:
         """Return an entry that is a whole number from 0 to `most`."""
-        return int(self.value(name, lambda value: type(value) is int and 0 <= value <= most))
+        value = self.value(name, int)
+        require(type(value) is int and 0 <= value <= most, self._called(name), value)
+        return int(value)
 
     def number(self, name: str, least: float = -math.inf, above: float = -math.inf) -> float:
         """Return an entry that is a finite number, at least `least` and larger than `above`."""
@@ -167,7 +173,8 @@ class Fields:
 
         variables: number of variables of the polynomial
         """
-        listed = self.value(name, lambda value: isinstance(value, list) and bool(value))
+        listed = self.value(name, list)
+        require(bool(listed), self._called(name))
         terms = []
         for number, entry in enumerate(listed):
             where = f"{self._called(name)} {number}"
@@ -185,7 +192,7 @@ class Fields:
 
         shape: length of each level of lists, or None for any length
         """
-        entries = self.value(name, lambda value: True)
+        entries = self.value(name)
         numbers = _walked(self._called(name), entries, list(shape), _double)
         try:
             values = np.array(numbers, dtype=float)
@@ -214,7 +221,7 @@ class Fields:
 
         shape: length of each level of lists
         """
-        entries = self.value(name, lambda value: True)
+        entries = self.value(name)
         return _walked(self._called(name), entries, list(shape), _ball)
 
     def _called(self, name: str) -> str:

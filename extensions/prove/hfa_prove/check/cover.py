@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol, TypeVar
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -192,31 +192,26 @@ def _joined(first: Boxes, last: Boxes) -> Boxes:
 
 #: Lowest and highest value of each coordinate of a closed box.
 Box = Sequence[tuple[float, float]]
-Piece = TypeVar("Piece")
 
 
-def covering(
-    what: str, stated: Box, pieces: Sequence[Piece], box_of: Callable[[Piece], Box]
-) -> list[Piece]:
-    """Return all pieces of evidence if their boxes cover the stated box.
+def check_covered(what: str, stated: Box, boxes: Sequence[Box]) -> None:
+    """Raise Rejected unless the boxes of some evidence cover the stated box.
 
-    what: name of the pieces in a message, such as "the cells"
+    what: name of the evidence in a message, such as "the cells"
     stated: box of the claim, (low, high) of each coordinate, with low = high for a claim at one
         value
-    pieces: evidence in any order
-    box_of: piece -> box, which may overlap other boxes and extend beyond the stated box
+    boxes: boxes in any order, which may overlap and extend beyond the stated box
 
     Raises Rejected in these cases:
     - The boxes do not cover the stated box.
-    - An endpoint of the stated box or of a piece's box is not finite, or low > high.
+    - An endpoint of a box is not finite, or low > high.
     - The stated box has no coordinates.
-    - A piece's box and the stated box have different numbers of coordinates.
+    - A box and the stated box have different numbers of coordinates.
     """
     _check_ends(f"where {what} are needed", stated, len(stated))
-    boxes = [box_of(piece) for piece in pieces]
     for box in boxes:
         _check_ends(what, box, len(stated))
-    waiting = [(stated, boxes)]
+    waiting = [(stated, list(boxes))]
     while waiting:
         part, all_boxes = waiting.pop()
         near = [box for box in all_boxes if _meets(box, part)]
@@ -226,7 +221,6 @@ def covering(
             )
         if not any(_holds(box, part) for box in near):
             waiting += [(half, near) for half in _halves(part, near)]
-    return list(pieces)
 
 
 def _check_ends(what: str, box: Box, coordinates: int) -> None:

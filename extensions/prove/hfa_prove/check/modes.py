@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 from flint import arb, arb_mat
 
-from hfa_prove.check.cover import covering
+from hfa_prove.check.cover import check_covered
 from hfa_prove.check.linear_loop import LoopBox
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.flight import Line
@@ -116,7 +116,8 @@ def check_pieces(loop: LoopBox, actuators: UncertainActuators, pieces: list[Piec
 
     The left side is convex in ω. The test at the ends of a piece is therefore sufficient.
     """
-    pieces = covering("the pieces", [actuators.bandwidth], pieces, lambda piece: [piece.bandwidth])
+    bandwidths = [[piece.bandwidth] for piece in pieces]
+    check_covered("the pieces", [actuators.bandwidth], bandwidths)
     least, most = map(arb, actuators.effectiveness)
     n = loop.G.nrows()
     a = loop.G.ncols()
@@ -153,14 +154,10 @@ def check_runs(name: str, runs: Sequence[Run], bounds: Sequence[Run], size: int)
     for run in runs:
         ends = [(run.low, run.high)]
         if run.least > 0:
-            enough = [bound for bound in bounds if bound.least >= run.least]
+            enough = [[(each.low, each.high)] for each in bounds if each.least >= run.least]
             what = f"the boxes of {name} with {run.least} or more unstable modes"
-            covering(what, ends, enough, _ends_of_run)
+            check_covered(what, ends, enough)
         if run.most < size:
-            enough = [bound for bound in bounds if bound.most <= run.most]
+            enough = [[(each.low, each.high)] for each in bounds if each.most <= run.most]
             what = f"the boxes of {name} with at most {run.most} unstable modes"
-            covering(what, ends, enough, _ends_of_run)
-
-
-def _ends_of_run(run: Run) -> list[tuple[float, float]]:
-    return [(run.low, run.high)]
+            check_covered(what, ends, enough)

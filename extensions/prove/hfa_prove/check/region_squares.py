@@ -20,7 +20,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from flint import arb, ctx
 
-from hfa_prove.check.cover import covering
+from hfa_prove.check.cover import check_covered
 from hfa_prove.check.loop_on_ball import LoopOnBall
 from hfa_prove.check.positivity import check_positive
 from hfa_prove.fields import Rejected
@@ -67,7 +67,7 @@ def check_region(
         raise Rejected("the set is not proved to be within |y_i| < 1")
     _check_extents(loop, witness.extents, inside)
     statement.loop.check_held()
-    check_covered(loop, [part.inputs for part in (*witness.parts, *witness.empty)])
+    check_parts(loop, [part.inputs for part in (*witness.parts, *witness.empty)])
     where = dict(inside)
     if statement.loop.disturbances:
         where[EDGE] = loop.V - one
@@ -84,7 +84,7 @@ def check_region(
     return len(witness.parts)
 
 
-def check_covered(loop: LoopOnBall, parts: Sequence[Mapping[str, str]]) -> None:
+def check_parts(loop: LoopOnBall, parts: Sequence[Mapping[str, str]]) -> None:
     """Raise Rejected unless the parts cover all conditions that may occur on the unit ball of y.
 
     An input is free or at a limit that it may reach. A disturbance is at its lowest or highest
@@ -94,18 +94,19 @@ def check_covered(loop: LoopOnBall, parts: Sequence[Mapping[str, str]]) -> None:
     """
     stated = [_ENDS[FREE]]  # a coordinate of all parts, so that a loop without inputs has one
     for name in loop.statement.loop.inputs:
-        low, high = loop.reaches(name)
-        stated.append((_ENDS[LOWEST if low else FREE][0], _ENDS[HIGHEST if high else FREE][1]))
+        reaches_lowest, reaches_highest = loop.reaches(name)
+        low, _ = _ENDS[LOWEST if reaches_lowest else FREE]
+        _, high = _ENDS[HIGHEST if reaches_highest else FREE]
+        stated.append((low, high))
     disturbances = loop.statement.loop.disturbances
     stated += [_ENDS_OF_A_DISTURBANCE[ANY]] * len(disturbances)
-
-    def box_of(part: Mapping[str, str]) -> list[tuple[float, float]]:
+    boxes = []
+    for part in parts:
         box = [_ENDS[FREE]]
         for name, what in part.items():
             box.append((_ENDS_OF_A_DISTURBANCE if name in disturbances else _ENDS)[what])
-        return box
-
-    covering("the parts of the set", stated, parts, box_of)
+        boxes.append(box)
+    check_covered("the parts of the set", stated, boxes)
 
 
 def limits_of(loop: LoopOnBall, inputs: Mapping[str, str]) -> dict[str, Polynomial]:

@@ -6,11 +6,9 @@ within a box and in the errors t of the parameters.
 
 from __future__ import annotations
 
-from typing import Any
-
 from flint import arb, ctx
 
-from hfa_prove.check.cover import covering
+from hfa_prove.check.cover import check_covered
 from hfa_prove.check.linear_loop import actuated_loop, between, closed_loop
 from hfa_prove.check.modes import check_motion, check_pieces, check_runs, least_and_most
 from hfa_prove.check.trims import LinearModelBox, check_branches, linear_model_on
@@ -95,11 +93,6 @@ def _loop_bounds(
     return least, most
 
 
-def _ends_of_cell(cell: tuple[TrimBox, Any]) -> list[tuple[float, float]]:
-    trim, _ = cell
-    return [(trim.low, trim.high)]
-
-
 def _check_scheduled_rate(
     statement: ScheduleStatement, motion: Motion, progress: Progress | None
 ) -> list[LinearModelBox]:
@@ -111,11 +104,10 @@ def _check_scheduled_rate(
     Raises Rejected if stability is not proved.
     """
     flight = statement.flight
-    boxes = covering(
-        "the boxes of the motion", [(flight.low, flight.high)], motion.boxes, _ends_of_cell
-    )
+    ends = [[(trim.low, trim.high)] for trim, _ in motion.boxes]
+    check_covered("the boxes of the motion", [(flight.low, flight.high)], ends)
     linear_models = []
-    for trim, turn in with_progress(boxes, progress):
+    for trim, turn in with_progress(motion.boxes, progress):
         linear = _linear_model(statement, trim)
         loop = closed_loop(linear, flight.model, statement.controller, statement.actuators)
         P = between(motion.breakpoints, motion.P, trim.low, trim.high)

@@ -19,7 +19,7 @@ import numpy as np
 from flint import arb, arb_mat
 
 from hfa_aircraft.model import Model
-from hfa_prove.check.cover import covering
+from hfa_prove.check.cover import check_covered
 from hfa_prove.check.equilibrium import root_offsets
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.flight import Flight, StatedTrim, TrimBox
@@ -350,12 +350,8 @@ def _check_branch(
     following: scheduling value of the next stated trim, or inf
     """
     start = stated.trim.low
-    covering(
-        "the trims of the boxes",
-        [(start, start)],
-        boxes,
-        lambda box: [(box.trim.low, box.trim.high)],
-    )
+    ends = [[(box.trim.low, box.trim.high)] for box in boxes]
+    check_covered("the trims of the boxes", [(start, start)], ends)
     connected = [stated]
     for box in boxes:
         connected = [before for before in connected if before.trim.high >= box.trim.low]

@@ -54,7 +54,10 @@ class _Step:
         self.n = n
         self.problem = Squares(n)
         keys = monomials(n, 2, search.setting.degree)
-        self.exponents = np.array([_padded(exponents_of(key), n) for key in keys])
+        self.exponents = np.zeros((len(keys), n), dtype=int)
+        for row, key in zip(self.exponents, keys, strict=True):
+            powers = exponents_of(key)
+            row[: len(powers)] = powers
         self.keys = packed_monomials(n, 2, search.setting.degree)
         self.theta = self.problem.free(len(keys))
 
@@ -207,10 +210,6 @@ def _square(n: int, low: int, high: int, Q: np.ndarray) -> Terms:
     values = np.zeros(len(known))
     np.add.at(values, place, Q.ravel())
     return Terms(known, values)
-
-
-def _padded(exponents: list[int], n: int) -> list[int]:
-    return exponents + [0] * (n - len(exponents))
 
 
 def _degrees(keys: np.ndarray) -> np.ndarray:

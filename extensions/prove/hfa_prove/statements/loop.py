@@ -87,7 +87,7 @@ def _read_policy(file: Fields, name: str, known: Any) -> Gain | ca.Function:
 
     Raises BadInputError if the digest is that of another policy, or the user gave none.
     """
-    stated = file.value(name, lambda value: isinstance(value, (str, dict)))
+    stated = file.value(name, (str, dict))
     if isinstance(stated, dict):
         return Gain.read(Fields(name, stated), known)
     own = known.subject.policy

@@ -47,8 +47,8 @@ def read_model(file: Fields, name: str, known: Any) -> Model:
     whose file is not given. Raises Malformed if another fact differs.
     """
     stated = file.fields(name)
-    dynamics = stated.value("dynamics", lambda value: isinstance(value, str))
-    equations = stated.value("equations", lambda value: isinstance(value, str))
+    dynamics = stated.value("dynamics", str)
+    equations = stated.value("equations", str)
     own = known.subject.model
     if own is not None and (own.name, digest_of_equations(own)) != (dynamics, equations):
         raise BadInputError(
@@ -153,7 +153,7 @@ def _read_limits(file: Fields, name: str, known: Any) -> Limits:
     Raises Malformed for the first wrong entry.
     """
     model = known.model
-    stated = file.value(name, lambda value: isinstance(value, dict))
+    stated = file.value(name, dict)
     limits = {}
     for signal, pair in stated.items():
         where = f"limits: {signal}"

@@ -242,7 +242,8 @@ def read_region_witness(entries: Fields, statement: RegionStatement) -> BoxWitne
 
     Raises Malformed for the first wrong entry.
     """
-    prover = entries.value("prover", lambda value: value in ("boxes", "squares"))
+    prover = entries.value("prover", str)
+    require(prover in ("boxes", "squares"), "prover", prover)
     if prover == "boxes":
         return BoxWitness.read(entries, statement)
     return SquaresWitness.read(entries, statement)

@@ -181,10 +181,6 @@ def _runs_of(size: Any) -> Any:
     return lambda file, name, known: _read_runs(file, name, known.flight, size(known))
 
 
-def _size_of_loop(known: Any) -> int:
-    return loop_size(known.flight.model, known.controller, known.actuators)
-
-
 @dataclass(frozen=True, eq=False)
 class ScheduleStatement(Statement):
     """Claim about the loop of an aircraft, a controller and optional actuators.
@@ -210,7 +206,9 @@ class ScheduleStatement(Statement):
         )
     )
     actuators: Actuators | None = entry(_read_actuators)
-    loop: tuple[Run, ...] = entry(_runs_of(_size_of_loop))
+    loop: tuple[Run, ...] = entry(
+        _runs_of(lambda known: loop_size(known.flight.model, known.controller, known.actuators))
+    )
     modes: tuple[Run, ...] = entry(_runs_of(lambda known: len(known.flight.model.linear)))
     decay_rate: float = entry(lambda file, name, known: file.number(name, least=0.0))
     scheduled_rate: float | None = entry(
@@ -233,11 +231,12 @@ def measurable(model: Model) -> tuple[str, ...]:
 
     These are the linear states, the outputs and the parts of outputs.
     """
-    return tuple(name for name in model.measurable if name in model.linear or _output(model, name))
-
-
-def _output(model: Model, name: str) -> bool:
-    return model.part(name)[0] in model.outputs
+    names = []
+    for name in model.measurable:
+        whole, _ = model.part(name)
+        if name in model.linear or whole in model.outputs:
+            names.append(name)
+    return tuple(names)
 
 
 def loop_size(model: Model, controller: Controller, actuators: Actuators | None) -> int:

@@ -23,7 +23,7 @@ from hfa_aircraft.model import Model, Signal
 from hfa_prove.certificate import read_statement
 from hfa_prove.check.loop_on_ball import LoopOnBall
 from hfa_prove.check.positivity import check_positive
-from hfa_prove.check.region_squares import _check_extents, check_covered, extents_of, limits_of
+from hfa_prove.check.region_squares import _check_extents, check_parts, extents_of, limits_of
 from hfa_prove.fields import Fields, Malformed, Rejected
 from hfa_prove.statements.evidence import Evidence, Square
 from hfa_prove.statements.loop import FREE, HIGHEST, LOWEST, Gain, Loop
@@ -463,7 +463,7 @@ def test_each_reached_limit_needs_a_part(ends: tuple[float, float]) -> None:
     """Parts with a free input alone are refused if the input may reach one of its limits."""
     region = _on_unit_ball(replace(_loop(), limits={"u": ends}, policy=CURVED))
     with pytest.raises(Rejected, match="do not cover"):
-        check_covered(region, [{"u": FREE}])
+        check_parts(region, [{"u": FREE}])
 
 
 def test_policies_act_on_deviations_from_the_trim() -> None:
@@ -721,9 +721,9 @@ def test_a_missing_part_is_refused(missing: int) -> None:
     """Without one of the parts, the claim is refused."""
     loop = _glider_loop()
     parts = [{"u": u, "w": w} for u in ("free", LOWEST, HIGHEST) for w in (LOWEST, HIGHEST)]
-    check_covered(loop, parts)
+    check_parts(loop, parts)
     with pytest.raises(Rejected, match="do not cover"):
-        check_covered(loop, [part for i, part in enumerate(parts) if i != missing])
+        check_parts(loop, [part for i, part in enumerate(parts) if i != missing])
 
 
 def test_the_remainders_of_a_product_multiply() -> None:

@@ -8,24 +8,18 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
-from hfa_prove.check.cover import Box, covering
+from hfa_prove.check.cover import Box, check_covered
 from hfa_prove.fields import Rejected
 
 NAN = float("nan")
 INF = float("inf")
 
 
-def itself(box: Box) -> Box:
-    return box
-
-
-def is_covered(stated: Box, pieces: Sequence[Box]) -> bool:
+def is_covered(stated: Box, boxes: Sequence[Box]) -> bool:
     try:
-        given_back = covering("the pieces", stated, pieces, itself)
+        check_covered("the boxes", stated, boxes)
     except Rejected:
         return False
-    assert given_back
-    assert given_back == list(pieces)
     return True
 
 
