@@ -157,6 +157,6 @@ def refusal(path: str | Path, **how: Any) -> str:
     """
     with pytest.raises(BadInputError) as caught:
         network_in(path, 6, **how)
-    assert str(caught.value).startswith(f"{path}: ")
+    assert str(caught.value).startswith(str(path))
     assert "\n" not in str(caught.value)
     return str(caught.value)
