@@ -9,6 +9,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from controller.expansion.deviations import rates_about_trim
 from controller.game.zero_sum import Game
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.march.march import saturated
@@ -40,22 +41,12 @@ def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
     The plant has the states and inputs of the linear model. All other states and inputs keep
     their values at the trim.
     """
-    point = linear.point
-    model = point.model
-    z = ca.SX.sym("z", len(linear.states))
-    u = ca.SX.sym("u", len(linear.inputs))
-    deviations = dict(zip(linear.states, ca.vertsplit(z), strict=True))
-    deviations |= dict(zip(linear.inputs, ca.vertsplit(u), strict=True))
-    states = [value + deviations.get(name, 0.0) for name, value in point.states._asdict().items()]
-    trim = point.inputs._asdict()
-    inputs = [value + deviations.get(name, 0.0) for name, value in trim.items()]
-    rates, _ = model.layout.expressions((states, inputs, model.p.tolist()), ())
-    rows = [list(model.states).index(name) for name in linear.states]
-    limits = Limits.of(model, linear.inputs)
+    trim = linear.point.inputs._asdict()
+    limits = Limits.of(linear.point.model, linear.inputs)
     at_trim = np.array([trim[name] for name in linear.inputs], dtype=float)
     lowest = np.minimum(limits.lowest - at_trim, 0.0)
     highest = np.maximum(limits.highest - at_trim, 0.0)
-    return NonlinearPlant(ca.Function("plant", [z, u], [rates[rows]]), lowest, highest)
+    return NonlinearPlant(rates_about_trim(linear), lowest, highest)
 
 
 #: Default limit of the errors of P, K, V, its gradient and the policies, and of the residual.

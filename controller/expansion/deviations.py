@@ -30,27 +30,38 @@ def deviation_rates(linear: LinearModel, game: Game) -> ca.Function:
     Raises BadInputError if the equations contain tables, have a switch at the trim, have other
     derivatives than A and B of the game, or if a rate is not 0 at the operating point.
     """
-    point = linear.point
     model = linear.model
     refuse_kinks(linear)
-    z = ca.SX.sym("z", len(linear.states))
-    u = ca.SX.sym("u", len(linear.inputs))
-    deviations = dict(zip(linear.states, components(z), strict=True))
-    moved = dict(zip(linear.inputs, components(u), strict=True))
-    state = [value + deviations.get(name, 0.0) for name, value in point.states._asdict().items()]
-    inputs = [value + moved.get(name, 0.0) for name, value in point.inputs._asdict().items()]
-    f, _ = model.layout.expressions((state, inputs, model.p.tolist()), ())
-    rows = [model.state_names.index(name) for name in linear.states]
-    at_trim = ca.Function("rates", [z, u], [f[rows]])(0, 0)
+    rates = rates_about_trim(linear)
+    at_trim = rates(0, 0)
     for name, rate in zip(linear.states, np.array(at_trim)[:, 0].tolist(), strict=True):
         if not abs(rate) <= STEADY * model.rate_scale(name):
             raise BadInputError(
                 f"{model.title}: the rate of {name} is {rate:.3g} at the operating point; give a "
                 "trim at which the states of the linear model are constant"
             )
-    rates = ca.Function("rates", [z, u], [ca.densify(f[rows] - at_trim)])
-    _refuse_other_plant(rates, game, model.title)
-    return rates
+    z, u = rates.sx_in()
+    from_trim = ca.Function("rates", [z, u], [ca.densify(rates(z, u) - at_trim)])
+    _refuse_other_plant(from_trim, game, model.title)
+    return from_trim
+
+
+def rates_about_trim(linear: LinearModel) -> ca.Function:
+    """Return the CasADi Function (z, u) -> z', (n,), of the deviations from the trim.
+
+    The states and inputs that the linear model omits stay at the trim.
+    """
+    point = linear.point
+    model = linear.model
+    z = ca.SX.sym("z", len(linear.states))
+    u = ca.SX.sym("u", len(linear.inputs))
+    deviations = dict(zip(linear.states, components(z), strict=True))
+    deviations |= zip(linear.inputs, components(u), strict=True)
+    states = [value + deviations.get(name, 0.0) for name, value in point.states._asdict().items()]
+    inputs = [value + deviations.get(name, 0.0) for name, value in point.inputs._asdict().items()]
+    rates, _ = model.layout.expressions((states, inputs, model.p.tolist()), ())
+    rows = [model.state_names.index(name) for name in linear.states]
+    return ca.Function("plant", [z, u], [rates[rows]])
 
 
 def refuse_kinks(linear: LinearModel) -> None:

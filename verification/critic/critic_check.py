@@ -18,6 +18,7 @@ from controller.riccati.gare import Solution
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unless_positive
 from hfa_support.reporting.checks import Check
+from hfa_support.reporting.report import Part
 from verification.axis import TimeAxis
 from verification.box import usual_box
 from verification.critic_errors import critic_errors
@@ -125,7 +126,9 @@ def verify(
         errors = [*errors, *found.errors]
         checks += found.checks
         sections.append(found.section)
-        nonlinear = None if linear is None else _nonlinear(last, linear, axis, limit, sections)
+        if linear is not None:
+            nonlinear, part = _nonlinear(last, linear, axis, limit)
+            sections.append(Section(part, Details()))
     elif last.is_layer:
         sections.append(_polynomial_section(last))
     checks += over_time.checks
@@ -187,21 +190,18 @@ def _searched(
 
 
 def _nonlinear(
-    critic: Critic, linear: LinearModel, axis: TimeAxis, limit: float, sections: list[Section]
-) -> NonlinearComparison | None:
-    """Return the comparison with the nonlinear game, and add its section."""
+    critic: Critic, linear: LinearModel, axis: TimeAxis, limit: float
+) -> tuple[NonlinearComparison | None, Part]:
+    """Return the comparison with the nonlinear game, or None, and its part of the report."""
     from verification.nonlinear_game import compare_with_nonlinear
 
     if not isinstance(axis.exact, Solution):
-        sections.append(Section(("Nonlinear game: not compared in discrete time",), Details()))
-        return None
+        return None, ("Nonlinear game: not compared in discrete time",)
     try:
         compared = compare_with_nonlinear(critic, linear, axis.exact, limit)
     except (BadInputError, NoSolutionError) as error:
-        sections.append(Section((f"Nonlinear game: not compared: {error}",), Details()))
-        return None
-    sections.append(Section(compared.part(), Details()))
-    return compared
+        return None, (f"Nonlinear game: not compared: {error}",)
+    return compared, compared.part()
 
 
 def axis_of(game: Game | DiscreteGame) -> TimeAxis:
