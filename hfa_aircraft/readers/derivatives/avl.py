@@ -107,13 +107,20 @@ def read_stability_file(path: str) -> StabilityFile:
     values: dict[str, Entry] = {}
     controls: dict[str, Entry] = {}
     for place, name, value, is_control in found:
-        name = re.sub(r"(?<=d)0+(?=\d)", "", name)  # CLd01 is CLd1
+        if not is_control:
+            name = re.sub(r"(?<=d)0+(?=\d)", "", name)  # CLd01 is CLd1
         entry = Entry(value, f"{path}, line {place}")
         target = controls if is_control else values
         if name in target:
             raise entry.error(f"{name} is given twice; write each run case to a file of its own")
         target[name] = entry
-    file = StabilityFile(path, content, values, _without_design(controls, values))
+    count = sum(name.startswith("CLd") for name in values)
+    if len(controls) < count:
+        raise BadInputError(
+            f"{path}: {count} controls have derivatives, but {len(controls)} a deflection; {_AGAIN}"
+        )
+    of_controls = dict(list(controls.items())[:count])  # before the design variables
+    file = StabilityFile(path, content, values, of_controls)
     for place, line in lines:
         if "Geometric axis orientation" in line:
             raise BadInputError(
@@ -131,12 +138,6 @@ def read_stability_file(path: str) -> StabilityFile:
                 f"{name} is {file.value(name):g}; write the file at a run case with {name} 0"
             )
     return file
-
-
-def _without_design(controls: Mapping[str, Entry], values: Iterable[str]) -> dict[str, Entry]:
-    """Return the controls alone, which come before the design variables in a printed file."""
-    count = sum(name.startswith("CLd") for name in values)
-    return dict(list(controls.items())[:count])
 
 
 #: A line, a name, its value as text, and whether it is the deflection of a control.

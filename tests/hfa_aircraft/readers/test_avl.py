@@ -191,6 +191,7 @@ def test_faulty_stability_files_are_refused(old: str, new: str, message: str, gl
     ("old", "new", "message"),
     [
         ("CLa =   5.911822", "", "glider.st: CLa is missing"),
+        ("   rudder          =   0.00000\n", "", "3 controls have derivatives, but 2 a deflection"),
         ("Xref = 0.30000", "Xref = 0.35000", "moments about [0.35, 0, 0]"),
         (" Stability-axis derivatives...", " Body-axis derivatives...", "no stability derivatives"),
     ],
