@@ -1,10 +1,9 @@
-"""A and B, thrust and responses of JSBSim aircraft, compared with JSBSim.
+"""A and B and thrust of JSBSim aircraft, compared with JSBSim.
 
 A and B are compared with finite differences of JSBSim's accelerations. Thrust is compared at five
-throttle settings, and the response to an elevator pulse after 10 s. The command
-`python -m studies.jsbsim.dynamics [NAME ...]` prints a line for each aircraft. In both programs,
-propellers and governors are in equilibrium at each state, so that A and B contain only the other
-states.
+throttle settings. The command `python -m studies.jsbsim.dynamics [NAME ...]` prints a line for each
+aircraft. In both programs, propellers and governors are in equilibrium at each state, so that A and
+B contain only the other states. `flights.py` compares flights.
 """
 
 from __future__ import annotations
@@ -12,13 +11,11 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from hfa import linearize, trim
-from hfa_aircraft.march.steppers import rk4
 from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
 from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, responses
@@ -41,17 +38,12 @@ _CONDITIONS = {
     "DHC6": (110.0, 3000.0),
     "sgs126": (55.0, 3000.0),
 }
-_FLOWN = ("737", "f15", "c172p", "c310", "pc7", "sgs126")
 _STATES = ("speed", "alpha", "beta", "roll_rate", "pitch_rate", "yaw_rate", "roll", "pitch")
 #: Rows of A and B that follow from JSBSim's accelerations.
 RATES = _STATES[:6]
 #: Step of the finite differences, relative to the nominal value of a state or input.
 _STEP = 1e-3
 _THROTTLES = (0.0, 0.25, 0.5, 0.75, 1.0)
-#: Elevator pulse of one second, settling time of the engines, and duration of the flight, s.
-_PULSE = {"elevator": 0.02}
-_REST = 15.0
-_FLIGHT = 10.0
 
 
 def main(names: Sequence[str]) -> int:
@@ -61,10 +53,7 @@ def main(names: Sequence[str]) -> int:
         agree, entries, worst = slopes(name, model, point)
         thrust = thrust_miss(name, model, point)
         line = f"{name}: {agree} of {entries} entries of A and B to 1e-6, worst {worst}"
-        line += f"; thrust {thrust:.0e}"
-        if name in _FLOWN:
-            line += f"; flight {flight_miss(name, model, point)}"
-        print(line, flush=True)
+        print(f"{line}; thrust {thrust:.0e}", flush=True)
     return 0
 
 
@@ -190,52 +179,6 @@ def thrust_miss(name: str, model: Model, point: OperatingPoint) -> float:
         theirs = sum(value for key, value in answer.items() if key.startswith("thrust"))
         worst = max(worst, abs(ours["thrust"] - theirs) / max(1.0, abs(theirs)))
     return worst
-
-
-def flight_miss(name: str, model: Model, point: OperatingPoint) -> str:
-    """Return text on the state that differs most from JSBSim after an elevator pulse.
-
-    The text contains the difference and the name of the state. The response to the pulse is the
-    difference of flights with and without the pulse. The effect of JSBSim's round earth cancels in
-    this difference. The difference from JSBSim at the end of the flight is divided by the response,
-    or by 10 % of the state's nominal value if this is larger.
-    """
-    state = point.states._asdict()
-    inputs = point.inputs._asdict()
-    items = []
-    for pulse in (_PULSE, {}):
-        item = _at(name, model, state, inputs)
-        item["point"] |= {"flight": _FLIGHT, "rest": _REST, "pulse": pulse}
-        items.append(item)
-    theirs = responses(items, 3000.0)
-    ours = [_simulated(model, state, inputs, pulse) for pulse in (_PULSE, {})]
-    misses = {}
-    for key in ("speed", "alpha", "pitch_rate", "pitch", "altitude"):
-        moved = ours[0][key] - ours[1][key]
-        size = max(abs(moved), 0.1 * model.signals[key].nominal)
-        misses[key] = abs(moved - theirs[0][key] + theirs[1][key]) / size
-    worst = max(misses, key=lambda key: misses[key])
-    return f"{misses[worst]:.0e} ({worst})"
-
-
-def _simulated(
-    model: Model,
-    state: Mapping[str, float],
-    inputs: Mapping[str, float],
-    pulse: Mapping[str, float],
-) -> dict[str, float]:
-    """Return the final value of each state of a flight by the Runge-Kutta method."""
-    step = 0.005
-    x = np.array([state[name] for name in model.states])
-
-    def rates(u: list[float], at: np.ndarray, _: float) -> np.ndarray:
-        return np.array(list(model.rates_at(at.tolist(), u).values()))
-
-    for number in range(round(_FLIGHT / step)):
-        added = pulse if 1.0 <= number * step < 2.0 else {}
-        u = [inputs[name] + added.get(name, 0.0) for name in model.inputs]
-        x = rk4(partial(rates, u), x, step)
-    return dict(zip(model.states, x.tolist(), strict=True))
 
 
 if __name__ == "__main__":

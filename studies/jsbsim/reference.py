@@ -408,13 +408,11 @@ def _freeze_state(simulator: Any) -> None:
 
 def _simulated(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     """Simulate a flight in JSBSim and return the final states."""
-    # If the request contains "changes", the result also contains "start" and "states". "start"
-    # contains the states at the start of the flight, including those of engines. "states" contains
-    # the states at the end of each interval. Entries of the request:
+    # "start" of the result contains the states at the start of the flight, including those of
+    # engines, and "states" those at the end of each interval. Entries of the request:
     # - "flight": duration, s
     # - "step": time step, s, by default 1 ms
     # - "rest": time before the flight in which engines settle, s
-    # - "pulse": increments of commands between 1 and 2 s
     # - "changes": list of [time, {command: value}], in order
     # - "interval": time between stored states, s, by default 1 s
     commands = dict(point.get("commands", {}))
@@ -434,9 +432,6 @@ def _simulated(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     changes = list(point.get("changes", ()))
     interval = round(point.get("interval", 1.0) / length)
     for step in range(round(point["flight"] / length)):
-        pulsing = 1.0 <= step * length < 2.0
-        for name, value in point.get("pulse", {}).items():
-            simulator[_COMMANDS[name]] = commands.get(name, 0.0) + (value if pulsing else 0.0)
         while changes and changes[0][0] <= step * length + 1e-9:
             _command(simulator, changes.pop(0)[1])
         if "changes" in point:
@@ -444,8 +439,7 @@ def _simulated(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
         _run(simulator.run, simulator)
         if (step + 1) % interval == 0:
             states.append(_states(simulator))
-    answer: dict[str, Any] = _states(simulator)
-    return answer | {"start": start, "states": states} if "changes" in point else answer
+    return _states(simulator) | {"start": start, "states": states}
 
 
 def _lean(simulator: Any, commands: Mapping[str, float], leaned: dict[str, float]) -> None:
