@@ -71,11 +71,10 @@ test-all: .venv/ready test-core
 mutants: .venv/tests
 	$(BIN)/python tests/mutants.py $(LISTS)
 
-# Many hostile inputs by every way in: numbers FIRST, FIRST + 1, ... of each.
-FUZZ_INPUTS ?= 250
-FIRST ?= 0
+# Many examples of every property: hostile inputs by every way in, games, trims and files.
+EXAMPLES ?= 500
 fuzz: .venv/tests
-	HOSTILE_INPUTS=$(FUZZ_INPUTS) HOSTILE_FIRST=$(FIRST) $(BIN)/python -m pytest tests/hfa/test_hostile_inputs.py
+	EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest $$(grep -rl "import given" tests extensions --include=test_*.py)
 
 # The oldest and the newest versions of the dependencies, with every Python that is found.
 test-matrix: .venv/ready

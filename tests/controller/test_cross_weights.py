@@ -90,6 +90,7 @@ def test_a_game_with_cross_weights_agrees_with_scipy(seed):
         solve(game.with_delta(0.99 * least))
 
 
+@pytest.mark.slow
 def test_the_l2_gain_and_the_cost_of_a_policy_contain_the_cross_term():
     """The gain is that of the output W^(1/2) (z, u), and a policy costs its simulated cost."""
     game = crossed(7)
@@ -129,6 +130,7 @@ def test_margins_open_the_loop_at_the_input_of_the_plant():
     assert solution.disk_margin.disk == pytest.approx(disk, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_the_learner_learns_the_gain_of_the_cross_weights(seed):
     game = crossed(seed)

@@ -11,9 +11,9 @@ import pytest
 from game_samples import INITIAL, game_models
 from linear_flight import LinearFlight, simulate
 
-from controller.reference import feedforward, forcing
+from controller.reference import feedforward
 from hfa import BadInputError, Game, solve
-from hfa_aircraft.waveform import Harmonic, Waveform, channel, stacked
+from hfa_aircraft.waveform import Harmonic, Waveform, channel
 
 #: Constant, ramp and two sinusoids in several states.
 REFERENCE = Waveform(
@@ -51,15 +51,6 @@ def test_feedforward_satisfies_its_differential_equation(game: Game) -> None:
         assert np.abs(rate + loop.T @ s.at(t) + P @ r).max() < 1e-9 * np.abs(P @ r).max()
 
 
-def test_a_free_motion_of_the_plant_needs_no_feedforward() -> None:
-    """A reference that the plant follows by itself, a sinusoid of an oscillator, has s = 0."""
-    A = np.array([[0.0, 2.0], [-2.0, 0.0]])
-    game = Game(A, np.array([[0.0], [1.0]]), np.eye(2), np.eye(2), np.eye(1), 10.0)
-    free = Waveform(np.zeros(2), np.zeros(2), (Harmonic(2.0, np.eye(2)[0], np.eye(2)[1]),))
-    assert np.abs(forcing(A, free).harmonics[0].sine).max() < 1e-15
-    assert np.abs(feedforward(game, solve(game).P, free).inputs.at(1.0)).max() < 1e-12
-
-
 def test_a_wrong_solution_or_reference_is_refused() -> None:
     """A P whose loop is not Hurwitz, and a reference of another size, are refused."""
     game = game_models()[min(game_models())]
@@ -90,12 +81,6 @@ def test_another_signal_is_refused(text: str) -> None:
     """A text that is no such sum is refused in one line."""
     with pytest.raises(BadInputError, match="write"):
         channel(text)
-
-
-def test_channels_are_stacked_by_name() -> None:
-    """Channels take the places of their names, and the others are 0."""
-    wave = stacked({"b": channel("2t+sin(3t)"), "a": channel("1")}, ("a", "c", "b"))
-    assert wave.at(0.4) == pytest.approx([1.0, 0.0, 0.8 + math.sin(1.2)])
 
 
 class _Tracking:
@@ -136,6 +121,7 @@ class _Tracking:
         return float(flight.cost[-1] + z @ self.P @ z + 2.0 * s @ z)
 
 
+@pytest.mark.slow
 def test_costs_of_exact_policies_equal_the_value() -> None:
     """The exact policies have the cost J(0, T) = V(z(0), 0) - V(z(T), T).
 
@@ -151,6 +137,7 @@ def test_costs_of_exact_policies_equal_the_value() -> None:
     assert tracking.total(tracking.fly(end, share=1.01)) > tracking.total(flight) + 1e-3
 
 
+@pytest.mark.slow
 def test_deviations_change_the_cost_to_second_order() -> None:
     """A deviation from the exact policies changes the cost to second order.
 

@@ -43,6 +43,7 @@ def test_a_reachable_command_is_said_to_be_reachable() -> None:
     assert track(plant, solution, {"x1": 1.0}).reachable is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("with_feedforward", [True, False])
 def test_late_errors_are_those_of_a_simulation(with_feedforward: bool) -> None:
     """The late error of the linear loop is what a simulation shows after the transients."""

@@ -8,9 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import zarr
 from cli import answer, hfa
-from extension import needs
 from game_files import AT_15
 
 from hfa import linearize, trim
@@ -142,28 +140,6 @@ def test_the_json_of_linearize_contains_documented_keys() -> None:
     assert "printed" not in answer("linearize", "--dihedral", "15", "--hold", "speed=70")
 
 
-def test_the_text_of_sweep_contains_every_mode() -> None:
-    """`hfa sweep` prints a column for each mode.
-
-    In JSON, the eigenvalues of each point belong to its A.
-    """
-    shown = text("sweep", "--dihedral", "0:15:5")
-    assert shown.startswith("Sweep, published dynamics: trimmed at 4 of 4 points\n")
-    assert re.search(
-        r"^dihedral deg +short period 1/s +dihedral \(fast\) 1/s +phugoid 1/s +dihedral \(slow\)"
-        r" 1/s$",
-        shown,
-        re.M,
-    )
-    data = answer("sweep", "--dihedral", "0:15:5")
-    np.testing.assert_allclose(np.degrees(data["values"]).ravel(), [0, 5, 10, 15], atol=1e-12)
-    for A, pairs in zip(data["A"], data["eigenvalues"], strict=True):
-        eigenvalues = np.sort_complex([complex(*pair) for pair in pairs])
-        np.testing.assert_allclose(
-            eigenvalues, np.sort_complex(np.linalg.eigvals(A)), rtol=1e-9, atol=1e-9
-        )
-
-
 def test_failed_sweep_points_are_rows_with_reasons() -> None:
     """A sweep point without a trim is a row of nulls with a reason.
 
@@ -227,29 +203,6 @@ CHOSEN = (
 )
 
 
-def test_every_state_is_an_output_by_default() -> None:
-    """By default C is the identity, D is 0, and E has a column for each wind component.
-
-    With --states, the outputs are the selected states.
-    """
-    data = answer("linearize", *AT_15)
-    assert (data["outputs"], data["output_units"]) == (data["states"], data["state_units"])
-    np.testing.assert_array_equal(data["C"], np.eye(6))
-    np.testing.assert_array_equal(data["D"], np.zeros((6, 5)))
-    assert (data["disturbances"], set(data["disturbance_units"])) == (
-        list(choice.aircraft().disturbances),
-        {"ft/s"},
-    )
-    assert (np.shape(data["E"]), data["F"]) == ((6, 7), [[0.0] * 7] * 6)
-    full = answer("linearize", *AT_15, "--states", ",".join(STATES))
-    assert (full["outputs"], np.shape(full["E"]), np.shape(full["C"])) == (
-        full["states"],
-        (7, 7),
-        (7, 7),
-    )
-    assert "C  " not in hfa("linearize", *AT_15).out
-
-
 def test_names_select_rows_and_columns_in_order() -> None:
     """--states, --inputs and --outputs select rows and columns of A to E in the given order."""
     whole = answer("linearize", *AT_15, "--outputs", "load_factor,dihedral")
@@ -294,12 +247,6 @@ def test_npz_files_contain_columns_of_all_winds(published_aircraft: Model) -> No
         np.testing.assert_array_equal(stored["F"], model.F)
 
 
-def test_a_files_wind_is_not_its_games_disturbance() -> None:
-    """The wind columns in a linear-model file are not used as the disturbance of a game."""
-    assert hfa("linearize", *AT_15, "--outputs", "gamma", "-o", "model.mat").code == 0
-    assert answer("solve", "--model", "model.mat")["P"] == answer("solve", *AT_15)["P"]
-
-
 # Aircraft in the provenance. test_files.py compares files with JSON.
 
 
@@ -317,21 +264,6 @@ def heavy(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def hash_of(path: Path) -> str:
     return parameter_hash(load_parameters(path).values)
-
-
-def test_text_names_parameters_of_aircraft(heavy: Path) -> None:
-    """The last lines of the text name the parameter set, its hash, and each changed parameter."""
-    plain = hfa("solve", "--dihedral", "12")
-    edited = hfa("solve", "--dihedral", "12", "--parameters", str(heavy))
-    assert (
-        f"parameters identified ({parameter_hash(default_parameters().values)})"
-        in plain.out.splitlines()[-1]
-    )
-    assert f"({hash_of(heavy)})" in edited.out.splitlines()[-2]
-    assert (
-        edited.out.splitlines()[-1]
-        == "not the identified aircraft: panel_mass 10.5 slug (identified: 9.32593)"
-    )
 
 
 def test_the_json_contains_the_whole_condition(heavy: Path) -> None:
@@ -358,18 +290,3 @@ def test_the_json_contains_the_whole_condition(heavy: Path) -> None:
     assert data["condition"]["limits"]["throttle"] == [0.0, 60.0]
     assert data["command"].startswith("hfa linearize --dihedral 12 --hold speed=66")
     assert (data["date"], data["dynamics"]) == ("2026-09-21T14:13:20Z", "published")
-
-
-@needs("hfa_flight")
-@pytest.mark.parametrize("command", ["sweep", pytest.param("fly", marks=pytest.mark.slow)])
-def test_stores_contain_the_parameters_hash(command: str, heavy: Path, tmp_path: Path) -> None:
-    """Zarr stores of sweeps and flights contain the hash of the aircraft's parameters."""
-    path = tmp_path / "out.zarr"
-    words = {
-        "sweep": ("--dihedral", "0:10:5"),
-        "fly": ("--dihedral", "12", "--samples", "2", "--duration", "0.1"),
-    }
-    assert hfa(command, *words[command], "--parameters", str(heavy), "-o", str(path)).code == 0
-    assert zarr.open_group(str(path), mode="r").attrs["provenance"]["parameter_hash"] == hash_of(
-        heavy
-    )

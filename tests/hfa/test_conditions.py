@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import zarr
 from cli import answer, assert_refused, hfa
-from scipy.io import loadmat
 
 from hfa.options.ranges import value_range
 from hfa_aircraft.loading import load_model
@@ -132,23 +131,6 @@ def test_held_variables_can_be_swept(tmp_path: Path) -> None:
         assert arrays["A"].shape == (3, 6, 6)
 
 
-def test_a_range_ends_at_or_before_its_stop() -> None:
-    """An option's range start:stop:step includes stop only if a step reaches it. A list keeps
-    its order.
-    """
-    for words, values in (
-        ("60:70:4", [60.0, 64.0, 68.0]),
-        ("60:70:5", [60.0, 65.0, 70.0]),
-        ("70,60", [70.0, 60.0]),
-    ):
-        assert (
-            answer("sweep", "--dihedral", "5", "--hold", f"speed={words}")["grid"]["speed"][
-                "values"
-            ]
-            == values
-        )
-
-
 def test_ranges_and_lists_have_units() -> None:
     """Each number of a range or a list may have a unit. The three numbers have the same one."""
     model = load_model(str(Path(__file__).parents[2] / "examples" / "uav.toml"))
@@ -158,22 +140,6 @@ def test_ranges_and_lists_have_units() -> None:
     assert value_range(model, "speed", "60kt,20") == pytest.approx((60 * knot, 20.0))
     with pytest.raises(BadInputError, match="give all three numbers in the same unit"):
         value_range(model, "speed", "60:80:10kt")
-
-
-def test_the_last_matlab_axis_numbers_the_points(tmp_path: Path) -> None:
-    """In a .mat file, the last axis of A and B numbers the points of the sweep.
-
-    The grid is stored in radians with its units.
-    """
-    target = tmp_path / "grid.mat"
-    data = answer("sweep", *GRID, "-o", str(target))
-    loaded = loadmat(target, simplify_cells=True)
-    assert (loaded["A"].shape, loaded["B"].shape) == ((6, 6, 9), (6, 5, 9))
-    for i, A in enumerate(data["A"]):
-        np.testing.assert_array_equal(loaded["A"][:, :, i], A)
-    np.testing.assert_array_equal(loaded["values"], data["values"])
-    np.testing.assert_allclose(loaded["grid"]["dihedral"]["values"], np.radians([0.0, 10.0, 20.0]))
-    assert (list(loaded["grid"]), loaded["grid"]["gamma"]["unit"]) == (["dihedral", "gamma"], "rad")
 
 
 @pytest.mark.slow

@@ -37,16 +37,6 @@ def test_a_closed_standard_output_is_refused(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_control_characters_of_a_file_name_are_escaped(tmp_path: Path) -> None:
-    """The line "wrote NAME" contains no control character of the name."""
-    name = "a\x1b[31m.json"
-    done = hfa("trim", "--dihedral", "15", "-o", str(tmp_path / name))
-    assert done.code == 0
-    assert (tmp_path / name).is_file()
-    assert "\x1b" not in done.err
-    assert "a\\x1b[31m.json" in done.err
-
-
 _WRITES = """
 from pathlib import Path
 from hfa_support.files import all_or_none, write_text
@@ -56,6 +46,7 @@ with all_or_none(folder=Path("page")):
 """
 
 
+@pytest.mark.slow
 def test_files_of_two_runs_are_not_mixed(tmp_path: Path) -> None:
     """Files get their names in a folder only when no other process writes into it."""
     import fcntl
@@ -99,6 +90,7 @@ def test_coinciding_input_and_output_files_are_refused(tmp_path: Path, words: st
 PICTURE = "linearize --dihedral 15 --picture a.png"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "home",
     [

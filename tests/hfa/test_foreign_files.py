@@ -8,10 +8,9 @@ import shlex
 from pathlib import Path
 from typing import Any
 
-import control
 import numpy as np
 import pytest
-from cli import assert_refused, hfa
+from cli import hfa
 
 #: Commands that write .csv files -> columns of numbers without a unit.
 _ENTRIES = ("half_units", "percent")
@@ -47,28 +46,6 @@ def assert_solved_and_checked(plant: Path, gain: Path, linearized: dict[str, Any
     assert (result.code, json.loads(result.out)["ok"]) == (0, True)
 
 
-def test_python_control_systems_in_json_are_read(
-    linearized: dict[str, Any], tmp_path: Path
-) -> None:
-    """A python-control StateSpace written as JSON is read as a plant.
-
-    A positive sample time dt is refused.
-    """
-    names = {"states": linearized["states"], "inputs": linearized["inputs"]}
-    system = control.ss(linearized["A"], linearized["B"], np.eye(6), 0, **names)
-    content = {
-        name: getattr(system, name)
-        for name in ("A", "B", "C", "D", "dt", "state_labels", "input_labels")
-    }
-    plant = tmp_path / "plant.json"
-    gain = tmp_path / "gain.json"
-    plant.write_text(json.dumps(content, default=np.ndarray.tolist), encoding="utf-8")
-    gain.write_text(json.dumps({"K": linearized["K"]}), encoding="utf-8")
-    assert_solved_and_checked(plant, gain, linearized)
-    plant.write_text(json.dumps(content | {"dt": 0.1}, default=np.ndarray.tolist), encoding="utf-8")
-    assert_refused(hfa("solve", "--model", str(plant)), 2, "dt = 0.1", "set dt = 0")
-
-
 def test_csv_files_with_headers_are_read(linearized: dict[str, Any], tmp_path: Path) -> None:
     """`hfa solve` and `hfa verify` read A, B and K from three CSV files with headers."""
     for name, columns in (
@@ -87,6 +64,7 @@ def test_csv_files_with_headers_are_read(linearized: dict[str, Any], tmp_path: P
     assert_solved_and_checked(tmp_path / "A.csv", tmp_path / "K.csv", linearized)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command", [*TABLES, *(pytest.param(table, marks=pytest.mark.slow) for table in SLOW_TABLES)]
 )

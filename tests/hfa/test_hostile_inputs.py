@@ -5,14 +5,14 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import hostile
 import pytest
 from cli import Result, hfa
 from extension import needs
-from hostile import WAYS, attempt, case, output_fault, seeds
+from hostile import WAYS, attempt, hostile_case, output_fault, seeds
+from hypothesis import given, strategies as st
 
 from hfa.commands import trim
 from hfa.options.request import Command
@@ -25,29 +25,26 @@ IN_FILES = needs(
     "hfa_prove",
     "hfa_design",
 )
-#: Number of inputs of each kind, and number of the first one.
-INPUTS = int(os.environ.get("HOSTILE_INPUTS", "1"))
-FIRST = int(os.environ.get("HOSTILE_FIRST", "0"))
 
 
-@pytest.mark.parametrize(
-    "way", [pytest.param(way, marks=IN_FILES if WAYS[way] else ()) for way in WAYS]
-)
-def test_a_hostile_input_gives_a_result_or_error(way: str) -> None:
+#: Kinds of inputs that are tried in the fast tests.
+FAST = ("command line", "condition.toml", "plant.json", "critic.npz", "sealed game.json")
+
+
+def marks_of(way: str) -> list[pytest.MarkDecorator]:
+    return [IN_FILES] * bool(WAYS[way]) + [pytest.mark.slow] * (way not in FAST)
+
+
+@pytest.mark.parametrize("way", [pytest.param(way, marks=marks_of(way)) for way in WAYS])
+@given(data=st.data())
+def test_a_hostile_input_gives_a_result_or_error(way: str, data: st.DataObject) -> None:
     """Every hostile variant of one kind of input gives a result, or an error of one line."""
-    faults = {number: attempt(*case(way, number)) for number in range(FIRST, FIRST + INPUTS)}
-    assert {
-        number: (case(way, number)[0], fault) for number, fault in faults.items() if fault
-    } == {}
+    words, files = data.draw(hostile_case(way))
+    assert attempt(words, files) is None
 
 
-@IN_FILES
 @pytest.mark.parametrize(
-    "way",
-    [
-        pytest.param(way, marks=[pytest.mark.slow] if number % 6 else [])
-        for number, way in enumerate(way for way in WAYS if WAYS[way])
-    ],
+    "way", [pytest.param(way, marks=marks_of(way)) for way in WAYS if WAYS[way]]
 )
 def test_the_unchanged_file_is_accepted(way: str) -> None:
     """Each input file is accepted before it is corrupted."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 
 import pytest
@@ -10,16 +9,6 @@ from cli import Terminal, hfa
 
 from hfa.options import output
 from hfa.options.output import ProgressLine
-
-NOTE = "dihedral 16 deg is beyond the paper's range, which ends at 15 deg"
-
-
-def test_a_dihedral_beyond_the_paper_is_noted_once() -> None:
-    """A dihedral angle beyond the paper's range gives one note, in the text and in JSON."""
-    for degrees, warnings in (("16", [NOTE]), ("15", [])):
-        result = hfa("solve", "--dihedral", degrees, "--json")
-        assert result.err == "".join(f"hfa: note: {note}\n" for note in warnings)
-        assert json.loads(result.out)["warnings"] == warnings
 
 
 def test_quiet_suppresses_all_but_errors() -> None:
@@ -30,17 +19,6 @@ def test_quiet_suppresses_all_but_errors() -> None:
         assert hfa(*words, quiet, err=terminal) == hfa(*words)._replace(err="")
     refused = hfa("trim", "--quiet", "--dihedral", "15", "--hold", "speed=20")
     assert (refused.code, refused.out, refused.err[:13]) == (1, "", "hfa: no trim:")
-
-
-def test_a_stored_sweep_notes_its_farthest_dihedral() -> None:
-    """The note of a sweep into a store names its largest dihedral angle, and is stored."""
-    import zarr
-
-    result = hfa("sweep", "--dihedral", "14:20:2", "--json", "-o", "far.zarr")
-    warnings = [NOTE.replace("16", "20")]
-    assert result.err == f"hfa: note: {warnings[0]}\n"
-    assert json.loads(result.out)["warnings"] == warnings
-    assert zarr.open_group("far.zarr", mode="r").attrs["warnings"] == warnings
 
 
 TRIM = ("trim", "--dihedral", "15")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import pytest
 
@@ -12,7 +12,6 @@ from hfa.options.aircraft import Aircraft
 from hfa.options.part import Part, option, part
 from hfa.options.request import Request
 from hfa.options.trim import Trim
-from hfa_support.errors import BadInputError
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,35 +41,12 @@ class GliderRequest(Request):
 MODEL = Aircraft.loaded({})
 
 
-def test_options_of_parts_come_before_those_of_the_command() -> None:
-    """The options are those of the parts, the output, and the command, without those left out."""
-    own = ["glider.wing.span", "glider.mass"]
-    assert list(GliderRequest.declared()) == [
-        *own,
-        "output.file",
-        "output.json",
-        "quiet",
-        "flights",
-    ]
-    assert GliderRequest.options(MODEL)["glider.wing.span"].flags == ["--span"]
-
-
 def test_values_reach_their_parts() -> None:
     """A value goes to the field of its path. All other fields have the declared defaults."""
     made = GliderRequest.parsed(MODEL, {"glider.wing.span": 18.0})
     assert (made.glider.wing.span, made.glider.wing.chord, made.glider.mass) == (18.0, 1.0, 300.0)
     assert GliderRequest.parsed(MODEL, {}).glider.wing.span == 15.0
     assert made.glider.wing.model is made.model is MODEL
-
-
-def test_a_given_option_is_refused_by_its_name_at_every_level() -> None:
-    """The request and each part know which options were given, and name them as typed."""
-    made = GliderRequest.parsed(MODEL, {"glider.wing.span": 18.0})
-    levels = ((made, "glider.wing.span"), (made.glider, "wing.span"), (made.glider.wing, "span"))
-    for group, path in levels:
-        with pytest.raises(BadInputError, match=r"^--span has no effect$"):
-            replace(group).refuse((path,), "has no effect")
-    made.refuse(("flights", "glider.mass"), "has no effect")
 
 
 def test_a_trim_and_an_aircraft_know_their_provenance() -> None:

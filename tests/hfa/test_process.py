@@ -16,14 +16,6 @@ from project import ROOT
 from hfa.main import BAD_INPUT, DONE, FAILED
 
 
-def test_the_module_is_the_command(tmp_path: Path) -> None:
-    """`python -m hfa` prints the same text and returns the same exit code as `hfa`."""
-    words = ("trim", "--dihedrl", "15")
-    run = [sys.executable, "-m", "hfa", *words]
-    done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stdout, done.stderr) == hfa(*words)
-
-
 def test_output_of_a_process_ignores_settings(tmp_path: Path) -> None:
     """The output of a child process does not depend on the hash seed or on color settings."""
     words = ("sweep", "--dihedral", "14:16:1")
@@ -36,8 +28,7 @@ def test_output_of_a_process_ignores_settings(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "code", "unbuffered"),
     [
-        ("--help", DONE, ""),
-        ("sweep --dihedral 0:20:0.5 --json -q", DONE, ""),
+        pytest.param("sweep --dihedral 0:20:0.5 --json -q", DONE, "", marks=pytest.mark.slow),
         ("sweep --dihedral 60 -q", FAILED, "1"),
     ],
 )
@@ -70,6 +61,7 @@ def test_a_full_standard_output_is_refused() -> None:
     assert re.fullmatch(rb"hfa: [^\n]*No space left on device\n", done.stderr)
 
 
+@pytest.mark.slow
 def test_progress_is_erased_at_the_end(tmp_path: Path) -> None:
     """On a pseudo-terminal, the progress line is erased at the end."""
     printed = ROOT / "studies" / "published" / "sources" / "radp_suspension.toml"

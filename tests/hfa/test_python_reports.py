@@ -14,7 +14,6 @@ from hfa_support.reporting.report import Report
 from verification import regenerate_all
 
 NAVION = f"{ROOT}/examples/navion.py:NAVION"
-OPTION = re.compile(r"(?<!\S)--[a-z]")
 
 
 def without_source(text: str) -> str:
@@ -57,9 +56,3 @@ def reports() -> list[Report]:
         *(result.report() for result in (point, other, hfa.linearize(model, point), *verdicts)),
         *(regenerate_all(model).report(), regenerate_all(model).summary()),
     ]
-
-
-def test_reports_in_python_name_no_option() -> None:
-    """Reports of results in Python mention no option of the command line."""
-    assert [OPTION.findall(report.text()) for report in reports()] == [[]] * 7
-    assert OPTION.search("3 checks passed; --json has all")

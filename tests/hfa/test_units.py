@@ -13,8 +13,6 @@ from cli import answer, assert_refused, hfa
 from hfa_support import units
 
 FOOT = 0.3048
-POUND_FORCE = 4.4482216152605
-SLUG = 14.593902937206364
 TRIM = ("trim", "--dihedral", "12")
 ENGLISH = ("ft", "lbf", "slug")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import pytest
@@ -73,42 +73,6 @@ def test_rates_and_outputs_are_single_numbers(
 
     with pytest.raises(BadInputError, match=message):
         cart(equations=equations).functions()
-
-
-def test_the_repr_of_a_model_is_short() -> None:
-    """The repr of a model contains its numbers of states, inputs and outputs."""
-    assert repr(cart()) == "<Model cart: 2 states, 1 inputs, 1 outputs>"
-
-
-class Car(NamedTuple):
-    """States of a model as a class with a property."""
-
-    place: Any
-    pace: Any
-
-    @property
-    def energy(self) -> Any:
-        return self.pace * self.pace / 2.0
-
-
-def test_states_keep_the_class_of_their_declaration() -> None:
-    """States keep the class in which they are declared, with its properties.
-
-    This holds in the equations and in results.
-    """
-    model = cart(
-        states=Car(Signal("m"), Signal("m/s", start=2.0)),
-        equations=lambda x, u, p, w: (
-            {"place": x.pace - 2.0, "pace": u.force - x.energy},
-            {"position": x.energy},
-        ),
-        trim={"place": 0.0, "pace": 2.0},
-    )
-    point = trim(model)
-    assert isinstance(point.states, Car)
-    assert point.states.energy == 2.0
-    assert point.inputs.force == pytest.approx(2.0)
-    assert model.outputs_at(point.states, point.inputs)["position"] == 2.0
 
 
 @pytest.mark.parametrize("where", ["a rate", "an output", "a rate of MX"])

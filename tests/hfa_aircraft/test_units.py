@@ -10,67 +10,21 @@ import pytest
 from extension import Extension
 
 import hfa
-from controller import minimum_delta
-from hfa import BadInputError, Game, TrimCondition, linearize, solve, trim
+from hfa import BadInputError, Game, TrimCondition, linearize, trim
 from hfa.paper import published_game
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_aircraft.units import in_si, native_of
 from hfa_support.units import si_factor
-from trim import trim_report
 from trim.point.condition import usual_condition
 
 envelopes = Extension("hfa_flight.envelope")
 
-ANGLE = 0.2
 MODELS = [hfa.aircraft("published"), hfa.aircraft("newton")]
 
 
 def factors(model: Model, names: tuple[str, ...]) -> np.ndarray:
     return np.array([si_factor(model.unit(name)) for name in names])
-
-
-@pytest.mark.parametrize("model", MODELS, ids=lambda model: model.name)
-def test_si_models_give_the_same_results(model: Model) -> None:
-    """Trim, A, P and smallest delta of a model in SI units agree with those in English units."""
-    converted = in_si(model)
-    point = trim(model, usual_condition(model).at(ANGLE))
-    point_in_si = trim(converted, usual_condition(converted).at(ANGLE))
-    sizes = factors(model, tuple(model.states))
-    np.testing.assert_allclose(np.array(point_in_si.states), point.states * sizes, rtol=1e-12)
-    np.testing.assert_allclose(point_in_si.inputs, point.inputs, rtol=1e-9)
-    linear = linearize(model, point)
-    linear_in_si = linearize(converted, point_in_si)
-    rows = factors(model, model.linear)
-    np.testing.assert_allclose(linear_in_si.A / rows[:, None] * rows, linear.A, atol=1e-12)
-    game = published_game(linear)
-    game_in_si = published_game(linear_in_si)
-    P = solve(game).P
-    P_from_si = solve(game_in_si).P * np.outer(rows, rows)
-    np.testing.assert_allclose(P_from_si, P, atol=1e-10 * np.abs(P).max())
-    smallest = minimum_delta(game).value
-    assert minimum_delta(game_in_si).value == pytest.approx(smallest, rel=1e-6)
-
-
-def test_a_trim_report_in_si_contains_newtons() -> None:
-    """The loads and the performance in a trim report are converted to SI units."""
-    model = MODELS[0]
-    converted = in_si(model)
-    data, data_in_si = (
-        trim_report(
-            model_given,
-            usual_condition(model_given),
-            trim(model_given, usual_condition(model_given)),
-        ).data
-        for model_given in (model, converted)
-    )
-    for name, value in data["loads"].items():
-        factor = si_factor(data["load_units"][name])
-        assert data_in_si["loads"][name] == pytest.approx(value * factor, rel=1e-9, abs=1e-6)
-    for name, value in data["performance"].items():
-        factor = si_factor(data["performance_units"][name])
-        assert data_in_si["performance"][name] == pytest.approx(value * factor, rel=1e-9, abs=1e-6)
-    assert data_in_si["performance_units"]["weight"] == "N"
 
 
 def test_parameters_envelope_and_pickles_are_converted() -> None:

@@ -61,18 +61,3 @@ def test_linearize_and_sweep_give_equal_mode_names() -> None:
                 pytest.approx(named[name]),
                 pytest.approx(named[name].conjugate()),
             )
-
-
-def test_other_units_and_states_stay_unnamed() -> None:
-    """Short period and phugoid have no default names if the pitch rate is in 1/h.
-
-    A satellite has no default names, and declared modes are kept.
-    """
-    assert set(_jet({**_UNITS, "q": "1/h"}).modes) == {"dutch roll", "roll", "spiral"}
-    spinning = {name: Signal("rad/s") for name in ("p", "q", "r")}
-    rates = dict.fromkeys(spinning, 0.0)
-    satellite = Model("satellite", spinning, {}, lambda x, u, p, w: (rates, {}))
-    assert not satellite.modes
-    declared = {"spin": ("p",)}
-    satellite = Model("satellite", spinning, {}, lambda x, u, p, w: (rates, {}), modes=declared)
-    assert satellite.modes == declared

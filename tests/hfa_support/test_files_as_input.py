@@ -86,18 +86,3 @@ def test_unparsable_text_is_refused(tmp_path: Path, content: bytes, said: str) -
     path.write_bytes(b"x = " + content)
     with pytest.raises(BadInputError, match=f"is not a TOML file .*{said}"):
         read_toml(path)
-
-
-@pytest.mark.parametrize("text", ["name = 'ä'\n", '{"name": "ä"}'])
-def test_a_byte_order_mark_is_skipped(tmp_path: Path, text: str) -> None:
-    """A TOML or JSON file that begins with a byte order mark is read as without it.
-
-    A mark elsewhere is refused.
-    """
-    read = read_json if text.startswith("{") else read_toml
-    path = tmp_path / "data"
-    path.write_text(text, encoding="utf-8-sig")
-    assert read(path) == {"name": "ä"}
-    path.write_text("\ufeff" + text, encoding="utf-8-sig")
-    with pytest.raises(BadInputError, match="data is not"):
-        read(path)

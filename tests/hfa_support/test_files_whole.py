@@ -58,19 +58,6 @@ def test_a_missing_folder_is_named(tmp_path: Path) -> None:
         save(tmp_path / "no" / "state.npz", np.zeros(1))
 
 
-def test_the_mode_of_an_existing_file_is_kept(
-    tmp_path: Path,
-) -> None:
-    """An overwritten file keeps its mode. A new file has the default mode of the process."""
-    write_text(tmp_path / "new", "1")
-    (tmp_path / "ordinary").touch()
-    assert (tmp_path / "new").stat().st_mode == (tmp_path / "ordinary").stat().st_mode
-    for mode in (0o600, 0o640, 0o755):
-        (tmp_path / "new").chmod(mode)
-        write_text(tmp_path / "new", "2")
-        assert (tmp_path / "new").stat().st_mode & 0o777 == mode
-
-
 def test_only_temporary_files_are_removed(tmp_path: Path) -> None:
     """`remove_unfinished` removes only temporary files and folders of this process."""
     theirs = {tmp_path / ".a.json.0123456789abcdef.part", tmp_path / ".hfa-theirs"}

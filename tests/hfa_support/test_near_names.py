@@ -31,8 +31,3 @@ def test_synonyms_are_lower_case_and_not_their_meaning():
     for word, meanings in MEANINGS.items():
         assert word == word.lower()
         assert word not in meanings
-
-
-def test_dissimilar_names_are_listed_without_suggestion():
-    """If no known name is similar, the message lists the known names and suggests none."""
-    assert choice_of("xyz", ("alpha", "beta")) == "choose from alpha, beta"

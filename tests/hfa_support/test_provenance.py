@@ -6,8 +6,6 @@ import json
 import math
 from dataclasses import replace
 
-import pytest
-
 from hfa_model.parameters import ParameterSet, changed_parameters
 from hfa_support.provenance import Change, Provenance, parameter_hash
 
@@ -28,11 +26,3 @@ def test_the_smallest_change_changes_the_hash(parameter_set: ParameterSet) -> No
     values = parameter_set.values
     nudged = values._replace(gravity=math.nextafter(values.gravity, 33.0))
     assert parameter_hash(nudged) != parameter_hash(values)
-
-
-def test_the_environment_can_set_the_date(monkeypatch: pytest.MonkeyPatch) -> None:
-    """SOURCE_DATE_EPOCH replaces the current date."""
-    monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
-    assert Provenance("hfa trim").date == "1970-01-01T00:00:00Z"
-    monkeypatch.delenv("SOURCE_DATE_EPOCH")
-    assert Provenance("hfa trim").date > "2026"

@@ -1,12 +1,11 @@
 """Public names of the packages, which are imported when they are used."""
 
 import ast
-import inspect
 import re
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -15,24 +14,12 @@ import pytest
 from project import FOLDERS, PACKAGES
 
 import hfa
-import trim
 from hfa_support.version import VERSION
 
 STUBS = [
     *(FOLDERS[name] / "__init__.pyi" for name in PACKAGES),
     *(FOLDERS["hfa"] / name / "__init__.pyi" for name in ("paper", "extend")),
 ]
-
-
-def test_an_unknown_name_suggests_the_nearest() -> None:
-    """The AttributeError for an unknown public name suggests the nearest name."""
-    with pytest.raises(AttributeError, match="'linearise'; did you mean linearize"):
-        hfa.linearise  # noqa: B018
-    with pytest.raises(AttributeError, match="'modes_off'; did you mean modes_of"):
-        trim.modes_off  # noqa: B018
-    with pytest.raises(AttributeError, match="'read'; did you mean read_critic"):
-        hfa.read  # noqa: B018
-    assert set(dir(hfa)) >= {"linearize", "sweep"}
 
 
 def test_a_public_name_is_declared_once() -> None:
@@ -174,22 +161,3 @@ def test_the_right_neighbours_are_accepted() -> None:
     assert "Q diag(1000, 1000, 0.01, 0.01, 1000, 0.01)" in report
     assert "R diag(100, 400, 400, 400, 50)" in report
     assert "delta 200" in report
-
-
-def without_signature(owner: str, member: Any) -> Iterator[str]:
-    """Yield a public function or method without a text or a type of its result."""
-    for name, function in inspect.getmembers(member, inspect.isroutine):
-        if name[0] == "_" or not getattr(function, "__module__", "").startswith(PACKAGES):
-            continue
-        signature = inspect.signature(function)
-        if signature.return_annotation is inspect.Signature.empty or not function.__doc__:
-            yield f"{owner}.{name}"
-
-
-def test_help_shows_signatures_and_results() -> None:
-    """Every public function and public method of `hfa` declares what it returns and has a text."""
-    assert list(without_signature("hfa", hfa)) == []
-    classes = {name: getattr(hfa, name) for name in dir(hfa) if inspect.isclass(getattr(hfa, name))}
-    assert len(classes) > 10
-    missing = [each for name, kind in classes.items() for each in without_signature(name, kind)]
-    assert missing == []

@@ -21,8 +21,6 @@ from package_page import PAGE, write_package
 from pages import COMMAND, blocks_of, difference
 from project import ROOT
 
-EXTENSIONS = tuple(sorted(path.name for path in ROOT.glob("extensions/*/hfa_*")))
-
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -218,6 +216,7 @@ for name in ("assess", "fly", "identify", "optimize", "sweep", "verify"):
 """
 
 
+@pytest.mark.slow
 def test_commands_load_without_packages_of_extras() -> None:
     """Every command prints its help if no optional package is installed, and the functions that do
     not prove are available.

@@ -1,26 +1,27 @@
 """Hostile inputs to `hfa`, and checks of the reaction of the command.
 
-An input is a command line with replaced words, or a file with replaced tokens, arrays or bytes.
-`hostile_files` corrupts the files. Inputs are reproducible: each is defined by its kind and number.
+An input is a command line with replaced words, or a file that `strategies` has changed.
 """
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import io
 import json
-import random
 import signal
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import chdir
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from cli import Result, hfa, unchecked_hfa
 from game_files import small
-from hostile_files import NUMBERS, WORDS, hostile_claims, hostile_file, hostile_store
+from hypothesis import strategies as st
+from strategies import TEXTS, changed_entry, changed_file, changed_folder
 
 from hfa.entry_points import command_named, commands, found_in
 from hfa.main import filled
@@ -117,45 +118,49 @@ class Hanging(BaseException):
     """Raised in a run that exceeds its time limit. Commands do not catch it."""
 
 
-def _hostile_words(chance: random.Random) -> list[str]:
-    command, words = found_in(chance.choice(LINES).split())
+@st.composite
+def hostile_words(draw: st.DrawFn) -> list[str]:
+    """Return a command line in which one to three words are replaced, removed or added."""
+    command, words = found_in(draw(st.sampled_from(LINES)).split())
     parser = filled(Parser(), command_named(command).load(), choice.aircraft())
-    more = [name for name in parser._option_string_actions if name != "--workers"]
-    for _ in range(chance.randint(1, 3)):
-        at = chance.randint(0, len(words))
-        match chance.randrange(5):
-            case 0:
-                words[at:at] = [chance.choice(more), chance.choice(NUMBERS)]
-            case 1:
-                words[at : at + 1] = [chance.choice((*NUMBERS, *WORDS, *more))]
-            case 2:
-                words[at : at + 1] = []
-            case 3:
-                words[at:at] = [f"{chance.choice(more)}={chance.choice((*NUMBERS, *WORDS))}"]
-            case _:
-                words[at:at] = [chance.choice(list(commands()))]
+    options = [name for name in parser._option_string_actions if name != "--workers"]
+    word = st.sampled_from(options) | TEXTS | st.sampled_from(list(commands()))
+    for _ in range(draw(st.integers(1, 3))):
+        at = draw(st.integers(0, len(words)))
+        words[at : at + draw(st.integers(0, 1))] = draw(st.lists(word, max_size=2))
     return [*command.split(), *words]
 
 
-def case(way: str, number: int) -> tuple[list[str], dict[str, bytes]]:
-    """Return the words of the command line and the content of the input files for a hostile input.
+@st.composite
+def hostile_case(draw: st.DrawFn, way: str) -> tuple[list[str], dict[str, bytes]]:
+    """Return the words of a command line and the content of its input files.
 
     way: kind of input, a key of `WAYS`
-    number: number of the input, which seeds its random changes
     """
-    chance = random.Random(f"{way} {number}")
     if not WAYS[way]:
-        return _hostile_words(chance), {}
+        return draw(hostile_words()), {}
     every_seed = seeds()
     files = {name: every_seed[name] for name in ("plant.json", "B.csv")}
     if way == "store.zarr":
         store = {name: content for name, content in every_seed.items() if name.startswith(way)}
-        files |= hostile_store(store, chance)
+        files |= draw(changed_folder(store))
     elif way.startswith("sealed "):
-        files[way] = hostile_claims(every_seed[way], chance)
+        files[way] = sealed(draw(changed_entry(json.loads(every_seed[way]))))
     else:
-        files[way] = hostile_file(way, every_seed[way], chance)
+        files[way] = draw(changed_file(way, every_seed[way]))
     return [way if word == "{}" else word for word in WAYS[way]], files
+
+
+def sealed(certificate: Any) -> bytes:
+    """Return the content of a certificate with correct digests, like a forgery."""
+    ends = ("digest", "provenance", "checksum")
+    body = {name: value for name, value in certificate.items() if name not in ends}
+    head = json.dumps(body)[:-1]
+    digest = hashlib.sha256(head.encode()).hexdigest()
+    provenance = json.dumps(certificate["provenance"])
+    whole = f'{head}, "digest": "{digest}", "provenance": {provenance}'
+    checksum = hashlib.sha256(whole.encode()).hexdigest()
+    return f'{whole}, "checksum": "{checksum}"}}\n'.encode()
 
 
 @cache

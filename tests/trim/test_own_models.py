@@ -12,7 +12,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from cli import answer, assert_refused, hfa
+from cli import assert_refused, hfa
 from own_models import F16, GTM, NAVION, navion, trimmed
 
 from hfa import BadInputError, Model, Signal, linearize, sweep, trim
@@ -55,24 +55,6 @@ def test_trims_of_the_f16_equal_the_books(
     np.testing.assert_allclose(computed, printed, rtol=6e-4, atol=6e-5)
 
 
-#: Stevens and Lewis, table 3.6-2: speed, alpha in deg, throttle, elevator in deg.
-SLOW_FLIGHTS = [
-    (130.0, 45.6, 0.816, 20.1),
-    (140.0, 40.3, 0.736, -1.36),
-    (170.0, 27.2, 0.463, 0.621),
-]
-
-
-@pytest.mark.parametrize(("speed", "alpha", "throttle", "elevator"), SLOW_FLIGHTS)
-def test_slow_trims_equal_the_books(
-    speed: float, alpha: float, throttle: float, elevator: float
-) -> None:
-    """Trims of the F-16 at low speeds equal those printed by Stevens and Lewis."""
-    point = trimmed(F16, {"speed": speed})
-    computed = [np.degrees(point.states.alpha), point.inputs.throttle, point.inputs.elevator]
-    np.testing.assert_allclose(computed, [alpha, throttle, elevator], rtol=4e-3)
-
-
 def test_no_row_with_free_states_depends_on_others() -> None:
     """The result of a sweep point with free states has the same bits alone and with other
     points.
@@ -85,6 +67,7 @@ def test_no_row_with_free_states_depends_on_others() -> None:
         np.testing.assert_array_equal(part.A, whole.A[rows])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "name"),
     [
@@ -109,36 +92,6 @@ def test_the_search_is_independent_of_declared_scales(kind: str, name: str, fact
     points = trim_points(model, ("speed",), speeds)
     assert (points.status == TRIMMED).all()
     assert not points.one_by_one.any()
-
-
-def rotating(x, u, p, w):
-    """Return the rates of a rotation about one axis, given by a quaternion (a, b), and an output.
-
-    The torque opposes sin(angle) = 2 a b for a unit quaternion.
-    """
-    rates = {"a": -0.5 * x.b * x.rate, "b": 0.5 * x.a * x.rate, "rate": u.torque - 2 * x.a * x.b}
-    return rates, {"sine": 2 * x.a * x.b}
-
-
-def test_an_undetermined_trim_is_reported() -> None:
-    """A trim with a free quaternion norm is reported as undetermined.
-
-    If a component of the quaternion is held, the trim is determined.
-    """
-    free = Model(
-        "rotation",
-        {"a": Signal(start=0.7), "b": Signal(start=0.5), "rate": Signal()},
-        {"torque": Signal()},
-        rotating,
-        outputs={"sine": Signal()},
-        trim={"torque": 0.5},
-    )
-    condition = usual_condition(free)
-    report = trim_report(free, condition, trim(free, condition)).text()
-    assert "the Jacobian is singular along a, b; hold one of these" in report
-    held = release(condition, hold={"a": 0.9}, free=("a_dot",))
-    report = trim_report(free, held, trim(free, held)).text()
-    assert "singular" not in report
 
 
 def test_imbalances_that_do_not_matter_are_not_named() -> None:
@@ -261,24 +214,6 @@ def test_swept_turns_equal_single_trims() -> None:
         np.testing.assert_array_equal(
             sweep(F16, {"turn_rate": rates[i : i + 1]}).states[0], swept.states[i]
         )
-
-
-def test_states_that_affect_nothing_can_be_freed() -> None:
-    """Freeing north, east and heading does not change the trim. These states affect no equation.
-
-    The JSON output names the three states as idle, and reports the rate of north.
-    """
-    done = hfa(
-        "trim",
-        *OWN,
-        *(word for name in ("north", "east", "yaw") for word in ("--free", name)),
-        "--json",
-    )
-    data = json.loads(done.out)
-    assert data["search"]["idle"] == ["yaw", "north", "east"]
-    assert data["rates_left"]["north"] == pytest.approx(502.0)
-    assert data["operating_point"]["inputs"] == trimmed(F16).inputs._asdict()
-    assert data["variables"]["north"]["role"] == "left"
 
 
 def test_further_initial_guesses_cross_a_flat_region() -> None:
@@ -412,34 +347,6 @@ def test_a_wrong_model_file_is_refused(text: str, words: str, tmp_path: Path) ->
     path = tmp_path / "own.py"
     path.write_text(text)
     assert_refused(hfa("trim", "--aircraft", f"{path}:A"), 2, f"{path}: ", words)
-
-
-WITH_A_TABLE = """
-from __future__ import annotations
-from dataclasses import dataclass
-from pathlib import Path
-from hfa import Model, Signal
-
-@dataclass
-class Drag:
-    slope: float
-
-DRAG = Drag(float((Path(__file__).parent / "drag.csv").read_text()))
-A = Model("cart", {"v": Signal()}, {"u": Signal()}, lambda x, u, p, w: ({"v": u.u - DRAG.slope * x.v}, {}))
-"""
-
-
-def test_a_file_may_use_dataclasses_and_tables(tmp_path: Path) -> None:
-    """A model file may define dataclasses and read tables from its folder."""
-    (tmp_path / "own.py").write_text(WITH_A_TABLE)
-    assert_refused(
-        hfa("trim", "--aircraft", f"{tmp_path / 'own.py'}:A"), 2, "drag.csv cannot be read"
-    )
-    (tmp_path / "drag.csv").write_text("0.5")
-    point = answer(
-        "trim", "--aircraft", f"{tmp_path / 'own.py'}:A", "--hold", "u=1", "--free", "v"
-    )["operating_point"]
-    assert point["states"]["v"] == pytest.approx(2.0)
 
 
 OWN = ("--aircraft", "examples/f16.py:F16")

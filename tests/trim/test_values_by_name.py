@@ -84,17 +84,6 @@ def test_modes_that_inputs_or_outputs_miss_are_zeros() -> None:
     )
 
 
-def test_an_unknown_attribute_suggests_the_nearest() -> None:
-    """The error on an unknown attribute suggests the most similar name."""
-    for result, wrong, right in (
-        (MODEL, "state", "states"),
-        (_linear().point, "scaled_residual", "scaled_residuals"),
-        (hfa.paper.published_game(_linear()), "deltas", "delta"),
-    ):
-        with pytest.raises(AttributeError, match=f"{wrong}'; did you mean .*{right}"):
-            getattr(result, wrong)
-
-
 class Broken(Reported):
     """Result with a property that raises AttributeError."""
 
@@ -168,18 +157,6 @@ def test_lqr_is_the_game_without_disturbance() -> None:
     assert not replace(regulator, abscissa_error=np.inf).is_stable
     bounded = hfa.solve(hfa.paper.published_game(linear))
     assert bounded.delta_min == pytest.approx(bounded.delta / bounded.delta_margin)
-
-
-def test_zeros_lower_the_rank_of_the_system() -> None:
-    """The transfer function is 0 at each transmission zero."""
-    linear = _linear().select(inputs=("elevator_center",))
-    pitch = linearize(MODEL, linear.point, outputs=("pitch",), disturbances=())
-    pitch = pitch.select(inputs=("elevator_center",))
-    zeros = pitch.zeros()
-    assert len(zeros) > 2
-    for zero in zeros:
-        value = pitch.C @ np.linalg.solve(zero * np.eye(6) - pitch.A, pitch.B)
-        assert abs(value.item()) < 1e-6
 
 
 def test_a_sweep_is_a_sequence_of_linear_models() -> None:

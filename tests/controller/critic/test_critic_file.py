@@ -114,6 +114,7 @@ def test_each_history_row_becomes_a_critic(
     """
     critics = critics_in(stored(f"h.{suffix}", **content), GAME)
     assert [critic.time for critic in critics] == TIMES.tolist()
+    assert critic_in(stored("h.npz", **content), GAME).time == TIMES[-1]
     np.testing.assert_array_equal([critic.weights for critic in critics], W)
     if has_gain:
         np.testing.assert_array_equal([critic.K for critic in critics], K)
@@ -187,11 +188,3 @@ def test_a_wrong_history_is_refused(content: dict[str, Any], said: str) -> None:
     """
     with pytest.raises(BadInputError, match=said):
         critics_over_time(GAME, **content)
-
-
-def test_a_single_matrix_belongs_to_the_last_row() -> None:
-    """In a history of weights with one gain, the gain applies only to the last critic."""
-    first, second, last = critics_over_time(GAME, TIMES, W=W, K=K[2])
-    np.testing.assert_array_equal(last.K, K[2])
-    np.testing.assert_array_equal(second.weights, W[1])
-    assert first.feedback is not None

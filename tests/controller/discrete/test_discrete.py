@@ -13,7 +13,6 @@ from game_files import stored
 from pages import printed_matrices
 from reference_riccati import relative_error
 from reference_steps import reference_step_value
-from tolerances import FEW_ROUNDINGS, SAME_SOLUTION
 
 from controller import minimum_delta
 from controller.discrete.solution import (
@@ -79,17 +78,6 @@ def test_p_of_a_scalar_game_solves_a_quadratic():
     assert solution.disturbance_gain[0, 0] == 0.0
 
 
-def test_p_with_fast_sampling_approaches_continuous_time():
-    """With fast sampling and no discount, P approaches the continuous-time solution with first
-    order.
-    """
-    game = _game(3)
-    exact = solve(game)
-    off = [np.abs(solve_discrete(sampled(game, dt)).P - exact.P).max() for dt in (2e-3, 1e-3)]
-    assert off[1] < 0.01 * np.abs(exact.P).max()
-    assert off[0] / off[1] == pytest.approx(2.0, rel=0.05)
-
-
 def test_sampled_double_integrator_equals_the_textbook():
     """A sampled double integrator has the textbook A and B, weights times dt, and delta times
     √dt.
@@ -100,21 +88,6 @@ def test_sampled_double_integrator_equals_the_textbook():
     assert step.A.tolist() == [[1.0, 0.5], [0.0, 1.0]]
     assert step.B.ravel() == pytest.approx([0.125, 0.5], rel=1e-15)
     assert (step.Q[0, 0], step.R[0, 0], step.delta) == (0.5, 1.0, pytest.approx(3.0 * np.sqrt(0.5)))
-
-
-def test_units_of_the_states_transform_p():
-    """P in other units of the states is the transformed P."""
-    game = _game(4)
-    units = np.array([1e-6, 1.0, 1e5, 30.0])
-    other_game = Game(
-        game.A * units / units[:, None],
-        game.B / units[:, None],
-        game.E / units[:, None],
-        *(np.diag(units**2), game.R, game.delta),
-    )
-    P = solve_discrete(DiscreteGame(game, 0.95)).P
-    turned = solve_discrete(DiscreteGame(other_game, 0.95)).P / np.outer(units, units)
-    assert np.abs(P - turned).max() <= 1e-12 * np.abs(P).max()
 
 
 def test_wrong_values_of_p_fail():
@@ -129,6 +102,10 @@ def test_wrong_values_of_p_fail():
         -P,
     ):
         assert not all(check.ok for check in value_checks(DiscreteGame(game), wrong))
+    attack = game.E.T @ solve_discrete(DiscreteGame(game.with_delta(np.inf))).P @ game.E
+    below = game.with_delta(0.9 * np.sqrt(np.linalg.eigvalsh(attack)[-1]))
+    failed = {check.name for check in value_checks(DiscreteGame(below), P) if not check.ok}
+    assert "disturbance_pays" in failed
 
 
 def test_games_without_a_solution_are_refused():
@@ -155,15 +132,6 @@ def test_games_without_a_solution_are_refused():
     ):
         with pytest.raises(BadInputError, match=name):
             solve_discrete(sampled(unreached, dt, discount))
-
-
-@pytest.mark.parametrize("size", [1e-12, 1e8, 1e10])
-def test_units_of_inputs_and_costs_keep_p(size):
-    """A scalar game with B = size and R = size² has the same P as the game with B = R = 1."""
-    plain = Game([[0.5]], [[1.0]], [[1.0]], [[1e-4]], [[1.0]], np.inf)
-    scaled = Game([[0.5]], [[size]], [[1.0]], [[1e-4]], [[size**2]], np.inf)
-    exact = solve_discrete(DiscreteGame(plain, 1.0)).P
-    assert pytest.approx(exact, rel=SAME_SOLUTION) == solve_discrete(DiscreteGame(scaled, 1.0)).P
 
 
 def test_refusals_of_lqr_problems_name_the_mode():
@@ -221,6 +189,9 @@ def test_cross_weights_satisfy_bellmans_equation(delta, discount):
     if np.isfinite(delta):
         L = solution.disturbance_gain
         assert pytest.approx(L, rel=1e-9, abs=1e-11) == parts["L"]
+    K, L = problem.policies(solution.P)
+    assert pytest.approx(solution.K, rel=1e-10, abs=1e-11) == K
+    assert pytest.approx(solution.disturbance_gain, rel=1e-9, abs=1e-11) == L
     G = np.hstack([step.B, step.E]) if np.isfinite(delta) else step.B
     weights = H[4:, 4:]
     assert weights[:2, :2] == pytest.approx(step.R + discount * step.B.T @ P @ step.B)
@@ -350,25 +321,6 @@ def test_the_other_time_is_suggested():
     assert question not in refused.err
 
 
-@pytest.mark.parametrize("seed", [2, 5])
-def test_games_with_very_small_r_are_solved(seed):
-    """Games with R = 1e-13 are solved, although I + B R⁻¹B'P is nearly singular.
-
-    P equals the sum of the costs of 400 steps. Value iteration would need twice the digits.
-    """
-    rng = np.random.default_rng(seed)
-    A = rng.standard_normal((3, 3))
-    B = rng.standard_normal((3, 1))
-    A = 0.9 * A / np.abs(np.linalg.eigvals(A)).max()
-    step = Game(A, B, np.eye(3)[:, :1], np.eye(3), [[1e-13]], np.inf)
-    solution = solve_discrete(DiscreteGame(step))
-    loop = A - B @ solution.K
-    value = sum(
-        np.linalg.matrix_power(loop, k).T @ np.linalg.matrix_power(loop, k) for k in range(400)
-    )
-    assert pytest.approx(value, rel=1e-9, abs=1e-9) == solution.P
-
-
 def test_smallest_delta_with_fast_sampling_approaches_continuous_time():
     """With fast sampling, the smallest delta is √dt times that in continuous time, within 0.5 %.
 
@@ -380,15 +332,6 @@ def test_smallest_delta_with_fast_sampling_approaches_continuous_time():
     smallest = minimum_delta_discrete(sampled(game, 1e-3))
     assert not smallest.uncertain
     assert smallest.value == pytest.approx(1e-3**0.5 * minimum_delta(game).value, rel=5e-3)
-
-
-@pytest.mark.parametrize("pole", [1.5, -1.5, 4.0])
-def test_p_of_a_costless_unstable_mode_stabilizes_it(pole):
-    """For an unstable mode x⁺ = a x + u with Q = 0, P is a² - 1 and the spectral radius is 1/|a|."""
-    game = Game([[pole]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], np.inf)
-    solution = solve_discrete(DiscreteGame(game, 1.0))
-    assert solution.P[0, 0] == pytest.approx(pole**2 - 1.0, rel=FEW_ROUNDINGS)
-    assert solution.radius == pytest.approx(1.0 / abs(pole), rel=FEW_ROUNDINGS)
 
 
 def _nearly_repeated(weight: float) -> DiscreteGame:
@@ -417,6 +360,7 @@ def _gain_change(solution: DiscreteSolution) -> float:
     return check.value
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_the_bound_of_the_change_of_a_gain_in_discrete_time_is_true_and_tight(seed: int) -> None:
     """Changes of each entry alone add up to less than the bound, and to 20 % of it or more."""
@@ -554,26 +498,3 @@ def test_no_other_time_is_suggested_for_a_mode_without_solution():
     assert "discrete" not in refused.err
     weighted = stored("weighted.json", A=A, B=B, Q=np.eye(3), R=step.R)
     assert answer("solve", "--model", weighted)["certificate"]["ok"]
-
-
-def test_a_plant_in_mixed_units_is_solved():
-    """A plant with entries from 2 to 3e5 is solved, to 1e-12 of a solution with 60 digits."""
-    A = np.array(
-        [
-            [-997.37537934, 494.94410979, -2923.61852329, -202.82047553],
-            [98.48711839, -164.93768336, 567.20061935, 120.3416775],
-            [432.37468532, -227.37541583, 1298.1643832, 98.99698188],
-            [-1086.3878117, 439.9612587, -2946.60699191, -135.21981636],
-        ]
-    )
-    B = np.array([[-4.33071796], [2.84922301], [2.12647336], [-2.62507117]])
-    Q = np.array(
-        [
-            [1893.4051126, 3030.66379276, -4001.67876751, -3057.62175483],
-            [3030.66379276, 61080.15661723, -141467.16192038, -53564.23319204],
-            [-4001.67876751, -141467.16192038, 332876.39975832, 123367.96179768],
-            [-3057.62175483, -53564.23319204, 123367.96179768, 47065.17876843],
-        ]
-    )
-    problem = DiscreteGame(Game(A, B, np.zeros((4, 1)), Q, [[71.43829876]], np.inf))
-    assert relative_error(solve_discrete(problem).P, reference_step_value(problem)) < 1e-12

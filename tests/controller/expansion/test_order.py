@@ -25,6 +25,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_file_has_the_terms_of_the_function(written: Path) -> None:
     """The file has the schema of its format, which `hfa` of the tests checks."""
     expansion = expand(model_at(15.0), solve(game_at(15.0)), 3)
@@ -40,6 +41,7 @@ def test_file_has_the_terms_of_the_function(written: Path) -> None:
     assert len(cubic["extents"]) == 6
 
 
+@pytest.mark.slow
 def test_written_weights_are_read_as_a_critic(written: Path) -> None:
     game = game_at(15.0)
     critic = package.read_critic(written, game)

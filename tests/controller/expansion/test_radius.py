@@ -44,6 +44,7 @@ def states_at(expansion: Expansion, size: float, count: int, seed: int) -> np.nd
     return np.linalg.solve(expansion.root.T, y.T).T
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delta", [math.inf, 4.0])
 def test_cost_of_a_flight_is_that_of_an_adaptive_integrator(delta: float) -> None:
     expansion = expanded(4, delta)

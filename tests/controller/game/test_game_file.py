@@ -17,7 +17,6 @@ from controller.game.game_file import stored_game
 from controller.hfa_files import paper_defaults
 from hfa import BadInputError, Game
 from hfa.options.game import diagonal
-from hfa.paper import published_game
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.readers.matrices_file import file_scales
 from hfa_model import LINEAR_STATES, published_models
@@ -51,28 +50,6 @@ def test_every_format_gives_the_same_game() -> None:
         stored_problem = stored_game(path)
         assert stored_problem.game == Game(**full)
         assert stored_problem.provenance == block
-
-
-def test_missing_entries_are_taken_from_the_paper() -> None:
-    """If a file of the paper's aircraft lacks Q, R and delta, the paper's values are used.
-
-    A warning at the line of the call states this.
-    """
-    stored("plant.npz", **MODEL)
-    with pytest.warns(
-        UserWarning, match="not given: E, Q, R, delta; used: E the identity, Q as in the paper, "
-    ) as caught:
-        assert load_game("plant.npz") == published_game(**MODEL)
-    assert caught[0].filename == __file__
-
-
-def test_warnings_refer_to_modules_named_like_packages() -> None:
-    """A warning refers to a user's module whose name begins with that of a package."""
-    stored("plant.npz", **MODEL)
-    call = compile("load_game('plant.npz')", "trimming.py", "eval")
-    with pytest.warns(UserWarning, match="not given") as caught:
-        eval(call, {"__name__": "trimming", "load_game": load_game})
-    assert caught[0].filename == "trimming.py"
 
 
 def test_the_papers_game_is_converted_to_meters() -> None:

@@ -27,14 +27,6 @@ def test_weights_by_name_are_placed_on_diagonals(linear: LinearModel) -> None:
     assert np.array_equal(game.E, np.eye(6))
 
 
-def test_lists_of_weights_are_diagonals(linear: LinearModel) -> None:
-    """Lists and vectors of weights are the diagonals of Q and R."""
-    game = hfa.game(linear, Q=[1, 2, 3, 4, 5, 6], R=np.full(5, 2.0))
-    assert np.array_equal(game.Q, np.diag([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]))
-    assert np.array_equal(game.R, 2.0 * np.eye(5))
-    assert hfa.Game(game.A, game.B, game.E, [1, 0, 0, 0, 0, 0], [1] * 5, 300.0).Q[0, 0] == 1.0
-
-
 def test_a_game_has_the_disturbances_of_the_model() -> None:
     """The game has the matrix E of its linear model."""
     model = hfa.aircraft()
@@ -59,3 +51,17 @@ def test_a_wrong_weight_is_named(
     """The message on an unknown name, a missing weight or a wrong shape names the faulty entry."""
     with pytest.raises(BadInputError, match=words):
         hfa.game(linear, **{"Q": np.ones(6), "R": np.ones(5)} | weights)
+
+
+def test_the_box_of_states_is_within_their_limits() -> None:
+    """The largest deviations of the states reach the nearer limit of each, and no other one."""
+    limits = {"speed": (0.0, 300.0), "alpha": (-0.2, 0.5)}
+    model = hfa.Model(
+        "cart",
+        {name: hfa.Signal("1", 1.0, *ends) for name, ends in limits.items()},
+        {"thrust": hfa.Signal()},
+        lambda x, u, p, w: ({"speed": u.thrust - x.speed, "alpha": x.speed - x.alpha}, {}),
+        trim={"thrust": 0.1},
+    )
+    game = hfa.game(hfa.trim(model).linearize(), np.ones(2), np.ones(1))
+    assert game.half_widths == pytest.approx([0.1, 0.3])

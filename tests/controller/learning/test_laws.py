@@ -7,7 +7,6 @@ from dataclasses import fields
 import numpy as np
 import pytest
 from cli import answer, hfa
-from learning_samples import stable_game
 
 import hfa as package
 from controller.learning.laws import LAWS
@@ -48,11 +47,3 @@ def test_the_modified_law_is_bounded_and_wrong() -> None:
     verdict = package.verify(game, run)
     assert not verdict.ok
     assert verdict.K_rel_error > 0.1
-
-
-def test_settings_belong_to_a_law() -> None:
-    """A setting of another law, and another law, are refused with the choices."""
-    with pytest.raises(package.BadInputError, match="'integral-rl' has no setting 'tick'"):
-        package.learn(stable_game(), "integral-rl", tick=0.1)
-    with pytest.raises(package.BadInputError, match="unknown law"):
-        package.learn(stable_game(), "irl")

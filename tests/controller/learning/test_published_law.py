@@ -18,7 +18,6 @@ from controller.learning.published import (
     Sample,
     bellman,
     explicit_step_limit,
-    normaliser,
     proximal_step,
     published_law,
     signed_powers,
@@ -27,7 +26,6 @@ from controller.learning.published import (
 )
 from controller.learning.recording import natural_spread
 from hfa import Game, NoSolutionError
-from hfa_model.published import published_data
 
 #: Settings with which the law converges without flight: implicit steps in scaled coordinates.
 ALONE: dict[str, Any] = {
@@ -71,23 +69,6 @@ def test_residual_and_regressor_equal_the_papers_equations() -> None:
     assert found[1][0] == pytest.approx(e, rel=1e-12)
 
 
-def test_the_update_direction_equals_the_printed_sum() -> None:
-    """The update direction equals the printed sum, and the normalizations their formulas."""
-    sample = random_sample()
-    gamma = 0.01
-    a1 = 3.0
-    a2 = 7.0
-    eta = 0.8
-    expected = np.zeros(4)
-    for sigma, e in zip(*sample, strict=True):
-        expected -= (a1 + 1.0) * gamma * sigma * abs(e) ** (1.0 - eta) * np.sign(e)
-        expected -= (a2 + 1.0) * gamma * sigma * abs(e) ** (1.0 + eta) * np.sign(e)
-    assert update_direction(sample, gamma, a1, a2, eta) == pytest.approx(expected, rel=1e-12)
-    assert signed_powers(np.zeros(3), a1, a2, eta).tolist() == [0.0, 0.0, 0.0]
-    assert normaliser(np.array([[3.0, 4.0]]), "squared").tolist() == [26.0]
-    assert normaliser(np.array([[3.0, 4.0]]), "root") == pytest.approx([np.sqrt(26.0)])
-
-
 def test_gains_equal_the_formulas_of_theorem_1() -> None:
     """The gains α equal the formulas of Theorem 1. For rank-deficient samples they are inf."""
     regressors = np.diag([2.0, 0.5])[[0, 1, 0]]
@@ -99,29 +80,6 @@ def test_gains_equal_the_formulas_of_theorem_1() -> None:
     assert gains.alpha2 == pytest.approx(np.pi / (0.9 * 5.0 * 0.8 * gains.c2))
     poor = theorem_gains(np.array([[1.0, 0.0]] * 3), gamma=0.01, eta=0.8, theta=0.9, T_w=10.0)
     assert (poor.alpha1, poor.alpha2) == (np.inf, np.inf)
-
-
-@pytest.mark.parametrize("name", PUBLISHED)
-def test_residual_is_quadratic_in_the_weight_error(name: str) -> None:
-    """For an exact basis, the residual contains a term quadratic in the weight error W̃.
-
-        e = W̃'σ + ¼ W̃'M W̃,   M = ∂ψ S ∂ψ',   σ at the current weights
-
-    The quadratic term, which the ideal case of Theorem 1 excludes (ε_H of Eq. 35), exceeds 1 % of
-    e.
-    """
-    game, exact = published(name)
-    law = law_of(game, basis="quadratic", coordinates="scaled", stack_policies="reevaluated")
-    equations = law.equations
-    W_exact = equations.scaled(QUADRATIC.weights(exact.P))
-    error = np.random.default_rng(2).normal(size=21) * np.abs(W_exact)
-    regressors, residuals = law.terms(W_exact + error)
-    gradient = np.einsum("jmi,m->ji", equations.gradient, error)
-    second = 0.25 * np.sum((gradient @ law.S) * gradient, axis=1)
-    assert residuals - regressors @ error == pytest.approx(
-        second, rel=1e-6, abs=1e-9 * np.abs(second).max()
-    )
-    assert np.linalg.norm(second) > 0.01 * np.linalg.norm(residuals)
 
 
 def test_explicit_steps_are_stable_below_the_limit() -> None:
@@ -189,18 +147,6 @@ def test_the_papers_settings_overflow_with_the_reason(name: str, policies: str) 
         match=r"overflowed at step \d+ .*lambda_0 = .*alpha1 = .*explicit step below",
     ):
         run(law_of(game, stack_policies=policies))
-
-
-def test_defaults_equal_the_printed_settings() -> None:
-    """The default settings of the law equal those printed in the paper."""
-    printed = published_data()["critic"]
-    chosen = PublishedSettings()
-    assert chosen.predefined_time == printed["T_w_s"]
-    assert chosen.eta == printed["eta"]
-    assert chosen.step == printed["step_s"]
-    assert f"{chosen.gamma} I" == printed["Gamma"]
-    assert f"{chosen.initial_weights:g} * ones(M)" == printed["W0"]
-    assert basis(chosen.basis, 6).size == printed["M"]
 
 
 @pytest.mark.parametrize("kind", ["root", pytest.param("squared", marks=pytest.mark.slow)])

@@ -12,14 +12,8 @@ from tolerances import SAME_FORMULA
 from controller import Stack, basis, random_pool, record
 from controller.game.basis import BASES
 from controller.learning.bellman_equations import GAME, LQ, PartialGame
-from controller.learning.integral_rl import probing_flight
-from controller.learning.recording import choose, excitation, natural_spread, rank, unit_rows
-from hfa import BadInputError, Game
-
-
-def worst_condition(stack: Stack) -> float:
-    rows = unit_rows(QUADRATIC.psi(stack.states / stack.channel_scales()))
-    return float(np.linalg.cond(rows))
+from controller.learning.recording import choose, excitation, natural_spread
+from hfa import BadInputError
 
 
 def test_random_states_fill_the_box_reproducibly() -> None:
@@ -40,22 +34,6 @@ def test_a_list_that_contains_itself_is_refused() -> None:
     for count, seed, box in ((endless, 0, None), (9, endless, None), (9, 0, endless)):
         with pytest.raises(BadInputError, match=r"give a whole|rows of real numbers"):
             random_pool(stable_game(), count, seed, box)
-
-
-def test_natural_spread_follows_the_units() -> None:
-    """The natural spread of the states changes with their units."""
-    game, _ = published(PUBLISHED[0])
-    units = np.array([1e4, 1e-4, 3.0, 1e-2, 1.0, 1e3])
-    rows = units[:, None]
-    other_game = Game(
-        game.A * rows / units,
-        game.B * rows,
-        game.E * rows,
-        game.Q / (rows * units),
-        game.R,
-        game.delta,
-    )
-    assert natural_spread(other_game) / units == pytest.approx(natural_spread(game), rel=1e-6)
 
 
 def test_natural_spread_solves_its_equation() -> None:
@@ -80,18 +58,6 @@ def test_natural_spread_solves_its_equation() -> None:
     assert natural_spread(game) == pytest.approx(np.sqrt(np.diag(X)), rel=5e-3)
 
 
-@pytest.mark.parametrize("samples", [21, 30, 60])
-def test_chosen_samples_are_richer_than_the_first_ones(samples: int) -> None:
-    """The chosen samples are distinct, and better conditioned than the first ones of the pool."""
-    game, _ = published(PUBLISHED[0])
-    pool = random_pool(game, 500, seed=0)
-    chosen = choose(pool, QUADRATIC, samples)
-    first = Stack(pool.states[:samples], pool.drifts[:samples])
-    assert chosen.samples == samples
-    assert len(np.unique(chosen.states, axis=0)) == samples
-    assert worst_condition(chosen) < 0.8 * worst_condition(first)
-
-
 @pytest.mark.parametrize("name", PUBLISHED)
 @pytest.mark.parametrize("functions", ["quadratic", "paper"])
 def test_rounding_does_not_change_the_chosen_samples(name: str, functions: str) -> None:
@@ -112,28 +78,6 @@ def test_rounding_does_not_change_the_chosen_samples(name: str, functions: str) 
         )
 
 
-def test_pivoted_qr_chooses_samples_of_full_rank() -> None:
-    """Pivoted QR chooses samples of full rank 21 from a free response of 20 s.
-
-    Evenly spaced samples have a rank below 15, because the fast modes decay early.
-    """
-    game, _ = published("published-5")
-    pool = record(game, probing_flight(game, 0, np.linspace(0.0, 20.0, 2001), (0.0, 0.0))[0])
-    even = Stack(pool.states[::95], pool.drifts[::95])
-    assert even.samples == 22
-    assert rank(unit_rows(QUADRATIC.psi(even.states / even.channel_scales()))) < 15
-    assert worst_condition(choose(pool, QUADRATIC, 21)) < 1e9
-
-
-def test_samples_of_low_rank_are_refused() -> None:
-    """States in a five-dimensional subspace are refused, and the message states their rank."""
-    game, _ = published(PUBLISHED[0])
-    rng = np.random.default_rng(0)
-    in_a_plane = rng.normal(size=(200, 5)) @ rng.normal(size=(5, 6))
-    with pytest.raises(BadInputError, match=r"is 15 of 21 .*record more"):
-        choose(record(game, in_a_plane), QUADRATIC, 30)
-
-
 def test_excitation_measures_equal_hand_computed_values() -> None:
     """Rank, smallest eigenvalue and condition number of three samples equal hand-computed
     values."""
@@ -143,25 +87,6 @@ def test_excitation_measures_equal_hand_computed_values() -> None:
     assert richness.smallest_eigenvalue == pytest.approx(2.0 * 0.25 / 1.25)
     assert richness.condition == pytest.approx(np.sqrt(2.0))
     assert 0.0 < richness.rounding < 1e-28
-
-
-def test_linear_fit_reports_noise_and_forcing() -> None:
-    """A linear fit of recorded samples reduces noise. Its misfit shows noise and a reference
-    forcing.
-    """
-    game, _ = published(PUBLISHED[1])
-    exact = random_pool(game, 500, seed=0)
-    fitted, misfit = exact.linear()
-    assert misfit < 1e-13
-    assert np.abs(fitted.drifts - exact.drifts).max() < 1e-12 * np.abs(exact.drifts).max()
-    noise = np.random.default_rng(1).normal(size=exact.drifts.shape) * exact.drifts.std(axis=0)
-    noisy, misfit = Stack(exact.states, exact.drifts + 1e-3 * noise).linear()
-    assert misfit == pytest.approx(1e-3, rel=0.1)
-    assert np.linalg.norm(noisy.drifts - exact.drifts) < 0.2 * 1e-3 * np.linalg.norm(noise)
-    forced = Stack(
-        exact.states, exact.drifts + np.array([0.3, 0.0, 0.0, 0.0, 0.0, 0.0])
-    )  # forcing by a reference
-    assert forced.linear()[1] > 1e-3
 
 
 def test_malformed_samples_are_refused() -> None:

@@ -26,7 +26,6 @@ from controller import GeneralizedPlant, minimum_delta, solve_plant
 from controller.plant import generalized_plant
 from controller.plant.generalized_plant import central_controller, closed_plant, stored_plant
 from controller.plant.plant_report import solution_of_plant
-from controller.riccati.frequency_response import peak_gain
 from controller.riccati.smallest_delta import DeltaMin
 from hfa import BadInputError, Game, NoSolutionError, solve
 from hfa_aircraft.model import Model
@@ -69,30 +68,6 @@ def random_plant(seed: int, feedthrough: float = 1.0) -> GeneralizedPlant:
 @cache
 def smallest_of(seed: int, feedthrough: float = 1.0) -> DeltaMin:
     return random_plant(seed, feedthrough).minimum_delta()
-
-
-@pytest.mark.parametrize(
-    "seed", [8, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (3, 22, *range(100, 130)))]
-)
-def test_delta_min_is_at_most_slycots_gain(seed: int) -> None:
-    """delta_min is at most the gain of the closed loop with slycot's controller.
-
-    At δ = 1.001 delta_min, the loop with the project's controller has a gain below δ. If slycot
-    reports another value than delta_min, slycot's loop has a gain above delta_min or above the
-    reported value.
-    """
-    plant = random_plant(seed, seed % 3)
-    smallest, (stated, reached) = smallest_of(seed, seed % 3), of_slycot(plant)
-    if smallest.value == 0.0:
-        assert stated < 1e-6
-        return
-    assert smallest.refused < smallest.value
-    assert reached >= smallest.refused * (1.0 - 1e-6)
-    ours = gain_of(plant, solve_plant(plant, 1.001 * smallest.value))
-    assert ours < 1.001 * smallest.value
-    if abs(stated - smallest.value) > 1e-6 * smallest.value:
-        assert seed not in (3, 8, 22)
-        assert reached > smallest.value or reached > stated * (1.0 + 1e-6)
 
 
 @pytest.mark.parametrize("seed", [3, pytest.param(8, marks=pytest.mark.slow)])
@@ -166,6 +141,7 @@ def test_state_feedback_is_the_limit_of_measurements(seed: int) -> None:
     assert loop.poles().real.max() < 0.0
 
 
+@pytest.mark.slow
 def test_d22_does_not_change_the_closed_loop() -> None:
     """With and without D22, the smallest delta and the closed loop are equal."""
     plant = random_plant(8)
@@ -199,17 +175,6 @@ def test_a_planted_controller_error_is_not_certified(
     monkeypatch.setattr(generalized_plant, "central_controller", wrong)
     with pytest.raises(NoSolutionError, match="the controller is not certified: "):
         solve_plant(plant, delta)
-
-
-def test_peak_gain_finds_a_narrow_resonance() -> None:
-    """`peak_gain` finds the peak 1/(2 ζ) of a resonance with ζ = 1e-7."""
-    A = np.array([[0.0, 1.0], [-1.0, -2e-7]])
-    B = np.array([[0.0], [1.0]])
-    C = np.array([[1.0, 0.0]])
-    peak = 1.0 / 2e-7
-    for D, inside, outside in ((np.zeros((1, 1)), 1.001, 0.999), (np.array([[1e6]]), 1.05, 1.01)):
-        assert peak_gain(A, B, C, D, inside * peak) < inside * peak
-        assert peak_gain(A, B, C, D, outside * peak) > outside * peak
 
 
 def transfer(numerators: list, denominators: list) -> Any:
@@ -325,6 +290,7 @@ def test_an_integrator_without_disturbance_is_named(reach: float) -> None:
         plant.minimum_delta()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1e-3, pytest.param(0.1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("system", [python_control_367, octave_14, lambda: octave_14(False)])
 def test_public_plants_with_noise_agree_with_slycot(system: Any, size: float) -> None:
@@ -336,6 +302,7 @@ def test_public_plants_with_noise_agree_with_slycot(system: Any, size: float) ->
     assert gain_of(plant, solve_plant(plant, 1.001 * smallest)) < 1.001 * smallest
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::FutureWarning")
 @pytest.mark.parametrize(
     ("plant", "error", "effort", "noise"),
@@ -539,17 +506,6 @@ def test_a_scalar_plant_equals_hand_computed_values() -> None:
     assert parts == pytest.approx([X, Y, X * Y / 9, gain, Ak], rel=SAME_FORMULA)
 
 
-@pytest.mark.parametrize("size", [pytest.param(1e-14, marks=pytest.mark.slow), 1e14])
-def test_the_smallest_delta_scales_with_the_cost(size: float) -> None:
-    """If the cost output z is scaled by a factor, delta_min is scaled by the same factor."""
-    plant = random_plant(8)
-    expected = smallest_of(8).value
-    scaled = replace(plant, C1=size * plant.C1, D11=size * plant.D11, D12=size * plant.D12)
-    # Two searches from different initial values, each within 2.5e-7.
-    assert scaled.minimum_delta().value == pytest.approx(size * expected, rel=TWO_BRACKETS)
-    assert all(check.ok for check in solve_plant(scaled, 2.0 * size * expected).checks)
-
-
 def test_scalar_smallest_delta_agrees_with_closed_form() -> None:
     """delta_min of a scalar plant agrees with the closed form and is printed in the report.
 
@@ -578,25 +534,7 @@ def test_scalar_smallest_delta_agrees_with_closed_form() -> None:
         Game(-0.5 * ONE, 2 * ONE, ONE, 0 * ONE, ONE, 9.0), ONE, 0.25 * ONE
     )
     data = solution_of_plant(free, 9.0, "one state").as_data()
-    assert (data["delta_min"], data["delta_margin"], data["coupling"]) == (0.0, None, 0.0)
-
-
-def test_both_riccati_solutions_equal_60_digit_solutions(
-    servo: tuple[Game, np.ndarray, GeneralizedPlant],
-) -> None:
-    """Both Riccati solutions of the servo agree with solutions in 60 digits."""
-    game, C, plant = servo
-    found: Any = solve_plant(plant, 200.0)
-    root = np.diag(np.sqrt(np.diag(game.Q)))
-    dual = Game(A=game.A.T, B=C.T, E=root, Q=game.S_disturbance, R=NOISE, delta=200.0)
-    for ours, reference in (
-        (found.X, reference_solution(game)),
-        (found.Y, reference_solution(dual)),
-    ):
-        # Y is 0 in the rows of actuators and integrals, which no disturbance reaches, so signs are
-        # not compared there.
-        assert relative_error(ours, reference.P) < 1e-10
-    assert all(check.ok for check in found.checks)
+    assert (data["delta_min"], data["delta_margin"], data["coupling"]) == (0.0, math.inf, 0.0)
 
 
 def test_infinite_delta_gives_lqg(servo: tuple[Game, np.ndarray, GeneralizedPlant]) -> None:
@@ -610,67 +548,6 @@ def test_infinite_delta_gives_lqg(servo: tuple[Game, np.ndarray, GeneralizedPlan
         # 1e5.
         assert relative_error(ours, theirs) < 1e-9
     assert found.coupling == 0.0
-
-
-def test_accurate_measurements_approach_state_feedback(game: Game) -> None:
-    """With measurements of all states, delta_min approaches that of the state-feedback game.
-
-    The noise of the measurements tends to 0. At the lowest noise, X equals P of the state-feedback
-    game at the same delta to 1e-12.
-    """
-    n = len(game.A)
-    smallest = minimum_delta(game).value
-    plants = [
-        GeneralizedPlant.measured(game, np.eye(n), noise * np.eye(n)) for noise in (1e-6, 1e-10)
-    ]
-    excess = [plant.minimum_delta().value / smallest - 1 for plant in plants]
-    assert excess[0] > excess[1] > -2e-6
-    assert excess[1] < 1e-3
-    found: Any = solve_plant(plants[1], game.delta)
-    assert relative_error(found.X, solve(game).P) < 1e-12
-
-
-@pytest.mark.parametrize("seed", [0, pytest.param(2, marks=pytest.mark.slow)])
-def test_units_over_16_decades_keep_delta_min(seed: int) -> None:
-    """Changing the units of the states by 16 decades changes neither delta_min nor the coupling.
-
-    X, Y and the controller are converted.
-    """
-    rng = np.random.default_rng(seed)
-    A, B, E, C = (rng.standard_normal(shape) for shape in ((3, 3), (3, 1), (3, 2), (2, 3)))
-    game = Game(A=A, B=B, E=E, Q=np.eye(3), R=ONE, delta=1.0)
-    u = 10.0 ** (8 * np.array([1.0, -1.0, 0.0]))
-    scaled = Game(
-        A=A * u / u[:, None], B=B / u[:, None], E=E / u[:, None], Q=np.diag(u * u), R=ONE, delta=1.0
-    )
-    one, other = (
-        GeneralizedPlant.measured(each, c, np.eye(2)) for each, c in ((game, C), (scaled, C * u))
-    )
-    smallest = one.minimum_delta()
-    found = other.minimum_delta()
-    assert found.refused < found.value <= found.refused * (1 + 2e-6)
-    # Two searches, each within 2.5e-7.
-    assert found.value == pytest.approx(smallest.value, rel=TWO_BRACKETS)
-    assert found.condition == smallest.condition
-    first: Any = solve_plant(one, 1.01 * smallest.value)
-    second: Any = solve_plant(other, 1.01 * smallest.value)
-    # The certificate lets two derivations of X or Y differ by 1e-8.
-    assert second.coupling == pytest.approx(first.coupling, rel=1e-8)
-    np.testing.assert_allclose(
-        second.X / np.outer(u, u), first.X, atol=1e-8 * np.abs(first.X).max()
-    )
-    np.testing.assert_allclose(
-        second.Y * np.outer(u, u), first.Y, atol=1e-8 * np.abs(first.Y).max()
-    )
-    np.testing.assert_allclose(
-        second.Ck / u, first.Ck, rtol=1e-6, atol=1e-8 * np.abs(first.Ck).max()
-    )
-
-
-def test_zero_noise_is_refused() -> None:
-    """A noise intensity V that is not positive definite is refused."""
-    with pytest.raises(BadInputError, match="V is not positive definite"):
-        GeneralizedPlant.measured(Game(ONE, ONE, ONE, ONE, ONE, 1.0), ONE, 0 * ONE)
 
 
 def test_a_measured_game_with_cross_weights_keeps_its_cost() -> None:
@@ -692,8 +569,9 @@ def test_a_measured_game_with_cross_weights_keeps_its_cost() -> None:
     assert np.allclose(found(1.3j), lqg(1.3j))
 
 
-@pytest.mark.parametrize("measured", [False, True])
-@pytest.mark.parametrize(("slow", "is_refined"), [(1e-3, True), (-1e-3, False)])
+@pytest.mark.parametrize(
+    ("measured", "slow", "is_refined"), [(True, 1e-3, True), (False, -1e-3, False)]
+)
 def test_the_printed_controller_stabilizes(measured: bool, slow: float, is_refined: bool) -> None:
     """If four decimals of a controller leave a slow mode unstable, more digits are printed.
 

@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from game_samples import random_game
 
 from controller import minimum_delta
@@ -13,6 +14,7 @@ from controller.riccati.normal_form import NormalForm
 from hfa import Game, solve
 
 
+@pytest.mark.slow
 def test_the_error_of_a_value_bounds_changes() -> None:
     """If each entry of A and B changes by 1e-7, v'P v changes by less than the bound.
 

@@ -8,7 +8,6 @@ import pytest
 import hfa
 from controller import minimum_delta, solve_games
 from controller.riccati import certificate
-from controller.riccati.balancing import spectrum
 from controller.riccati.certificate import certified_stack
 from controller.riccati.derivations import by_doubling, by_eigenvectors
 from controller.riccati.normal_form import NormalForm
@@ -71,23 +70,6 @@ def test_the_spectral_abscissa_bound_is_close():
         bound = found.loop.real.max(axis=1) + found.spread
         assert (bound >= (1.0 + 1e-12) * abscissa).all()
         assert (bound <= 0.999 * abscissa).all()
-
-
-def test_half_the_eigenvectors_give_the_axis_distance():
-    """The bound of the axis distance from half of the eigenvectors equals that from all
-    eigenvectors.
-
-    The bound is at most the true distance.
-    """
-    A, B = _models("published", 5)
-    form = NormalForm.of_plants(A, B, published_game(A[2], B[2]))
-    bounds = by_eigenvectors(form).axis_distance
-    for matrix, bound in zip(form.hamiltonian, bounds, strict=True):
-        values, vectors = np.linalg.eig(matrix)
-        condition = np.linalg.norm(vectors) * np.linalg.norm(np.linalg.inv(vectors))
-        of_all = np.abs(values.real).min() / condition / np.linalg.norm(matrix)
-        assert bound == pytest.approx(of_all, rel=1e-9)
-        assert bound <= spectrum(matrix).axis_distance()
 
 
 def test_nothing_is_certified_below_the_smallest_delta():

@@ -290,6 +290,7 @@ def test_the_bracket_is_right_for_each_structure() -> None:
     assert brackets["right"] >= 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [12, pytest.param(400, marks=pytest.mark.slow)])
 def test_barely_controllable_games_are_rarely_refused_wrongly(count: int) -> None:
     """At most 1 % of the games with a barely controllable mode are refused wrongly or near the
@@ -324,6 +325,7 @@ def test_two_thousand_games_are_decided_correctly(seed: int) -> None:
     assert brackets["right, wide"] + brackets["not found, wrongly"] <= 0.03 * count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scaled", [pytest.param(False, marks=pytest.mark.slow), True])
 @pytest.mark.parametrize("count", [8, pytest.param(600, marks=pytest.mark.slow)])
 def test_random_games_are_right_where_scipy_errs(count: int, scaled: bool) -> None:

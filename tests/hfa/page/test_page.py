@@ -19,19 +19,16 @@ import pytest
 from plotly.graph_objects import Figure
 from project import ROOT
 
-import hfa
 import hfa_model
-from hfa import BadInputError, NoSolutionError, solve, sweep
+from hfa import BadInputError, NoSolutionError, sweep
 from hfa.page.claims import Claims, claims_section, load_claims
 from hfa.page.flights import flights_section, load_flights
-from hfa.page.job_report import angle_report, any_angle, check_meanings, verdict_sentence, verdicts
+from hfa.page.job_report import angle_report, any_angle, verdict_sentence, verdicts
 from hfa.page.main_job import MainJob, main_job, with_game
 from hfa.page.plots import front_view, in_script, locus_plot
 from hfa_aircraft.model import Model
 from hfa_model.parameters import ParameterSet
 from hfa_support.reporting.report import Report
-from trim import modes_of
-from verification.critic.critic_check import verify
 
 
 @pytest.fixture(scope="module")
@@ -147,24 +144,6 @@ def checks_in(data: Any) -> set[str]:
     return set().union(*map(checks_in, data)) if isinstance(data, list) else set()
 
 
-def test_every_check_has_an_explanation(job: MainJob) -> None:
-    """Each check on the page has an explanation."""
-    game = hfa.paper.published_game(hfa.paper.level_model(hfa.aircraft(), np.radians(15.0)))
-    run = hfa.learn(game)
-    reports = (job.regeneration, solve(game), verify(game, run))
-    names = {name for result in reports for name in checks_in(result.report().data)}
-    assert len(names) > 20
-    assert names - {name for name, _ in check_meanings().rows} == set()
-
-
-def test_claims_of_other_matrices_are_detected(job: MainJob, claims: Claims) -> None:
-    """Claims computed with other matrices than those of the page are marked."""
-    angle, A, B = claims.models[1]
-    for changed in (B * (1 + 1e-6), B[:, 1:]):
-        other = claims._replace(models=[claims.models[0], (angle, A, changed)])
-        assert "OTHER matrices than" in str(claims_section(other, job.regeneration).parts[0])
-
-
 @pytest.mark.parametrize(
     ("place", "value"),
     [
@@ -223,33 +202,6 @@ def test_data_in_a_script_contain_no_tag() -> None:
     text = in_script(value)
     assert "<" not in text
     assert json.loads(text) == {"name": "</script><script>alert(1)", "x": [0.5, None]}
-
-
-def test_hover_texts_contain_frequency_and_damping(job: MainJob) -> None:
-    """The root locus shows all modes. Its hover texts contain the frequency and damping of modes.
-
-    A second figure contains only the slow modes.
-    """
-    plot = locus_plot(job.sweep)
-    assert plot is not None
-    every, slow = plot.figures
-    named = [{trace["name"] for trace in spec["data"]} for spec in (every, slow)]
-    assert named[0] == {*job.sweep.mode_names, "chosen angle"}
-    assert named[1] == {"phugoid", "dihedral (slow)", "chosen angle"}
-    for spec in (every, slow):
-        assert len(Figure(spec).frames) == len(job.points)
-    for trace in every["data"]:
-        for angle, frequency, damping in trace.get("customdata", ()):
-            if np.isfinite(frequency):
-                point = next(point for point in job.points if point.dihedral_deg == angle)
-                modes = modes_of(point.model.A, point.model.states, hfa.aircraft().modes)
-                assert (
-                    min(
-                        abs(mode.frequency - frequency) + abs(mode.damping - damping)
-                        for mode in modes
-                    )
-                    < 1e-4
-                )
 
 
 def test_front_view_and_locus_require_a_trim(job: MainJob, published_aircraft: Model) -> None:

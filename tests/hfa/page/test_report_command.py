@@ -49,6 +49,7 @@ def written_report(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Pa
     return hfa("report", *words), folder
 
 
+@pytest.mark.slow
 def test_a_report_replaces_the_pictures_of_an_earlier_one(folder: Path) -> None:
     """A report with other angles removes the pictures of the earlier report, and nothing else."""
     words = ("report", "-o", "pages", "--sweep", "5:15:10", "--dihedral")
@@ -165,6 +166,7 @@ def test_a_missing_plotly_is_refused_before_the_computation(
     plotly_script.cache_clear()
 
 
+@pytest.mark.slow
 def test_every_angle_is_trimmed_at_given_condition() -> None:
     """Requested and swept angles are trimmed at the condition that the options specify.
 

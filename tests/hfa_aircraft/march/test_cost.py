@@ -61,22 +61,6 @@ def test_cost_integrates_by_the_trapezoidal_rule() -> None:
     assert SQUARES.of(TIMES, INPUTS, ZEROS, is_held=True) == 28.5
 
 
-def test_the_cost_of_a_stored_flight_approaches_the_exact_integral() -> None:
-    """The error of the trapezoidal rule decreases with the square of the step."""
-    errors = []
-    for steps in (100, 200):
-        times = np.linspace(0.0, SECONDS, steps + 1)
-        z = np.array([expm(LOOP * t) @ START for t in times])
-        errors.append(abs(COST.of(times, z, -z @ K.T) - exact_cost(COST)))
-    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
-
-
-def test_the_cost_as_a_state_has_the_order_of_the_simulation() -> None:
-    """Halving the step reduces the error of the integrated cost about 16 times."""
-    errors = [abs(integrated(COST, steps) - exact_cost(COST)) for steps in (160, 320)]
-    assert errors[0] / errors[1] == pytest.approx(16.0, rel=0.06)
-
-
 def test_a_wrong_weight_is_seen() -> None:
     """A cost with another weight, planted here, does not have the exact integral."""
     wrong = Cost(COST.Q, 1.01 * COST.R)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -129,16 +128,6 @@ def test_motions_end_as_their_formulas_do() -> None:
     undecided = [outcome == Outcome.UNDECIDED for outcome in outcomes]
     assert [time == pytest.approx(60.0) for time in times] == undecided
     assert times[3] == math.ceil(math.log(5.0) / 0.1)
-
-
-def test_another_patience_gives_other_outcomes() -> None:
-    """A limit cycle tolerance of 5 % takes slow decay and slow growth for limit cycles."""
-    outcomes, _ = ended(replace(PATIENCE, same=0.05, block=1))
-    assert outcomes[4:] == [Outcome.CYCLES] * 2
-    waiting, _ = ended(replace(PATIENCE, standing=1000))
-    assert waiting[2] == Outcome.UNDECIDED
-    never, _ = ended(replace(PATIENCE, cycles=1e9))
-    assert never[1] == Outcome.UNDECIDED
 
 
 def test_flights_from_trims_end_when_all_have_settled() -> None:

@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from hfa_aircraft.march.march import History, march, saturated
-from hfa_aircraft.march.steppers import RungeKutta, rk4
+from hfa_aircraft.march.steppers import RungeKutta
 
 A = np.array([[0.0, 1.0], [-4.0, -0.2]])
 B = np.array([[0.0], [1.0]])
@@ -36,35 +36,6 @@ class Sampled:
     def hold(self, tick: int, time: float, state: np.ndarray, flying: np.ndarray) -> np.ndarray:
         self.commands.append(-state @ K.T)
         return self.commands[tick]
-
-
-class Growing:
-    """Flights x' = x from several initial values, one step a tick, by NumPy."""
-
-    step = 0.1
-    steps = 1
-    sizes = (1, 1)
-
-    def __init__(self, starts: np.ndarray) -> None:
-        self.stepper = self
-        self.starts = starts
-        self.flown = 0
-
-    def start(self) -> np.ndarray:
-        return self.starts[:, None]
-
-    def hold(self, tick: int, time: float, state: np.ndarray, flying: np.ndarray) -> np.ndarray:
-        assert len(state) == len(flying)
-        return state
-
-    def __call__(
-        self, time: float, state: np.ndarray, held: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        self.flown += len(state)
-        return rk4(lambda x, _: x, state, self.step)[:, None], held[:, None]
-
-    def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
-        return state
 
 
 def exact(ticks: int, late: int = 0) -> np.ndarray:
@@ -97,14 +68,6 @@ def test_a_planted_delay_is_seen() -> None:
     assert np.abs(history.states[0, ::STEPS] - exact(TICKS)).max() > 0.01
 
 
-def test_substeps_reduce_the_error_with_the_fourth_power() -> None:
-    """Two substeps in each step reduce the error about 16 times."""
-    errors = [
-        np.abs(flown(Sampled(parts)).states[0, ::STEPS] - exact(TICKS)).max() for parts in (1, 2)
-    ]
-    assert errors[0] / errors[1] == pytest.approx(16.0, rel=0.1)
-
-
 def test_values_are_seen_before_each_step_and_at_the_end() -> None:
     """The seen times are those of the steps, and the seen input is that of the tick."""
     history = flown(Sampled(), 3)
@@ -127,18 +90,6 @@ def test_a_flight_ends_with_the_tick_of_the_first_step_that_is_over(window: int)
     assert first % STEPS > 0
     assert end == STEPS * (first // STEPS + 1)
     np.testing.assert_array_equal(history.states[0, : end + 1], whole.states[0, : end + 1])
-
-
-def test_flights_that_are_over_are_not_simulated() -> None:
-    """Each flight of several ends at its own tick, and none is computed after its end."""
-    loop = Growing(np.array([1.0, 2.0, 20.0, 1e-9]))
-    history, ends = march(loop, 30, over=lambda rows: rows.states[:, :, 0] > 10.0)
-    of_each = np.ceil(np.log(10.0 / loop.starts) / loop.step)
-    np.testing.assert_array_equal(ends, np.clip(of_each, 0, 30))
-    assert loop.flown == np.maximum(ends, 1).sum()
-    np.testing.assert_allclose(
-        history.states[np.arange(4), ends, 0], loop.starts * np.exp(ends * loop.step), rtol=1e-5
-    )
 
 
 def test_progress_ends_with_the_flight() -> None:

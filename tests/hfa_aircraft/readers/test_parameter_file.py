@@ -101,10 +101,3 @@ def test_a_data_file_executes_no_python(
     assert trim.code == 0, trim.err
     assert json.loads(trim.out)["operating_point"]["inputs"]["thrust"] == pytest.approx(3.0)
     assert trace.exists()
-
-
-def test_a_name_that_is_no_aircraft_is_refused(folders: Path) -> None:
-    """A text that names neither data nor Python code is refused with the forms of aircraft."""
-    (folders / "found.toml").write_text('aircraft = "uav.tml"\n')
-    result = hfa("trim", "--aircraft", str(folders / "found.toml"))
-    assert_refused(result, 2, "found.toml", "uav.tml", "is not an aircraft")

@@ -72,14 +72,3 @@ def test_rotational_power_equals_the_moments_power():
     rate = derivative_along_motion(energy, ca.SX.zeros(3), ca.DM(moment))
     rates = [VALUES[f"{axis}_rate"] for axis in ("roll", "pitch", "yaw")]
     assert rate[0] == pytest.approx(moment @ rates, rel=1e-13)
-
-
-def test_a_force_changes_speed_and_path():
-    """A force per mass of 2.5 along the velocity increases the speed at the rate 2.5."""
-    direction = wind_axes(VALUES["alpha"], VALUES["beta"])[:, 0]
-
-    def speed(x, velocity):
-        return ca.norm_2(velocity)
-
-    rate = derivative_along_motion(speed, 2.5 * ca.DM(direction), ca.SX.zeros(3))
-    assert rate[0] == pytest.approx(2.5, rel=1e-13)

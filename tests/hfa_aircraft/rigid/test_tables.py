@@ -27,19 +27,6 @@ def test_tables_equal_scipys_linear_interpolation(shape):
         assert float(ca.sum2(slope)) == pytest.approx((ahead - behind) / (2.0 * step), abs=1e-4)
 
 
-def test_derivative_size_is_independent_of_the_table():
-    """The number of instructions for a derivative is independent of the size of the table."""
-    counts = []
-    for count in (10, 100):
-        x = ca.SX.sym("x")
-        value = Interpolator()(np.sin(np.arange(count)), [np.arange(float(count))], [x])
-        value_only = ca.Function("f", [x], [value]).n_instructions()
-        counts.append(
-            ca.Function("f", [x], [value, ca.jacobian(value, x)]).n_instructions() - value_only
-        )
-    assert counts[0] == counts[1]
-
-
 def test_tables_with_equal_breakpoints_share_the_search():
     """Two tables with the same breakpoints share the search for the cell."""
     x = ca.SX.sym("x")

@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import casadi as ca
 import numpy as np
-import pytest
 
-import hfa
 from hfa_support.native.bound import RowFunction
-from hfa_support.native.columns import by_columns
-from trim.point.condition import usual_condition
-from trim.point.system import TrimSystem
 
 _SPECIAL = (0.0, -0.0, 1.0, -1.0, 0.5, -2.5, 3.0, np.inf, -np.inf, np.nan)
-_F16 = Path(__file__).parents[3] / "examples" / "f16.py"
 
 
 def of_every_operation() -> ca.Function:
@@ -72,27 +64,3 @@ def test_columns_support_matrices_constants_and_empty_arguments() -> None:
     np.testing.assert_array_equal(found[0], table[:, [0, 2, 4, 1, 3, 5]])
     np.testing.assert_array_equal(found[1], np.tile([1.0, 2.0], (2101, 1)))
     assert found[2].shape == (2101, 0)
-
-
-def test_nested_functions_are_evaluated_by_rows() -> None:
-    """A Function that calls another Function is evaluated by rows."""
-    x = ca.SX.sym("x", 2)
-    inner = ca.Function("inner", [x], [ca.sin(x[::-1])], {"never_inline": True})
-    X = ca.MX.sym("X", 2)
-    outer = ca.Function("outer", [X], [inner(inner(X))])
-    assert by_columns(outer, 250) is None
-    table = np.random.default_rng(0).normal(size=(2001, 2))
-    np.testing.assert_array_equal(RowFunction(outer)(table)[0], one_by_one(outer, table)[0])
-
-
-@pytest.mark.parametrize("name", ["hfa", "f16"])
-def test_equations_of_aircraft_have_the_same_bits(name: str) -> None:
-    """Trim residuals, Jacobians and linear models have equal bits by columns and by rows."""
-    model = hfa.aircraft() if name == "hfa" else hfa.load_model(f"{_F16}:F16")
-    system = TrimSystem(model, usual_condition(model))
-    random = np.random.default_rng(0)
-    z = system.start + random.normal(0.0, 0.1, (2003, len(system.start)))
-    c = system.constants(len(z))
-    for rows in (system.equations.residual_rows, system.equations.linear_rows):
-        for found, wanted in zip(rows(z, c), one_by_one(rows.function, z, c), strict=True):
-            np.testing.assert_array_equal(found, wanted)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import casadi as ca
@@ -125,19 +124,6 @@ def test_a_damaged_library_is_compiled_again(cache: Path, damage: str) -> None:
 
 
 @needs_compiler
-def test_the_cache_is_private_to_its_owner(cache: Path) -> None:
-    """The cache folder and its libraries are accessible only to their owner."""
-    cache.mkdir(mode=0o777, parents=True)
-    before = os.umask(0)  # with this mask, the compiler would create files that everyone can write
-    try:
-        generated.machine_code(cube())
-    finally:
-        os.umask(before)
-    (library,) = cache.glob("*.so")
-    assert [path.stat().st_mode & 0o777 for path in (cache, library)] == [0o700, 0o700]
-
-
-@needs_compiler
 def test_a_linked_cache_is_left_unchanged(cache: Path, tmp_path: Path) -> None:
     """If the cache folder is a link, its target is not changed."""
     target = tmp_path / "target"
@@ -164,19 +150,3 @@ def test_a_library_of_another_text_is_compiled_again(cache: Path) -> None:
     square.unlink()
     square.symlink_to(right)
     assert not generated._is_own(square, square.stem.partition("-")[0])
-
-
-@needs_compiler
-def test_products_of_matrices_have_equal_bits_side_by_side() -> None:
-    """Both replacements apply to CasADi's C code, and the sums keep their order."""
-    random = np.random.default_rng(0)
-    A = random.normal(size=(50, 25))
-    x = ca.MX.sym("x", 25)
-    function = ca.Function("product", [x], [ca.mtimes(ca.DM(A), ca.tanh(x))])
-    text = generated._c_text(function, "product")
-    assert text.count(generated._FAST_PRODUCT) == text.count(generated._SIDE_BY_SIDE) == 1
-    assert generated._BY_ROWS not in text
-    compiled = generated.machine_code(function)
-    assert compiled is not function
-    for value in random.normal(size=(20, 25)):
-        np.testing.assert_array_equal(np.array(compiled(value)), np.array(function(value)))

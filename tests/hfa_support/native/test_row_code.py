@@ -54,17 +54,6 @@ def test_compiled_rows_equal_casadi_for_every_operation(one_row: bool) -> None:
     np.testing.assert_allclose(code(a, b)[0], in_turn(a, b)[0], rtol=1e-15)
 
 
-def test_narrow_registers_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Code for narrow registers gives the same bits as code for the registers of this processor."""
-    function = of_every_operation()
-    a, b = np.random.default_rng(1).normal(0.0, 3.0, (2, 101, 1))
-    of_this_processor = row_code(function)(a, b)[0]
-    np.testing.assert_array_equal(row_code(function, one_row=True)(a, b)[0], of_this_processor)
-    # Registers of another processor.
-    monkeypatch.setattr("hfa_support.native.row_code._registers", lambda: ("", 2))
-    np.testing.assert_array_equal(row_code(function)(a, b)[0], of_this_processor)
-
-
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 17])
 def test_compiled_code_supports_rows_and_nested_functions(count: int) -> None:
     """Compiled code evaluates any number of rows, and functions may call other functions."""

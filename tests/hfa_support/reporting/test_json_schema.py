@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from itertools import chain
 from typing import Literal
 
@@ -18,14 +18,9 @@ from hfa.formats import classes_of
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.json_schema import json_schema, meaning, parts_of
 from hfa_support.reporting.results import (
-    UNSTORED,
     Matrix,
     Result,
     Roots,
-    Vector,
-    stored,
-    stored_as,
-    stored_parts,
 )
 
 
@@ -90,42 +85,6 @@ def test_schema_contains_types_and_meanings() -> None:
     assert list(validator.iter_errors(data)) == []
     for fault in ({"A": [1.0]}, {"kind": "third"}, {"leaves": [{"name": "a"}]}, {"size": "1"}):
         assert list(validator.iter_errors(data | fault)) != []
-
-
-@dataclass(frozen=True)
-class Value(Result):
-    """A value with derived entries.
-
-    leaf: a part.
-    winds: (k,) where there are some."""
-
-    leaf: Leaf = field(metadata=stored_parts(name="name", roots="roots"))
-    winds: Vector = field(metadata=stored_as("air", optional=True))
-    hidden: int = field(default=3, metadata=UNSTORED)
-
-    @property
-    @stored()
-    def twice(self) -> tuple[str, ...]:
-        """The name, repeated twice."""
-        return (self.leaf.name, self.leaf.name)
-
-
-def test_data_contain_properties_and_nested_fields() -> None:
-    """The data contain listed properties and the fields of a nested result, with descriptions in
-    the schema.
-    """
-    value = Value(WHOLE.leaves[0], np.zeros(0))
-    expected = {"twice": ["a", "a"], "name": "a", "roots": [[1.0, 2.0]]}
-    assert value.to_dict() == expected
-    with_winds = replace(value, winds=np.array([3.0, np.nan]))
-    assert with_winds.to_dict() == expected | {"air": [3.0, None]}
-    schema = json_schema(Value)
-    assert sorted(schema["required"]) == sorted(expected)
-    assert schema["properties"]["twice"]["description"] == "The name, repeated twice."
-    assert schema["properties"]["roots"]["description"] == "(k,) complex, 1/s."
-    validator = Draft202012Validator(schema)
-    assert validator.is_valid(with_winds.to_dict())
-    assert not validator.is_valid(expected | {"air": 3.0})
 
 
 WRITTEN = chain.from_iterable(entry.results for entry in commands().values())

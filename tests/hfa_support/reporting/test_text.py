@@ -13,7 +13,6 @@ from hfa_support.reporting.text import (
     in_degrees,
     matrix_table,
     shown_value,
-    wrapped,
 )
 
 
@@ -44,14 +43,6 @@ def test_extreme_matrices_are_printed_with_significant_digits(
     assert table.rows == [("u1", *cells)]
 
 
-def test_a_small_entry_is_not_printed_as_zero() -> None:
-    """A small matrix entry is not printed as zero, but rounding errors are."""
-    entries = np.array([[155.6092, -2.6e-5, 4.9e-5, 5.1e-5, 1e-17, -0.0, 0.0]])
-    table = matrix_table("B", ("alpha",), ("a", "b", "c", "d", "e", "f", "g"), entries)
-    small = ("-2.6e-05", "4.9e-05", "0.0001")
-    assert table.rows == [("alpha", "155.6092", *small, "0.0000", "0.0000", "0.0000")]
-
-
 def test_wide_tables_are_continued_below() -> None:
     """Columns beyond the width are printed in a block below. The block repeats the first column."""
     header = ("mode", "eigenvalue", "damping")
@@ -63,10 +54,3 @@ def test_wide_tables_are_continued_below() -> None:
     ]
     assert columns(header, rows, width=80).count("\n") == 1
     assert columns(header, rows, width=5).count("-69.4807 ± 10.2273i") == 1
-
-
-def test_lines_are_wrapped_only_at_blanks() -> None:
-    """Lines are wrapped only at blanks, not at an underscore."""
-    text = "the unknowns speed_of_sound and alpha\nbind"
-    assert wrapped(text, 14) == "the unknowns\nspeed_of_sound\nand alpha\nbind"
-    assert wrapped(text, None) == text

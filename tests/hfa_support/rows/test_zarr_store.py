@@ -9,7 +9,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -106,6 +105,7 @@ def test_stored_results_have_names_and_units(finished_store: Path) -> None:
     assert dataset.square.attrs == {"units": "ft"}
 
 
+@pytest.mark.slow
 def test_two_processes_write_the_bytes_of_one(finished_store: Path, tmp_path: Path) -> None:
     """Two processes write the same bytes as one, and resuming a complete store changes nothing."""
     fill_store(row_job(), tmp_path / "two.zarr", workers=2)
@@ -113,6 +113,7 @@ def test_two_processes_write_the_bytes_of_one(finished_store: Path, tmp_path: Pa
     assert contents(tmp_path / "two.zarr") == contents(finished_store)
 
 
+@pytest.mark.slow
 def test_a_dask_cluster_writes_the_bytes_of_one(finished_store: Path, tmp_path: Path) -> None:
     """A Dask cluster writes the same bytes as one process."""
     distributed = pytest.importorskip("distributed")
@@ -258,70 +259,7 @@ def test_a_full_disk_leaves_no_store(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert {path.name for path in tmp_path.iterdir()} == {".a.zarr.my-backup-202612", "a.zarr"}
 
 
-def test_one_thread_writes_an_unfinished_store(tmp_path: Path) -> None:
-    """A store without results is written by a single thread."""
-    writers: dict[str, set[str]] = {"open": set(), "os.mkdir": set()}
-    is_watched = True
-
-    def watch(event: str, arguments: tuple[Any, ...]) -> None:
-        if is_watched and event in writers and ".hfa-" in str(arguments[0]):
-            writers[event].add(threading.current_thread().name)
-
-    sys.addaudithook(watch)  # nothing removes it
-    try:
-        zarr_store._create(tmp_path / "a.zarr", row_job(), None)
-    finally:
-        is_watched = False
-    here = {threading.current_thread().name}
-    assert writers == {"open": here, "os.mkdir": here}
-
-
 # Stores from untrusted sources.
-
-
-def change_metadata(path: Path, file: str, *changes: tuple[tuple[str | int, ...], Any]) -> None:
-    """Change values in the JSON metadata of a store or an array.
-
-    file: name of the JSON file in the store
-    changes: (keys that lead to the value, new value)
-    """
-    content = json.loads((path / file).read_text())
-    for keys, value in changes:
-        holder = content
-        for key in keys[:-1]:
-            holder = holder[key]
-        holder[keys[-1]] = value
-    (path / file).write_text(json.dumps(content))
-
-
-OTHER_METADATA: dict[str, tuple[tuple[str | int, ...], Any]] = {
-    "byte order": (("codecs", 0, "configuration", "endian"), "big"),
-    "no checksum": (("codecs",), [{"name": "bytes", "configuration": {"endian": "little"}}]),
-    "a filter": (("codecs", 0), {"name": "numcodecs.pickle", "configuration": {}}),
-    "type": (("data_type",), "float32"),
-    "chunks": (("chunk_grid", "configuration", "chunk_shape"), [2, 2]),
-    "names of chunks": (("chunk_key_encoding",), {"name": "v2"}),
-    "fill value": (("fill_value",), 0.0),
-    "shape": (("shape",), [ROWS, 3]),
-    "axes": (("dimension_names",), ["row", "other"]),
-    "format": (("zarr_format",), 2),
-    "transformers": (("storage_transformers",), [{"name": "x"}]),
-    "no attributes": (("attributes",), None),
-}
-
-
-@pytest.mark.parametrize(
-    "what",
-    [
-        pytest.param(what, marks=[pytest.mark.slow] if number % 3 else [])
-        for number, what in enumerate(OTHER_METADATA)
-    ],
-)
-def test_another_description_of_an_array_is_refused(path: Path, what: str) -> None:
-    """Changed metadata of an array, such as the byte order, are refused."""
-    change_metadata(path, "square/zarr.json", OTHER_METADATA[what])
-    with pytest.raises(BadInputError, match="damaged or has another origin"):
-        fill_store(row_job(), path, resume=True)
 
 
 def of_format_2(path: Path, job: RowJob) -> None:

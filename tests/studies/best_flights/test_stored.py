@@ -73,6 +73,7 @@ def test_the_page_shows_the_stored_flights() -> None:
         assert row["found"] >= 0.95 * row["starts"]
 
 
+@pytest.mark.slow
 def test_a_wrong_cost_is_detected() -> None:
     """SciPy confirms the cost of a flight of the pendulum. With changed states, the costs
     differ.

@@ -14,6 +14,8 @@ from studies.gap.judging import SEED, STARTS, Outcome, flight_results, summary
 from studies.gap.tasks import TASKS, deployment_of
 from studies.gap.training import BUDGETS, Run
 
+pytestmark = pytest.mark.slow
+
 STORED = ROOT / "studies" / "gap" / "results" / "gap.json"
 
 

@@ -19,6 +19,8 @@ from hfa_model.variants import Published, Variant
 from studies.identification.parameters import ALTERNATIVES, IDENTIFIED, ROUGH, Fit, fit, identify
 from trim import compare, regenerate
 
+pytestmark = pytest.mark.slow
+
 MOVED = tuple(name for name in LINEAR_STATES if name not in ("pitch", "dihedral"))
 ENTRIES = [("A", row, column) for row in MOVED for column in LINEAR_STATES] + [
     ("B", row, column) for row in MOVED for column in INPUTS

@@ -39,6 +39,8 @@ from studies.section5.flights import (
 )
 from studies.section5.metrics import TRACKED
 
+pytestmark = pytest.mark.slow
+
 #: Ten times the paper's step, which is sufficient for smooth gains. A flight takes a second.
 COARSE: dict[str, Any] = {"flight": {"step": 1e-3}}
 #: A flight of one second with the paper's step, which the published law requires.

@@ -29,6 +29,8 @@ from studies.servo.flights import delayed, gust_held, simulated_flight, slowest_
 from studies.servo.simvfa import reference_servo, simvfa_design
 from studies.unsteady.__main__ import margins as margins_of
 
+pytestmark = pytest.mark.slow
+
 FOLDER = ROOT / "studies" / "servo"
 FINDINGS = (FOLDER / "findings.md").read_text(encoding="utf-8")
 
@@ -41,7 +43,6 @@ def errors(flight: ServoFlight) -> tuple[float, float]:
     return float(np.degrees(angle.rms)), acceleration.rms
 
 
-@pytest.mark.slow
 def test_a_case_is_simulated_stored_and_resumed(
     tmp_path: Path,
     published_aircraft: Model,
@@ -134,7 +135,6 @@ THEIRS = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_new_simulations_reproduce_the_stored_results(published_aircraft: Model, case: str) -> None:
     """New simulations reproduce the stored results, and SimVFA's published errors within 1e-3."""
@@ -151,7 +151,6 @@ def test_new_simulations_reproduce_the_stored_results(published_aircraft: Model,
         assert (flights[law].lost_at is None) == (outcome == "held")
 
 
-@pytest.mark.slow
 def test_the_largest_gust_is_the_limit(published_aircraft: Model) -> None:
     """A flight stays within the envelope in the largest gust found, but not in one 1 ft/s
     stronger.
@@ -248,7 +247,6 @@ def test_unsteady_air_makes_the_servo_loop_unstable() -> None:
     assert margins_of("unsteady", 15.0, servo, 1)[0] == pytest.approx(0.048, abs=6e-4)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("bandwidth", "degrees", "damping"), [(10.0, 13.0, 0.37), (2.0, 20.0, 0.334)]
 )

@@ -9,6 +9,8 @@ pytest.importorskip("hfa_identify")
 
 from studies.sidpac.__main__ import DEVIATIONS, PRINTED, bounds, identified
 
+pytestmark = pytest.mark.slow
+
 
 def test_bounds_of_scipy_equal_the_printed_ones() -> None:
     """Cramér-Rao bounds from SciPy's simulation agree with the printed ones within 2 %.
@@ -21,7 +23,6 @@ def test_bounds_of_scipy_equal_the_printed_ones() -> None:
         assert unknown[name] >= known[name]
 
 
-@pytest.mark.slow
 def test_bands_of_identify_have_the_printed_width() -> None:
     """The mean width of the bands of three records agrees with the Cramér-Rao bounds within 3 %.
 

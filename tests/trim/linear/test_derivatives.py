@@ -94,6 +94,7 @@ def slopes(
     return errors
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ground_drag", [False, True])
 def test_each_rows_remainder_is_of_second_order(aircraft: Model, ground_drag: bool) -> None:
     """The Taylor remainder of each row of the linear model has the median order 2.

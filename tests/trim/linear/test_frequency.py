@@ -104,17 +104,6 @@ def test_a_free_body_has_no_static_gain(seed: int, slow: float) -> None:
         assert static == pytest.approx(held if slow else np.inf, rel=1e-6)
 
 
-def test_a_slow_zero_does_not_cancel_an_integrator() -> None:
-    """The static gain of (s + 5e-10) / (s (s + 1)) is infinite.
-
-    The slow zero does not cancel the pole 0.
-    """
-    A = np.array([[0.0, 1.0], [0.0, -1.0]])
-    system = StateSpace(A, np.array([[0.0], [1.0]]), np.array([[5e-10, 1.0]]), np.zeros((1, 1)))
-    _, static, zeros, poles = gain_and_roots(system, spectrum(A), 1.0)
-    assert (static, len(zeros), len(poles)) == (np.inf, 1, 2)
-
-
 # Models of fewer states.
 
 
@@ -185,6 +174,7 @@ def test_a_bode_plot_shows_at_most_six_outputs() -> None:
     assert max(np.abs(np.diff(phase)).max() for phase in phases) < 45.0
 
 
+@pytest.mark.slow
 def test_the_command_reports_the_models_transfer_functions(tmp_path: Path) -> None:
     """`hfa linearize --bode` reports the transfer functions of the model, also in SI units."""
     chosen = "--inputs", "throttle,elevator_center", "--outputs", "gamma,speed"

@@ -22,9 +22,6 @@ from trim.point.condition import usual_condition
 stores = Extension("trim.sweeps.store")
 
 TABLE = ca.interpolant("table", "linear", [[-1.0, 0.0, 1.0]], [1.0, 0.0, 3.0])
-SPLINE = ca.interpolant(
-    "spline", "bspline", [[-2.0, -1.0, 0.0, 1.0, 2.0]], [2.0, 1.0, 0.0, 1.0, 2.0]
-)
 _SYMBOL = ca.SX.sym("x")
 CALLED = ca.Function("called", [_SYMBOL], [ca.fabs(_SYMBOL)], {"never_inline": True})
 #: Force over position with its slopes below and above x = 0.
@@ -71,28 +68,10 @@ def test_a_kink_has_the_mean_slope(name: str) -> None:
     assert (away.A[1, 0], away.kinks) == (pytest.approx(above, abs=1e-12), ())
 
 
-@pytest.mark.parametrize("offset", [-0.9e-6, -1e-12, 1e-9, 0.4e-6])
-def test_a_knot_up_to_rounding_has_mean_slope(offset: float) -> None:
-    """If a trim is at the knot of a table except for rounding, A contains the mean slope."""
-    assert at(cart(TABLE), offset).A[1, 0] == pytest.approx(1.0, abs=1e-13)
-
-
 def test_the_sides_of_a_curved_kink_are_exact() -> None:
     """The mean slope at a kink with curved sides is exact to 1e-11."""
     model = at(cart(lambda x: 700 * ca.sin(x) + ca.fabs(x) * ca.exp(x)), 0.0)
     assert model.A[1, 0] == pytest.approx(700.0, abs=1e-11)
-
-
-@pytest.mark.parametrize("offset", [1.5e-6, -2.5e-6, 1e-5])
-def test_derivative_beside_a_knot_is_its_slope(offset: float) -> None:
-    """Next to the knot of a table, A contains the slope there, without a note."""
-    model = at(cart(TABLE), offset)
-    assert (model.A[1, 0], model.kinks) == (3.0 if offset > 0 else -1.0, ())
-
-
-def test_a_smooth_table_has_no_note() -> None:
-    """A spline causes no note on kinks at its knots."""
-    assert at(cart(SPLINE), 0.0).kinks == ()
 
 
 def test_a_jump_is_named_and_keeps_its_slope() -> None:

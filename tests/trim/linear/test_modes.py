@@ -10,10 +10,7 @@ from own_models import F16, NAVION, trimmed
 
 import hfa
 from hfa import Model, OperatingPoint, TrimCondition, linearize, trim
-from hfa.paper import level_model
-from hfa_model import LINEAR_STATES
 from trim import modes_of
-from trim.hfa.printed import eigenvalue_errors
 from trim.linear.handling_qualities import handling_qualities
 from trim.linear.modes import modes_table
 
@@ -75,15 +72,6 @@ def test_two_masses_and_a_spring_never_decay(seed: int, damping: float) -> None:
     assert modes[0].time_to_half == pytest.approx(expected, rel=1e-3)
 
 
-@pytest.mark.parametrize("slow", [-1e-9, 1e-6])
-def test_a_slow_eigenvalue_is_not_zero(slow: float) -> None:
-    """A slow eigenvalue that exceeds rounding is not replaced by 0."""
-    basis = np.array([[1.0, 0.2, 0.3], [0.1, 1.0, -0.4], [0.3, -0.2, 1.0]])
-    A = basis @ np.diag([-3.0, -1.0, slow]) @ np.linalg.inv(basis)
-    *_, slowest = modes_of(A, ("a", "b", "c"))
-    assert slowest.eigenvalue == pytest.approx(slow, rel=1e-5)
-
-
 def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
     """The participation of a state in a mode is |∂λ_i/∂a_kk|, normalized to the sum 1.
 
@@ -102,29 +90,6 @@ def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
         np.testing.assert_allclose(
             [mode.participation[name] for name in states], expected, atol=1e-8
         )
-
-
-@pytest.mark.parametrize("degrees", [0.0, 1.0, 2.5, 5.0, 7.5, 10.0, 12.5, 15.0, 16.0, 17.5, 20.0])
-def test_modes_contain_each_eigenvalue_once(aircraft: Model, degrees: float) -> None:
-    """The modes contain each eigenvalue of A once, in order of frequency, with different names."""
-    model = level_model(aircraft, float(np.radians(degrees)))
-    modes = modes_of(model.A, model.states, hfa.aircraft().modes)
-    names = [mode.name for mode in modes]
-    assert len(set(names)) == len(names)
-    assert {name.partition(" (")[0] for name in names} == {"short period", "phugoid", "dihedral"}
-    for mode in modes:
-        assert tuple(mode.participation) == LINEAR_STATES
-        assert sum(mode.participation.values()) == pytest.approx(1.0, rel=1e-12)
-    # Each eigenvalue once, a conjugate pair as one mode, fastest first.
-    conjugates = [
-        value for mode in modes for value in {mode.eigenvalue, mode.eigenvalue.conjugate()}
-    ]
-    assert len(conjugates) == 6
-    assert eigenvalue_errors(np.array(conjugates), np.linalg.eigvals(model.A)).max() < 1e-11
-    frequencies = [mode.frequency for mode in modes]
-    assert frequencies == sorted(frequencies, reverse=True)
-    by_name = {mode.name: mode for mode in modes}
-    assert by_name["short period"].frequency > 5 * by_name["phugoid"].frequency
 
 
 # Handling qualities.
@@ -183,19 +148,3 @@ def test_handling_qualities_follow_from_the_modes(model: Model) -> None:
     assert qualities["spiral time to half"] == pytest.approx(
         -math.log(2) / roots["spiral"].real, rel=1e-12
     )
-
-
-def test_two_real_eigenvalues_share_a_frequency() -> None:
-    """The frequency of a short period with two real eigenvalues is the square root of their
-    product.
-
-    The flexible aircraft at 30 deg has such a short period.
-    """
-    model = level_model(hfa.aircraft(), float(np.radians(30.0)))
-    roots = [mode.eigenvalue for mode in model.modes if mode.name.startswith("short period")]
-    qualities = values(hfa.aircraft(), model.point)
-    assert len(roots) == 2
-    assert qualities["short period frequency"] == pytest.approx(
-        math.sqrt(abs(np.prod(roots))), rel=1e-12
-    )
-    assert "roll time constant" not in qualities

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import pytest
 from own_models import F16, NAVION, trimmed
 
 import hfa
-from hfa import Model, Signal, linearize, trim
+from hfa import Model, Signal, linearize
 from hfa.paper import level_model
 from trim.linear.linear_model import units_in_words
-from trim.point.condition import usual_condition
 
 
 def tank(level: str, flow: str) -> Model:
@@ -31,26 +29,6 @@ def test_columns_in_other_units_are_named() -> None:
     units = {row[:3]: row[4] for row in model.report().records.rows}
     assert units["B", "pitch_rate", "elevator"] == "(rad/s^2)/(deg)"
     assert units_in_words(level_model(hfa.aircraft(), 0.1)) == "rad, ft, s"
-
-
-@pytest.mark.parametrize(
-    ("level", "flow", "words"),
-    [
-        ("m", "m/s", "m, s"),
-        ("1", "1", "s"),
-        ("m", "m/min", "m, min"),
-        ("kg", "kg/h", "h, but level in kg; flow in kg/h"),
-    ],
-)
-def test_a_report_states_the_unit_of_time(level: str, flow: str, words: str) -> None:
-    """The report of a model in minutes or hours states its unit of time."""
-    model = tank(level, flow)
-    linear = linearize(model, trim(model, usual_condition(model)))
-    assert units_in_words(linear) == words
-    time = words.split(",")[0] if flow == "kg/h" else words.split(", ")[-1]
-    assert f"eigenvalue 1/{time}" in linear.report().text()
-    units = {row[:3]: row[4] for row in linear.report().records.rows}
-    assert units["A", "level", "level"] == f"({level}/{time})/({level})"
 
 
 def test_the_navions_report_is_in_feet() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,22 +11,9 @@ from cli import refusal
 
 import hfa
 from hfa import OperatingPoint, trim
-from hfa.paper import level_flight
 from hfa_aircraft.model import Model
 from studies.validation.outside import released_trims
 from trim import load_condition
-
-
-def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> None:
-    """An operating point is saved and loaded bit for bit, even with a denormal number."""
-    awkward = replace(
-        point, inputs=point.inputs._replace(throttle=0.1 + 0.2, aileron_center=-5e-324)
-    )
-    for saved in (point, awkward):
-        path = tmp_path / "point.json"
-        saved.save(path)
-        assert OperatingPoint.load(path, hfa.aircraft()) == saved
-    assert [path.name for path in tmp_path.iterdir()] == ["point.json"]
 
 
 def test_data_of_a_loaded_point_contain_residuals(point: OperatingPoint, tmp_path: Path) -> None:
@@ -62,14 +48,6 @@ def test_wrong_files_are_refused(
     assert count == 1
     path.write_text(text, encoding="utf-8")
     assert words in refusal(lambda file: OperatingPoint.load(file, hfa.aircraft()), path)
-
-
-def test_the_papers_condition_is_the_default() -> None:
-    """The condition "paper" equals the default of `level_flight`."""
-    loaded = load_condition("paper").at(0.2)
-    default = level_flight(0.2)
-    assert loaded.imposed == pytest.approx(default.imposed)
-    assert set(loaded.free) == set(default.free)
 
 
 @pytest.mark.parametrize(("name", "speed"), [("simvfa-64", 64.0), ("simvfa-30", 30.0)])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
 import pytest
 from own_models import F16
@@ -63,26 +62,6 @@ def test_points_alone_and_together_give_equal_results(kind: type[TrimSystem]) ->
     assert np.abs(residual).max() < 1e-12
 
 
-@pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")
-def test_compiled_equations_converge_to_the_same_points() -> None:
-    """Compiled equations converge to the same points as interpreted ones."""
-    c = f16_system().constants(len(SPEEDS), {"speed": SPEEDS})
-    start = np.tile(f16_system().start, (len(SPEEDS), 1))
-    slow, slow_settled = newton(f16_system(), start, c)
-    fast, fast_settled = newton(f16_system(CompiledSystem), start, c)
-    assert fast_settled.tolist() == slow_settled.tolist()
-    np.testing.assert_allclose(fast[fast_settled], slow[slow_settled], rtol=1e-9, atol=1e-11)
-
-
-@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
-def test_the_scale_of_an_equation_does_not_matter(scale: float) -> None:
-    """The scale of an equation does not change the solution."""
-    system = TrimSystem(*circle(scale))
-    z, settled = newton(system, system.start[None], system.constants())
-    assert settled.all()
-    np.testing.assert_allclose(z, np.sqrt([[2.0, 2.0]]), rtol=1e-12)
-
-
 def test_bounded_steps_remain_within_the_limits() -> None:
     """With `bounded`, Newton's method remains within the limits of the unknowns.
 
@@ -106,20 +85,6 @@ def test_a_singular_step_has_the_least_norm() -> None:
     steps = newton_step(jacobians, np.array([[2.0, 4.0], [3.0, 4.0], [1.0, 1.0]]))
     np.testing.assert_allclose(steps[:2], [[-1.0, -1.0], [-3.0, -2.0]], rtol=1e-12)
     assert np.isnan(steps[2]).all()
-
-
-def test_an_input_without_effect_is_no_unknown() -> None:
-    """An input without effect keeps its initial value and is not an unknown."""
-
-    def equations(x, u, p, w):
-        return {"x": u.pull - ca.sin(x.x)}, {}
-
-    inputs = {"pull": Signal(), "lamp": Signal(start=3.0)}
-    model = Model("lamp", {"x": Signal()}, inputs, equations, trim={"x": 0.5})
-    system = TrimSystem(model, usual_condition(model))
-    assert system.equations.unknowns == ("pull",)
-    assert system.equations.idle == ("lamp",)
-    assert system.at(system.start, system.constants()).u == (0.0, 3.0)
 
 
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")

@@ -17,7 +17,6 @@ from hfa_model import STATES, Input, State
 from hfa_model.aerodynamics import aircraft_loads
 from hfa_model.dynamics import rates_from_loads
 from trim import TrimError, release
-from trim.point.condition import usual_condition
 from trim.sweeps.points import BEYOND_LIMITS, TRIMMED, trim_points
 
 BASE = level_flight(float(np.radians(15.0)))
@@ -62,29 +61,6 @@ def test_the_papers_trims_are_found(aircraft: Model, degrees: float, climb: floa
     warm = trim(aircraft, condition, trim(aircraft, level_flight(0.25)))
     np.testing.assert_allclose(warm.states, point.states, rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(warm.inputs, point.inputs, rtol=1e-10, atol=1e-12)
-
-
-def test_an_untrimmed_point_misses_the_specification(aircraft: Model) -> None:
-    """`assert_meets` fails for a point with one control off by 0.001 deg."""
-    point = trim(aircraft, BASE)
-    off = point.inputs._replace(elevator_outer=point.inputs.elevator_outer + np.radians(1e-3))
-    with pytest.raises(AssertionError):
-        assert_meets(
-            aircraft,
-            BASE,
-            OperatingPoint(point.states, off, point.residuals, point.status, point.model),
-        )
-
-
-@pytest.mark.parametrize("free", ["alpha", "dihedral", "speed", "altitude"])
-def test_a_freed_state_finds_the_same_flight(aircraft: Model, free: str) -> None:
-    """The same trim is found if a state is free and an input is held at its trimmed value."""
-    reference = trim(aircraft, BASE)
-    condition = release(BASE, free=(free,), hold={"aileron_outer": reference.inputs.aileron_outer})
-    point = trim(aircraft, condition)
-    assert_meets(aircraft, condition, point)
-    np.testing.assert_allclose(point.states, reference.states, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(point.inputs, reference.inputs, rtol=1e-9, atol=1e-9)
 
 
 # More unknowns than equations.
@@ -134,16 +110,6 @@ def test_least_effort_stays_within_limits(
 
 
 # No solution.
-
-
-def test_nearly_equal_limits_impose_a_value(aircraft: Model) -> None:
-    """Limits of an unknown that differ by one rounding have the effect of an imposed value."""
-    alpha = 0.05
-    ends = (alpha, np.nextafter(alpha, 1.0))
-    point = trim(aircraft, release(BASE, free=("speed", "alpha"), limits={"alpha": ends}))
-    imposed = trim(aircraft, release(BASE, free=("speed",), hold={"alpha": alpha}))
-    assert point.states.alpha == pytest.approx(alpha)
-    assert point.inputs.throttle == pytest.approx(imposed.inputs.throttle, rel=1e-6)
 
 
 def test_at_sets_the_scheduling_variable(aircraft: Model) -> None:
@@ -254,16 +220,6 @@ def test_bad_conditions_are_refused(aircraft: Model, changes: dict[str, float], 
     assert "\n" not in str(caught.value)
 
 
-def test_contradictions_are_refused() -> None:
-    """Unknown variables, unknown rates, and an argument that is not a condition are refused."""
-    with pytest.raises(BadInputError, match="unknown trim variable 'pitch'"):
-        TrimCondition(hfa.aircraft(), {**BASE.imposed, "pitch": 0.0})
-    with pytest.raises(BadInputError, match="unknown rate 'gamma'"):
-        TrimCondition(hfa.aircraft(), BASE.imposed, {"gamma": 0.0})
-    with pytest.raises(BadInputError, match="condition is 10; give TrimCondition"):
-        trim(hfa.aircraft(), 10)  # type: ignore[arg-type]
-
-
 # Extreme cases: a Jacobian without full rank, wings at 0 and nearly 90 deg, no air.
 
 
@@ -293,16 +249,6 @@ def test_controls_with_proportional_effects_are_named(aircraft: Model) -> None:
     ):
         trim(alike, BASE)
     trim(alike, release(BASE, free=("aileron_center",), hold={"elevator_outer": 0.0}))
-
-
-@pytest.mark.parametrize("degrees", [0.0, 89.9999, -89.9999])
-def test_level_and_nearly_upright_wings_are_trimmed(aircraft: Model, degrees: float) -> None:
-    """The aircraft can be trimmed and linearized with flat and with nearly vertical outer wings."""
-    limits = {"dihedral": (-np.pi / 2, np.pi / 2)}
-    condition = release(level_flight(float(np.radians(degrees)), limits=limits), free=("alpha",))
-    point = trim(aircraft, condition)
-    assert max(map(abs, point.residuals.values())) <= 1e-12
-    assert np.isfinite(aircraft.at(point.states, point.inputs).A).all()
 
 
 @pytest.mark.parametrize("dihedral", [0.0, np.pi / 2])
@@ -382,12 +328,6 @@ def test_the_pitch_limit_is_checked_with_free_angles(strong_aircraft: Model) -> 
         trim(strong_aircraft, both, lifted)
 
 
-def test_a_missing_condition_uses_the_models_trim() -> None:
-    """Without a condition, the trim that the model declares is computed."""
-    model = hfa.aircraft()
-    assert hfa.trim(model).values == hfa.trim(model, usual_condition(model)).values
-
-
 def test_holding_by_name_agrees_with_the_command() -> None:
     """`trim` holds and frees variables by name, as the command does.
 
@@ -401,19 +341,6 @@ def test_holding_by_name_agrees_with_the_command() -> None:
         hfa.trim(model, hold={"sped": 70.0})
     with pytest.raises(BadInputError, match="unknown variable 'sped'; did you mean speed"):
         point["sped"]
-
-
-def test_an_operating_point_lists_its_names() -> None:
-    """Iteration yields each name of a point once, and dict(point) contains the value of each name."""
-    model = hfa.aircraft()
-    point = trim(model)
-    names = list(point)
-    assert names[:2] == ["speed", "alpha"]
-    assert len(set(names)) == len(names)
-    assert all(np.isfinite(point[name]) for name in names)
-    assert "elevator_outer" in point
-    assert "sped" not in point
-    assert dict(point) == {name: point[name] for name in names}
 
 
 def test_a_free_variable_without_effect_is_named():

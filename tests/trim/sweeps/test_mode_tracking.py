@@ -57,42 +57,12 @@ def test_eigenvalues_equal_at_a_point_cross(seed: int) -> None:
     np.testing.assert_allclose(tracked, expected, atol=1e-7)
 
 
-def test_nearly_parallel_shapes_keep_their_columns() -> None:
-    """Two modes whose shapes are 4 deg apart and turn by 4 deg keep their columns through a
-    crossing.
-
-    Both eigenvalues increase.
-    """
-    s = np.linspace(-1.0, 1.0, 5)
-    expected = np.stack([-8.0 + 3.0 * s, -8.0 + 2.0 * s, np.full_like(s, -0.1)], axis=1)
-    matrices = []
-    for turn, eigenvalues in zip(np.radians(4.0 * s), expected, strict=True):
-        angles = turn + np.radians([0.0, 4.0])
-        shapes = np.zeros((3, 3))
-        shapes[:2, :2] = [np.cos(angles), np.sin(angles)]
-        shapes[2, 2] = 1.0
-        matrices.append(models_with(eigenvalues[None], shapes)[0])
-    tracked = track_modes(np.array(matrices), STATES, hfa.aircraft())
-    np.testing.assert_allclose(tracked, expected, atol=1e-7)
-
-
 def test_a_mode_crosses_two_integrators_on_a_point() -> None:
     """A mode keeps its column where its eigenvalue and two others are 0."""
     s = np.linspace(-1.0, 1.0, 5)
     expected = np.stack([s, np.zeros(5), np.zeros(5)], axis=1)
     tracked = track_modes(models_with(expected), STATES, hfa.aircraft())
     np.testing.assert_allclose(tracked, expected, atol=1e-12)
-
-
-def test_similar_shapes_are_paired_by_eigenvalues() -> None:
-    """Two interchanged modes with shapes two degrees apart are paired by their eigenvalues."""
-    values = np.array([[-5.0, -1.0, -0.1]])
-    A = np.concatenate(
-        [models_with(values, NEARLY_PARALLEL), models_with(values, NEARLY_PARALLEL[:, [1, 0, 2]])]
-    )
-    np.testing.assert_allclose(
-        track_modes(A, STATES, hfa.aircraft()), np.repeat(values, 2, axis=0), atol=1e-9
-    )
 
 
 def test_a_complex_pair_is_tracked_as_one_mode() -> None:

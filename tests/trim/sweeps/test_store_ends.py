@@ -17,6 +17,7 @@ LONG = (*SWEEP, "0:20:1", "--hold", "panel_mass=0.1:2:0.00002", *WORKERS)
 SLOW = pytest.mark.slow
 
 
+@pytest.mark.slow
 @proc
 @pytest.mark.parametrize(
     ("number", "code", "said"),

@@ -16,8 +16,8 @@ from known_models import model_at
 import hfa_model
 from hfa import BadInputError, TrimCondition, linearize, sweep, trim
 from hfa.paper import level_flight
-from hfa_aircraft.model import Model, Signal
-from hfa_model import DEGREE, INPUTS, STATES, VARIANTS, Parameters, choice
+from hfa_aircraft.model import Model
+from hfa_model import DEGREE, INPUTS, STATES, Parameters, choice
 from hfa_model.vectors import LINEAR_ROWS, STATE_UNITS
 from hfa_support.linear_table import LinearTable
 from trim import TrimError, load_condition, release
@@ -185,22 +185,6 @@ def test_modes_vary_smoothly_over_two_variables(sweep_of_two_variables: Sweep) -
     assert (np.abs(np.diff(fast, axis=0)) < 0.2 * np.abs(fast[:-1]) + 0.2).all()
 
 
-def test_an_aircraft_without_inputs_is_swept() -> None:
-    """A model without inputs, x' = -q x, is swept over its parameter q."""
-    model = Model(
-        "still",
-        {"x": Signal()},
-        {},
-        lambda x, u, p, w: ({"x": -p.q * x.x}, {}),
-        parameters={"q": Signal(start=1.0)},
-        trim={},
-        schedule="q",
-    )
-    found = sweep(model, {"q": [1.0, 2.0]})
-    assert found.B.shape == (2, 1, 0)
-    np.testing.assert_allclose(found.eigenvalues, [[-1.0], [-2.0]])
-
-
 def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Model) -> None:
     """The report of a sweep to -16 deg notes the range of the paper. That of a sweep to -15 deg
     does not.
@@ -272,38 +256,7 @@ def test_a_list_of_points_is_swept_in_order(published_aircraft: Model, tmp_path:
 
 # Many points together, compared with single trims.
 
-LEVEL = ("dihedral", "speed", "altitude", "alpha", "gamma")
-LOWEST = [0.0, 60.0, 20_000.0, 0.035, -0.05]
-HIGHEST = [0.35, 75.0, 45_000.0, 0.07, 0.05]
-GLIDE = release(
-    LEVEL_FLIGHT, free=("alpha", "gamma"), hold={"throttle": 0.0, "elevator_outer": 0.0}
-)
 WORDS = "the equations overflow or divide by zero"
-
-
-@pytest.mark.parametrize("dynamics", VARIANTS)
-@pytest.mark.parametrize("compile_code", [False, True])
-@pytest.mark.parametrize(
-    ("variables", "condition"), [(LEVEL, LEVEL_FLIGHT), (LEVEL[:3], GLIDE)], ids=["level", "glide"]
-)
-def test_many_points_equal_their_single_trims(dynamics, compile_code, variables, condition):
-    """Results of many points equal those of single trims, with and without compiled code.
-
-    Compared are states, inputs, A and B.
-    """
-    aircraft = choice.aircraft(dynamics)
-    k = len(variables)
-    values = np.random.default_rng(4).uniform(LOWEST[:k], HIGHEST[:k], size=(25, k))
-    points = trim_points(aircraft, variables, values, condition, compile_code=compile_code)
-    trimmed = np.flatnonzero(points.status == TRIMMED)
-    assert trimmed.size >= 15
-    for i in trimmed:
-        single = condition_at(condition, variables, values[i])
-        model = linearize(aircraft, trim(aircraft, single), full=True)
-        np.testing.assert_allclose(points.states[i], model.point.states, rtol=1e-9, atol=1e-10)
-        np.testing.assert_allclose(points.inputs[i], model.point.inputs, rtol=1e-9, atol=1e-10)
-        np.testing.assert_allclose(points.A[i], model.A, rtol=1e-9, atol=1e-8)
-        np.testing.assert_allclose(points.B[i], model.B, rtol=1e-9, atol=1e-8)
 
 
 def test_no_row_depends_on_its_neighbors(aircraft: Model) -> None:
@@ -357,37 +310,6 @@ def test_each_point_has_the_expected_status(aircraft: Model) -> None:
     assert np.all(np.diff(np.abs(rows["eigenvalues"][4])) <= 1e-9)
     assert np.prod(rows["eigenvalues"][4]) == pytest.approx(np.linalg.det(points.A[4]), abs=1e-9)
     assert np.isnan(rows["eigenvalues"][:4]).all()
-
-
-def test_points_with_spare_unknowns_equal_single_trims(published_aircraft: Model) -> None:
-    """With more unknowns than equations, each point equals its single trim bit for bit.
-
-    Both are trims of least effort.
-    """
-    model = published_aircraft
-    condition = release(LEVEL_FLIGHT, free=("aileron_center",))
-    angles = np.radians([5.0, 15.0])
-    points = trim_points(model, ("dihedral",), angles[:, None], condition)
-    assert points.one_by_one.sum() == 2
-    for i, angle in enumerate(angles):
-        single = release(level_flight(float(angle)), free=("aileron_center",))
-        point = trim(model, single)
-        linear = linearize(model, point, full=True)
-        assert points.states[i].tolist() == list(point.states)
-        assert points.inputs[i].tolist() == list(point.inputs)
-        np.testing.assert_array_equal(points.A[i], linear.A)
-        np.testing.assert_array_equal(points.B[i], linear.B)
-
-
-def test_a_varied_parameter_equals_single_trims(published_aircraft: Model) -> None:
-    """A sweep over a parameter equals the single trims with its values."""
-    parameters = hfa_model.parameters_of(published_aircraft)
-    masses = parameters.panel_mass * np.array([[1.0], [1.1]])
-    heavier = parameters._replace(panel_mass=float(masses[1, 0]))
-    single = trim(choice.aircraft(parameters=heavier), level_flight(0.0))
-    inputs = trim_points(published_aircraft, ("panel_mass",), masses).inputs
-    assert inputs[1].tolist() == list(single.inputs)
-    assert inputs[0].tolist() != inputs[1].tolist()
 
 
 @pytest.mark.parametrize(("name", "value"), [("lift_slope", 1e200), ("inertia_pitch", 1e-300)])
@@ -556,12 +478,3 @@ def test_points_trimmed_alone_are_counted(published_aircraft: Model, tmp_path: P
     assert run_plan(plan).warnings == [note]
     dataset = stores.stream_sweep(plan, tmp_path / "a.zarr")
     assert note in stores.stored_sweep(plan, dataset, tmp_path).warnings
-
-
-def test_the_root_locus_shows_direction_and_values() -> None:
-    """The root locus has an arrow, and labels at 5, 10 and 15 deg."""
-    swept = sweep(choice.aircraft(), {"dihedral": np.radians([0.0, 5.0, 10.0, 15.0, 20.0])})
-    for axes in swept.figure().axes:
-        labels = [text.get_text() for text in axes.texts]
-        assert {"5", "10", "15"} <= {*labels}
-        assert "" in labels  # an arrow has no text

@@ -174,18 +174,6 @@ def test_wide_networks_are_kept_as_matrix_functions(game: Game) -> None:
 # Names, and several networks in one file.
 
 
-@pytest.mark.parametrize("name", ["v", "net", "critic.model", "critic.model.0.net"])
-def test_layer_names_do_not_affect_the_network(name: str) -> None:
-    """The names of layers do not affect how a network is read."""
-    tensors = two_layers(name)
-    found = network_in(torch_file("critic.pt", tensors), 6, "tanh").functions[""]
-    first, bias, last, end = tensors.values()
-    for x in X:
-        assert float(found(x)) == pytest.approx(
-            float((last @ np.tanh(first @ x + bias) + end)[0]), rel=1e-12
-        )
-
-
 def test_stable_baselines_networks_are_selected_by_name() -> None:
     """Networks in a Stable-Baselines3 zip are selected by words in the names of their tensors.
 

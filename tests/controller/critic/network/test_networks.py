@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import pickle
-import re
 import zipfile
-from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
@@ -19,14 +17,12 @@ from network_files import (
     QUADRATIC,
     onnx_file,
     safetensors_file,
-    square_layers,
     torch_file,
     two_layers,
 )
 from planted_critics import gain, value, weights_of
 
 from controller import critic_in, load_game
-from controller.hfa_game import ORDINARY_DEVIATIONS
 from hfa import (
     BadInputError,
     Game,
@@ -41,7 +37,6 @@ from verification.box import ordinary_box
 from verification.scope import Scope
 
 GOPS = json.loads(Path(__file__).with_name("gops.json").read_text(encoding="utf-8"))
-BOX = np.array(ORDINARY_DEVIATIONS)
 pytestmark = pytest.mark.usefixtures("folder")
 
 
@@ -89,50 +84,6 @@ def test_exact_gradient_and_policy_networks_pass(game: Game) -> None:
             )
             assert set(critic.network) == {output}
             assert verify(game, critic, scope=on_the_box(1)).ok
-
-
-def test_an_almost_linear_tanh_network_passes(game: Game) -> None:
-    """u = -(K/e) tanh(e z) with e = 1e-4 passes with the activation tanh and fails with relu.
-
-    A missing or unknown activation is refused.
-    """
-    tensors = {"0.weight": 1e-4 * np.eye(6), "2.weight": -1e4 * gain(game)}
-    path = torch_file("actor.pth", tensors)
-    assert verify(game, from_network(game, path, activation="tanh"), scope=on_the_box(1)).ok
-    assert not verify(game, from_network(game, path, activation="relu"), scope=on_the_box(1)).ok
-    for activation, said in (
-        (None, 'give activation="tanh"'),
-        ("cosh", "unknown activation 'cosh'"),
-    ):
-        with pytest.raises(BadInputError, match=re.escape(said)):
-            from_network(game, path, activation=activation)
-
-
-def test_a_policy_without_constant_names_no_constant(game: Game) -> None:
-    """No constant is named as a cause for a policy with u(0) = 0 and a small error in the box."""
-    tensors = {"0.weight": 4e-4 * np.eye(6), "2.weight": -gain(game) / 4e-4}
-    critic = from_network(game, torch_file("actor.pth", tensors), activation="tanh")
-    verdict = verify(game, critic, scope=replace(on_the_box(1), seconds=0.0))
-    assert (
-        verdict.reason
-        == "it solves the linear game at the origin, and differs from its solution away from it"
-    )
-
-
-def test_the_report_shows_the_network_as_read(game: Game) -> None:
-    """The report shows the layers of a network as read, and one output for comparison."""
-    layers = square_layers("first", "second", "third")
-    said = hfa(
-        "verify", *AT_15, "--weights", torch_file("a.pt", layers), "--set", "activation=tanh"
-    )
-    first, second, third = layers.values()
-    value_there = (third @ np.tanh(second @ np.tanh(first @ BOX))).item()
-    assert (
-        "Read: network a.pt: 6 -> tanh 6 -> tanh 6 -> 1 (layers first, second, third)" in said.out
-    )
-    row = ", ".join(f"{number:.4g}" for number in BOX)
-    assert f"V({row}) = {value_there:.4g}; compare with your critic" in said.out
-    assert "linearized exactly at the origin, V(0) = 0\n" in said.out
 
 
 def test_published_weights_of_gops_are_checked() -> None:

@@ -17,7 +17,6 @@ from hfa import BadInputError, Game
 
 HERE = Path(__file__).parent
 RNG = np.random.default_rng(9)
-X = RNG.normal(size=(5, 6))
 pytestmark = pytest.mark.usefixtures("folder")
 
 
@@ -60,16 +59,6 @@ def test_the_policy_of_a_quadratic_form_is_linear(game: Game, sign: float, input
     assert set(critic.network) == {"policy"}
     assert critic.origin.endswith("= Q(x, u), u from dQ/du = 0")
     assert pytest.approx(np.linalg.solve(H[6:, 6:], H[6:, :6]), rel=1e-9) == critic.K
-
-
-def test_coefficients_of_q_may_depend_on_the_state() -> None:
-    """For Q = cos x + e^x (u - tanh x)², quadratic in u, the policy is u = tanh x."""
-    xu = ca.SX.sym("xu", 2)
-    x, u = ca.vertsplit(xu)
-    Q = ca.Function("Q", [xu], [ca.cos(x) + ca.exp(x) * (u - ca.tanh(x)) ** 2])
-    policy = policy_of(Q, 1)
-    for x_value in (-2.0, 0.0, 1.5):
-        assert float(policy(x_value)) == pytest.approx(np.tanh(x_value), rel=1e-12, abs=1e-15)
 
 
 def test_the_policy_is_nan_if_curvature_changes_sign() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
 import pytest
 from network_files import refusal, torch_file
@@ -104,10 +103,3 @@ def test_a_tensor_of_unknown_function_is_refused(more, part, named) -> None:
     said = refusal(path, activation="tanh", parts={"policy": part})
     assert named in said
     assert "ONNX" in said or "select one of the networks" in said
-
-
-def test_other_policies_in_a_file_are_ignored() -> None:
-    """If the policy is named, another policy in the same file is ignored."""
-    path = torch_file("a.pt", actor("pitch.") | actor("roll."))
-    found = network_in(path, STATES, "tanh", {"policy": "pitch"}).functions["policy"]
-    assert isinstance(found, ca.Function)

@@ -1,0 +1,303 @@
+"""Strategies of hypothesis: inputs whose smallest failing example is shown.
+
+`make fuzz` tries many examples of each property, `make test` a few that are the same in every run.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import io
+import json
+import math
+import os
+import re
+import zipfile
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from hypothesis import HealthCheck, settings, strategies as st
+from hypothesis.extra import numpy as arrays
+from scipy.linalg import matrix_balance
+
+from hfa import Game
+
+#: Number of random examples of each property; without it, few that are the same in every run.
+EXAMPLES = os.environ.get("EXAMPLES")
+settings.register_profile(
+    "properties",
+    max_examples=int(EXAMPLES or 3),
+    derandomize=EXAMPLES is None,
+    database=None,
+    deadline=None,
+    suppress_health_check=list(HealthCheck),
+)
+settings.load_profile("properties")
+
+#: Texts of numbers and other words, as typed or as they stand in files.
+TEXTS = st.sampled_from(
+    [
+        *("0", "-1", "2", "3.5", "1e-320", "1e308", "1e400", "nan", "-inf", "1_000", "1,2", "--"),
+        *("", "true", "null", "[]", "{}", "[[1,2],[3]]", '"text"', '"\\ud800"', "1979-05-27", "=b"),
+        *(
+            "\x1b[31m",
+            "\n",
+            "é",
+            "\ud800",
+            "%s",
+            "/dev/null",
+            "..",
+            "--json",
+            "-o",
+            "'",
+            "{",
+            "\x00",
+        ),
+        *("x" * 5000, "9" * 5000, "[" * 3000, "speed", "dihedral"),
+    ]
+)
+#: Values of an entry of JSON.
+VALUES = st.one_of(
+    st.sampled_from(
+        [None, True, 0, -1, 1e308, -1e308, 1e-320, 10**400, math.nan, math.inf, [1.0] * 5000]
+    ),
+    st.sampled_from(["", "1e9999", "nan", "x" * 5000, "\x1b[31m", [], {}, [[]], [{}], {"a": 1}]),
+    st.recursive(
+        st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=9),
+        lambda inner: (
+            st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=3)
+        ),
+        max_leaves=6,
+    ),
+)
+#: Arrays in place of an array of a file.
+ARRAYS = arrays.arrays(
+    st.sampled_from(["f8", ">f8", "f2", "c16", "?", "i8", "U3", "S1", "M8[D]"]),
+    arrays.array_shapes(min_dims=0, max_dims=4, min_side=0, max_side=7),
+)
+_TOKENS = re.compile(r'"[^"\n]*"|[-+.\w]+|\s+|.', re.DOTALL)
+
+
+def changed_bytes(content: bytes) -> st.SearchStrategy[bytes]:
+    """Return content in which some bytes are replaced by others."""
+
+    def changed(at: int, length: int, new: bytes) -> bytes:
+        return content[:at] + new + content[at + length :]
+
+    place = st.integers(0, len(content))
+    return st.builds(changed, place, st.integers(0, 32) | place, st.binary(max_size=8))
+
+
+def changed_text(content: bytes) -> st.SearchStrategy[bytes]:
+    """Return text in which one to three words or numbers are replaced."""
+    tokens = _TOKENS.findall(content.decode("latin-1"))
+    places = [number for number, token in enumerate(tokens) if not token.isspace()] or [0]
+
+    def changed(new: Mapping[int, str]) -> bytes:
+        words = [new.get(number, token) for number, token in enumerate(tokens)]
+        return "".join(words).encode("utf-8", "replace")
+
+    return st.dictionaries(st.sampled_from(places), TEXTS, min_size=1, max_size=3).map(changed)
+
+
+def changed_arrays(content: bytes) -> st.SearchStrategy[bytes]:
+    """Return a .npz file in which one to three arrays are replaced, removed or added."""
+    with np.load(io.BytesIO(content)) as loaded:
+        given = dict(loaded)
+
+    def changed(new: Mapping[str, Any]) -> bytes:
+        stream = io.BytesIO()
+        kept = {name: array for name, array in (given | new).items() if array is not None}
+        np.savez(stream, **kept)
+        return stream.getvalue()
+
+    names = st.sampled_from([*given, *"ABEQRWPK", "delta", "time", "basis", "states", "x" * 300])
+    return st.dictionaries(names, st.none() | ARRAYS, min_size=1, max_size=3).map(changed)
+
+
+def changed_members(content: bytes) -> st.SearchStrategy[bytes]:
+    """Return a valid zip archive in which one member is damaged."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+
+    def changed(name: str, data: bytes) -> bytes:
+        stream = io.BytesIO()
+        with zipfile.ZipFile(stream, "w") as archive:
+            for member, kept in members.items():
+                archive.writestr(member, data if member == name else kept)
+        return stream.getvalue()
+
+    names = st.sampled_from(list(members))
+    return names.flatmap(
+        lambda name: changed_bytes(members[name]).map(lambda data: changed(name, data))
+    )
+
+
+def _places(data: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Yield the path of each entry of JSON data."""
+    if isinstance(data, dict | list):
+        for key, value in data.items() if isinstance(data, dict) else enumerate(data):
+            yield (*path, key)
+            yield from _places(value, (*path, key))
+
+
+def changed_entry(data: Any, values: st.SearchStrategy[Any] = VALUES) -> st.SearchStrategy[Any]:
+    """Return JSON data in which one entry has another value."""
+
+    def changed(path: tuple[Any, ...], value: Any) -> Any:
+        whole = copy.deepcopy(data)
+        holder = whole
+        for key in path[:-1]:
+            holder = holder[key]
+        holder[path[-1]] = value
+        return whole
+
+    return st.builds(changed, st.sampled_from(list(_places(data))), values)
+
+
+def changed_file(name: str, content: bytes) -> st.SearchStrategy[bytes]:
+    """Return a file that is damaged in a way that its suffix suggests, or anywhere."""
+    ways = [changed_bytes(content)]
+    if name.endswith((".npz", ".pt")):
+        ways.append(changed_members(content))
+    if name.endswith(".npz"):
+        ways.append(changed_arrays(content))
+    if name.endswith((".json", ".toml", ".csv", ".xml", ".safetensors")):
+        ways.append(changed_text(content))
+    if name.endswith(".json"):
+        ways.append(changed_entry(json.loads(content)).map(lambda data: json.dumps(data).encode()))
+    if name.endswith(".onnx"):
+        ways.append(_changed_onnx(content))
+    return st.one_of(*reversed(ways))
+
+
+def _changed_onnx(content: bytes) -> st.SearchStrategy[bytes]:
+    """Return an ONNX file with another operator, name, size or type in its graph."""
+    import onnx
+    from google.protobuf import json_format
+
+    graph = json_format.MessageToDict(onnx.load_from_string(content))
+    words = [
+        "Gemm",
+        "Concat",
+        "Loop",
+        "Pad",
+        "NoSuch",
+        "x",
+        "",
+        "2",
+        "9223372036854775807",
+        0,
+        -1,
+        23,
+    ]
+
+    def stored(data: Any) -> bytes:
+        try:
+            model = json_format.ParseDict(data, onnx.ModelProto())
+        except json_format.ParseError:  # no message can hold this value
+            return content[:-1]
+        return bytes(model.SerializeToString())
+
+    return changed_entry(graph, st.sampled_from(words)).map(stored)
+
+
+def changed_folder(files: Mapping[str, bytes]) -> st.SearchStrategy[dict[str, bytes]]:
+    """Return the files of a folder, one of them removed, damaged or beside a stray one."""
+
+    def one(name: str) -> st.SearchStrategy[dict[str, bytes]]:
+        rest = {other: content for other, content in files.items() if other != name}
+        stray = {**files, f"{name.rpartition('/')[0]}/.zarray": b"{}"}
+        damaged = changed_file(name, files[name]).map(lambda content: {**rest, name: content})
+        return damaged | st.sampled_from([rest, stray])
+
+    return st.sampled_from(sorted(files)).flatmap(one)
+
+
+# Games, and changes of their coordinates.
+
+#: Matrices with a row for each state, T M, and with a column for each state, M T⁻¹, if y = T z.
+_OF_ROWS = {"A", "A_low", "B", "E", "B1", "B2"}
+_OF_COLUMNS = {"A", "A_low", "C1", "C2", "K", "L"}
+#: Weights of states, T⁻ᵀ M T⁻¹, and cross weights of states and inputs, T⁻ᵀ M.
+_WEIGHTS = {"Q", "P"}
+_CROSS_WEIGHTS = {"N"}
+
+
+def matrices(rows: int, columns: int) -> st.SearchStrategy[np.ndarray]:
+    """Return matrices with entries from -3 to 3 that are multiples of 1/16."""
+    sixteenths = arrays.arrays(np.int64, (rows, columns), elements=st.integers(-48, 48))
+    return sixteenths.map(lambda entries: entries / 16.0)
+
+
+@st.composite
+def games(draw: st.DrawFn, delta: float = math.inf) -> Game:
+    """Return a game with one to four states, inputs and disturbances, Q = C'C and R > 0."""
+    n = draw(st.integers(1, 4))
+    m = draw(st.integers(1, 3))
+    C = draw(matrices(n, n))
+    root = draw(matrices(m, m))
+    return Game(
+        draw(matrices(n, n)),
+        draw(matrices(n, m)),
+        draw(matrices(n, draw(st.integers(1, 3)))),
+        C.T @ C,
+        root @ root.T + np.eye(m) / 16.0,
+        delta,
+    )
+
+
+@st.composite
+def coordinates(draw: st.DrawFn, A: np.ndarray) -> np.ndarray:
+    """Return T, (n, n), of states y = T z: in another order, in other units (powers of two up to
+    2^±12), or turned in units in which the states have similar size.
+    """
+    n = len(A)
+    kind = draw(st.sampled_from(["order", "units", "turn"]))
+    if kind == "order":
+        return np.eye(n)[draw(st.permutations(range(n)))]
+    if kind == "units":
+        return np.diag(np.exp2(draw(st.lists(st.integers(-12, 12), min_size=n, max_size=n))))
+    return turn(A, draw(st.integers(0, 10**6)))
+
+
+def turn(A: np.ndarray, seed: int) -> np.ndarray:
+    """Return T, (n, n), that turns states in units in which they have similar size."""
+    _, (units, _) = matrix_balance(A, permute=False, separate=True)  # powers of two
+    return np.linalg.qr(np.random.default_rng(seed).standard_normal(A.shape))[0] / units
+
+
+def in_coordinates(problem: Any, T: np.ndarray) -> Any:
+    """Return a game, a discrete-time game or a generalized plant with states y = T z."""
+    changes = {}
+    for field in dataclasses.fields(problem):
+        value = getattr(problem, field.name)
+        if isinstance(value, np.ndarray):
+            changes[field.name] = changed_matrix(field.name, value, T)
+        elif dataclasses.is_dataclass(value) and hasattr(value, "A"):
+            changes[field.name] = in_coordinates(value, T)
+    return dataclasses.replace(problem, **changes)
+
+
+def changed_matrix(name: str, matrix: np.ndarray, T: np.ndarray) -> np.ndarray:
+    """Return a matrix of a problem or a critic in the states y = T z."""
+    back = np.linalg.inv(T)
+    if name in _OF_ROWS:
+        matrix = T @ matrix
+    if name in _OF_COLUMNS | _WEIGHTS:
+        matrix = matrix @ back
+    if name in _WEIGHTS | _CROSS_WEIGHTS:
+        matrix = back.T @ matrix
+    return (matrix + matrix.T) / 2.0 if name in _WEIGHTS else matrix
+
+
+def flights() -> st.SearchStrategy[dict[str, float]]:
+    """Return held values of a trim of the flexible aircraft, rad and ft."""
+    return st.fixed_dictionaries(
+        {
+            "dihedral": st.floats(0.0, 0.35),
+            "speed": st.floats(55.0, 90.0),
+            "altitude": st.floats(0.0, 60_000.0),
+        }
+    )

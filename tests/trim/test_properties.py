@@ -1,0 +1,84 @@
+"""Properties of trims and their files, for any flight condition that hypothesis draws."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+from strategies import flights
+
+import hfa
+from hfa import OperatingPoint
+from hfa_aircraft.limits import Limits
+from hfa_aircraft.model import Model
+from hfa_aircraft.units import in_si
+from hfa_support.units import si_factor
+from trim import TrimError, trim_report
+from trim.point.condition import usual_condition
+
+MODELS = [hfa.aircraft("published"), hfa.aircraft("newton")]
+
+
+@given(model=st.sampled_from(MODELS), flight=flights())
+def test_a_trim_is_balanced_within_limits_in_all_units(
+    model: Model, flight: dict[str, float]
+) -> None:
+    """A trim balances its equations within the limits; in SI units it is the same flight.
+
+    Loads and performance are converted, the lift of the panels adds up, and load factor 1 and the
+    weight give the lift.
+    """
+    try:
+        point = hfa.trim(model, hold=flight)
+    except TrimError as error:
+        assert str(error).startswith("no trim")  # noqa: PT017
+        return
+    rates = model.rates_at(point.states, point.inputs)
+    for name in model.steady:
+        assert abs(rates[name]) <= 1e-8 * model.rate_scale(name)
+    names = (*model.states, *model.inputs)
+    assert Limits.of(model, names).within([*point.states, *point.inputs]).all()
+    assert [point[name] for name in flight] == pytest.approx(list(flight.values()), rel=1e-12)
+    converted = in_si(model)
+    in_meters = {name: value * si_factor(model.unit(name)) for name, value in flight.items()}
+    other = hfa.trim(converted, hold=in_meters)
+    for name, value in dict(point).items():
+        factor = si_factor(model.unit(name))
+        scale = model.signals[name].nominal * factor
+        assert other[name] == pytest.approx(value * factor, rel=1e-8, abs=1e-8 * scale), name
+    data = trim_report(model, usual_condition(model), point).data
+    data_in_si = trim_report(converted, usual_condition(converted), other).data
+    for kind, units in (("loads", "load_units"), ("performance", "performance_units")):
+        for name, value in data[kind].items():
+            factor = si_factor(data[units][name])
+            assert data_in_si[kind][name] == pytest.approx(value * factor, rel=1e-6, abs=1e-3), name
+    loads = data["loads"]
+    lift = loads["center_lift"] + 2.0 * loads["outer_lift"] * np.cos(flight["dihedral"])
+    assert loads["lift"] == pytest.approx(lift, rel=0.05)
+    linear, linear_in_si = point.linearize(), other.linearize()
+    rows = np.array([si_factor(model.unit(name)) for name in linear.states])
+    A = linear.A * rows[:, None] / rows
+    np.testing.assert_allclose(linear_in_si.A, A, rtol=1e-6, atol=1e-6 * np.abs(A).max())
+
+
+@given(values=st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=12, max_size=12))
+def test_a_point_survives_its_file_bit_for_bit(values: list[float]) -> None:
+    """An operating point with any finite numbers is saved and loaded bit for bit."""
+    point = hfa.trim(MODELS[0])
+    given_point = replace(
+        point,
+        states=type(point.states)(*values[:7]),
+        inputs=type(point.inputs)(*values[7:]),
+        problem=None,
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "point.json"
+        given_point.save(path)
+        loaded = OperatingPoint.load(path, MODELS[0])
+    for kind in ("states", "inputs"):
+        stored, found = (np.array(getattr(each, kind)) for each in (given_point, loaded))
+        assert stored.tobytes() == found.tobytes()
