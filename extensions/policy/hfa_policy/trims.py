@@ -7,7 +7,6 @@ from typing import Any
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, is_finite, shown
-from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 
@@ -26,7 +25,7 @@ def trims_of(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint
     Raises TrimError if no trim is found.
     """
     if points is None:
-        return (trim(model, usual_condition(model)),)
+        return (trim(model),)
     found: list[OperatingPoint] = []
     for point in _listed(points):
         if isinstance(point, OperatingPoint):
@@ -38,10 +37,10 @@ def trims_of(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint
                 f"points contains {shown(point)}; give operating points, or values of the "
                 "scheduling variable"
             )
-        flown = model
         if model.schedule in model.parameters:
-            flown = model.with_parameters(**{model.schedule: float(point)})
-        found.append(trim(flown, usual_condition(flown).at(float(point))))
+            found.append(trim(model.with_parameters(**{model.schedule: float(point)})))
+        else:
+            found.append(trim(model, at=float(point)))
     if not found:
         raise BadInputError(
             "points is empty; give at least one point, or None for the default trim of the model"

@@ -30,7 +30,6 @@ from hfa_flight.options import (
 from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_support.errors import BadInputError, choice_of
 from trim.point.operating_point import OperatingPoint
-from trim.point.solve import trim
 
 if TYPE_CHECKING:
     from hfa_flight.policies.deployment.deployed import Deployed
@@ -162,20 +161,10 @@ class AssessRequest(Request):
 
     def points(self) -> list[OperatingPoint]:
         """Return the trims to assess."""
-        aircraft = self.trim.aircraft
         if self.trim.at is None:
             return [self.trim.point()]
-        schedule = self.model.schedule
-        points: list[OperatingPoint] = []
-        for value in array_of("--at", self.trim.at, _MOST_POINTS).tolist():
-            if schedule in aircraft.parameters:
-                flown = aircraft.with_parameters(**{schedule: value})
-                condition = self.trim.common_condition.at(None)
-            else:
-                flown = aircraft
-                condition = self.trim.common_condition.at(value)
-            points.append(trim(flown, condition, self.trim.start_point))
-        return points
+        values = array_of("--at", self.trim.at, _MOST_POINTS).tolist()
+        return [replace(self.trim, at=value).point() for value in values]
 
     def deployments(self, model: Model) -> list[Deployment]:
         """Load the deployments.
