@@ -11,6 +11,7 @@ from game_files import stored
 from tolerances import FEW_ROUNDINGS
 
 from controller import critic_in, critics_over_time
+from controller.critic.critic import from_weights
 from controller.critic.critic_file import critic_suffixes, critics_in, entries_in, single_parts
 from controller.critic.reading import Reading
 from hfa import BadInputError, Game
@@ -89,6 +90,15 @@ def test_functions_of_a_critic_follow_its_matrices() -> None:
     gain = critic_in(stored("k.npz", K=K[1]), GAME)
     assert gain.value is None
     assert np.array(gain.policy(z)).ravel() == pytest.approx(-K[1] @ z, rel=FEW_ROUNDINGS)
+
+
+def test_a_critic_with_one_quartic_weight_is_not_quadratic() -> None:
+    """A critic is quadratic if all weights beyond the quadratic ones are 0."""
+    weights = np.array([1.0, 0.0, 1.0, 0.0, 0.0])
+    assert from_weights(GAME, weights, "quadratic+quartic").is_quadratic
+    for place in (3, 4):
+        changed = weights + np.eye(5)[place]
+        assert not from_weights(GAME, changed, "quadratic+quartic").is_quadratic
 
 
 # Critics over time.
