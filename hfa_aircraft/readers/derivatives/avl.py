@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,7 +40,9 @@ _ARGUMENTS = {"a": "alpha", "b": "beta", "p": "p", "q": "q", "r": "r"}
 _REFERENCE = ("Xref", "Yref", "Zref")
 _STRAIGHT = ("Beta", "pb/2V", "qc/2V", "rb/2V")
 _KNOWN = re.compile(
-    "|".join(("[SCB]ref", *_REFERENCE, "Alpha", *_STRAIGHT, "e", *_TOTALS.values()))
+    "|".join(
+        ("[SCB]ref", *_REFERENCE, "Alpha", "Mach", *_STRAIGHT, "CDvis", "e", *_TOTALS.values())
+    )
     + r"|C[LDYlmn](?:[abpqr]|d(?:\d+|\*))"
 )
 #: Half a unit of the last digit that AVL prints of rates and derivatives.
@@ -48,6 +50,8 @@ _PRINTED_ZERO = 5e-6
 _DERIVATIVE_ZERO = 5e-7
 #: Relative accuracy of the reference point, which AVL prints with five digits.
 _REFERENCE_TOLERANCE = 1e-4
+#: Difference of the factors sqrt(1 - M²) of AVL and of the flight condition that needs no note.
+_COMPRESSIBILITY = 0.05
 _AGAIN = "write the file again with ST in AVL's menu OPER"
 
 
@@ -89,6 +93,24 @@ class StabilityFile:
         if coefficient == "Cl":
             return roll * math.cos(alpha) + yaw * math.sin(alpha)
         return yaw * math.cos(alpha) - roll * math.sin(alpha)
+
+    def notes(self, has_drag: bool, mach: float) -> Iterator[str]:
+        """Yield what a user of the aircraft should know about the file.
+
+        has_drag: whether the table gives the drag, CD_0
+        mach: Mach number of the flight condition of the table
+        """
+        if not has_drag and self.value("CDvis") == 0.0:
+            yield (
+                f"the drag of {self.path} is induced drag alone (CDvis 0); add CD_0 to the table,"
+                " or CDCL to the .avl file"
+            )
+        factors = [math.sqrt(max(0.0, 1.0 - each**2)) for each in (self.value("Mach"), mach)]
+        if abs(factors[0] - factors[1]) > _COMPRESSIBILITY:
+            yield (
+                f"{self.path} is for Mach {self.value('Mach'):g}, and the flight condition has Mach"
+                f" {mach:.3g}"
+            )
 
 
 def read_stability_file(path: str) -> StabilityFile:

@@ -24,6 +24,7 @@ from typing import Any
 
 import casadi as ca
 
+from hfa_aircraft.about import About
 from hfa_aircraft.model import Model
 from hfa_aircraft.readers.derivatives.names import INDUCED, THRUST_BY_SPEED, THRUST_INPUT
 from hfa_aircraft.readers.derivatives.table import Table, read_table, table_of
@@ -109,6 +110,7 @@ def _model(table: Table) -> Model:
         outputs={"lift_coefficient": Signal(), "drag_coefficient": Signal()},
         holds_beta=_turns_both_ways(table),
         source=table.source,
+        about=About(notes=table.notes),
     )
 
 

@@ -7,13 +7,14 @@ import hashlib
 import io
 import math
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from hfa_aircraft.about import Source
 from hfa_aircraft.readers.derivatives.avl import (
     AVL,
+    StabilityFile,
     read_stability_file,
     with_stability_file,
 )
@@ -36,7 +37,7 @@ from hfa_aircraft.readers.derivatives.names import (
     derivative_of,
 )
 from hfa_aircraft.rigid.aircraft import GRAVITY
-from hfa_aircraft.rigid.atmosphere import ALTITUDES, FT_TO_M
+from hfa_aircraft.rigid.atmosphere import ALTITUDES, FT_TO_M, air_at
 from hfa_support.errors import BadInputError, advice, file_faults, shown
 from hfa_support.files import read_toml, regular_file
 from hfa_support.units import SYSTEMS
@@ -50,6 +51,8 @@ _TEXTS: dict[str, tuple[str, ...] | None] = {
     "axes": ("body", "stability"),
     "dimensional": DIVIDED,
 }
+#: The table in messages, if it is a dictionary.
+_DICTIONARY = "the table"
 _ANGLES = {"rad": 1.0, "deg": math.pi / 180.0}
 
 
@@ -66,6 +69,7 @@ class Table:
     surfaces: control surface -> lowest and highest deflection, rad.
     thrust: lowest and highest thrust, lbf or N.
     axes: axes of the rolling and yawing moments and rates, "body" or "stability".
+    notes: sentences for every report.
     """
 
     name: str
@@ -77,6 +81,7 @@ class Table:
     surfaces: Mapping[str, tuple[float, float]]
     thrust: tuple[float, float]
     axes: str
+    notes: tuple[str, ...] = ()
 
     def unit(self, name: str) -> str:
         """Return the unit of an entry that is not a derivative, in the table's system of units."""
@@ -95,25 +100,42 @@ def read_table(path: str, stability_file: str = "") -> Table:
         content = regular_file(path).read_bytes()
         is_csv = path.endswith(".csv")
         entries = _rows(path, content) if is_csv else dict(_flat(read_toml(path), path))
-    if AVL in entries:
-        named = _named_file(entries, path)
-        if stability_file and Path(stability_file).resolve() != Path(named).resolve():
-            raise BadInputError(f"{path} names {named}, not {stability_file}; correct {AVL}")
-        stability_file = named
-    if stability_file:
-        with file_faults(stability_file):
-            file = read_stability_file(stability_file)
-        entries = with_stability_file(entries, file, path)
+    folder = Path(path).parent
+    file = _stability_file(entries, path, folder, stability_file)
+    if file is not None:
         content += file.content
-    return _checked(entries, Source(path, hashlib.sha256(content).hexdigest()), Path(path).stem)
+    source = Source(path, hashlib.sha256(content).hexdigest())
+    return _table(entries, file, source, Path(path).stem)
 
 
-def _named_file(entries: dict[str, Entry], path: str) -> str:
-    """Return the stability file that the table at a path names, and remove its entry."""
-    entry = entries.pop(AVL)
-    if not isinstance(entry.value, str):
-        raise entry.error(f"{AVL} is {shown(entry.value)}; give the name of a stability file")
-    return str(Path(path).parent / entry.value)
+def _stability_file(
+    entries: dict[str, Entry], where: str, folder: Path, given: str = ""
+) -> StabilityFile | None:
+    """Return the stability file of AVL that completes a table, or None. Its entry is removed."""
+    # given: the file that the command line gives, or ""
+    path = given
+    if AVL in entries:
+        entry = entries.pop(AVL)
+        if not isinstance(entry.value, str):
+            raise entry.error(f"{AVL} is {shown(entry.value)}; give the name of a stability file")
+        path = str(folder / entry.value)
+        if given and Path(given).resolve() != Path(path).resolve():
+            raise BadInputError(f"{where} names {path}, not {given}; correct {AVL}")
+    if not path:
+        return None
+    with file_faults(path):
+        return read_stability_file(path)
+
+
+def _table(
+    entries: dict[str, Entry], file: StabilityFile | None, source: Source, stem: str
+) -> Table:
+    """Return the checked table of entries, completed by a stability file if there is one."""
+    if file is None:
+        return _checked(entries, source, stem)
+    table = _checked(with_stability_file(entries, file, source.text or _DICTIONARY), source, stem)
+    sound = float(air_at(table.values.get("altitude", 0.0), table.system).sound)
+    return replace(table, notes=tuple(file.notes("CD_0" in entries, table.values["speed"] / sound)))
 
 
 def table_of(values: Mapping[str, Any]) -> Table:
@@ -121,7 +143,8 @@ def table_of(values: Mapping[str, Any]) -> Table:
 
     Raises BadInputError if an entry is missing, unknown or invalid.
     """
-    return _checked(dict(_flat(values, "the table")), Source(), "aircraft")
+    entries = dict(_flat(values, _DICTIONARY))
+    return _table(entries, _stability_file(entries, _DICTIONARY, Path()), Source(), "aircraft")
 
 
 def _flat(values: Mapping[str, Any], where: str) -> Iterator[tuple[str, Entry]]:
@@ -196,7 +219,7 @@ def _checked(entries: dict[str, Entry], source: Source, stem: str) -> Table:
         else:
             raise _unknown(name, entry, limits)
     determined = {other.coefficient.name: other.name for other in dimensional}
-    _refuse_missing(values, {*derivatives, *determined}, source.text or "the table")
+    _refuse_missing(values, {*derivatives, *determined}, source.text or _DICTIONARY)
     _refuse_sizes(values, entries)
     _refuse_altitude(values.get("altitude", 0.0), entries, system)
     if "mass" not in values:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import tomllib
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -97,6 +98,7 @@ def machine_readable() -> str:
         "0.0 0.0 0.0 | Mach, rb/2V, r'b/2V", "0.0 0.0 0.0 | CXtot, Cltot, Cl'tot",
         "0.0 0.0 | CYtot, Cmtot", "0.0 0.0 0.0 | CZtot, Cntot, Cn'tot",
         f"{value['CLtot']} | CLtot", f"{value['CDtot']} | CDtot",
+        "0.02 0.00725 | CDvis, CDind",
         "CONTROL", "3", "0.0 aileron", f"{value['elevator']} elevator", "0.0 rudder", "DESIGN", "1",
         "0.5 twist", "Stability-axis derivatives...",
     ]  # fmt: skip
@@ -226,6 +228,24 @@ def test_drag_that_the_file_lacks_is_not_guessed(glider: Path) -> None:
     """A file without CDa is refused with the induced drag of its span efficiency."""
     Path("glider.st").write_text(of_older_version())
     refused(f"CD_CL2 = {1.0 / (math.pi * 0.9895 * 16.0):.5g}")
+
+
+def test_inviscid_drag_and_another_mach_number_are_noted(glider: Path) -> None:
+    """Drag without profile drag, and a file for another Mach number, are noted in reports."""
+    assert tool.load_model("glider.toml").about.notes == ()
+    changed = PRINTED.replace("CDvis =   0.02000", "CDvis =   0.00000")
+    Path("glider.st").write_text(changed.replace("Mach  =     0.000", "Mach  =     0.700"))
+    of_drag, of_mach = tool.load_model("glider.toml").about.notes
+    assert "CDvis 0" in of_drag
+    assert "Mach 0.7" in of_mach
+    Path("glider.toml").write_text("CD_0 = 0.03\n" + TABLE)
+    assert len(tool.load_model("glider.toml").about.notes) == 1
+
+
+def test_a_dictionary_names_a_stability_file(glider: Path) -> None:
+    """A dictionary with the entry `avl` gives the aircraft of the file with the same entries."""
+    of_dictionary = tool.from_derivatives(tomllib.loads(TABLE))
+    assert of_dictionary.parameters == tool.load_model("glider.toml").parameters
 
 
 def test_two_run_cases_in_a_file_are_refused(glider: Path) -> None:
