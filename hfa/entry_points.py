@@ -220,7 +220,13 @@ COMMANDS = {
         example="hfa fly --dihedral 15 --gust 400:5",
         results=(
             Written("hfa_flight.step_flight:StepFlight"),
-            Written("hfa_flight.flight:Flight", optional=("hfa_flight.flight:FlightHistory",)),
+            Written(
+                "hfa_flight.flight:Flight",
+                optional=(
+                    "hfa_flight.flight:FlightHistory",
+                    "hfa_flight.commands.tracking:FlownTracking",
+                ),
+            ),
             Written("hfa_flight.results:MemberSummary", optional=(_DRAWS,)),
             Written(
                 "hfa_flight.results:MemberAttributes", more=("hfa_support.rows.store:OfAStore",)

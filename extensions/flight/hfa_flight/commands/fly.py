@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -22,11 +23,13 @@ from hfa.options.argument_types import (
 )
 from hfa.options.output import Output, ProgressLine, output_option, picture_option
 from hfa.options.part import OfModel, option, part
+from hfa.options.reference import reference_option
 from hfa.options.request import Request, command
 from hfa.options.trim import Trim
 from hfa.options.workers import Workers
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
+from hfa_aircraft.waveform import Waveform
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.envelope import flight_envelope
 from hfa_flight.flight import lengthened
@@ -130,6 +133,7 @@ class FlyRequest(Request):
         OfModel(_command),
         named=True,
     )
+    reference: Mapping[str, Waveform] = reference_option()
     method: str = option(
         f"integration: {RUNGE_KUTTA} (default), or {JSBSIM} (JSBSim's own steps; JSBSim aircraft "
         "only)",
@@ -173,9 +177,17 @@ class FlyRequest(Request):
 
         Raises BadInputError if the options contradict each other.
         """
-        from hfa_flight.policies.policy import open_loop
+        from hfa_flight.commands.tracking import tracking_of
+        from hfa_flight.policies.policy import GainPolicy, open_loop
 
         given = self.policy
+        if self.reference:
+            self.refuse(
+                ("command", "policy.controller", "policy.deployment"),
+                "cannot be combined with --reference; remove one of these options",
+            )
+            if given.law == NONE:
+                raise BadInputError(f"--reference requires a policy; remove --law {NONE}")
         # Of a single flight, --Q and --R are the weights of its cost.
         prices = ("policy.game.Q", "policy.game.R") if self.members is None else ()
         seeded = self.members is not None or self.scenario.turbulence is not None
@@ -210,7 +222,13 @@ class FlyRequest(Request):
                 refuse_unknown("a gain cannot follow a command of", name, model.linear)
             if steps.names:
                 reference = CommandedStates(steps, model.linear, filtered=False)
-            policy = given.about(noted_linear_model(model, point))
+            linear = noted_linear_model(model, point)
+            policy = given.about(linear)
+            if self.reference:
+                game = given.game.game(linear)
+                tracking = tracking_of(linear, game, policy, self.reference)
+                policy = GainPolicy(policy.name, tracking.K, tracking.inputs)
+                reference = tracking.exact.reference
         if reference is not None:
             scenario = replace(scenario, reference=reference)
         envelope = flight_envelope(model, point, self.scenario.envelope)
@@ -233,10 +251,10 @@ def fly(request: FlyRequest) -> int:
 
     `--law none --command elevator=1:2,2:-2,3:0` simulates a doublet without a policy. With
     scheduled gains, a --command of the scheduling variable moves the reference along the trims.
-    --samples N simulates N flights, with --error and --noise as standard deviations and turbulence
-    determined by --seed and the number of the flight. --draws N simulates N aircraft with random
-    parameters, from the nominal trim and with the nominal policy. --model FILE simulates a
-    discrete-time plant. --Q and --R add the cost of the flight.
+    --reference adds the exact feedforward, and a flight without it. --samples N simulates N
+    flights, with --error and --noise as standard deviations and turbulence determined by --seed.
+    --draws N simulates N aircraft with random parameters and the nominal policy. --Q and --R add
+    the cost of the flight.
 
     Exit code 1 if a state leaves its envelope, an input exceeds its control limits, or an
     oscillation does not decay (--samples: in every flight; --draws: in any).
@@ -275,10 +293,10 @@ def fly(request: FlyRequest) -> int:
     if {"policy.game.Q", "policy.game.R"} & request.typed.keys():
         game = request.policy.game.game(linearize(planned.model, planned.point))
         weights = (game.Q, game.R)
-    result = fly(
+    simulated = partial(
+        fly,
         planned.model,
         planned.point,
-        planned.policy,
         scenario=planned.scenario,
         envelope=planned.envelope,
         predict=predict,
@@ -287,7 +305,17 @@ def fly(request: FlyRequest) -> int:
         weights=weights,
         progress=ProgressLine("simulate"),
     )
+    result = simulated(planned.policy)
     report = result.report()
+    if request.reference:
+        from hfa_flight.commands.tracking import tracking_of, with_errors
+        from hfa_flight.policies.policy import GainPolicy
+
+        linear = linearize(planned.model, planned.point)
+        game = request.policy.game.game(linear)
+        tracking = tracking_of(linear, game, planned.policy, request.reference)
+        plain = simulated(GainPolicy(planned.policy.name, tracking.K))
+        report = with_errors(report, tracking, result, plain)
     request.show(
         report,
         figure=lambda: flight_figure(result, report.title),

@@ -1,0 +1,72 @@
+"""Flights that track a reference with the exact feedforward, and without: `hfa fly --reference`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.gare import unconfirmed_solution
+from controller.tracking import Tracking, tracked
+from hfa_aircraft.waveform import Waveform, stacked
+from hfa_flight.flight import Flight
+from hfa_flight.policies.policy import GainPolicy, Policy
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.results import Result, Vector
+from hfa_support.reporting.text import Table, shown_unit, shown_value
+from trim.linear.linear_model import LinearModel
+
+
+@dataclass(frozen=True, eq=False)
+class FlownTracking(Result):
+    """Entries that --reference adds to a flight.
+
+    tracking: tracking of the reference on the linear model
+    late_rms_errors: root mean square of each error in the second half of the flight, (n,)
+    late_rms_errors_without_feedforward: the same of a flight without feedforward, (n,)
+    """
+
+    tracking: Tracking
+    late_rms_errors: Vector
+    late_rms_errors_without_feedforward: Vector
+
+
+def tracking_of(
+    linear: LinearModel, game: Game, policy: Policy, reference: Mapping[str, Waveform]
+) -> Tracking:
+    """Return the tracking of a reference by the gain of a policy and the feedforward of a game.
+
+    Raises BadInputError for a policy without a constant gain.
+    """
+    if not isinstance(policy, GainPolicy) or policy.gain is None:
+        raise BadInputError(
+            f"--reference requires a policy u = -K z, not the {policy.name}; give a gain K or a law"
+        )
+    commands = stacked(reference, linear.states)
+    P = unconfirmed_solution(game).P
+    return tracked(linear, game, P, policy.gain, commands)
+
+
+def with_errors(report: Report, tracking: Tracking, flown: Flight, plain: Flight) -> Report:
+    """Return the report of a flight with a section on its tracking errors.
+
+    flown: the flight with feedforward
+    plain: the flight without feedforward
+    """
+    names = tracking.game.names
+    late = [np.array([each.rms_error[state] for state in names.states]) for each in (flown, plain)]
+    rows = []
+    for state, unit, *values in zip(names.states, names.state_units, *late, strict=True):
+        shown = (shown_value(float(value), unit, ".3g") for value in values)
+        rows.append((state, shown_unit(unit), *shown))
+    header = ("rms error, 2nd half", "unit", "flight", "without feedforward")
+    section = tracking.report()
+    parts = [*report.parts, section.title, Table(header, rows)]
+    if plain.departure is not None:
+        parts.append(f"Without feedforward, the flight {plain.departure.text()}")
+    return replace(report, parts=(*parts, *section.parts)).with_data(
+        **FlownTracking(tracking, *late).as_data()
+    )
