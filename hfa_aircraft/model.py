@@ -5,7 +5,7 @@ from __future__ import annotations
 import keyword
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -281,6 +281,16 @@ class Model(Reported):
     def variables(self) -> tuple[str, ...]:
         """Names of the variables of a trim: states, or outputs that replace them, then inputs."""
         return self.layout.variables
+
+    def state_places(self, names: Iterable[str]) -> list[int]:
+        """Return the indices of the named states among all states."""
+        states = list(self.states)
+        return [states.index(name) for name in names]
+
+    def input_places(self, names: Iterable[str]) -> list[int]:
+        """Return the indices of the named inputs among all inputs."""
+        inputs = list(self.inputs)
+        return [inputs.index(name) for name in names]
 
     @cached_property
     def holdable(self) -> tuple[str, ...]:

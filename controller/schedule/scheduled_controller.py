@@ -275,7 +275,7 @@ class ScheduledController(ByValue, Reported):
         if self.states or self.commands or self.measurements != self.model.linear:
             return None
         gains = np.zeros((len(self.breakpoints), len(self.model.inputs), len(self.model.linear)))
-        rows = [list(self.model.inputs).index(name) for name in self.inputs]
+        rows = self.model.input_places(self.inputs)
         gains[:, rows] = -self.D
         return GainSchedule(self.breakpoints, gains, self.model)
 

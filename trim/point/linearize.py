@@ -51,7 +51,7 @@ def linearize(
     point.refuse_other(model)
     every_state = tuple(model.states)
     states = every_state if full else model.linear
-    rows = np.array([every_state.index(name) for name in states])
+    rows = np.array(model.state_places(states))
     shown = tuple(outputs or states)
     if outputs:
         positions("output", shown, (*every_state, *model.outputs))

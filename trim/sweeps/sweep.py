@@ -642,7 +642,7 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
     model = plan.model
     rows = run_points(*plan.task(0, plan.count), progress)
     trimmed = rows["status"] == TRIMMED
-    linear = [list(model.states).index(name) for name in model.linear]
+    linear = model.state_places(model.linear)
     A = rows["A"][:, linear][:, :, linear]
     B = rows["B"][:, linear]
     eigenvalues = np.full((plan.count, len(linear)), np.nan, dtype=complex)

@@ -77,8 +77,7 @@ class FlightProblem:
     @cached_property
     def places(self) -> list[int]:
         """Indices of the linear model's states among all states."""
-        names = list(self.model.states)
-        return [names.index(name) for name in self.states]
+        return self.model.state_places(self.states)
 
     @cached_property
     def carried(self) -> tuple[str, ...]:
@@ -108,8 +107,7 @@ class FlightProblem:
     @cached_property
     def followed_places(self) -> list[int]:
         """Indices of the followed states among all states."""
-        names = list(self.model.states)
-        return [names.index(name) for name in self.followed]
+        return self.model.state_places(self.followed)
 
     def padded(self, z: np.ndarray) -> np.ndarray:
         """Return the deviations of the followed states, (..., followed).
@@ -124,8 +122,7 @@ class FlightProblem:
     @cached_property
     def moved(self) -> list[int]:
         """Indices of the moving inputs among all inputs."""
-        names = list(self.model.inputs)
-        return [names.index(name) for name in self.inputs]
+        return self.model.input_places(self.inputs)
 
     @cached_property
     def sizes(self) -> tuple[np.ndarray, np.ndarray]:

@@ -127,7 +127,7 @@ class AssessedPoint(Result):
         """Equilibrium minus trim in the linear states, (k,), defined only with an equilibrium."""
         assert self.equilibrium is not None  # required by the docstring
         model = self.point.model
-        rows = [list(model.states).index(name) for name in model.linear]
+        rows = model.state_places(model.linear)
         return (self.equilibrium.states - np.array(self.point.states))[rows]
 
     @property

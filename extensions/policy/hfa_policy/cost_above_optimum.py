@@ -108,7 +108,7 @@ def weights_at(
             f"cost.Q.{wrong[0]} weights an output that depends directly on the inputs, which is "
             "not supported; give weights of states instead"
         )
-    rows = [list(deployed.model.states).index(name) for name in linear]
+    rows = deployed.model.state_places(linear)
     Q = np.diag([float(of_states.get(name, 0.0)) for name in linear])
     for name, row in zip(outputs, slopes.C[:, rows], strict=True):
         Q += float(of_states[name]) * np.outer(row, row)

@@ -20,7 +20,7 @@ from hfa_flight.envelope import flight_envelope
 from hfa_flight.held_step import parts_of_a_sample
 from hfa_flight.initial_box import start_box
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_policy.flights import SampledFlight, symbols_of_a_sample
+from hfa_policy.flights import SampledFlight
 from hfa_policy.outcomes import departure_at, refuse_edges
 from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
 from hfa_support.native.row_code import bound_rows, row_code
@@ -125,7 +125,7 @@ class Episodes:
         self._envelopes = [flight_envelope(deployed.model, point) for point in points]
         self._boxes = np.array([start_box(deployed.model, point) for point in points])
         self._trims = np.array([deployed.trim_vector(point) for point in points])
-        self._linear = [list(deployed.model.states).index(name) for name in deployed.model.linear]
+        self._linear = deployed.model.state_places(deployed.model.linear)
         self.owners = np.zeros(count, dtype=int)
 
         X, memory, _ = self._flight.slices
@@ -432,7 +432,7 @@ def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:
 
 def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> ca.Function:
     """Return the function (action, X, U before, trim) -> U of actions limited to the box."""
-    arguments = symbols_of_a_sample(deployed)
+    arguments = deployed.symbols()
     action = ca.SX.sym("a", len(low))
     within = saturated(action, ca.DM(low), ca.DM(high))
     commanded = deployed.inputs(within, *arguments)
@@ -469,14 +469,8 @@ def weighted_squares(deployed: Deployed, weights: Mapping[str, float]) -> ca.Fun
 
     weights: weight of each state, input or output, by name
     """
-    X, U, trim = (ca.SX.sym(name, size) for name, size in _sizes(deployed))
+    X, U, trim = deployed.symbols()
     here = deployed.values(X, U, trim)
     there = deployed.at_trim(trim)
     terms = [weight * (here[name] - there[name]) ** 2 for name, weight in weights.items()]
     return ca.Function("cost_rate", [X, U, trim], [ca.densify(ca.SX(sum(terms)))])
-
-
-def _sizes(deployed: Deployed) -> tuple[tuple[str, int], ...]:
-    model = deployed.model
-    n, m = len(model.states), len(model.inputs)
-    return ("X", n), ("U", m), ("trim", n + m + len(model.parameters))

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_flight.limit_cycle import LimitCycle
 from hfa_policy.assessed_point import MOST_OF_THEM, AssessedPoint, scheduled_value
 from hfa_policy.outcomes import Outcomes, departure_text
 from hfa_support.reporting.text import short_number, shown_unit
@@ -133,14 +132,6 @@ def _instability(point: AssessedPoint) -> list[_Found]:
     return [_Found(Severity.FAILURE, text, point.radius)]
 
 
-def _departures(point: AssessedPoint) -> list[_Found]:
-    return _leaving_flights(point, point.flights, "")
-
-
-def _disturbed_departures(point: AssessedPoint) -> list[_Found]:
-    return _leaving_flights(point, point.disturbed, "with a disturbance pulse: ")
-
-
 def _leaving_flights(point: AssessedPoint, flown: Outcomes | None, when: str) -> list[_Found]:
     """Return the finding on the flights that leave the envelope."""
     if flown is None or not flown.lost:
@@ -157,7 +148,7 @@ def _limit_cycle(point: AssessedPoint) -> list[_Found]:
         if flown is not None and flown.cycle is not None:
             size = flown.cycle.amplitude / point.point.model.signals[flown.cycle.name].nominal
             severity = Severity.WARNING if point.holds else Severity.FAILURE
-            return [_Found(severity, f"{when}limit cycle: {_cycle_text(flown.cycle)}", size)]
+            return [_Found(severity, f"{when}limit cycle: {flown.cycle.motion()}", size)]
     return []
 
 
@@ -301,18 +292,14 @@ def _integration(point: AssessedPoint) -> list[_Found]:
 
 #: Kinds of findings, in the order of the report.
 _KINDS: tuple[Callable[[AssessedPoint], list[_Found]], ...] = (
-    *(_no_equilibrium, _saturation, _calm_in_rough_air, _departures, _limit_cycle, _own_mode),
-    *(_instability, _convergence, _other_equilibrium, _disturbed_departures, _clipped_observations),
+    *(_no_equilibrium, _saturation, _calm_in_rough_air),
+    lambda point: _leaving_flights(point, point.flights, ""),
+    *(_limit_cycle, _own_mode, _instability, _convergence, _other_equilibrium),
+    lambda point: _leaving_flights(point, point.disturbed, "with a disturbance pulse: "),
+    _clipped_observations,
     *(_delay, _steady_state_error, _linear_cost, _off_slope, _judged_states, _kinks, _left_out),
     _integration,
 )
-
-
-def _cycle_text(cycle: LimitCycle) -> str:
-    """Return signal, amplitude and frequency of a limit cycle as text, with angles in degrees."""
-    unit = "" if cycle.unit == "1" else f" {shown_unit(cycle.unit)}"
-    size = short_number(cycle.amplitude, cycle.unit)
-    return f"{cycle.name} ±{size}{unit} at {cycle.frequency:.3g} rad/s"
 
 
 def _leaving(count: int, total: int, flights: str) -> str:

@@ -37,13 +37,6 @@ _WHOLE = 1e-9
 _STORED = 10_000_000
 
 
-def symbols_of_a_sample(deployed: Deployed) -> list[ca.SX]:
-    """Return new symbols of X, U just before the sample, and the trim (X0; U0; p)."""
-    n, m = len(deployed.model.states), len(deployed.model.inputs)
-    sizes = (n, m, n + m + len(deployed.model.parameters))
-    return [ca.SX.sym("x", size) for size in sizes]
-
-
 @dataclass(frozen=True, eq=False)
 class SampledFlight:
     """Aircraft of a deployment over a sample, as a function of the state and of what is held.
@@ -181,7 +174,7 @@ class SampledFlight:
 
 def commands(deployed: Deployed) -> ca.Function:
     """Return the function (outputs of the network, X, U before, trim) -> U of a deployment."""
-    arguments = symbols_of_a_sample(deployed)
+    arguments = deployed.symbols()
     raw = ca.SX.sym("raw", len(deployed.commanded))
     moved = deployed.inputs(deployed.action(raw), *arguments)
     return ca.Function("moves", [raw, *arguments], [ca.densify(moved)])

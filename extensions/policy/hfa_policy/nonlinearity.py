@@ -47,8 +47,8 @@ def nonlinearity(
     """
     model = deployed.model
     k = len(model.linear)
-    rows = [list(model.states).index(name) for name in model.linear]
-    columns = [list(model.inputs).index(name) for name in deployed.commanded]
+    rows = model.state_places(model.linear)
+    columns = model.input_places(deployed.commanded)
     z = symbols_for([deployed.command], k)
     selection = np.zeros((len(model.states), k))
     selection[rows, np.arange(k)] = 1.0

@@ -71,7 +71,7 @@ def refuse_edges(points: Sequence[OperatingPoint]) -> None:
         if not edges:
             continue
         A = model.at(point.states, point.inputs).A
-        linear = [list(model.states).index(name) for name in model.linear]
+        linear = model.state_places(model.linear)
         for index in edges:
             others = [number for number in linear if number != index]
             if not A[index, others].any():
@@ -201,7 +201,7 @@ def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[An
     random = np.random.default_rng([seed, 1])
     share = random.uniform(-1.0, 1.0, (count, len(model.linear)))
     directions = random.uniform(-1.0, 1.0, share.shape)
-    rows = [list(model.states).index(name) for name in model.linear]
+    rows = model.state_places(model.linear)
     starts = np.tile(np.array(place.point.states, dtype=float), (count, 1))
     starts[:, rows] += share * place.box
     pushes = directions * place.box * PUSH / PUSHED if pushed else np.zeros_like(share)
@@ -244,7 +244,7 @@ class PlacedFlights:
         self.flight = flight
         self.places = places
         self.owners = owners
-        self.linear = [list(model.states).index(name) for name in model.linear]
+        self.linear = model.state_places(model.linear)
         trims = [flight.deployed.trim_vector(place.point) for place in places]
         self.trims = np.array(trims)[owners]
         self.first = flight.start(starts, self.trims)

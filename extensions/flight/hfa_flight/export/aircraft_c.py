@@ -90,9 +90,7 @@ def c_model_texts(
                     "const double hfa_A": linear.A,
                     "const double hfa_B": linear.B,
                     "const double hfa_K": gain,
-                    "const int hfa_linear_state": [
-                        list(model.states).index(name) for name in model.linear
-                    ],
+                    "const int hfa_linear_state": model.state_places(model.linear),
                     **name_tables("state", states),
                     **name_tables("input", inputs),
                     **name_tables("wind", winds),

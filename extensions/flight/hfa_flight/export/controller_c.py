@@ -283,7 +283,7 @@ def _measured_loop(
     X = y[: loop.flown]
     moved = y[loop.flown :]
     names = list(model.states)
-    rows = [names.index(name) for name in model.linear]
+    rows = model.state_places(model.linear)
     x = X[rows] - ca.DM(np.array(point.states)[rows])
     positions_of_actuators = actuators.position(moved, trim)
     measurements = Measurements(x, x, positions_of_actuators, actuators.rates(moved))

@@ -213,7 +213,7 @@ def interpolated_loop(between: InterpolatedModel) -> ExportedLoop:
         for name, axis in zip(sweep.variables, between.axes, strict=True)
     }
     trimmed = between.at(**middle)
-    rows = [list(model.states).index(name) for name in model.linear]
+    rows = model.state_places(model.linear)
     x = ca.SX.sym("x", len(rows))
     u = ca.SX.sym("u", len(model.inputs))
     s = ca.SX.sym("s", len(middle))

@@ -118,7 +118,7 @@ class Tracked(NamedTuple):
 def tracked(flight: Deviations, outputs: MeasuredOutputs, commands: CommandSteps) -> list[Tracked]:
     """Return each commanded output of a flight with its command. The output has no sensor noise."""
     model = outputs.model
-    rows = [list(model.states).index(name) for name in model.linear]
+    rows = model.state_places(model.linear)
     values = flight.states[:, rows] @ outputs.C.T + flight.inputs @ outputs.D.T
     if outputs.F.size:
         values += flight.updrafts[:, None] @ outputs.F.T

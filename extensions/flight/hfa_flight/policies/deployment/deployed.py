@@ -120,11 +120,14 @@ class Deployed:
 
     # Symbols.
 
-    def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Return new symbols of X (n,), U (m,) and trim = (X0; U0; p)."""
+    def symbols(self, kind: Any = ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Return new symbols of X (n,), U (m,) and trim = (X0; U0; p).
+
+        kind: type of the symbols, ca.SX or ca.MX
+        """
         n, m = len(self.model.states), len(self.model.inputs)
         count = n + m + len(self.model.parameters)
-        return ca.SX.sym("X", n), ca.SX.sym("U", m), ca.SX.sym("trim", count)
+        return kind.sym("X", n), kind.sym("U", m), kind.sym("trim", count)
 
     def trim_vector(self, point: OperatingPoint) -> np.ndarray:
         """Return the vector trim = (X0; U0; p) of an operating point."""
@@ -185,7 +188,7 @@ class Deployed:
     @cached_property
     def observe(self) -> ca.Function:
         """Function (X, U, trim) -> o, the observations (k,) of one sample."""
-        X, U, trim = self._symbols()
+        X, U, trim = self.symbols()
         values = self.values(X, U, trim)
         at_trim = self.at_trim(trim)
         entries = []
@@ -249,7 +252,7 @@ class Deployed:
 
         The inputs are not clipped to the control limits.
         """
-        X, U, trim = self._symbols()
+        X, U, trim = self.symbols()
         a = ca.SX.sym("a", len(self.commanded))
         values = self.values(X, U, trim)
         inputs = tuple(self.model.inputs)
@@ -267,7 +270,7 @@ class Deployed:
 
         Commanded inputs are within their limits.
         """
-        X, U, trim = self._symbols()
+        X, U, trim = self.symbols()
         a = ca.SX.sym("a", len(self.commanded))
         limits = Limits.of(self.model, tuple(self.model.inputs))
         unlimited = self.unlimited_inputs(a, X, U, trim)
@@ -289,12 +292,8 @@ class Deployed:
 
         past: observations of the earlier samples in the history, the oldest first.
         """
-        n, m = len(self.model.states), len(self.model.inputs)
-        count = n + m + len(self.model.parameters)
         kind = type(symbols_for([self.act], 1))
-        X = kind.sym("X", n)
-        U = kind.sym("U", m)
-        trim = kind.sym("trim", count)
+        X, U, trim = self.symbols(kind)
         past = kind.sym("past", self.past)
         frames = ca.vertcat(past, self.observe(X, U, trim))
         commanded = self.inputs(self.act(frames), X, U, trim)
@@ -308,12 +307,7 @@ class Deployed:
 
         The observations are equal in all samples of the history.
         """
-        n, m = len(self.model.states), len(self.model.inputs)
-        count = n + m + len(self.model.parameters)
-        kind = type(symbols_for([self.act], 1))
-        X = kind.sym("X", n)
-        U = kind.sym("U", m)
-        trim = kind.sym("trim", count)
+        X, U, trim = self.symbols(type(symbols_for([self.act], 1)))
         a = self.act(ca.repmat(self.observe(X, U, trim), self.deployment.history))
         return ca.Function("command", [X, U, trim], [ca.densify(self.inputs(a, X, U, trim))])
 
@@ -323,12 +317,7 @@ class Deployed:
 
         The argument U is the input just before the sample.
         """
-        n, m = len(self.model.states), len(self.model.inputs)
-        count = n + m + len(self.model.parameters)
-        kind = type(symbols_for([self.command], 1))
-        X = kind.sym("X", n)
-        U = kind.sym("U", m)
-        trim = kind.sym("trim", count)
+        X, U, trim = self.symbols(type(symbols_for([self.command], 1)))
         commanded = self.command(X, U, trim)
         slopes = [ca.jacobian(commanded, X), ca.jacobian(commanded, U)]
         parts = [ca.densify(part) for part in (commanded, *slopes)]

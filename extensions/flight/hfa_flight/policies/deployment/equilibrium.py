@@ -141,8 +141,8 @@ class EquilibriumSearch:
         model = point.model
         self.model = model
         self.trim = deployed.trim_vector(point)
-        self.rows = [list(model.states).index(name) for name in model.linear]
-        self.columns = [list(model.inputs).index(name) for name in deployed.commanded]
+        self.rows = model.state_places(model.linear)
+        self.columns = model.input_places(deployed.commanded)
         self.base = np.concatenate([point.states, point.inputs])
         self.moving = [*self.rows, *(len(model.states) + column for column in self.columns)]
         rate_scales = [model.rate_scale(name) for name in model.linear]
