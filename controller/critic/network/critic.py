@@ -31,7 +31,7 @@ OUTPUTS = ("V", "gradient", "policy", "V+policy")
 @checks_arguments
 def from_network(
     game: Game | DiscreteGame,
-    source: str | Path | ca.Function | Callable[..., Any],
+    source: str | Path | ca.Function | Mapping[str, Any] | Callable[..., Any],
     *,
     network: str = "",
     activation: str | None = None,
@@ -44,9 +44,8 @@ def from_network(
 
     game: the game that the critic should solve
     source: a file that `network_in` reads, a CasADi Function of the state, a torch.nn.Sequential of
-        linear layers and activations, or another torch module, which is read through its state
-        dict. The name "V", "gradient" or "policy" of a CasADi Function is its kind, if `network` is
-        not given
+        linear layers and activations, or the state dict of another torch module or this module. The
+        name "V", "gradient" or "policy" of a CasADi Function is its kind, if `network` is not given
     network: the parts of a file or state dict and their kinds, such as "value", "V=value" or
         "V=value,policy=actor". Without a kind, the number of outputs decides
     activation: activation between the layers of a state dict

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -29,17 +29,19 @@ _ACTIVATIONS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
 
 
 def state_dict_of(module: Any) -> dict[str, np.ndarray] | None:
-    """Return the state dict of a torch module, or None for objects without one.
+    """Return the tensors of a torch module, or of its state dict, and None for other objects.
 
     The result is None for a Sequential too, whose parts also state the activations.
     """
     is_known = _class_of(module) in ("Sequential", "Linear")
-    if is_known or not callable(getattr(module, "state_dict", None)):
+    if not is_known and callable(getattr(module, "state_dict", None)):
+        module = module.state_dict()
+    if not isinstance(module, Mapping):
         return None
-    return {name: _numbers(name, tensor) for name, tensor in module.state_dict().items()}
+    return {name: _numbers(name, tensor) for name, tensor in module.items()}
 
 
-def module_network(module: Callable[..., Any], kind: str, states: int, inputs: int) -> NetworkFile:
+def module_network(module: Any, kind: str, states: int, inputs: int) -> NetworkFile:
     """Return the network of a torch.nn.Sequential of Linear layers and activations.
 
     kind: one of `OUTPUTS`, or "" if the number of outputs decides

@@ -107,6 +107,8 @@ def test_another_module_is_read_through_its_state_dict() -> None:
         u = WEIGHTS[1] @ np.tanh(WEIGHTS[0] @ z + BIASES[0]) + BIASES[1]
         assert np.asarray(critic.policy(z)).ravel() == pytest.approx(u, rel=1e-12)
     assert "Actor" in critic.origin
+    of_tensors = hfa.from_network(GAME, tensors, activation="tanh")
+    assert np.asarray(of_tensors.policy(z)) == np.asarray(critic.policy(z))
     with pytest.raises(BadInputError, match='give activation="tanh"'):
         hfa.from_network(GAME, made())
     tensors["norm.weight"] = _Tensor(np.ones(2))
