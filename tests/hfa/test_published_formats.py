@@ -53,6 +53,7 @@ def test_the_schema_contains_every_format() -> None:
     } == outputs
 
 
+@pytest.mark.slow
 def test_the_schema_is_printed_by_its_command_alone() -> None:
     """`python -m hfa.formats` prints the schema."""
     words = [sys.executable, "-m", "hfa.formats"]

@@ -372,7 +372,7 @@ def test_commands_accept_a_users_model(tmp_path: Path) -> None:
     assert again["provenance"]["model"].startswith("examples/f16.py:F16 (SHA-256 ")
     store = str(tmp_path / "sweep.zarr")
     held = ("--hold", "speed=400:600:200", "--hold", "xcg=.3,.35")
-    swept = json.loads(hfa("sweep", *OWN, *held, "-o", store, "--workers", "2", "--json").out)
+    swept = json.loads(hfa("sweep", *OWN, *held, "-o", store, "--json").out)
     assert swept["counts"]["trimmed"] == 4
     solved = hfa("solve", *OWN, "--hold", "xcg=0.3")
     assert "Q and R and delta not given" in solved.err
