@@ -20,6 +20,7 @@ from controller.riccati.margins import (
     _osborne_scaling,
     best_scaling,
     disk_of,
+    disk_sizes,
     scaled_norm,
 )
 from hfa import Game, NoSolutionError, solve
@@ -177,6 +178,12 @@ def test_the_disk_margin_agrees_with_a_grid_of_frequencies(inputs: int) -> None:
         assert disk_of(loop).disk * max(bounds) < 1.0 + 1e-3
         if inputs <= 3:
             assert disk_of(loop).disk * max(bounds) > 1.0 - 2e-3
+
+
+def test_gain_and_phase_of_a_disk_margin_are_the_textbooks() -> None:
+    """A disk margin of 1 is a factor of 1/3 to 3 or 53.13 deg (Seiler, Packard, Gahinet 2020)."""
+    assert disk_sizes(1.0) == pytest.approx((3.0, 53.13010235))
+    assert disk_sizes(2.0) == (math.inf, 90.0)
 
 
 def test_a_loop_of_many_inputs_is_bounded_to_a_thousandth() -> None:

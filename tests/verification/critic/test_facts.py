@@ -1,0 +1,31 @@
+"""Figures of a verdict beside the errors: L2 gain and disk margins."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from known_models import game_at
+
+import hfa
+from controller.riccati.frequency_response import bounded_real_gain
+from controller.riccati.margins import disk_margin
+from hfa import solve, verify
+
+
+def test_a_gain_above_delta_fails_and_margins_are_of_both_policies() -> None:
+    """The LQR gain does not attenuate disturbances to a delta close to delta_min: it fails, though
+    it stabilizes. The margins are those of the learned and of the exact policy.
+    """
+    game = game_at(15.0)
+    game = game.with_delta(1.01 * solve(game).delta_min)
+    K = solve(game.with_delta(math.inf)).K
+    verdict = verify(game, hfa.from_gain(game, K))
+    (gain,) = [check for check in verdict.checks if check.name == "l2_gain"]
+    assert gain.value == pytest.approx(bounded_real_gain(game, K), rel=1e-9)
+    assert gain.value > gain.limit == game.delta
+    assert (gain.ok, verdict.stabilizing, verdict.grade) == (False, True, "fail")
+    data = verdict.as_data()
+    assert data["disk_margin"] == pytest.approx(disk_margin(game, K).disk)
+    assert data["disk_margin_exact"] == pytest.approx(disk_margin(game, solve(game).K).disk)
+    assert data["disk_margin"] != pytest.approx(data["disk_margin_exact"], rel=1e-3)
