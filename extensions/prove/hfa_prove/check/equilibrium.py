@@ -10,7 +10,8 @@ from flint import arb, arb_mat
 
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.plant import SAME_TRIM, Plant
-from verification.enclosure.balls import hull, matrix, norm
+from verification.enclosure.ball_function import BallFunction, Undecided
+from verification.enclosure.balls import exact, hull, matrix, norm
 from verification.enclosure.slopes import Intervals, jacobian
 
 #: Number of Newton steps.
@@ -28,10 +29,12 @@ class Equilibrium:
 
     x: center, (n,) or (n + m,)
     radius: half-widths, 0 for entries that are not unknowns
+    balls: tighter enclosures of all entries
     """
 
     x: np.ndarray
     radius: np.ndarray
+    balls: Sequence[arb] = ()
 
 
 def equilibrium_near(
@@ -39,8 +42,8 @@ def equilibrium_near(
 ) -> Equilibrium:
     """Return an enclosure of an equilibrium near x.
 
-    Newton's method in doubles is followed by Krawczyk's test in balls (`root_offsets`). The
-    enclosure of the Jacobian contains Clarke's generalized gradients.
+    Newton's method in doubles is followed by Krawczyk's test (`root_offsets`) of the rates in balls
+    and of the Jacobian in doubles, which contains Clarke's generalized gradients.
 
     plant: closed loop, or plant whose inputs are variables too
     x: first values of the variables, (k,), of which the others than the unknowns are kept
@@ -63,8 +66,13 @@ def equilibrium_near(
         except np.linalg.LinAlgError:
             break
         point[unknown] -= step
-    residual = jacobian(program, Intervals(point, still)).values
-    column = hull(residual.low[:, None], residual.high[:, None])
+    exact_point = [exact(value) for value in point.tolist()]
+    try:
+        (rates,) = BallFunction(plant.rate_function, plant.model.name)(exact_point)
+        column = arb_mat([[rate] for rate in rates])
+    except Undecided:  # a comparison at a kink
+        in_doubles = jacobian(program, Intervals(point, still)).values
+        column = hull(in_doubles.low[:, None], in_doubles.high[:, None])
     sizes = np.abs(point) + plant.nominal[: len(point)]
     radius = np.zeros_like(point)
     radius[unknown] = 2.0 * np.abs(step) + 1e-14 * sizes[unknown]
@@ -72,7 +80,7 @@ def equilibrium_near(
         around = jacobian(program, Intervals(point, radius)).slopes
         J = hull(around.low[:, unknown], around.high[:, unknown])
         try:
-            root_offsets(column, J, [arb(each) for each in radius[unknown].tolist()])
+            offsets = root_offsets(column, J, [exact(each) for each in radius[unknown].tolist()])
         except ZeroDivisionError as error:
             raise Rejected(
                 "no equilibrium is enclosed near the trim: the Jacobian is singular"
@@ -80,7 +88,9 @@ def equilibrium_near(
         except Rejected:
             radius = 2.0 * radius
             continue
-        return Equilibrium(point, radius)
+        for index, offset in zip(unknown, offsets.entries(), strict=True):
+            exact_point[index] += offset
+        return Equilibrium(point, radius, exact_point)
     raise Rejected(
         "no equilibrium is enclosed near the trim: it does not exist, the rates have a kink there, "
         "or an input is at its limit"

@@ -50,7 +50,7 @@ class LoopOnBall:
         at = equilibrium_near(loop, np.array(list(stated.values())))
         check_near(at, loop, stated, "the stated one")
         #: Balls of the states at the equilibrium, (n,).
-        self.x = [arb(*pair) for pair in zip(at.x.tolist(), at.radius.tolist(), strict=True)]
+        self.x = at.balls
         self.n = len(T)
         self.T = matrix(T)
         determinant = self.T.det()

@@ -14,7 +14,6 @@ import numpy as np
 from hfa_prove.fields import Fields, Rejected, Stated, Terms, entry, require, rows_of
 from hfa_prove.statements.plant import Plant, digest_of
 from hfa_support.errors import BadInputError
-from verification.enclosure.program import Program
 
 #: Highest degree of a polynomial policy.
 HIGHEST_POLICY = 12
@@ -186,7 +185,7 @@ class Loop(Plant):
         return self.function(z, ca.DM(numbers))
 
     @cached_property
-    def program(self) -> Program:
-        """Program x -> rates of the closed loop."""
+    def rate_function(self) -> ca.Function:
+        """Function x -> rates of the closed loop."""
         x = ca.SX.sym("x", len(self.states))
-        return Program(ca.Function("rates", [x], [self.rates(x)[0]]), self.model.name)
+        return ca.Function("rates", [x], [self.rates(x)[0]])

@@ -223,12 +223,17 @@ class Plant(Stated):
         return np.array([signals[name].nominal for name in (*self.states, *self.inputs)])
 
     @cached_property
-    def program(self) -> Program:
-        """Program (x, u) -> rates of the moving states."""
+    def rate_function(self) -> ca.Function:
+        """Function (x, u) -> rates of the moving states."""
         n = len(self.states)
         both = ca.SX.sym("x", n + len(self.inputs))
         rates, _ = self.rates_at(both[:n], both[n:])
-        return Program(ca.Function("rates", [both], [rates]), self.model.name)
+        return ca.Function("rates", [both], [rates])
+
+    @cached_property
+    def program(self) -> Program:
+        """Program of `rate_function`."""
+        return Program(self.rate_function, self.model.name)
 
     def ends(self, names: Sequence[str]) -> np.ndarray:
         """Return the lowest and highest values of signals, (len(names), 2).
