@@ -84,7 +84,7 @@ def test_a_run_is_resumed_from_its_certificate(
     assert main([*words, "--R", "9"]) == 2
     assert "R in the certificate differs" in capsys.readouterr().err
     before = json.loads(certificate.read_text())["statement"]["pieces"]
-    assert main([*words, "--seconds", "0.3", "--json"]) == 0
+    assert main([*words, "--seconds", "0.05", "--json"]) == 0
     pieces = json.loads(capsys.readouterr().out)["pieces"]
     assert [piece["c"] for piece in pieces][: len(before)] == [piece["c"] for piece in before]
 
@@ -120,21 +120,6 @@ def test_command_and_function_report_equal_bounds(
     assert 0.9 * best.cost < best.lower_bound < best.cost
     assert f"and {best.over_bound:.2f} of" in first
     assert f"The least cost is in [{best.lower_bound:.6g}, {best.cost:.6g}]" in best.report().text()
-
-
-def test_the_table_contains_bound_and_cost(
-    certificate: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """For each initial condition, the table contains the proved lower bound and a higher cost of
-    the best flight.
-    """
-    assert main(["optimize", *AIRCRAFT, "--starts", "2", "--bound", str(certificate)]) == 0
-    first, *lines = capsys.readouterr().out.splitlines()
-    assert first.startswith("Best flights: 2 of 2 found, between 1.00 and 1.")
-    assert len(first) <= 80
-    rows = [line.split() for line in lines if re.match("angle [+-]", line)]
-    assert len(rows) == 2
-    assert all(0.0 < float(row[-2]) < float(row[-1]) for row in rows)
 
 
 def test_an_initial_condition_above_the_level_is_bounded(statement: CostStatement) -> None:

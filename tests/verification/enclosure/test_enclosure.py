@@ -317,6 +317,6 @@ def test_only_steps_of_opposite_arguments_are_a_slope() -> None:
 
 def test_evaluated_values_equal_the_function() -> None:
     """`values_at` equals the function, also at more points than are evaluated together."""
-    points = np.random.default_rng(0).uniform(-0.5, 0.5, (2500, 3))
+    points = np.random.default_rng(0).uniform(-0.5, 0.5, (4100, 3))
     expected = np.array(every_operation()(points.T)).T
     assert values_at(Program(every_operation(), "f"), points) == pytest.approx(expected, rel=1e-12)

@@ -399,18 +399,6 @@ def test_the_best_input_may_be_far_from_equilibrium(ends: tuple[float, float]) -
         check_cost(statement, CostWitness(("speed",), (1000,)))
 
 
-def test_the_equilibrium_is_compared_in_nominal_values() -> None:
-    """An equilibrium 2e-7 m from the trim is refused if the nominal value is 0.01 m.
-
-    The tolerance is 1e-6 nominal values.
-    """
-    fine = replace(CART, states={"position": Signal("m", 0.01)})
-    plant = Plant(fine, {}, {"position": 2e-7}, {"speed": 0.0}, {}, {})
-    statement = replace(cart_bound(0.9), plant=plant)
-    with pytest.raises(NoSolutionError, match="differs from the trim"):
-        check_cost(statement, CostWitness(("speed",), (1000,)))
-
-
 @pytest.mark.parametrize("limits", [(-1.0, -0.1), (0.1, 1.0)])
 def test_an_equilibrium_outside_a_limit_is_refused(limits: tuple[float, float]) -> None:
     """An equilibrium outside the state limits is refused."""

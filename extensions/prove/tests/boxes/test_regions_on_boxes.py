@@ -263,13 +263,6 @@ def test_a_stable_loop_is_verified() -> None:
         check_region(*statement_of(linear(-K)))
 
 
-def test_an_undamped_loop_is_refused() -> None:
-    """An undamped loop, for which V' = 0 everywhere, is refused."""
-    x = ca.SX.sym("x", 2)
-    with pytest.raises(OpenBoxError):
-        cover(inequality(-(x[0] * x[1] - x[1] * x[0]), x, hole=3), 10**4)
-
-
 def test_the_hole_applies_to_the_first_function_only() -> None:
     """In the hole around the equilibrium, only the first function need not be positive.
 

@@ -91,6 +91,7 @@ def test_the_oscillators_invariant_set_has_known_size(undisturbed: Region) -> No
     assert highest == pytest.approx({"position": 1.21, "velocity": 1.51}, abs=0.01)
 
 
+@pytest.mark.slow
 def test_the_best_v_of_the_search_is_used(undisturbed: Region) -> None:
     """Of the functions V in the search, the one that proves the largest invariant set is used."""
     flat = PolynomialFunction.quadratic(np.diag([1.0, 30.0]))

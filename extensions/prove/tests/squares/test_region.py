@@ -138,12 +138,6 @@ def test_a_certificate_of_another_aircraft_is_refused(
     assert "--aircraft" in capsys.readouterr().err
 
 
-def test_forgeries_are_refused(certificate: Path, model: Model) -> None:
-    """A forgery of each kind is refused."""
-    kinds = set(KINDS)
-    assert accepted_forgeries(certificate, model, len(kinds)) == (kinds, [])
-
-
 @pytest.mark.slow
 def test_flights_from_the_proved_set_converge(certificate: Path, model: Model) -> None:
     """All flights from the proved set converge. From four times as far, some do not."""

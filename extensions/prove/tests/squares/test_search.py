@@ -59,6 +59,7 @@ def test_a_small_level_of_f16_is_proved(loop: Loop, V: PolynomialFunction) -> No
     assert proved.parts == 1  # so small a set does not reach the limits of the inputs
 
 
+@pytest.mark.slow
 def test_largest_level_of_f16_within_limits_is_proved(loop: Loop, V: PolynomialFunction) -> None:
     """The largest level of V for which the set is within the limits of the F-16 is proved.
 

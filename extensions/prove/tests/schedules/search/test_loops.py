@@ -111,7 +111,7 @@ def test_the_loop_equals_its_assembled_blocks(order: int) -> None:
     np.testing.assert_allclose(doubles(found.parts[0]), expected, rtol=1e-6, atol=1e-6 * scale)
 
 
-@pytest.mark.parametrize("apart", [0.0, 200.0])
+@pytest.mark.parametrize("apart", [pytest.param(0.0, marks=pytest.mark.slow), 200.0])
 def test_a_loop_with_filters_is_proved(tmp_path: Any, apart: float) -> None:
     """A loop with filters and actuators is proved and verified for a moving dihedral.
 
@@ -220,6 +220,7 @@ def _with_drag(model: Model) -> Any:
     return equations
 
 
+@pytest.mark.slow
 def test_gains_of_the_navion_are_proved(tmp_path: Any) -> None:
     """LQR gains of the Navion, scheduled over speed, are proved stabilizing.
 
