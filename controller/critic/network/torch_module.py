@@ -11,7 +11,7 @@ import numpy as np
 from controller.critic.network.network_file import Layer, NetworkFile, composed
 from controller.critic.network.onnx_graph import check_width
 from controller.critic.network.tensors import checked_tensors
-from hfa_support.errors import BadInputError, shortened
+from hfa_support.errors import BadInputError, shortened, shown
 
 _ELSE = "export the network to ONNX (torch.onnx.export) and give the ONNX file"
 #: Class of an activation in torch.nn -> its name in `ACTIVATIONS` and its required settings.
@@ -38,6 +38,12 @@ def state_dict_of(module: Any) -> dict[str, np.ndarray] | None:
         module = module.state_dict()
     if not isinstance(module, Mapping):
         return None
+    for name, tensor in module.items():
+        if not isinstance(name, str) or not hasattr(tensor, "detach"):
+            raise BadInputError(
+                f"the state dict has the entry {shown(name)}: {shown(tensor)}; give "
+                "module.state_dict(), names and tensors of torch"
+            )
     return {name: _numbers(name, tensor) for name, tensor in module.items()}
 
 
