@@ -128,11 +128,9 @@ class Layout(NamedTuple):
         Raises BadInputError if the equations are faulty.
         """
         symbols, f, output_expressions = _symbolic(self, w is None)
-        states = self.names.states
-        chosen = [
-            symbols[0][states.index(name)] if name in states else output_expressions[name]
-            for name in outputs
-        ]
+        x, *_ = symbols
+        known = {**output_expressions, **dict(zip(self.names.states, components(x), strict=True))}
+        chosen = [known[name] for name in outputs]
         values = list(vectors) if w is None else [*vectors, w]
         columns = [ca.vertcat(ca.SX(0, 1), *vector) for vector in values]
         y = ca.densify(ca.SX(ca.vertcat(ca.SX(0, 1), *chosen)))

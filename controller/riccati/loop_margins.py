@@ -187,7 +187,8 @@ def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> L
         if not jumps.size:
             break
         grid = np.insert(grid, jumps + 1, (grid[jumps] + grid[jumps + 1]) / 2.0)
-    static = seen[0][np.abs(seen[0].imag) <= ROUNDING * np.abs(seen[0])].real  # at ω = 0
+    at_zero = seen[0]
+    static = at_zero[np.abs(at_zero.imag) <= ROUNDING * np.abs(at_zero)].real
     reals = np.concatenate([static, real.values.real])
     if loop is not None:
         reals = np.append(reals, loop.D)
@@ -261,5 +262,6 @@ def _followed(loci: np.ndarray) -> np.ndarray:
 
     followed = [loci[0]]
     for row in loci[1:]:
-        followed.append(row[linear_sum_assignment(np.abs(followed[-1][:, None] - row))[1]])
+        _, nearest = linear_sum_assignment(np.abs(followed[-1][:, None] - row))
+        followed.append(row[nearest])
     return np.array(followed)

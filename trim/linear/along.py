@@ -42,13 +42,14 @@ def models_along(model: Model, states: ArrayLike, inputs: ArrayLike) -> Along:
     function = model.functions(()).map(len(x))
     f, _, A, B, *_ = function(x.T, u.T, np.tile(model.p[:, None], (1, len(x))))
     # CasADi concatenates the results for the states horizontally.
-    parts = [np.array(part).reshape(n, len(x), -1).transpose(1, 0, 2) for part in (f, A, B)]
-    rates = parts[0][:, :, 0]
-    finite = np.isfinite(np.concatenate(parts, axis=2)).all(axis=(1, 2))
+    tables = (np.array(table).reshape(n, len(x), -1).transpose(1, 0, 2) for table in (f, A, B))
+    rates, A, B = tables
+    finite = np.isfinite(np.concatenate([rates, A, B], axis=2)).all(axis=(1, 2))
+    rates = rates[:, :, 0]
     if not finite.all():
         first = int(np.argmin(finite))
         names = (*model.states, *model.inputs)
         values = dict(zip(names, (*x[first], *u[first]), strict=True))
         reason = model.not_finite(rates[first], values, list(model.states))
         raise BadInputError(f"state {first} of the flight: {reason}")
-    return Along(rates, parts[1], parts[2])
+    return Along(rates, A, B)

@@ -128,7 +128,8 @@ def costs_above_optimum(
         end = loop.simulate(start)
         if end is None:
             return np.full(flights, math.inf)
-        cost = end[1] + end[0] @ remaining @ end[0]
+        z, paid = end
+        cost = paid + z @ remaining @ z
         losses.append(max(100.0 * float(cost / (start @ exact.P @ start)), 0.0))
     return np.array(losses)
 
@@ -147,7 +148,8 @@ def worst_start(X: np.ndarray, P: np.ndarray, b: np.ndarray) -> np.ndarray:
     if not paid.any():
         return b
     root = vectors[:, paid] / np.sqrt(values[paid])
-    direction = root @ np.linalg.eigh(root.T @ (X * corner) @ root)[1][:, -1]
+    _, directions = np.linalg.eigh(root.T @ (X * corner) @ root)
+    direction = root @ directions[:, -1]
     return np.asarray(b * direction / np.abs(direction).max())
 
 

@@ -145,8 +145,8 @@ def read_block(
     rows = [line for line in lines if line != [""]]
     if not rows:
         raise BadInputError(f"{name} is empty; give the printed numbers")
-    if rows[0][0] == "diag":
-        diagonal = [number for row in rows for number in row][1:]
+    first, *diagonal = [number for row in rows for number in row]
+    if first == "diag":
         if len(diagonal) > _LONGEST_DIAGONAL:
             raise BadInputError(
                 f"{name}: the diagonal after diag has {len(diagonal)} numbers; give at most "
@@ -336,7 +336,7 @@ def _completed(typed: dict[str, Block], parameters: Mapping[str, float]) -> str:
     for name, size in (("Q", len(typed["A"].values)), ("R", typed["B"].values.shape[1])):
         block = typed[name]
         if block.values.size == 1 and size > 1:
-            number = block.texts[0][0]
+            ((number,),) = block.texts
             typed[name] = read_block(name, " ".join(["diag", *([number] * size)]), parameters)
             readings.append(f"{name} is one number where {size} x {size} are needed")
     return "; ".join(readings)

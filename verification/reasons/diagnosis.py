@@ -340,14 +340,15 @@ def nearest_linear(game: Game, critic: Critic, box: np.ndarray) -> Answer:
     samples = np.array(ca.Function("samples", [symbols], [outputs])((z * box).T)).T
     samples = np.nan_to_num(samples, posinf=0.0, neginf=0.0)
     ones = np.ones((_SAMPLES, 1))
-    slopes = np.linalg.lstsq(np.hstack([z, ones]), samples, rcond=None)[0][:-1].T / box
+    fitted, *_ = np.linalg.lstsq(np.hstack([z, ones]), samples, rcond=None)
+    slopes = fitted[:-1].T / box
     if "gradient" not in names:
         return Answer(None, -slopes)
     P = slopes[:n] / 2.0
     if "V" in names:
         quadratic = basis("quadratic", n)
         terms = np.hstack([quadratic.psi(z), z, ones])
-        weights = np.linalg.lstsq(terms, samples[:, 0], rcond=None)[0]
+        weights, *_ = np.linalg.lstsq(terms, samples[:, 0], rcond=None)
         P = quadratic.matrix(weights) / np.outer(box, box)
     K = -slopes[-len(critic.K) :] if "policy" in names else game.gain(P)
     return Answer(P, K)

@@ -266,7 +266,8 @@ def composed(steps: list[tuple[Layer, str]]) -> tuple[ca.Function, RowNetwork | 
 
     steps: layers with the names of their activations, "" for none
     """
-    x = ca.SX.sym("x", steps[0][0].inputs)
+    first, _ = steps[0]
+    x = ca.SX.sym("x", first.inputs)
     products = Products(x)
     h = np.fromiter(ca.vertsplit(x), object)
     for layer, activation in steps:
@@ -293,8 +294,9 @@ def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]
 
 def _chain(name: str, steps: list[tuple[Layer, str]]) -> str:
     """Return the description of a network, such as "6 -> tanh 64 -> 1 (layers 0, 2)"."""
+    first, _ = steps[0]
     words = [f"{activation} {layer.outputs}".strip() for layer, activation in steps]
-    chain = " -> ".join([str(steps[0][0].inputs), *words])
+    chain = " -> ".join([str(first.inputs), *words])
     names = ", ".join(layer.name for layer, _ in steps if layer.name)
     if name:
         chain = f"{name} {chain}"

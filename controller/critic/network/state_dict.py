@@ -73,7 +73,8 @@ def refuse_others(others: Tensors, takes: int, gives: int) -> None:
             )
     for layers in chains.values():
         name, first = layers[0]
-        entry, end = first.shape[1], len(layers[-1][1])
+        _, last = layers[-1]
+        entry, end = first.shape[1], len(last)
         if (_is_of_critic(name) and end == 1) or (_is_spread(name) and end == gives):
             continue
         is_parallel = len(layers) == 1 and (entry, end) == (takes, gives)

@@ -202,5 +202,6 @@ def _line(times: np.ndarray, values: np.ndarray, frequency: float) -> np.ndarray
     """Return the straight line through an oscillating signal, (N,), without the oscillation."""
     t = times - times.mean()
     terms = [np.ones_like(t), t, np.cos(frequency * t), np.sin(frequency * t)]
-    level, slope = np.linalg.lstsq(np.column_stack(terms), values, rcond=None)[0][:2]
+    fitted, *_ = np.linalg.lstsq(np.column_stack(terms), values, rcond=None)
+    level, slope, *_ = fitted
     return np.asarray(level + slope * t)

@@ -404,9 +404,10 @@ def identified_figure(
             right.plot(time, measured - fitted, color="C3", linewidth=0.6)
         left.set_ylabel(f"{name},\n{shown_unit(unit)}")
         right.set_ylabel(shown_unit(unit))
-    axes[0][0].set_title("measured and fitted")
-    axes[0][1].set_title("residual: measured - fitted")
-    handles, labels = axes[0][0].get_legend_handles_labels()
+    left, right = axes[0]
+    left.set_title("measured and fitted")
+    right.set_title("residual: measured - fitted")
+    handles, labels = left.get_legend_handles_labels()
     shown = dict(zip(labels, handles, strict=True))  # one entry for all records
     title = f"{identified.model.title}: {', '.join(identified.records)}"
     figure.legend([*shown.values()], [*shown], loc="outside upper center", ncols=2, title=title)

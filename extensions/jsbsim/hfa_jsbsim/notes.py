@@ -35,10 +35,9 @@ def grouped(notes: Iterable[Note]) -> list[str]:
     Notes of rank FORCE come first, then MOTION and IDLE.
     """
     by_statement: dict[tuple[int, str], list[Note]] = {}
-    for note in notes:
+    for note in sorted(notes, key=lambda note: note.rank):
         by_statement.setdefault((note.rank, note.statement), []).append(note)
-    ordered = sorted(by_statement.items(), key=lambda item: item[0][0])
-    return [_line(statement, group) for (_, statement), group in ordered]
+    return [_line(statement, group) for (_, statement), group in by_statement.items()]
 
 
 def _line(statement: str, notes: list[Note]) -> str:

@@ -430,8 +430,10 @@ class _Declaration:
 
         def rates(speeds: np.ndarray) -> np.ndarray:
             tables = [np.tile(np.reshape(column, (-1, 1)), len(speeds)) for column in columns]
-            tables[0][row] = speeds
-            return np.asarray(self._still.map(len(speeds)).call(tables)[0])[row]
+            states, *_ = tables
+            states[row] = speeds
+            derivatives, *_ = self._still.map(len(speeds)).call(tables)
+            return np.asarray(derivatives)[row]
 
         fastest = _FASTEST * self._rpm(file, True).start
         speeds = fastest * np.linspace(1.0, 0.0, _SPEEDS_TRIED) ** 2  # finer near 0

@@ -310,7 +310,7 @@ class Deployment(Reported):
                 low[index], high[index] = entry["box"]
             if stored is None:
                 continue
-            of_file = np.array([stored[0][index], stored[1][index]])
+            of_file = np.array(stored)[:, index]
             if "box" in entry and not np.allclose(entry["box"], of_file, rtol=1e-6, atol=1e-9):
                 raise BadInputError(
                     f"{self.origin}: action.{name}.box is {shown(entry['box'])}, but the policy "
