@@ -126,7 +126,7 @@ def test_sensors_give_an_output_feedback_controller() -> None:
 @pytest.mark.parametrize(
     ("sensors", "changed", "code", "named"),
     [
-        ("[sensors]\nlift = 1", {}, 2, "unknown sensor 'lift'; did you mean"),
+        ("[sensors]\nliftt = 1", {}, 2, "unknown sensor 'liftt'; did you mean"),
         (
             "[sensors]\nspeed = 0",
             {},

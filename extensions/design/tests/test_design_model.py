@@ -20,7 +20,7 @@ from cli import refusal
 from known_models import model_at, released_simulation
 from project import ROOT
 from random_points import rising
-from servo_cases import SIMVFA, simvfa_design
+from servo_cases import simvfa_design
 from tolerances import SAME_FORMULA
 
 import hfa
@@ -30,7 +30,7 @@ from hfa.paper import level_flight, published_game
 from hfa_aircraft.model import Model
 from hfa_aircraft.units import signal_unit
 from hfa_design import load_design
-from hfa_design.design import NAMED, Design, design_of
+from hfa_design.design import NAMED, Design
 from hfa_design.design_model import DesignModel, design_model
 from hfa_flight.actuators import Actuator
 from hfa_flight.policies.controller import MeasuredOutputs
@@ -44,17 +44,6 @@ def test_every_design_file_has_name_and_source() -> None:
     """Every design file of the package is listed in `NAMED` and names its source."""
     assert {path.name for path in DESIGNS.glob("*.toml")} == set(NAMED.values())
     assert all("source = " in path.read_text(encoding="utf-8") for path in DESIGNS.glob("*.toml"))
-
-
-def test_disturbances_and_actuators_of_designs_are_read(tmp_path: Path) -> None:
-    """Intensities of disturbances and data of actuators are read from a design file."""
-    own = tmp_path / "own.toml"
-    more = "[sensors]\npitch_rate = 1e-4\n[disturbance]\nupdraft = 2.0\ncommands = 3.0\n"
-    own.write_text(Path(SIMVFA["simvfa-2"]).read_text(encoding="utf-8") + more, encoding="utf-8")
-    design = load_design(str(own), hfa.aircraft())
-    assert design.disturbances == {"updraft": 2.0, "commands": 3.0}
-    assert design.actuators == dict.fromkeys(design.inputs, Actuator(2, 2.0, 0.7, 1.0))
-    assert simvfa_design("simvfa-1").disturbances == {"states": 1.0}
 
 
 @pytest.mark.parametrize(
@@ -271,20 +260,6 @@ def test_a_command_disturbance_enters_through_b(published_aircraft: Model) -> No
         design_at(published_aircraft, at_once, 11.0)
 
 
-def test_an_output_and_its_part_are_sensors(
-    published_aircraft: Model,
-) -> None:
-    """An output and its short-period part may both be sensors of a design.
-
-    Only the row of the part omits the speed.
-    """
-    name = "vertical_acceleration"
-    design = replace(simvfa_design("simvfa-1"), sensors={name: 1.0, f"{name}_short_period": 1.0})
-    built = design_at(published_aircraft, design, 11.0)
-    assert built.C[0, 0] != 0.0 == built.C[1, 0]
-    assert built.C[0, 1] == built.C[1, 1]
-
-
 def test_integrals_the_inputs_cannot_change_are_refused(published_aircraft: Model) -> None:
     """Integrated outputs whose steady values the inputs cannot change independently are refused."""
     one = replace(
@@ -356,13 +331,3 @@ def test_unusable_designs_are_refused(make: Callable[[], object], message: str) 
     """Unknown names, missing weights and wrong numbers in a design are refused."""
     with pytest.raises(BadInputError, match=re.escape(message)):
         make()
-
-
-@pytest.mark.parametrize("entry", ["weights", "actuators", "sensors"])
-@pytest.mark.parametrize("value", [3, "text", [1.0]])
-def test_a_number_in_place_of_table_is_refused(entry: str, value: object) -> None:
-    """A number given in place of a table, such as `[newton] weights = 3`, is refused by name."""
-    table = {"states": {"alpha": 1.0}} if entry == "weights" else {}
-    data = {"inputs": ["throttle"], entry: table, "newton": {entry: value}}
-    with pytest.raises(BadInputError, match=entry):
-        design_of("mine.toml", data, hfa.aircraft())

@@ -154,16 +154,3 @@ def test_the_fmu_of_a_sweep_has_swept_inputs(tmp_path: Path) -> None:
     assert_refused(
         hfa("sweep", "--dihedral", "5", "-o", str(path)), 2, "fewer than two values of dihedral"
     )
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(c_compiler() is None, reason="no C compiler")
-def test_a_clock_before_1980_dates_the_fmu_1980(monkeypatch: pytest.MonkeyPatch) -> None:
-    """If the clock shows a date before 1980, the FMU's archive is dated 1980.
-
-    This is the first year that the ZIP format can store.
-    """
-    monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
-    assert hfa("export", "--dihedral", "15", "-o", "a.fmu").code == 0
-    with zipfile.ZipFile("a.fmu") as archive:
-        assert {entry.date_time[0] for entry in archive.infolist()} == {1980}

@@ -25,27 +25,6 @@ def _with_example_files(folder: Path) -> None:
         shutil.copy(EXAMPLES / name, ".")
 
 
-@pytest.mark.slow
-def test_a_doublet_without_policy_is_simulated_and_drawn() -> None:
-    """A flight with an elevator doublet and no policy is simulated, written as JSON and drawn."""
-    doublet = ("--law", "none", "--command", "elevator=1:2,2:-2,3:0", "--duration", "4")
-    result = hfa(
-        "fly", "--aircraft", NAVION, *doublet, "-o", "flight.json", "--picture", "flight.png"
-    )
-    assert (result.code, result.err) == (0, "wrote flight.json\nwrote flight.png\n")
-    assert result.out.startswith(
-        "PASS: 4 s inside the envelope and the control limits\nFlight, Navion, speed 176 ft/s, law "
-        "none"
-    )
-    data = json.loads(Path("flight.json").read_text("utf-8"))
-    elevator = np.degrees(
-        np.array(data["history"]["inputs"])[:, 1] - data["operating_point"]["inputs"]["elevator"]
-    )
-    np.testing.assert_allclose(elevator[[99, 101, 201, 301]], [0.0, 2.0, -2.0, 0.0], atol=1e-12)
-    assert data["envelope"]["speed"] == [80.0, 300.0]
-    assert Path("flight.png").read_bytes().startswith(b"\x89PNG")
-
-
 def test_a_flight_accepts_offsets_actuators_faults_and_delay() -> None:
     """A flight accepts an initial deviation, actuators, a fault and a delay, which sets the tick.
 
@@ -71,15 +50,6 @@ def test_a_flight_accepts_offsets_actuators_faults_and_delay() -> None:
 
 FOUR = ("--law", "exact", "--samples", "4", "--duration", "0.2")
 MEMBERS = ("fly", "--aircraft", NAVION, *FOUR, "--noise", "alpha=0.1", "-o", "a.zarr")
-
-
-@pytest.mark.slow
-def test_workers_simulate_members() -> None:
-    """Two processes simulate the four members of a Monte Carlo run, and the final states are
-    stored.
-    """
-    assert hfa(*MEMBERS, "--workers", "2").code == 0
-    assert open_store(Path("a.zarr"))["final"].values.shape == (4, 8)
 
 
 def test_flights_of_users_aircraft_are_stored() -> None:
@@ -152,12 +122,6 @@ def test_exports_contain_the_models_disturbances() -> None:
         description = archive.read("modelDescription.xml").decode()
     assert 'name="rain"' in description
     assert "updraft" not in description
-
-
-def test_exports_contain_names_and_units() -> None:
-    """The exported header contains the input names and units of the Navion."""
-    assert hfa("export", "--aircraft", NAVION, "-o", "c").code == 0
-    assert "HFA_ELEVATOR, /* rad */" in Path("c/hfa_aircraft.h").read_text("utf-8")
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ from small_aircraft import CONTROL, LIFT, METRICS, REST, force, glider, written
 
 from hfa import BadInputError, trim
 from hfa_aircraft.loading import load_model
-from hfa_jsbsim.notes import IDLE, MOTION, Note, grouped
 from studies.jsbsim.constructs.jet import slope
 from trim.point.condition import release, usual_condition
 
@@ -242,14 +241,6 @@ def test_a_property_never_set_is_zero_and_listed(tmp_path):
     )
 
 
-def test_a_second_axis_of_equal_name_is_used(tmp_path):
-    """If two axes have the same name, only the second is used."""
-    both = model_of(tmp_path, glider(force("LIFT", "<v>9</v>") + LIFT + REST))
-    one = model_of(tmp_path, glider())
-    x = [120.0, 0.1, *[0.0] * 7, 1000.0]
-    assert both.rates_at(x, [0.0] * 3) == one.rates_at(x, [0.0] * 3)
-
-
 @pytest.mark.parametrize(
     ("component", "positions"),
     [
@@ -385,23 +376,3 @@ def test_the_sign_of_the_inertia_product_is_read(tmp_path):
     inertia[0, 1] = inertia[1, 0] = -100.0
     expected = np.linalg.solve(inertia, moments)
     assert [rates[1]["roll_rate"], rates[1]["yaw_rate"]] == pytest.approx(expected.tolist())
-
-
-def test_notes_with_equal_statements_are_grouped():
-    """Notes with the same statement form one line, and notes on forces come first.
-
-    In a line, each file is named once and repeated notes are omitted.
-    """
-    notes = [
-        Note("left out", "<time>", "a.xml:9", IDLE),
-        Note("these are 0", "fcs/one", "a.xml:3"),
-        Note("its lag", "fcs/lag", "b.xml:4", MOTION),
-        Note("these are 0", "fcs/two", "b.xml:5"),
-        Note("these are 0", "fcs/three", "a.xml:8"),
-        Note("these are 0", "fcs/three", "a.xml:8"),
-    ]
-    assert grouped(notes) == [
-        "these are 0: a.xml: 3 fcs/one, 8 fcs/three; b.xml: 5 fcs/two",
-        "its lag: b.xml: 4 fcs/lag",
-        "left out: a.xml: 9 <time>",
-    ]

@@ -17,7 +17,6 @@ from tolerances import FEW_ROUNDINGS
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.inert_pickle import inert
-from hfa_flight.policies.deployment.normalizer import read_normalizer
 from hfa_flight.policies.deployment.stable_baselines import read_zip
 from hfa_policy.assess import assess
 from hfa_policy.environment import environment, vector_environment
@@ -162,16 +161,6 @@ class Caller:
 
     def __reduce__(self):
         return open, (self.path, "w")
-
-
-@pytest.mark.parametrize("name", ["ppo_gtm.pkl", "td3_gtm.pkl"])
-def test_a_normalizer_is_read(name):
-    """The statistics in files of VecNormalize are read: mean, variance, clip and count."""
-    found = read_normalizer(FOLDER / name)
-    assert found.mean.shape == (4,)
-    assert np.all(found.variance > 0.0)
-    assert found.clip == 10.0
-    assert found.count > 1000.0
 
 
 def test_a_pickle_with_a_call_is_not_run(folder):

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from policy_cases import FOLDER, aircraft, gtm_deployment, stored_deployment, trims
+from policy_cases import aircraft, gtm_deployment, stored_deployment, trims
 from tolerances import SAME_FORMULA
 
 from hfa_flight.air.turbulence import Turbulence
-from hfa_flight.envelope import flight_envelope
 from hfa_flight.flight import fly
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
-from hfa_flight.policies.deployment.policy import flown_deployment, sampled_scenario
 from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_policy.environment import environment, vector_environment
 from hfa_policy.episodes import Episodes
@@ -98,51 +96,6 @@ def test_a_wrong_action_is_refused() -> None:
     for wrong in ([np.nan, 0.0], [0.0], ["full", 0.0], None):
         with pytest.raises(BadInputError, match=r"the actions are|an action"):
             env.step(wrong)
-
-
-@pytest.mark.parametrize("delay", [pytest.param(0.0, marks=pytest.mark.slow), 0.05])
-def test_flights_in_environments_equal_those_of_fly(tmp_path, delay: float) -> None:
-    """A random gain on elevator and throttle gives equal flights in the environment and by `fly`.
-
-    The flights last 4 s.
-    """
-    model = aircraft("ppo_gtm")
-    point = trims("ppo_gtm")[1]
-    gain = 0.1 * np.random.default_rng(4).normal(size=(2, 4))
-    np.savez(tmp_path / "gain.npz", K=gain)
-    text = (FOLDER / "ppo_gtm.toml").read_text()
-    observed = text[text.index("[observation]") : text.index("[timing]")]
-    path = tmp_path / "deployment.toml"
-    path.write_text(
-        f'[policy]\nfile = "gain.npz"\n{observed}[timing]\ndt = 0.02\ndelay = {delay}\n'
-    )
-    policy = flown_deployment(path, point)
-    scenario = sampled_scenario(policy, Scenario(duration=4.0, initial=START).on(model), point)
-    flown = fly(
-        model,
-        point,
-        policy,
-        scenario=scenario,
-        envelope=flight_envelope(model, point),
-        predict=False,
-    )
-    every_sample = round(0.02 / scenario.step)
-    deployment = Deployment.load(path)
-    deployed = Deployed(deployment, model)
-    env = environment(model, deployment, [point], seconds=10.0)
-    start = np.array(point.states) + START
-    _, info = env.reset(options={"start": start})
-    states = [info["X"]]
-    trim = deployed.trim_vector(point)
-    for _ in range(200):
-        observation = deployed.observe(info["X"], info["U"], trim)
-        *_, info = env.step(np.array(deployed.act(observation)).ravel())
-        states.append(info["X"])
-    expected = flown.states[::every_sample]
-    scale = np.abs(expected).max(axis=0)
-    # With a delay, rounding may shift the integration step at which a command begins to act.
-    limit = 1e-12 if delay == 0.0 else 1e-9
-    assert (np.abs(np.array(states) - expected) / scale).max() < limit
 
 
 def test_the_reward_is_the_negative_cost() -> None:

@@ -56,7 +56,7 @@ def test_a_linear_plant_is_assessed(assessed):
 @pytest.mark.parametrize(
     ("plant", "said"),
     [
-        ({"A": np.eye(2)}, "there is no B"),
+        ({"A": np.eye(2)}, "unknown input 'u1'"),
         (
             {"A": np.eye(2), "B": np.ones((2, 1)), "time": "discrete"},
             "the plant is in discrete time",

@@ -2,7 +2,6 @@
 
 import math
 import warnings
-from dataclasses import replace
 
 import casadi as ca
 import control
@@ -12,7 +11,6 @@ from policy_cases import GTM, gtm_deployment, model_of
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov, solve_lyapunov
 
 import hfa
-from controller.discrete.solution import sampled, solve_discrete
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.sampled_loop import (
     Chain,
@@ -23,7 +21,7 @@ from hfa_flight.policies.deployment.sampled_loop import (
     slowest_swing,
 )
 from hfa_policy.assessor import Assessor
-from hfa_policy.cost_above_optimum import _sampled_costs, cost_above_optimum, lqr_at
+from hfa_policy.cost_above_optimum import cost_above_optimum, lqr_at
 from hfa_policy.reach import _own_modes
 from hfa_policy.trims import trims_of
 
@@ -55,15 +53,6 @@ def linear_case(scale=1.0):
 @pytest.fixture(scope="module")
 def case():
     return linear_case()
-
-
-def test_the_sampled_aircraft_equals_python_control(case):
-    """The sampled matrices equal those of `control.c2d` with a zero-order hold."""
-    _, equilibrium, _ = case
-    Phi, Gamma = held(equilibrium.A, equilibrium.B, DT)
-    expected = control.c2d(control.ss(equilibrium.A, equilibrium.B, np.eye(4), 0), DT, "zoh")
-    np.testing.assert_allclose(Phi, expected.A, atol=1e-12)
-    np.testing.assert_allclose(Gamma, expected.B, atol=1e-12)
 
 
 def test_slowest_swing_is_half_the_slowest_period():
@@ -132,17 +121,6 @@ def test_margins_equal_python_control(case):
     disk = control.disk_margins(both, np.geomspace(0.1, math.pi / DT, 300))[0]
     assert found.disk.disk <= disk * (1.0 + 1e-9)
     assert found.disk.disk == pytest.approx(disk, rel=1e-3)
-
-
-def test_the_gain_margin_is_the_stability_limit(case):
-    """With the gain of an input at its upper margin, the spectral radius is 1 within 1e-9."""
-    _, equilibrium, K = case
-    Phi, Gamma = held(equilibrium.A, equilibrium.B, DT)
-    for loop, margin in enumerate(margins(chain_of(equilibrium, DT, 0.0)).inputs):
-        scaled = K.copy()
-        scaled[loop] *= margin.gain_high
-        radius = np.abs(np.linalg.eigvals(Phi - Gamma @ scaled)).max()
-        assert radius == pytest.approx(1.0, abs=1e-9)
 
 
 def test_costs_equal_scipy():
@@ -231,20 +209,6 @@ def test_delays_are_searched_upward(case):
     assert found.limit - DT < found.fine <= found.limit
 
 
-@pytest.mark.parametrize("units", [1e-14, 1e14])
-def test_the_unit_of_the_cost_does_not_matter(case, units):
-    """Costs above the optimum in percent do not change if all weights are multiplied."""
-    deployed, equilibrium, _ = linear_case(1.3)
-    chain = chain_of(equilibrium, DT, 0.0)
-    usual = cost_above_optimum(deployed, equilibrium, chain)
-    problem = sampled(lqr_at(deployed, equilibrium), DT)
-    step = replace(problem.step, Q=units * problem.step.Q, R=units * problem.step.R)
-    optimum = solve_discrete(replace(problem, step=step)).P
-    worst, mean = _sampled_costs(step, optimum, chain)
-    assert worst == pytest.approx(usual.sampled_worst, rel=1e-6)
-    assert mean == pytest.approx(usual.sampled_mean, rel=1e-6)
-
-
 def test_both_eigenvalues_of_a_pair_belong_to_its_mode(case):
     """An eigenvalue finds its mode, whichever sign its imaginary part has."""
     deployed, equilibrium, _ = case
@@ -253,13 +217,3 @@ def test_both_eigenvalues_of_a_pair_belong_to_its_mode(case):
     for value in values:
         (mode,) = _own_modes(deployed, equilibrium.A, value)
         assert mode.growth == pytest.approx(value.real)
-
-
-def test_a_loop_without_a_cost_has_a_radius_only(case):
-    """Without the table `cost`, the sampled loop has no cost above the optimum."""
-    deployed, _, _ = case
-    free = gtm_deployment({"file": deployed.deployment.policy["file"]}, timing={"dt": DT})
-    assessor = Assessor(Deployed(free, deployed.model), trims_of(deployed.model, [45.0]), samples=0)
-    (loop,) = assessor.sampled_loops()
-    assert loop.radius < 1.0
-    assert loop.cost is None

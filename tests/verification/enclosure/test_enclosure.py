@@ -9,7 +9,6 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from hfa_support.errors import BadInputError
 from verification.enclosure.program import Program
 from verification.enclosure.relaxation import Relaxation
 from verification.enclosure.slopes import Intervals, jacobian, values_at
@@ -193,19 +192,6 @@ def test_an_edge_across_a_kink_lowers_bounds() -> None:
     assert kinks[1] < 1e-9
 
 
-def test_squared_squares_contain_the_ends_of_boxes() -> None:
-    """The enclosure of (y²)² contains its values at the ends of boxes.
-
-    The linear part of y² is 0 at the center of the first box.
-    """
-    y = ca.SX.sym("y", 1)
-    program = TaylorProgram(Program(ca.Function("f", [y], [(y**2) ** 2]), "f"), 1)
-    centres, half_widths = np.array([[0.0], [0.25], [0.5]]), np.array([[0.5], [0.25], [0.5]])
-    models = program.over(centres, half_widths)
-    assert np.all(highest(models, 1) >= (centres + half_widths).T ** 4)
-    assert np.all(lowest(models, 1) <= 0.0)
-
-
 def test_the_chain_rule_encloses_every_derivative() -> None:
     """The enclosed Jacobian contains the derivatives of CasADi at 100 random points."""
     generator = np.random.default_rng(1)
@@ -298,13 +284,6 @@ def test_functions_that_are_not_inlined_are_read() -> None:
     points = np.random.default_rng(0).uniform(-1.0, 1.0, (20, 2))
     expected = np.array(function(points.T)).T
     assert values_at(Program(function, "f"), points) == pytest.approx(expected, rel=1e-12)
-
-
-def test_an_operation_without_enclosure_is_named() -> None:
-    """A function with an operation that has no enclosure is refused, and the operation is named."""
-    y = ca.SX.sym("y")
-    with pytest.raises(BadInputError, match="policy: the equations use erf"):
-        Program(ca.Function("f", [y], [ca.erf(y)]), "policy")
 
 
 def test_only_steps_of_opposite_arguments_are_a_slope() -> None:

@@ -93,26 +93,6 @@ def test_taylor_models_enclose_every_operation() -> None:
             assert any(corner.lower() <= value + 1e-13 for corner in model.corners())
 
 
-def test_balls_enclose_every_operation() -> None:
-    """Balls contain each operation at random points of a box."""
-    function = every_operation()
-    (found,) = BallFunction(function)([arb(0.1, 0.3), arb(-0.2, 0.4)])
-    points = np.random.default_rng(2).uniform([-0.2, -0.6], [0.4, 0.2], (300, 2))
-    for values in np.array(function(points.T)).T.tolist():
-        assert all(
-            (ball + arb(0, 1e-14)).contains(arb(value))
-            for ball, value in zip(found, values, strict=True)
-        )
-
-
-def test_squares_of_the_position_are_between_0_and_1() -> None:
-    """The ranges of s², and of s⁴ as the square of s², contain 0 and 1."""
-    square = TaylorModel(arb(0), arb(0), arb(1))
-    for model in (square, square * square):
-        assert model.range().contains(arb(0))
-        assert model.range().contains(arb(1))
-
-
 def test_norms_bound_homogeneous_polynomials() -> None:
     """|h(y)| is at most its norm times |y|^k, and reaches the norm for a power of a linear form."""
     generator = np.random.default_rng(3)

@@ -112,20 +112,6 @@ def biased(game: Game, share: float) -> Critic:
     return from_network(game, policy, network="policy")
 
 
-@pytest.mark.parametrize("share", [1e-2, 1e-5])
-def test_a_low_cost_is_no_reason_to_pass_off_the_trim(game: Game, share: float) -> None:
-    """A loop that rests off the trim neither passes by its cost nor is near, however low the cost.
-
-    The cost counts from the equilibrium. From the trim, the cost grows without bound.
-    """
-    critic = biased(game, share)
-    verdict = verify(game, critic, scope=Scope(box=ordinary_box(), flights=4, seconds=0.0))
-    assert verdict.cost_lost <= 1.0
-    assert "rest_point" in failed_names(verdict.checks)
-    assert verdict.grade == "fail"
-    assert not verdict.holds(limit_cost=1.0)
-
-
 def test_the_cost_of_a_very_small_bias_is_printed(game: Game) -> None:
     """At the trim within 1e-6 of the box, the cost decides; the cost per second is z'Qz + u'Ru."""
     critic = biased(game, 1e-8)
@@ -155,3 +141,17 @@ def test_a_gain_costs_the_same_as_a_network(game: Game) -> None:
         as_gain = verify(game_of, from_gain(game_of, K), scope=scope)
         assert as_gain.cost_lost > 1.0
         assert as_network.cost_lost == pytest.approx(as_gain.cost_lost, rel=1e-6)
+
+
+@pytest.mark.parametrize("share", [1e-2, 1e-5])
+def test_a_low_cost_is_no_reason_to_pass_off_the_trim(game: Game, share: float) -> None:
+    """A loop that rests off the trim neither passes by its cost nor is near, however low the cost.
+
+    The cost counts from the equilibrium. From the trim, the cost grows without bound.
+    """
+    critic = biased(game, share)
+    verdict = verify(game, critic, scope=Scope(box=ordinary_box(), flights=4, seconds=0.0))
+    assert verdict.cost_lost <= 1.0
+    assert "rest_point" in failed_names(verdict.checks)
+    assert verdict.grade == "fail"
+    assert not verdict.holds(limit_cost=1.0)
