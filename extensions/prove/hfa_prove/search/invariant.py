@@ -89,15 +89,15 @@ class EdgeSearch(LevelSearch):
                 parts_at_ends.append(part | dict(zip(names, ends, strict=True)))
         return parts_at_ends, [part | dict.fromkeys(names, ANY) for part in empty]
 
-    def _level_constraints(self, share: float) -> list[tuple[str, Terms]]:
-        """Return (name, polynomial) of the two constraints that define {V = share rho}.
+    def _level_constraints(self, share: float) -> dict[str, Terms]:
+        """Return the two constraints that define {V = share rho}, by name.
 
         The polynomials are share - V / rho and V / rho - share.
 
         share: the level as a share of rho
         """
         edge = self.V_terms + ONE.scaled(-share)
-        return [(LEVEL, edge.scaled(-1.0)), (EDGE, edge)]
+        return {LEVEL: edge.scaled(-1.0), EDGE: edge}
 
 
 def invariant_region(region: Region, loop: Loop, clock: Clock) -> Region:

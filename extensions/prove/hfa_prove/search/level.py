@@ -15,7 +15,7 @@ from hfa_prove.check.region_squares import check_region, limits_of
 from hfa_prove.fields import Fields
 from hfa_prove.monomials import PolynomialFunction, edge_points, ellipsoid
 from hfa_prove.search.clock import Clock
-from hfa_prove.search.squares import ONE, Terms, positive
+from hfa_prove.search.squares import BASE, ONE, Constraint, Degrees, Terms, positive
 from hfa_prove.statements.loop import FREE, HIGHEST, LOWEST, Loop
 from hfa_prove.statements.region import (
     ANY,
@@ -27,7 +27,7 @@ from hfa_prove.statements.region import (
     read_region_witness,
 )
 from hfa_support.errors import NoSolutionError
-from verification.enclosure.polynomial import Polynomial, power_of_length
+from verification.enclosure.polynomial import Polynomial, key_of, power_of_length
 from verification.enclosure.series import TaylorOnBall
 
 #: Least margin of a sum of squares, relative to the largest coefficient. The check adds errors
@@ -168,25 +168,26 @@ class LevelSearch:
         """
         low = lowest_degree(part)
         half = self.setting.half
-        degrees = (low, half - self.setting.degree // 2)
+        degrees = Degrees(low, half - self.setting.degree // 2)
         constraints = [
-            (name, constraint, degrees) for name, constraint in self._level_constraints(share)
+            Constraint(name, polynomial, degrees)
+            for name, polynomial in self._level_constraints(share).items()
         ]
         if self.setting.degree > 2:
-            constraints.append((BALL, _within(self.ball.n), (low, half - 1)))
+            constraints.append(_in_ball(self.ball.n, Degrees(low, half - 1)))
         constraints += limits_within(self.ball, part, low, half)
         return _evidence(
-            self.target(part), constraints, (low, half), self.ball.n, self.clock, enough
+            self.target(part), constraints, Degrees(low, half), self.ball.n, self.clock, enough
         )
 
-    def _level_constraints(self, share: float) -> list[tuple[str, Terms]]:
-        """Return (name, polynomial) of the constraint that defines {V <= share rho}.
+    def _level_constraints(self, share: float) -> dict[str, Terms]:
+        """Return the constraint that defines {V <= share rho}, by name.
 
         The polynomial is share - V / rho.
 
         share: the level as a share of rho
         """
-        return [(LEVEL, ONE.scaled(share) + self.V_terms.scaled(-1.0))]
+        return {LEVEL: ONE.scaled(share) + self.V_terms.scaled(-1.0)}
 
     @cached_property
     def proofs(self) -> list[tuple[dict[str, str], dict[str, Any]]] | None:
@@ -294,13 +295,16 @@ class LevelSearch:
         half = self.V.degree // 2
         deviation = Terms.of(self.ball.deviation(index))
         level = ONE + self.V_terms.scaled(-1.0)
-        constraints = [(LEVEL, level, (0, 0)), (BALL, _within(self.ball.n), (0, half - 1))]
+        constraints = [
+            Constraint(LEVEL, level, Degrees(0, 0)),
+            _in_ball(self.ball.n, Degrees(0, half - 1)),
+        ]
         pair = {}
         for side, room in (
             (LOWEST, deviation + ONE.scaled(-low)),
             (HIGHEST, ONE.scaled(high) + deviation.scaled(-1.0)),
         ):
-            found = _evidence(room, constraints, (0, half), self.ball.n, self.clock)
+            found = _evidence(room, constraints, Degrees(0, half), self.ball.n, self.clock)
             if found is None:
                 return None
             pair[side] = found
@@ -347,8 +351,8 @@ def split(ball: LoopOnBall) -> tuple[list[dict[str, str]], list[dict[str, str]]]
 
 def limits_within(
     ball: LoopOnBall, part: Mapping[str, str], low: int, half: int
-) -> list[tuple[str, Terms, tuple[int, int]]]:
-    """Return the constraints that define a part: name, polynomial, and degrees of the multiplier.
+) -> list[Constraint]:
+    """Return the constraints that define a part.
 
     Constraints with too high a degree for a multiplier are omitted.
 
@@ -359,7 +363,8 @@ def limits_within(
     for name, polynomial in limits_of(ball, part).items():
         highest = half - (polynomial.degree + 1) // 2
         if highest >= low:
-            constraints.append((name, Terms.of(polynomial), (low, highest)))
+            degrees = Degrees(low, highest)
+            constraints.append(Constraint(name, Terms.of(polynomial), degrees))
     return constraints
 
 
@@ -380,12 +385,12 @@ def _meets(ball: LoopOnBall, done: Mapping[str, str]) -> bool:
     rows = []
     sides = []
     for polynomial in _linear_limits(ball, done).values():
-        parts = polynomial.parts
+        _, linear = polynomial.parts
         slopes = np.zeros(ball.n)
         for i in range(ball.n):
-            slopes[i] = float(parts[1].get(1 << (8 * i), 0))
+            slopes[i] = float(linear.get(key_of([*[0] * i, 1]), 0))
         rows.append(slopes)
-        sides.append(-float(parts[0].get(0, 0)))
+        sides.append(-float(polynomial.constant_term))
     if not rows:
         return True
     stacked = np.vstack([np.array(rows).T, np.array(sides)])
@@ -407,16 +412,17 @@ def nothing_of(ball: LoopOnBall, part: Mapping[str, str], clock: Clock) -> dict[
     ball: the loop on the unit ball
     part: input -> FREE, LOWEST, HIGHEST or ANY
     """
-    constraints = [(BALL, _within(ball.n), (0, 0))]
+    number = Degrees(0, 0)
+    constraints = [_in_ball(ball.n, number)]
     for name, polynomial in _linear_limits(ball, part).items():
-        constraints.append((name, Terms.of(polynomial), (0, 0)))
-    return _evidence(ONE.scaled(-1.0), constraints, (0, 1), ball.n, clock)
+        constraints.append(Constraint(name, Terms.of(polynomial), number))
+    return _evidence(ONE.scaled(-1.0), constraints, Degrees(0, 1), ball.n, clock)
 
 
 def _evidence(
     target: Terms,
-    constraints: Sequence[tuple[str, Terms, tuple[int, int]]],
-    degrees: tuple[int, int],
+    constraints: Sequence[Constraint],
+    degrees: Degrees,
     variables: int,
     clock: Clock,
     enough: float | None = None,
@@ -434,14 +440,14 @@ def _evidence(
     return found[1]
 
 
-def _within(variables: int) -> Terms:
-    """Return the polynomial 1 - |y|²."""
-    return ONE + _length(variables).scaled(-1.0)
+def _in_ball(variables: int, degrees: Degrees) -> Constraint:
+    """Return the constraint 1 - |y|² >= 0."""
+    return Constraint(BALL, ONE + _length(variables).scaled(-1.0), degrees)
 
 
 def _length(variables: int) -> Terms:
     """Return the polynomial |y|²."""
-    keys = np.array([2 * 16**i for i in range(variables)], dtype=np.int64)
+    keys = np.array([2 * BASE**i for i in range(variables)], dtype=np.int64)
     return Terms(keys, np.ones(variables))
 
 
@@ -458,8 +464,8 @@ def _inside(V: Terms, degree: int, n: int, clock: Clock) -> dict[str, Any] | Non
     outside = _length(n) + ONE.scaled(-1.0)
     half = degree // 2
     clock(0.0, 1.0, "a ball around the set")
-    constraints = [(OUTSIDE, outside, (0, half - 1))]
-    found = positive(target, constraints, (0, half), n, seconds=clock.left)
+    constraints = [Constraint(OUTSIDE, outside, Degrees(0, half - 1))]
+    found = positive(target, constraints, Degrees(0, half), n, seconds=clock.left)
     return None if found is None or found[0] <= 0.0 else found[1]
 
 

@@ -17,7 +17,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -376,10 +376,28 @@ class Solution:
         return without + self.margin * np.eye(gram.size)
 
 
+class Degrees(NamedTuple):
+    """Lowest and highest degree of the monomials of a Gram matrix."""
+
+    low: int
+    high: int
+
+
+class Constraint(NamedTuple):
+    """Constraint polynomial >= 0.
+
+    degrees: degrees of the monomials of its multiplier
+    """
+
+    name: str
+    polynomial: Terms
+    degrees: Degrees
+
+
 def positive(
     target: Terms,
-    constraints: Sequence[tuple[str, Terms, tuple[int, int]]],
-    degrees: tuple[int, int],
+    constraints: Sequence[Constraint],
+    degrees: Degrees,
     variables: int,
     enough: float | None = None,
     seconds: float = np.inf,
@@ -390,8 +408,7 @@ def positive(
     relative to the largest coefficient of the target. Return None if the solver fails.
 
     target: the polynomial
-    constraints: (name, polynomial, lowest and highest degree of its multiplier's monomials)
-    degrees: lowest and highest degree of the monomials of the target's Gram matrix
+    degrees: degrees of the monomials of the target's Gram matrix
     variables: number of variables
     enough: a margin at which the solver may stop, or None to maximize the margin
     seconds: limit of the processor time, s

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from hfa_prove.search.squares import Group, Matrix, Terms, minimized, positive, products_of
+from hfa_prove.search.squares import Degrees, Group, Matrix, Terms, minimized, positive, products_of
 
 
 def _correlations(diagonal: float) -> Group:
@@ -58,10 +58,10 @@ def test_margin_of_sum_of_squares_is_smallest_eigenvalue() -> None:
     """
     # x² - 2 c x + 1 in the monomials 1 and x: eigenvalues 1 + c and 1 - c.
     target = Terms(np.array([0, 1, 2]), np.array([1.0, -1.9998, 1.0]) / 1.9998)
-    found = positive(target, [], (0, 1), 1)
+    found = positive(target, [], Degrees(0, 1), 1)
     assert found is not None
     assert found[0] == pytest.approx(1e-4 / 1.9998, abs=2e-8)
-    refused = positive(Terms(np.array([0, 1, 2]), np.array([1.0, -2.1, 1.0])), [], (0, 1), 1)
+    refused = positive(Terms(np.array([0, 1, 2]), np.array([1.0, -2.1, 1.0])), [], Degrees(0, 1), 1)
     assert refused is None or refused[0] < 0.0
 
 
