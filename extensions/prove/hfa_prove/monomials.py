@@ -13,9 +13,9 @@ from hfa_prove.statements.piece import Polynomial
 #: Bits of a coefficient, so that its products with powers are doubles.
 _BITS = 45
 #: Bisections for the edge of a set.
-_HALVINGS = 40
+_HALVINGS = 34
 #: Difference of two factors at which a polynomial is evaluated along a ray.
-_STEP = 0.01
+_STEP = 0.02
 #: Directions in which a set is measured.
 _DIRECTIONS = 3000
 #: Largest number of iterations for the ellipsoid.

@@ -96,8 +96,10 @@ _PLANT: dict[str, list[Change]] = {
         _part("dynamics", lambda name: f"{name}x"),
         _part("equations", lambda digest: "0" * len(digest)),
         _part("states", lambda names: names[::-1]),
+        _part("steady", lambda names: names[:1]),
         _part("state_units", lambda units: ["ft", *units[1:]]),
         _part("input_units", lambda units: ["lbf"]),
+        _part("disturbance_units", lambda units: ["lbf"]),
         _part("nominal", _first(_more)),
     ],
     "parameters": [_first(_more)],
@@ -129,7 +131,7 @@ CHANGES: dict[str, list[Change]] = {
     "loop.policy.terms": [lambda terms: {"force": [[-0.2, [3, 0]]]}],
     "loop.disturbances": [lambda sizes: {"gust": 1.0}],
     "equilibrium": [_first(_more)],
-    "piece": PIECE,
+    "piece": [*PIECE, _part("whole", lambda whole: not whole)],
     "extents": [_first(_more)],
 }
 COST_CHANGES: dict[str, list[Change]] = {
