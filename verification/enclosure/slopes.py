@@ -32,6 +32,11 @@ class Intervals(NamedTuple):
     radius: np.ndarray
 
     @property
+    def is_bounded(self) -> bool:
+        """Whether all ends are finite."""
+        return bool(np.all(np.isfinite(self.middle) & np.isfinite(self.radius)))
+
+    @property
     def low(self) -> np.ndarray:
         """Lower ends, rounded downward."""
         return self.middle - self.radius * _UPWARD - 4.0 * _U * np.abs(self.middle)

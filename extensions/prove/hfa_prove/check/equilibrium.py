@@ -18,6 +18,10 @@ from verification.enclosure.slopes import Intervals, jacobian
 _STEPS = 20
 #: Largest number of doublings of the radius of the equilibrium.
 _DOUBLINGS = 30
+_NOT_ENCLOSED = (
+    "no equilibrium is enclosed near the trim: it does not exist, the rates have a kink there, or "
+    "an input is at its limit"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,11 +62,10 @@ def equilibrium_near(
     step = np.zeros(len(unknown))
     for _ in range(_STEPS):
         at = jacobian(program, Intervals(point, still))
-        slopes = at.slopes.middle[:, unknown]
-        if not np.all(np.isfinite(slopes)):
-            break
+        if not (at.values.is_bounded and at.slopes.is_bounded):
+            raise Rejected(_NOT_ENCLOSED)
         try:
-            step = np.linalg.solve(slopes, at.values.middle)
+            step = np.linalg.solve(at.slopes.middle[:, unknown], at.values.middle)
         except np.linalg.LinAlgError:
             break
         point[unknown] -= step
@@ -78,6 +81,8 @@ def equilibrium_near(
     radius[unknown] = 2.0 * np.abs(step) + 1e-14 * sizes[unknown]
     for _ in range(_DOUBLINGS):
         around = jacobian(program, Intervals(point, radius)).slopes
+        if not around.is_bounded:
+            break
         J = hull(around.low[:, unknown], around.high[:, unknown])
         try:
             offsets = root_offsets(column, J, [exact(each) for each in radius[unknown].tolist()])
@@ -91,10 +96,7 @@ def equilibrium_near(
         for index, offset in zip(unknown, offsets.entries(), strict=True):
             exact_point[index] += offset
         return Equilibrium(point, radius, exact_point)
-    raise Rejected(
-        "no equilibrium is enclosed near the trim: it does not exist, the rates have a kink there, "
-        "or an input is at its limit"
-    )
+    raise Rejected(_NOT_ENCLOSED)
 
 
 def check_near(at: Equilibrium, plant: Plant, stated: Mapping[str, float], what: str) -> None:

@@ -149,7 +149,7 @@ class Decrease(OnPiece):
             reach = 2.0**-k * (np.abs(N) + off).sum(axis=1) * (1.0 + ROUNDING)
             radius = np.concatenate([np.full(n, 2.0**-k), reach, self.equilibrium.radius])
             found = jacobian(slopes, Intervals(np.zeros(3 * n), radius)).slopes
-            if np.all(np.isfinite(found.middle) & np.isfinite(found.radius)):
+            if found.is_bounded:
                 G = hull(found.low[:n, :n], found.high[:n, :n])
                 J = hull(found.low[n:, n : 2 * n], found.high[n:, n : 2 * n])
                 S = G.transpose() * M * J * M.inv()
