@@ -450,18 +450,15 @@ class Model(Reported):
         names = SignalNames(*map(tuple, groups))
         return Layout(self.name, self.equations, names, tuple(self.replaced.items()), self.linear)
 
-    def functions(
-        self, outputs: Sequence[str] | None = None, disturbances: Sequence[str] = ()
-    ) -> ca.Function:
+    def functions(self, outputs: Sequence[str] | None = None) -> ca.Function:
         """Return the CasADi function (x, u, p) -> fields of a `Linearization`, at w = 0.
 
         outputs: names of outputs or states, by default all outputs
-        disturbances: names of the disturbances in w
         """
         from hfa_aircraft.linearization import linearized
 
         chosen = tuple(self.outputs if outputs is None else outputs)
-        return linearized(self.layout, chosen, tuple(disturbances))
+        return linearized(self.layout, chosen, ())
 
     def at(
         self, x: Any, u: Any, outputs: Sequence[str] = (), disturbances: Sequence[str] = ()

@@ -29,14 +29,12 @@ class Claims(NamedTuple):
     """Content of claims.json.
 
     data: the complete content
-    verdicts: number of claims with each verdict, as text
     about: sentence on the file and its provenance
     rows: table with one row for each claim
     models: (dihedral angle in deg, A, B) of each linear model in the simulated flights
     """
 
     data: dict[str, Any]
-    verdicts: str
     about: str
     rows: Table
     models: list[tuple[float, np.ndarray, np.ndarray]]
@@ -115,7 +113,7 @@ def load_claims(path: Path) -> Claims:
             (model["dihedral_deg"], np.array(model["A"]), np.array(model["B"]))
             for model in setting["models"]
         ]
-        return Claims(data, verdicts, about, claims_table(data["claims"]), models)
+        return Claims(data, about, claims_table(data["claims"]), models)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise BadInputError(
             f"{file} is damaged ({error!r}); write the file again with {study}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
@@ -33,7 +33,6 @@ Class = Literal[
     "cannot tell",
     "wrong",
 ]
-CLASSES: tuple[str, ...] = get_args(Class)
 #: Ratio of the error of one wrong entry to errors that the other entries may hide, for a learned
 #: answer.
 _ABOVE_NOISE = 10.0

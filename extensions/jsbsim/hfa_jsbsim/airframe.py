@@ -141,13 +141,12 @@ class PointMass:
 class Mass:
     """Mass of the aircraft, with numbers or expressions.
 
-    weight, empty_weight: lb
+    weight: lb
     center: center of gravity, structural frame, inches, (3,)
     inertia: about the center of gravity, body axes, slug ft², (3, 3)
     """
 
     weight: Any
-    empty_weight: float
     center: Any
     inertia: Any
 
@@ -283,7 +282,7 @@ def mass_of(empty: Body, others: Sequence[Body]) -> Mass:
         arm = structural_to_body(_column(body.location) - center)
         parallel = ca.dot(arm, arm) * ca.SX.eye(3) - ca.mtimes(arm, arm.T)
         inertia += ca.SX(body.inertia) + body.weight / SLUG_TO_LB * parallel
-    return Mass(weight, empty.weight, center, inertia)
+    return Mass(weight, center, inertia)
 
 
 def _column(values: Any) -> ca.SX:
@@ -318,7 +317,7 @@ def mass_in_file(element: Element, tanks: Sequence[Tank], points: Sequence[Point
             "the inertia matrix of the aircraft is not positive definite; correct the moments of "
             "inertia"
         )
-    return Mass(weight, empty.weight, center, inertia)
+    return Mass(weight, center, inertia)
 
 
 def _inertia(element: Element) -> np.ndarray:
