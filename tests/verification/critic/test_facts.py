@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from known_models import game_at
 
@@ -29,3 +30,15 @@ def test_a_gain_above_delta_fails_and_margins_are_of_both_policies() -> None:
     assert data["disk_margin"] == pytest.approx(disk_margin(game, K).disk)
     assert data["disk_margin_exact"] == pytest.approx(disk_margin(game, solve(game).K).disk)
     assert data["disk_margin"] != pytest.approx(data["disk_margin_exact"], rel=1e-3)
+
+
+def test_a_wide_limit_permits_its_error_of_a_semidefinite_value() -> None:
+    """With a limit of 1 %, P may be indefinite by as much; with the usual limit it may not."""
+    game = hfa.Game(
+        np.diag([-1.0, -2.0]), np.array([[1.0], [0.0]]), Q=np.diag([1.0, 0.0]), R=[[1.0]]
+    )
+    P = solve(game).P - np.diag([0.0, 1e-4 * solve(game).P.max()])
+    for limit, is_ok in ((1e-2, True), (1e-6, False)):
+        checks = verify(game, hfa.from_value(game, P), limit=limit).checks
+        (least,) = [check for check in checks if check.name == "P_smallest_eigenvalue"]
+        assert least.ok is is_ok
