@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+import tempfile
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from game_files import stored
 from hypothesis import assume, given, strategies as st
 from strategies import changed_matrix, coordinates, games, in_coordinates
 
-from controller import minimum_delta
+import hfa
+from controller import load_game, minimum_delta
 from controller.critic.critic import from_gain, from_value
 from controller.discrete.solution import minimum_delta_discrete, sampled, solve_discrete
 from controller.game.discrete_game import DiscreteGame
@@ -168,3 +172,17 @@ def test_coordinates_change_no_discrete_solution(
     slack = 1.0 + CLOSE
     assert found.refused <= slack * smallest.value + 1e-12
     assert smallest.refused <= slack * found.value + 1e-12
+
+
+@given(game=games(), suffix=st.sampled_from([".npz", ".json", ".mat"]))
+def test_games_and_solutions_survive_their_files(game: Game, suffix: str) -> None:
+    """A game is read from each kind of file bit for bit, and so is the K of its solution."""
+    entries = {name: getattr(game, name) for name in ("A", "B", "E", "Q", "R")}
+    with tempfile.TemporaryDirectory() as folder:
+        path = stored(Path(folder) / f"plant{suffix}", **entries, delta=7.0)
+        assert load_game(path) == game.with_delta(7.0)
+        found = solution_of(game)
+        assume(found is not None)
+        written = Path(folder) / f"solution{suffix}"
+        found.report().save(written)
+        assert hfa.read_critic(written, game).K.tobytes() == found.K.tobytes()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ def test_a_gain_above_delta_fails_and_margins_are_of_both_policies() -> None:
     assert gain.value == pytest.approx(bounded_real_gain(game, K), rel=1e-9)
     assert gain.value > gain.limit == game.delta
     assert (gain.ok, verdict.stabilizing, verdict.grade) == (False, True, "fail")
+    assert replace(verdict, cost_lost=0.1).grade == "fail"
     data = verdict.as_data()
     assert data["disk_margin"] == pytest.approx(disk_margin(game, K).disk)
     assert data["disk_margin_exact"] == pytest.approx(disk_margin(game, solve(game).K).disk)
