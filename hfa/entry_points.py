@@ -314,6 +314,17 @@ COMMANDS = {
         install=("python-flint",),
         results=(Written("hfa_prove.results:GameProof"),),
     ),
+    "prove value": CommandEntry(
+        "proof",
+        "value and policy of the nonlinear game about a trim",
+        "hfa_prove.commands.value:value",
+        example="hfa prove value --aircraft examples/pendulum.py:PENDULUM",
+        install=("python-flint",),
+        results=(
+            Written("hfa_prove.results:FoundValue"),
+            Written("hfa_prove.results:CheckedValue"),
+        ),
+    ),
     "report": CommandEntry(
         "model",
         "write one page of trims, models, games and critics",

@@ -18,6 +18,7 @@ from hfa_prove.statements.game import GameStatement, GameWitness
 from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.region import RegionStatement, read_region_witness
 from hfa_prove.statements.schedule import ScheduleStatement, ScheduleWitness
+from hfa_prove.statements.value import ValueStatement, ValueWitness
 from hfa_support.errors import BadInputError, file_faults, on_one_line
 from hfa_support.files import regular_file, write_text
 from hfa_support.reporting.data_files import jsonable
@@ -35,6 +36,7 @@ KINDS: Mapping[str, tuple[type[Statement], Callable[[Fields, Any], Witness]]] = 
     "game": (GameStatement, GameWitness.read),
     "region": (RegionStatement, read_region_witness),
     "cost": (CostStatement, CostWitness.read),
+    "value": (ValueStatement, ValueWitness.read),
 }
 
 

@@ -58,6 +58,12 @@ def loop_at(linear: LinearModel, policy: Gain | ca.Function) -> Loop:
     return Loop(model, parameters, trim, inputs, held, limits, policy)
 
 
+def plant_at(point: OperatingPoint) -> Plant:
+    """Return the aircraft at a trim, without limits."""
+    parameters, trim, inputs, held = _values_at(point)
+    return Plant(point.model, parameters, trim, inputs, held, {})
+
+
 def _values_at(point: OperatingPoint) -> tuple[_Values, _Values, _Values, _Values]:
     """Return the parameters, moving states, inputs and constant states at a trim, by name."""
     model = point.model
@@ -96,19 +102,26 @@ def given_of(problem: FlightProblem, option: str, weights: Mapping[str, Any]) ->
     Raises BadInputError if derivatives depend on a state that the cost omits.
     """
     plant = plant_of(problem)
-    widths = SAME_TRIM * plant.nominal
-    names = (*plant.states, *plant.inputs)
-    signals = problem.model.signals
-    by_name = dict(zip(names, widths.tolist(), strict=True))
-    by_name |= {name: SAME_TRIM * signals[name].nominal for name in plant.held}
+    given = given_plant(plant, option)
+    given["plant.limits"] = Given(dict(plant.limits), option, _not_narrower)
+    return given | {name: Given(value, f"--{name}") for name, value in weights.items()}
+
+
+def given_plant(plant: Plant, option: str) -> dict[str, Given]:
+    """Return the model, the parameters and the trim that a certificate must state, by path.
+
+    option: option that selects the aircraft, for messages
+    """
+    signals = plant.model.signals
+    names = (*plant.states, *plant.inputs, *plant.held)
+    by_name = {name: SAME_TRIM * signals[name].nominal for name in names}
     given = {
-        "plant.model": Given(facts(problem.model), option),
+        "plant.model": Given(facts(plant.model), option),
         "plant.parameters": Given(dict(plant.parameters), option),
-        "plant.limits": Given(dict(plant.limits), option, _not_narrower),
     }
     for name in ("trim", "inputs", "held"):
         given[f"plant.{name}"] = Given(dict(getattr(plant, name)), option, within(by_name))
-    return given | {name: Given(value, f"--{name}") for name, value in weights.items()}
+    return given
 
 
 def _not_narrower(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:

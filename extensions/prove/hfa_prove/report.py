@@ -274,7 +274,7 @@ def checked_report(verified: Proved, not_given: Sequence[str] = ()) -> Report:
         what = interval_text(statement.flight)
     else:
         parts += _game_parts(statement, data)
-        lines += _weights_lines(statement.weights)
+        lines += weights_lines(statement.weights)
         data["game"] = content["weights"]
         data["proved"] = data["closed_loop_hurwitz"] is True
         what = "exact game, the plant of a file"
@@ -421,7 +421,8 @@ def _game_parts(statement: GameStatement, data: Content) -> list[Part]:
     return [table, "\n".join(lines)]
 
 
-def _weights_lines(weights: Weights) -> list[str]:
+def weights_lines(weights: Weights) -> list[str]:
+    """Return lines with Q, R, E and delta of a game."""
     lines = [f"{name} = {_matrix_text(getattr(weights, name))}" for name in "QRE"]
     return [*lines, f"delta = {weights.delta:.10g}"]
 

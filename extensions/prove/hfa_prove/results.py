@@ -15,6 +15,7 @@ from hfa_prove.statements.loop import Loop, stored_policy
 from hfa_prove.statements.plant import Plant
 from hfa_prove.statements.region import RegionStatement
 from hfa_prove.statements.schedule import Run, ScheduleStatement, UncertainActuators
+from hfa_prove.statements.value import ValueStatement
 from hfa_prove.words import ProvedResult
 from hfa_support.reporting.results import UNSTORED, Matrix, Result, Vector, stored
 
@@ -182,7 +183,7 @@ class ProofCheck(Result):
 class CertificateData(Result):
     """Content of the file of a certificate.
 
-    kind: schedule, game, region or cost.
+    kind: schedule, game, region, cost or value.
     toolchain: version of the program that wrote the file.
     statement: the claim.
     witness: data for the proof.
@@ -193,7 +194,7 @@ class CertificateData(Result):
     schema = "hfa.certificate/10"
     made_by = "hfa prove -o FILE.json: the certificate"
 
-    kind: Literal["schedule", "game", "region", "cost"]
+    kind: Literal["schedule", "game", "region", "cost", "value"]
     toolchain: str
     statement: Mapping[str, Any]
     witness: Mapping[str, Any]
@@ -432,6 +433,70 @@ class CheckedLowerBound(LowerBound):
 
     schema = "hfa.lower-bound-check/1"
     made_by = "hfa prove cost --check FILE"
+
+    written: Mapping[str, str]
+    not_given: Sequence[str] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ProvedValue(ProvedResult):
+    """Proved value and policy of a nonlinear game about a trim, as polynomials.
+
+    statement: the proved statement.
+    rays: number of rays of the proof.
+    """
+
+    statement: ValueStatement = field(metadata=UNSTORED)
+    rays: int
+
+    @property
+    def subject(self) -> Plant:
+        """The aircraft with its trim."""
+        return self.statement.plant
+
+    @property
+    @stored()
+    def order(self) -> int:
+        """Degree D of V; the policy has the degree D - 1."""
+        return self.statement.order
+
+    @property
+    @stored()
+    def residual(self) -> float:
+        """Bound of every coefficient of the equation, relative to the sum of its terms."""
+        return self.statement.residual
+
+    @property
+    @stored("W")
+    def V(self) -> Vector:
+        """Weights of all monomials of degree 2 to D, (M,), with the last index fastest."""
+        return self.statement.V
+
+    @property
+    @stored("policy_weights")
+    def u(self) -> Matrix:
+        """Weights of u, (m, K), of all monomials of degree 1 to D - 1."""
+        return self.statement.u
+
+
+@dataclass(frozen=True, eq=False)
+class FoundValue(ProvedValue):
+    """Value that has been computed and proved."""
+
+    schema = "hfa.proof-value/1"
+    made_by = "hfa prove value"
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedValue(ProvedValue):
+    """Value that a certificate proves.
+
+    written: version, command and date in the file, not verified.
+    not_given: parts of the statement that were not compared, because no option gave them.
+    """
+
+    schema = "hfa.value-check/1"
+    made_by = "hfa prove --check FILE: a value"
 
     written: Mapping[str, str]
     not_given: Sequence[str] = ()

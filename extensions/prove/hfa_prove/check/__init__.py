@@ -23,6 +23,7 @@ from hfa_prove.statements.game import GameWitness
 from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.region import BoxWitness, SquaresWitness
 from hfa_prove.statements.schedule import ScheduleWitness
+from hfa_prove.statements.value import ValueWitness
 from hfa_support.arguments import checks_arguments
 from hfa_support.progress import Progress
 
@@ -93,6 +94,10 @@ def _sizes(statement: Any, witness: Any, progress: Progress | None) -> tuple[int
         from hfa_prove.check.region_boxes import check_region as check_on_boxes
 
         return (check_on_boxes(statement, witness, progress),)
+    if isinstance(witness, ValueWitness):
+        from hfa_prove.check.value import check_value
+
+        return (check_value(statement, witness),)
     assert isinstance(witness, CostWitness)
     from hfa_prove.check.cost import check_cost
 

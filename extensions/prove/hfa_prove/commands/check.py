@@ -10,7 +10,7 @@ from hfa_prove.commands.request import CheckRequest
 from hfa_support.errors import BadInputError
 
 #: Statements that a command `hfa prove STATEMENT` proves.
-STATEMENTS = ("cost", "critic", "region", "schedule", "solution")
+STATEMENTS = ("cost", "critic", "region", "schedule", "solution", "value")
 
 
 @command(CheckRequest)
@@ -40,6 +40,10 @@ def prove(request: CheckRequest) -> int:
         from hfa_prove.commands import cost
 
         return cost.check(request, request.check)
+    if kind == "value":
+        from hfa_prove.commands import value
+
+        return value.check(request, request.check)
     return _check(request, request.check)
 
 
