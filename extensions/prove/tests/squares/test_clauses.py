@@ -286,10 +286,6 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
         _put([-9.0, 1.0], "statement", "loop", "limits", "sum"),
         "sum is not proved to stay",
     ),
-    "a limit wider than the model's": (
-        _put([-2.0, 1.0], "statement", "loop", "limits", "z"),
-        "limits: z",
-    ),
     "another equilibrium": (
         _put({"x": 1e-5, "y": 0.0}, "statement", "equilibrium"),
         "x at the equilibrium differs",
@@ -301,17 +297,7 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "a set said to be empty": (_empty_set_claimed, "empty"),
     "no part": (_put([], "witness", "parts"), "do not cover"),
     "an order below V": (_lower_order, "order"),
-    "V of degree 1": (_put([[1.0, [1, 0]], [1.0, [0, 2]]], "statement", "piece", "W"), "W"),
-    "a monomial twice": (
-        _put([[2.0, [2, 0]], [-1.0, [2, 0]], [1.0, [0, 2]]], "statement", "piece", "W"),
-        "W",
-    ),
     "rho of 0": (_put(0.0, "statement", "piece", "c"), "c"),
-    "ends that do not hold 0": (_put([0.5, 2.0], "statement", "extents", "y"), "extents"),
-    "another unit": (
-        _put(["rad", "1"], "statement", "loop", "model", "state_units"),
-        "state_units",
-    ),
     "lowest degree not whole": (_put([0.5, 1], *_INSIDE, "degrees"), r"invalid entry: .*inside"),
     "highest degree not whole": (_put([0, 1.5], *_INSIDE, "degrees"), r"invalid entry: .*inside"),
     "monomials of degree 13": (_thirteen, r"invalid entry: .*inside"),
@@ -324,8 +310,6 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
 }
 #: Objects of a certificate in which an unknown entry is refused.
 OBJECTS: dict[str, tuple[Any, ...]] = {
-    "certificate": (),
-    "statement": ("statement",),
     "witness": ("witness",),
     "evidence": _INSIDE,
     "multiplier": (*_INSIDE, "multipliers", "outside"),

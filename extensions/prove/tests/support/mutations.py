@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
+
+from hfa_prove.certificate import read_content
+from hfa_prove.fields import NOT_PROVED
+from hfa_prove.statements.plant import Subject
+from hfa_support.errors import BadInputError
 
 
 def leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
@@ -43,3 +48,36 @@ def mutate(certificate: dict[str, Any], rng: np.random.Generator) -> None:
         del holder[last]
     else:
         holder.append(copy.deepcopy(value))
+
+
+def accepted_claims(
+    original: dict[str, Any],
+    subject: Subject,
+    check: Callable[[Any, Any], Any],
+    is_true: Callable[[Any], bool],
+    count: int,
+) -> int:
+    """Return the number of changed certificates that are accepted, and assert that each is true.
+
+    The original certificate must be accepted and true.
+
+    check: (statement, witness) -> anything, and an error if the statement is not proved
+    is_true: statement -> whether samples agree with its claim
+    count: number of changed certificates
+    """
+    rng = np.random.default_rng(0)
+    statement, witness = read_content(copy.deepcopy(original), subject)
+    check(statement, witness)
+    assert is_true(statement)
+    accepted = 0
+    for _ in range(count):
+        certificate = copy.deepcopy(original)
+        mutate(certificate, rng)
+        try:
+            statement, witness = read_content(certificate, subject)
+            check(statement, witness)
+        except (BadInputError, *NOT_PROVED):
+            continue
+        accepted += 1
+        assert is_true(statement), certificate
+    return accepted
