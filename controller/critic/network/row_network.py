@@ -67,8 +67,8 @@ def row_network(layers: Sequence[tuple[np.ndarray, np.ndarray, str]]) -> RowNetw
         return x
 
     def on_rows(x: np.ndarray) -> np.ndarray:
-        x = x.astype(kind)
+        x = x.astype(kind, copy=False)
         parts = [on_some(x[first : first + _TOGETHER]) for first in range(0, len(x), _TOGETHER)]
-        return np.concatenate(parts).astype(float)
+        return np.concatenate(parts).astype(float, copy=False)
 
     return on_rows

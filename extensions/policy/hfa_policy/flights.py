@@ -161,10 +161,24 @@ class SampledFlight:
     def compiled(self, flights: int, seconds: float) -> CompiledSamples:
         """Return the policy and the aircraft, compiled if flights * seconds / dt >= `COMPILE_FROM`.
 
+        Machine code that exists is used for any number of flights.
+
         flights: number of flights
         seconds: duration of a flight, s
         """
         is_long = flights * seconds / self.dt >= COMPILE_FROM
+        return self._machine_code if is_long or "_machine_code" in vars(self) else self._interpreted
+
+    @cached_property
+    def _machine_code(self) -> CompiledSamples:
+        return self._samples(is_long=True)
+
+    @cached_property
+    def _interpreted(self) -> CompiledSamples:
+        return self._samples(is_long=False)
+
+    def _samples(self, *, is_long: bool) -> CompiledSamples:
+        """Return the policy and the aircraft, as machine code for long flights."""
         on_rows = row_code if is_long else RowFunction
         actor = self.deployed.deployment.actor
         network = actor.rows or _first_result(on_rows(actor.function))

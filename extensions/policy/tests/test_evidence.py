@@ -265,5 +265,5 @@ def test_a_missing_normalizer_file_is_refused(tmp_path):
     for file in ("ppo_gtm.toml", "ppo_gtm.zip"):
         shutil.copy(FOLDER / file, tmp_path)
     deployment = Deployment.load(tmp_path / "ppo_gtm.toml")
-    with pytest.raises(ValueError, match=r"ppo_gtm\.pkl: cannot be read"):
+    with pytest.raises(ValueError, match=r"ppo_gtm\.pkl cannot be read"):
         Deployed(deployment, aircraft("ppo_gtm")).command  # noqa: B018
