@@ -155,6 +155,7 @@ def stages_of(
 
 def main(words: list[str]) -> int:
     """Print which mutants are caught; return 1 if one is missed or cannot be planted."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # stops the tests, too
     own = "--own" in words
     mutants = read_lists([word for word in words if word != "--own"])
     stored = json.loads(RESULTS.read_text()) if RESULTS.is_file() else {}
