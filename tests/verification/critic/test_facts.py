@@ -7,12 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from known_models import game_at
+from known_models import game_at, model_at
 
 import hfa
 from controller.riccati.frequency_response import bounded_real_gain
 from controller.riccati.margins import disk_margin
 from hfa import solve, verify
+from hfa_aircraft.limits import Limits
+from verification.scope import nonlinear_plant
 
 
 def test_a_gain_above_delta_fails_and_margins_are_of_both_policies() -> None:
@@ -44,3 +46,12 @@ def test_a_wide_limit_permits_its_error_of_a_semidefinite_value() -> None:
         checks = verify(game, hfa.from_value(game, P), limit=limit).checks
         (least,) = [check for check in checks if check.name == "P_smallest_eigenvalue"]
         assert least.ok is is_ok
+
+
+def test_inputs_of_the_nonlinear_plant_end_at_their_limits() -> None:
+    """Inputs are deviations from the trim, which end where the inputs reach their limits."""
+    linear = model_at(15.0)
+    plant = nonlinear_plant(linear)
+    limits = Limits.of(linear.point.model, linear.inputs)
+    np.testing.assert_allclose(plant.lowest + linear.point.u, limits.lowest, atol=1e-12)
+    np.testing.assert_allclose(plant.highest + linear.point.u, limits.highest, atol=1e-12)
