@@ -544,18 +544,22 @@ def _rate(_, x, model, u, d):
 def test_policies_on_changed_aircraft_keep_trim_values():
     """A policy on a changed aircraft keeps the trim values of the original aircraft.
 
-    The equilibrium with another xcg equals SciPy's root of the equations of motion with the policy.
+    The equilibrium with more power of the elevator equals SciPy's root of the equations of motion
+    with the policy.
     """
     from scipy.optimize import root
 
-    model = model_of(F16)
-    deployment = f16_deployment().changed(observation={"alpha": {}, "pitch_rate": {}, "gamma": {}})
-    result = hfa.assess(model, deployment, [502.0], samples=0, vary={"xcg": (0.34, 0.36)})
+    model = model_of(f"{ROOT}/examples/gtm.py:UNCERTAIN_GTM")
+    o = ca.SX.sym("o", 3)
+    gain = ca.Function("gain", [o], [ca.vertcat(0.5 * o[0] + 0.6 * o[1] + 0.2 * o[2], 0.0)])
+    observed = {"alpha": {}, "pitch_rate": {}, "gamma": {}}
+    deployment = gtm_deployment({"file": gain}, observation=observed)
+    result = hfa.assess(model, deployment, [45.0], samples=0, vary={"elevator_power": (0.9, 1.1)})
     trim = result.points[0].point
     assert [variation.value for variation in result.variations] == pytest.approx(
-        np.linspace(0.34, 0.36, 5)
+        np.linspace(0.9, 1.1, 5)
     )
-    changed = model.with_parameters(xcg=0.36)
+    changed = model.with_parameters(elevator_power=1.1)
     names = list(model.states)
     rows = [names.index(name) for name in model.linear]
 
@@ -564,7 +568,7 @@ def test_policies_on_changed_aircraft_keep_trim_values():
         X[rows] = linear
         at = dict(zip(names, X, strict=True))
         gamma = changed.outputs_at(X, trim.inputs, ("gamma",))["gamma"]
-        moved = 50.0 * (at["alpha"] - trim["alpha"]) + 60.0 * at["pitch_rate"] + 20.0 * gamma
+        moved = 0.5 * (at["alpha"] - trim["alpha"]) + 0.6 * at["pitch_rate"] + 0.2 * gamma
         U = trim.inputs._replace(elevator=trim["elevator"] + moved)
         by_name = changed.rates_at(X, U)
         return [by_name[name] / model.rate_scale(name) for name in model.linear]
