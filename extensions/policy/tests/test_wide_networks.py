@@ -174,9 +174,8 @@ def test_flights_simulated_together_equal_single_flights(name, delay):
         np.testing.assert_allclose(end, path[:, -1], rtol=SAME_FORMULA, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("width", "activation"), [(32, "tanh"), pytest.param(256, "relu", marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("width", "activation"), [(64, "tanh"), (256, "relu")])
 def test_networks_of_common_sizes_are_assessed(tmp_path, width, activation):
     """Networks of common sizes are assessed, and their gains agree with central differences of the
     command.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -155,12 +155,16 @@ WRONG: dict[str, tuple[Callable[[Case], Critic], tuple[str, ...]]] = {
 }
 
 
-#: Mistakes of critics that are simulated: slow in discrete time.
-SIMULATED = ("quartic tail", "half a network", "saturated")
+def in_each_time(kinds: Iterable[str]) -> list[Any]:
+    """Return each kind in each time. One time of each kind is fast, by turns."""
+    return [
+        pytest.param(kind, time, marks=pytest.mark.slow if (number - place) % 3 else ())
+        for number, kind in enumerate(kinds)
+        for place, time in enumerate(GAMES)
+    ]
 
 
-@pytest.mark.parametrize("time", GAMES)
-@pytest.mark.parametrize("way", RIGHT)
+@pytest.mark.parametrize(("way", "time"), in_each_time(RIGHT))
 def test_a_right_critic_passes(way: str, time: str) -> None:
     case = case_of(time)
     verdict = hfa.verify(case.game, RIGHT[way](case), scope=FAST)
@@ -169,16 +173,7 @@ def test_a_right_critic_passes(way: str, time: str) -> None:
     assert (verdict.flights is None) == (way not in ("network of u", "function V", "listed"))
 
 
-@pytest.mark.parametrize(
-    ("mistake", "time"),
-    [
-        pytest.param(
-            mistake, time, marks=pytest.mark.slow if mistake in SIMULATED and number else ()
-        )
-        for mistake in WRONG
-        for number, time in enumerate(GAMES)
-    ],
-)
+@pytest.mark.parametrize(("mistake", "time"), in_each_time(WRONG))
 def test_a_wrong_critic_fails_without_a_false_reason(mistake: str, time: str) -> None:
     case = case_of(time)
     critic, reasons = WRONG[mistake]

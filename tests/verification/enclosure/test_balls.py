@@ -34,7 +34,7 @@ def test_pivots_equal_those_of_gaussian_elimination(off: float, second: float) -
     assert found is None or [float(each) for each in found] == [2.0, second]
 
 
-@pytest.mark.parametrize("slope", [-1.75, -1.25, -0.75, -0.25, 0.25, 0.75, 1.25, 1.75])
+@pytest.mark.parametrize("slope", [-1.75, -0.25, 1.25])
 def test_corners_bound_the_minimum_of_a_parabola(slope: float) -> None:
     """The lowest corner of the Taylor model slope s + s² is at most the minimum of the parabola.
 

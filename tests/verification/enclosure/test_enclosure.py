@@ -52,7 +52,7 @@ def every_switch() -> ca.Function:
 
 
 @pytest.mark.parametrize("make", [every_operation, every_switch])
-@pytest.mark.parametrize("half_width", [0.5, 0.1, 1e-3, 1e-8])
+@pytest.mark.parametrize("half_width", [0.5, 1e-8])
 def test_taylor_models_enclose_every_operation(
     half_width: float, make: Callable[[], ca.Function]
 ) -> None:
@@ -71,7 +71,7 @@ def test_taylor_models_enclose_every_operation(
 
 
 @pytest.mark.parametrize("make", [every_operation, every_switch])
-@pytest.mark.parametrize("half_width", [0.5, 0.1, 1e-3, 1e-8])
+@pytest.mark.parametrize("half_width", [0.5, 1e-8])
 def test_lines_enclose_every_operation(half_width: float, make: Callable[[], ca.Function]) -> None:
     """For each operation, the bound by lines is above the function at random points of boxes."""
     generator = np.random.default_rng(0)
@@ -101,7 +101,7 @@ def test_functions_of_squares_contain_the_ends_of_boxes() -> None:
     assert highest(models, 1)[0, 0] >= np.exp(0.01)
 
 
-@pytest.mark.parametrize("half_width", [0.5, 1e-3, 1e-8])
+@pytest.mark.parametrize("half_width", [0.5, 1e-8])
 def test_sharpened_bounds_are_valid_for_every_operation(half_width: float) -> None:
     """Sharpened lower bounds are valid for every operation and at least as high as `lowest`.
 
