@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -15,17 +14,14 @@ from hfa.main import main
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.march.ending import Outcome
 from hfa_aircraft.model import Model, Signal
-from hfa_prove.certificate import read_statement
 from hfa_prove.check import check_certificate
 from hfa_prove.check.region_squares import extents_of
-from hfa_prove.fields import NOT_PROVED
 from hfa_prove.problem import loop_at
 from hfa_prove.report_region import checked_report
 from hfa_prove.search.clock import Clock
 from hfa_prove.search.loop_values import LoopValues
 from hfa_prove.search.obstacles import outcomes
 from hfa_prove.statements.loop import Gain, Loop
-from hfa_prove.statements.plant import Subject
 
 Content = dict[str, Any]
 
@@ -91,24 +87,6 @@ def test_parameters_of_another_aircraft_are_refused(
     words = ["prove", "--check", made, "--aircraft", aircraft, "--hold", "gravity=5", "-q"]
     assert main(words) == 0
     assert "gravity 5 m/s^2" in capsys.readouterr().out
-
-
-def test_other_input_limits_are_refused(path: Path, model: Model) -> None:
-    """Input limits that differ from those of the model are refused.
-
-    Other input limits would change the saturation. Narrower state limits are accepted.
-    """
-    content = json.loads(path.read_text())["statement"]
-
-    def limited(limits: dict[str, Any]) -> None:
-        changed = content | {"loop": content["loop"] | {"limits": limits}}
-        read_statement("region", changed, Subject(model))
-
-    for limits in ([-0.5, 0.5], [-0.7, 0.6], [None, 0.7], [-0.8, 0.8]):
-        with pytest.raises(NOT_PROVED, match="limits: torque"):
-            limited({"torque": limits})
-    narrower = {"torque": [-0.7, 0.7], "angle": [-1.0, 1.0]}
-    limited(narrower)
 
 
 def test_printed_extents_are_those_of_the_ellipse(path: Path, model: Model) -> None:
