@@ -33,6 +33,8 @@ def gain_change_in_steps(
     given: the game in the coordinates of its entries
     moved: the part of A of `given` that has an error in the last place, (n, n)
     """
+    from scipy.linalg import block_diag
+
     n, m = form.B.shape
     into = given.T @ np.linalg.inv(form.T)
     back = np.linalg.inv(into)
@@ -50,8 +52,8 @@ def gain_change_in_steps(
     entries_G = np.abs(given.inputs)
     if has_disturbance:
         k = G.shape[1] - m
-        scale = _joined(scale, np.eye(k) / form.delta)
-        W = _joined(W, 2.0 * form.delta**2 * np.eye(k))  # the square of one entry, δ
+        scale = block_diag(scale, np.eye(k) / form.delta)
+        W = block_diag(W, 2.0 * form.delta**2 * np.eye(k))  # the square of one entry, δ
         entries_G = np.hstack([entries_G, np.abs(given.disturbance)])
     M = scale.T @ gains
     A = np.abs(moved)
@@ -74,9 +76,3 @@ def gain_change_in_steps(
     columns = Columns.of(half @ G @ by_both[:, :m], half @ F @ back)
     changes = [change(Z) for Z in weighted(half @ (F - np.eye(n)) / math.sqrt(2.0), columns)]
     return relative_change(given, gains[:m] @ back, direct, columns, changes)
-
-
-def _joined(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the block-diagonal matrix of two square matrices."""
-    corner = np.zeros((len(first), len(second)))
-    return np.block([[first, corner], [corner.T, second]])

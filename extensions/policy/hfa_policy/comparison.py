@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import takewhile
+from os.path import commonpath
 from pathlib import Path
 
 from hfa_policy.assessed_point import AssessedPoint
@@ -79,10 +79,9 @@ def _table(names: Sequence[str], rows: Sequence[tuple[str, ...]]) -> Table:
 def _short_names(origins: Sequence[str], longest: int) -> list[str]:
     """Return the paths below the common folder of all files."""
     longest = max(longest, _NAME)
-    split = [Path(origin).parts for origin in origins]
-    folders = zip(*(parts[:-1] for parts in split), strict=False)
-    shared = len(list(takewhile(lambda parts: len({*parts}) == 1, folders)))
-    names = [str(Path(*parts[shared:])) for parts in split]
+    paths = [Path(origin).absolute() for origin in origins]
+    folder = commonpath([path.parent for path in paths])
+    names = [str(path.relative_to(folder)) for path in paths]
     begin = (longest - 3) // 3
     end = longest - 3 - begin
     return [name if len(name) <= longest else f"{name[:begin]}...{name[-end:]}" for name in names]
