@@ -24,6 +24,8 @@ from hfa_support.reporting.results import UNSTORED, Matrix, Result, Vector, stor
 from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from controller.expansion.radius import Radius
 
 #: Permitted degrees of a value.
@@ -133,6 +135,12 @@ class Expansion(Result, Reported):
         from controller.expansion.expansion_report import expansion_report
 
         return expansion_report(self)
+
+    def figure(self) -> Figure:
+        """Return a figure of the errors of V2, V2 + V3, ... over the distance from the trim."""
+        from controller.expansion.expansion_figure import expansion_figure
+
+        return expansion_figure(self)
 
     @cached_property
     def residuals(self) -> dict[int, float]:

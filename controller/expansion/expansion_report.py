@@ -18,7 +18,7 @@ def expansion_report(expansion: Expansion) -> Report:
     """Return a report of the degree, the residual and the radii of V2 and of V."""
     names = expansion.game.names
     radii = expansion.radii
-    columns = [_name_of_value(radius.degree) for radius in radii]
+    columns = [name_of_value(radius.degree) for radius in radii]
     rows = [("z'Pz", "", *(_size(radius) for radius in radii))]
     units = names.state_units
     for index, (state, unit) in enumerate(zip(names.states, units, strict=True)):
@@ -27,7 +27,7 @@ def expansion_report(expansion: Expansion) -> Report:
     weights = zip(expansion.basis.exponents.tolist(), expansion.weights.tolist(), strict=True)
     return Report(
         title=(
-            f"Nonlinear game: {_name_of_value(expansion.order)} has {expansion.basis.size}"
+            f"Nonlinear game: {name_of_value(expansion.order)} has {expansion.basis.size}"
             f" coefficients, residual {expansion.residual:.2g}"
         ),
         parts=(
@@ -44,7 +44,7 @@ def expansion_report(expansion: Expansion) -> Report:
     )
 
 
-def _name_of_value(degree: int) -> str:
+def name_of_value(degree: int) -> str:
     """Return "V2", "V2 + V3" or "V2 + ... + V4"."""
     if degree == 2:
         return "V2"

@@ -69,6 +69,32 @@ def radii(expansion: Expansion) -> tuple[Radius, ...]:
     return tuple(search.radius(degree) for degree in degrees)
 
 
+def largest_errors(expansion: Expansion, sizes: np.ndarray) -> np.ndarray:
+    """Return the largest difference from the cost of flights at each size, relative to the cost.
+
+    The result has a row for each of V2, V2 + V3, ... up to the whole value, (D - 1, N), with inf
+    where a flight does not converge. The flights are those of the search for the radius.
+
+    expansion: value and policies of both players
+    sizes: square roots of z'Pz, (N,)
+    """
+    search = _Search(expansion)
+    rays = search.directions
+    y = (sizes[:, None, None] * rays).reshape(-1, expansion.states)
+    z = np.linalg.solve(expansion.root.T, y.T).T
+    costs = search.flights.costs(z)
+    degrees = range(_QUADRATIC, expansion.order + 1)
+    errors = [_relative(np.array(expansion.value_to(degree)(z.T))[0], costs) for degree in degrees]
+    return np.array(errors).reshape(len(degrees), len(sizes), len(rays)).max(axis=2)
+
+
+def _relative(values: np.ndarray, costs: np.ndarray) -> np.ndarray:
+    """Return the difference of values from costs, relative to the costs, inf without a cost."""
+    with np.errstate(invalid="ignore"):
+        errors = np.abs(values - costs) / np.abs(costs)
+    return np.where((costs > 0.0) & np.isfinite(errors), errors, np.inf)
+
+
 class _Search:
     """Search for the radius of values of one expansion."""
 
@@ -85,7 +111,7 @@ class _Search:
             self._largest[degree] = float(values.max())
             chosen.append(drawn[np.argsort(values)[-_LARGEST:]])
         half = np.vstack(chosen)
-        self._directions = np.vstack([half, -half])
+        self.directions = np.vstack([half, -half])
 
     def radius(self, degree: int) -> Radius:
         """Return the radius of V2 + ... + V_degree."""
@@ -100,17 +126,17 @@ class _Search:
         """Return the largest size whose flights agree, 0 or inf if there is none."""
         first = self._guess(degree)
         low = high = first
-        while self._agrees(self._directions * high, degree):
+        while self._agrees(self.directions * high, degree):
             low, high = high, 2.0 * high
             if high > first * _FARTHEST:
                 return math.inf
-        while not self._agrees(self._directions * low, degree):
+        while not self._agrees(self.directions * low, degree):
             low, high = low / 2.0, low
             if low < first / _FARTHEST:
                 return 0.0
         while high > low * _FINE:
             middle = math.sqrt(low * high)
-            if self._agrees(self._directions * middle, degree):
+            if self._agrees(self.directions * middle, degree):
                 low = middle
             else:
                 high = middle
@@ -140,9 +166,7 @@ class _Search:
         z = np.linalg.solve(self.expansion.root.T, y.T).T
         costs = self.flights.costs(z)
         values = np.array(self.expansion.value_to(degree)(z.T))[0]
-        with np.errstate(invalid="ignore"):
-            errors = np.abs(values - costs) / np.abs(costs)
-        return np.where((costs > 0.0) & np.isfinite(errors), errors, np.inf)
+        return _relative(values, costs)
 
     def _confirmed(self, size: float, degree: int) -> bool:
         """Return whether flights from states on the boundary agree, random ones and worse ones."""

@@ -13,7 +13,7 @@ from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import whole
 from hfa.options.draws import draws_option, with_draws
 from hfa.options.game import CONTINUOUS, GameGiven, NamedGame
-from hfa.options.output import ProgressLine
+from hfa.options.output import Output, ProgressLine, picture_option
 from hfa.options.part import OfModel, option, part
 from hfa.options.reference import deviation, reference_option, signal_option, with_tracking
 from hfa.options.request import Request, command
@@ -83,6 +83,10 @@ class GameRequest(Request):
 class SolveRequest(GameRequest):
     """Options of `hfa solve`."""
 
+    output: Output = part(
+        Output,
+        picture=picture_option("with --order: errors of V2 to VD over the distance from the trim"),
+    )
     order: int | None = option(
         "also the value of the nonlinear game about the trim, to degree D = 2 to 5",
         "D",
@@ -106,6 +110,8 @@ def solve(request: SolveRequest) -> int:
     from controller.expansion.expansion import expand
     from controller.riccati import gare
 
+    if request.order is None:
+        request.output.refuse(("picture",), "shows the nonlinear game; add --order D")
     plant = request.game.plant
     if plant is not None or request.game.design is not None:
         request.refuse(
@@ -135,15 +141,18 @@ def solve(request: SolveRequest) -> int:
     with named.asking_for_time():
         solution = gare.solve(named.game, ProgressLine("solve"))
         solved = solution.report()
+    figure = None
     if request.order is not None:
         assert named.linear is not None  # --order requires an aircraft
-        expanded = expand(named.linear, solution, request.order).report()
+        expansion = expand(named.linear, solution, request.order)
+        figure = expansion.figure
+        expanded = expansion.report()
         parts = (*solved.parts, expanded.title, *expanded.parts)
         solved = replace(solved, parts=parts).with_data(**expanded.data)
     solved = with_tracking(solved, request.reference, named, solution.P, solution.K)
     subject = (named, solution.K)
     report = with_draws(solved, request.draws, request.aircraft, request.trim, subject)
-    request.show(report.with_data(**named.as_data()), notes=named.warnings)
+    request.show(report.with_data(**named.as_data()), figure=figure, notes=named.warnings)
     return 0
 
 

@@ -66,6 +66,7 @@ def test_report_shows_both_sizes() -> None:
     ("words", "named"),
     [
         ((*AT_15, "--order", "6"), "--order"),
+        ((*AT_15, "--picture", "errors.png"), "--picture"),
         (("--model", "plant.json", "--order", "3"), "--model"),
     ],
 )

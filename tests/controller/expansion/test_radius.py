@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 import hfa
 from controller.expansion.expansion import Expansion, expand
 from controller.expansion.flights import Flights
-from controller.expansion.radius import radii
+from controller.expansion.radius import largest_errors, radii
 from controller.expansion.series import directions
 from hfa import BadInputError, Model, Signal
 
@@ -161,6 +161,24 @@ def test_radius_grows_with_the_degree_and_the_share() -> None:
     assert tighter.c < quadratic.c
     # Degree 2: the error is of first order in the state, and c of second order.
     assert quadratic.c / tighter.c == pytest.approx(25.0, rel=0.5)
+
+
+def test_errors_of_the_figure_are_those_of_the_radius() -> None:
+    """At the radius of a value its error is at most the share, and above it at a larger size."""
+    expansion = expanded(4)
+    sizes = np.sqrt([radius.c for radius in expansion.radii])
+    errors = largest_errors(expansion, np.array([*sizes, *(1.3 * sizes)]))
+    assert errors.shape == (3, 4)
+    assert errors[0, 0] <= expansion.share < errors[0, 2]
+    assert errors[2, 1] <= expansion.share < errors[2, 3]
+    assert np.all(np.diff(errors[:, 0]) < 0.0)
+
+
+@pytest.mark.slow
+def test_the_figure_has_a_curve_for_each_degree() -> None:
+    axes = expanded(5).figure().axes[0]
+    labels = axes.get_legend_handles_labels()[1]
+    assert labels == ["V2", "V2 + V3", "V2 + ... + V4", "V2 + ... + V5"]
 
 
 def test_extents_are_those_of_the_ellipsoid() -> None:
