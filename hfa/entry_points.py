@@ -84,7 +84,6 @@ COMMANDS = {
         results=(
             Written(
                 "trim.point.trim_report:TrimResult",
-                more=("trim.point.trim_report:Performance",),
                 optional=("hfa_model.trim_loads:TrimLoads", _DRAWS),
             ),
         ),

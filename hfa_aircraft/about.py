@@ -35,13 +35,14 @@ class About:
 class Domain:
     """States at which the equations of a model are valid, beside the limits of its signals.
 
-    range: state -> (largest absolute value, source). Larger values cause a warning.
+    range: state, input or output -> (lowest, highest, source of this range). Values beyond the
+        range cause a warning.
     envelope: function (x, p) of a trim -> limits of the states in flight, as state -> (lowest,
         highest), if they differ from min and max. x and p have fields by name.
     check: function of a state x, with fields by name, that raises BadInputError outside the domain
     """
 
-    range: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    range: Mapping[str, tuple[float, float, str]] = field(default_factory=dict)
     envelope: Callable[[Any, Any], Mapping[str, tuple[float, float]]] | None = None
     check: Callable[[Any], None] | None = None
 

@@ -47,8 +47,8 @@ def _domain_in_si(model: Model, conversion: _Conversion) -> Domain:
     domain = model.domain
     return Domain(
         range={
-            name: (largest * si_factor(model.unit(name)), whose)
-            for name, (largest, whose) in domain.range.items()
+            name: (low * si_factor(model.unit(name)), high * si_factor(model.unit(name)), source)
+            for name, (low, high, source) in domain.range.items()
         },
         envelope=domain.envelope and partial(_envelope_in_si, conversion, domain.envelope),
         check=domain.check and partial(_check_in_si, conversion, domain.check),

@@ -156,7 +156,7 @@ _DECLARED = Model(
     parts={"short_period": ("alpha",)},
     domain=Domain(
         # The paper calls its linear model applicable up to this dihedral angle (Section 5.1).
-        range={"dihedral": (math.radians(15.0), "the paper's range")},
+        range={"dihedral": (-math.radians(15.0), math.radians(15.0), "the paper's range")},
         envelope=flight_limits,
         check=check_in_range,
     ),

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import casadi as ca
 
 from hfa_model.aerodynamics import Loads, aircraft_loads
-from hfa_model.atmosphere import density
+from hfa_model.atmosphere import density, speed_of_sound
 from hfa_model.dynamics import rates_from_loads
 from hfa_model.kinematics import (
     STILL_AIR,
@@ -160,4 +160,8 @@ OUTPUTS: dict[str, tuple[str, Callable[[Moment], Quantity]]] = {
     "drag": ("lbf", lambda m: m.loads.drag),
     "thrust": ("lbf", lambda m: m.loads.thrust),
     "pitching_moment": ("ft lbf", lambda m: m.loads.pitching_moment),
+    "weight": ("lbf", lambda m: 3 * m.p.panel_mass * m.p.gravity),
+    "reference_area": ("ft^2", lambda m: 3 * m.p.panel_span * m.p.chord),  # without tails
+    "reference_chord": ("ft", lambda m: m.p.chord),
+    "mach": ("1", lambda m: m.x.speed / speed_of_sound(m.x.altitude)),
 }

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import hfa_model
-from hfa.options.aircraft import Aircraft
+from hfa.options.aircraft import Aircraft, of_hfa
 from hfa.options.argument_types import breakpoint_value
 from hfa.options.draws import draws_option, with_draws
 from hfa.options.output import Output, picture_option
-from hfa.options.part import part
+from hfa.options.part import option, part
 from hfa.options.request import Request, command
 from hfa.options.trim import Trim, scheduled
 from trim.point.solve import TrimError
-from trim.point.trim_report import trim_report
+from trim.point.trim_report import point_figure, trim_report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,14 +46,19 @@ class OneTrimRequest(Request):
             raise
 
 
+#: Content of the picture: of the HFA, and of other aircraft.
+_shown = of_hfa("a front view of the aircraft with its loads", "each variable between its limits")
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrimRequest(OneTrimRequest):
     """Options of `hfa trim`."""
 
     output: Output = part(
         Output,
-        picture=picture_option("a front view of the aircraft with its loads", only_hfa=True),
+        picture=picture_option(_shown),
     )
+    full: bool = option("print each equation, all near limits, outputs and participations")
     draws: int | None = draws_option()
 
 
@@ -61,16 +66,14 @@ class TrimRequest(OneTrimRequest):
 def trim(request: TrimRequest) -> int:
     """Trim the aircraft and report variables, limits, active limits, residuals, loads and
     performance."""
-    if not hfa_model.is_hfa(request.model):
-        request.output.refuse(
-            ("picture",), "supports only the HFA; remove this option or --aircraft"
-        )
     point = request.trimmed()
     aircraft = request.trim.aircraft
-    report = trim_report(aircraft, request.trim.condition, point)
+    report = trim_report(aircraft, request.trim.condition, point, full=request.full)
     report = with_draws(report, request.draws, request.aircraft, request.trim, point)
 
     def figure() -> Figure:
+        if not hfa_model.is_hfa(aircraft):
+            return point_figure(point)
         from trim.hfa.front_view import trim_figure
 
         return trim_figure(aircraft, point)

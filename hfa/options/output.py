@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hfa.options.aircraft import of_hfa
 from hfa.options.argument_types import PICTURES, output_file
 from hfa.options.part import Part, option
 from hfa_support.progress import print_flushed, print_notes, print_to_stderr
@@ -46,14 +45,17 @@ def output_option(
     return option(about, "FILE", output_file(*suffixes, stores=stores), names="-o --output")
 
 
-def picture_option(shows: str, *, only_hfa: bool = False) -> Any:
+def picture_option(shows: str | Callable[[Model | None], str]) -> Any:
     """Return the option --picture, which names the image file to write.
 
-    shows: content of the picture, for the help
-    only_hfa: True to hide the option for all aircraft except the HFA
+    shows: content of the picture for the help, or a function of the model that returns it
     """
-    about = f"draw {shows} ({', '.join(PICTURES)})"
-    return option(of_hfa(about, "" if only_hfa else about), "FILE", output_file(*PICTURES))
+
+    def about(model: Model | None) -> str:
+        content = shows(model) if callable(shows) else shows
+        return f"draw {content} ({', '.join(PICTURES)})"
+
+    return option(about, "FILE", output_file(*PICTURES))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

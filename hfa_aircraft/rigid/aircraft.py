@@ -11,7 +11,7 @@ from typing import Any
 
 import casadi as ca
 
-from hfa_aircraft.about import About, Source
+from hfa_aircraft.about import About, Domain, Source
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.atmosphere import ALTITUDES, FT_TO_M, air_at
 from hfa_aircraft.rigid.motion import (
@@ -33,6 +33,20 @@ FORCE = {"english": "lbf", "si": "N"}
 #: Limits of the speed relative to that of the default trim.
 _SLOWEST = 0.3
 _FASTEST = 5.0
+
+
+def force_signals(system: str) -> dict[str, Signal]:
+    """Return the signals of the outputs of `Motion.forces`, name -> signal."""
+    length = LENGTH[system]
+    force = FORCE[system]
+    moment = "N m" if system == "si" else "ft lbf"
+    return {
+        **dict.fromkeys(("lift", "drag", "thrust_force", "weight"), Signal(force, 100.0)),
+        "pitching_moment": Signal(moment, 100.0),
+        "dynamic_pressure": Signal(f"{force}/{length}^2", 100.0),
+        "reference_area": Signal(f"{length}^2"),
+        "reference_chord": Signal(length),
+    }
 
 
 class Motion:
@@ -71,6 +85,19 @@ class Motion:
         weight = self._gravity * self._down
         return acceleration(self.velocity, self.rates, specific_force, weight)
 
+    def forces(
+        self, lift: Any, drag: Any, pitching_moment: Any, thrust: Any, mass: Any, *sizes: Any
+    ) -> dict[str, Any]:
+        """Return the outputs from which the reports of trims compute performance, name -> value.
+
+        lift, drag: aerodynamic forces normal to the flight path and along it
+        pitching_moment: aerodynamic moment about the center of gravity
+        thrust, mass: thrust and mass of the aircraft
+        sizes: reference area and reference chord of the coefficients
+        """
+        values = (lift, drag, thrust, mass * self._gravity, pitching_moment, self.pressure, *sizes)
+        return dict(zip(force_signals("si"), values, strict=True))
+
     def rates_and_outputs(
         self, specific_force: Any, moment: Any, inertia: Any
     ) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -107,6 +134,7 @@ def rigid_aircraft(
     holds_beta: bool,
     source: Source,
     about: About | None = None,
+    domain: Domain | None = None,
 ) -> Model:
     """Return the `Model` of a rigid aircraft, with a straight and level default trim.
 
@@ -121,6 +149,7 @@ def rigid_aircraft(
     outputs: name -> signal, for the outputs in addition to those of `Motion`.
     holds_beta: whether the default trim imposes the sideslip.
     source, about: the file, and texts about it.
+    domain: where the equations are valid.
     """
     length = LENGTH[system]
     foot = 1.0 if system == "english" else FT_TO_M
@@ -161,6 +190,7 @@ def rigid_aircraft(
             "load_factor": Signal(),
             "mach": Signal(nominal=0.1),
             **outputs,
+            **force_signals(system),
         },
         trim=trim,
         steady=steady,
@@ -168,4 +198,5 @@ def rigid_aircraft(
         schedule="speed",
         source=source,
         about=about or About(),
+        domain=domain or Domain(),
     )

@@ -14,7 +14,7 @@ from hfa_support import units
 
 FOOT = 0.3048
 TRIM = ("trim", "--dihedral", "12")
-ENGLISH = ("ft", "lbf", "slug")
+ENGLISH = ("ft", "lbf")
 
 
 def physics(data: dict[str, Any]) -> dict[str, float]:
@@ -25,15 +25,15 @@ def physics(data: dict[str, Any]) -> dict[str, float]:
     performance = data["performance"]
     loads = data["loads"]
     states = data["operating_point"]["states"]
-    pressure = 0.5 * performance["density"] * states["speed"] ** 2
-    force = pressure * performance["wing_area"]
+    # The density of the standard atmosphere at 40,000 ft is 0.30267 kg/m^3.
+    pressure = 0.5 * 0.302_67 * states["speed"] ** 2
+    force = pressure * performance["reference_area"]
     return {
         "dynamic pressure": performance["dynamic_pressure"] / pressure,
         "lift coefficient": loads["lift"] / (force * performance["lift_coefficient"]),
-        "Mach number": states["speed"] / (performance["speed_of_sound"] * performance["mach"]),
         # T = 288.15 K - 6.5 K/km h up to 11 km, isothermal above: the speed of sound of the
         # standard atmosphere, m/s.
-        "speed of sound": performance["speed_of_sound"] / 295.07,
+        "Mach number": states["speed"] / (295.07 * performance["mach"]),
         "gravity": performance["weight"] / (3 * 9.326 * 14.5939029 * 32.2 * FOOT),
     }
 

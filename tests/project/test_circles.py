@@ -15,10 +15,13 @@ from scipy.sparse.csgraph import connected_components
 #: modules of a pair are in one folder.
 ALLOWED = [
     {
+        "trim.linear.handling_qualities",
         "trim.linear.linear_model",
         "trim.point.first_lines",
         "trim.point.linearize",
         "trim.point.operating_point",
+        "trim.point.performance",
+        "trim.point.solve",
         "trim.point.trim_report",
     },
     {

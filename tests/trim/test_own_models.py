@@ -358,10 +358,12 @@ def test_commands_accept_a_users_model(tmp_path: Path) -> None:
     The commands refuse options that apply only to the flexible aircraft.
     """
     assert_refused(hfa("trim", *OWN, "--dihedral", "5"), 2, "unknown option --dihedral")
-    assert_refused(hfa("trim", *OWN, "--picture", "a.png"), 2, "--picture supports only the HFA")
     saved = tmp_path / "point.json"
-    done = hfa("trim", *OWN, "--hold", "xcg=0.3", "--hold", "turn_rate=17.188734", "-o", str(saved))
+    picture = tmp_path / "point.svg"
+    turning = ("--hold", "xcg=0.3", "--hold", "turn_rate=17.188734")
+    done = hfa("trim", *OWN, *turning, "-o", str(saved), "--picture", str(picture))
     assert done.code == 0
+    assert "elevator" in picture.read_text("utf-8")
     assert re.search(r"^elevator +-6\.25588 +deg +free", done.out, re.M)
     again = json.loads(
         hfa("linearize", *OWN, "--hold", "xcg=0.3", "--start", str(saved), "--json").out

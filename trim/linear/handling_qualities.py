@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 #: Names that models give to oscillating modes.
 _OSCILLATING = ("short period", "phugoid", "dutch roll")
+
+#: Condition number above which alpha and pitch rate have no steady state.
+_SINGULAR = 1e12
 
 
 @dataclass(frozen=True)
@@ -139,8 +142,11 @@ def _anticipation(linear: LinearModel, frequency: float) -> list[Quantity]:
     """Return two handling qualities of the short period: n/alpha, and the parameter CAP."""
     # CAP is the control anticipation parameter, and is omitted unless it is positive. The list is
     # empty if n/alpha is unknown or 0.
-    ratio = _n_per_alpha(linear)
-    if not ratio:
+    pulled = pull_up(linear)
+    if pulled is None or not pulled.alpha or not pulled.load_factor:
+        return []
+    ratio = pulled.load_factor / pulled.alpha
+    if math.isnan(ratio):
         return []
     quantities = [Quantity("n/alpha", ratio, "1/rad")]
     if frequency**2 / ratio > 0:
@@ -148,21 +154,41 @@ def _anticipation(linear: LinearModel, frequency: float) -> list[Quantity]:
     return quantities
 
 
-def _n_per_alpha(linear: LinearModel) -> float | None:
-    """Return the steady change of load factor per change of alpha in the short period, 1/rad."""
-    # The result is None
-    # - if the load factor is not the only output,
-    # - if the short period does not consist of alpha and one other state,
-    # - if alpha does not change.
+class PullUp(NamedTuple):
+    """Steady pull-up or push-over at constant speed, per unit of one input.
+
+    name: input that pitches the aircraft most
+    alpha: change of alpha, rad per unit of the input
+    load_factor: change of the load factor per unit of the input; nan if it is not the only output
+    """
+
+    name: str
+    alpha: float
+    load_factor: float
+
+
+def pull_up(linear: LinearModel) -> PullUp | None:
+    """Return the steady changes of alpha and load factor after a step of the input that pitches the
+    aircraft most. All states except alpha and pitch rate are held.
+
+    The result is None if the short period does not consist of alpha and one other state, or if no
+    input changes the rate of that state.
+    """
     model = linear.model
-    family = tuple(name for name in model.modes["short period"] if name in linear.states)
-    if linear.outputs != ("load_factor",) or "alpha" not in family or len(family) != 2:
+    declared = model.modes.get("short period", ())
+    family = tuple(name for name in declared if name in linear.states)
+    if "alpha" not in family or len(family) != 2:
         return None
     fast = linear.select(family)
     alpha = family.index("alpha")
     pitch_rate = 1 - alpha
     nominal = np.array([model.inputs[name].nominal for name in fast.inputs])
-    pitching = int(np.argmax(np.abs(fast.B[pitch_rate]) * nominal))
+    sizes = np.abs(fast.B[pitch_rate]) * nominal
+    pitching = int(np.argmax(sizes))
+    if not sizes[pitching] or np.linalg.cond(fast.A) > _SINGULAR:
+        return None
     at_rest = -np.linalg.solve(fast.A, fast.B[:, pitching])
-    load = fast.C[0] @ at_rest + fast.D[0, pitching]
-    return float(load / at_rest[alpha]) if at_rest[alpha] else None
+    load = math.nan
+    if linear.outputs == ("load_factor",):
+        load = float(fast.C[0] @ at_rest + fast.D[0, pitching])
+    return PullUp(fast.inputs[pitching], float(at_rest[alpha]), load)

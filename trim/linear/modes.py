@@ -179,43 +179,43 @@ def _mode(name: str, value: complex, participation: dict[str, float]) -> Mode:
     )
 
 
-def modes_table(modes: Iterable[Mode], time: str = "s") -> Table:
+def modes_table(modes: Iterable[Mode], time: str = "s", *, participation: bool = True) -> Table:
     """Return a table of modes, one row each.
 
     time: unit of time of the eigenvalues
+    participation: whether to include the states with the largest participation
     """
     rows = []
     for mode in modes:
         largest = sorted(mode.participation.items(), key=lambda item: -item[1])[:2]
-        rows.append(
-            (
-                mode.name,
-                eigenvalue_text(mode.eigenvalue),
-                f"{mode.damping:.4f}",
-                f"{mode.frequency:.4f}",
-                f"{mode.period:.3f}" if math.isfinite(mode.period) else "-",
-                _time_to(mode),
-                ", ".join(f"{state} {share:.0%}" for state, share in largest),
-            )
+        row = (
+            mode.name,
+            eigenvalue_text(mode.eigenvalue),
+            f"{mode.damping:.4f}",
+            f"{mode.frequency:.4g}",
+            f"{mode.period:.4g}" if math.isfinite(mode.period) else "-",
+            _time_to(mode),
+            ", ".join(f"{state} {share:.0%}" for state, share in largest),
         )
+        rows.append(row if participation else row[:-1])
     header = (
         "mode",
         f"eigenvalue 1/{time}",
         "damping",
-        f"frequency rad/{time}",
+        f"rad/{time}",
         f"period {time}",
         f"time to, {time}",
         "participation",
     )
-    return Table(header, rows)
+    return Table(header if participation else header[:-1], rows)
 
 
 def _time_to(mode: Mode) -> str:
     """Return the time to half or to double of a mode as text, or "-" if both are infinite."""
     if math.isfinite(mode.time_to_half):
-        return f"{mode.time_to_half:.3f} (half)"
+        return f"{mode.time_to_half:.4g} (half)"
     if math.isfinite(mode.time_to_double):
-        return f"{mode.time_to_double:.3f} (double)"
+        return f"{mode.time_to_double:.4g} (double)"
     return "-"
 
 

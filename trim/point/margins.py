@@ -71,6 +71,17 @@ class Margin(Result):
         return self.distance / (self.highest - self.lowest or 1.0)
 
     @property
+    def used(self) -> float:
+        """Used share of the travel from rest toward the limit on the side of the value.
+
+        Rest is 0, or the nearer of the limits if 0 is beyond them. The share is nan without a limit
+        on this side.
+        """
+        rest = min(max(0.0, self.lowest), self.highest)
+        travel = (self.highest if self.value >= rest else self.lowest) - rest
+        return (self.value - rest) / travel if math.isfinite(travel) and travel else math.nan
+
+    @property
     @stored()
     def at_limit(self) -> bool:
         """True if the variable is at the nearer limit, up to `NEAR`, or beyond."""
@@ -79,18 +90,24 @@ class Margin(Result):
     def row(self) -> tuple[str, ...]:
         """Return a table row on the variable, as text.
 
-        The cells are name, value, unit, role, lowest and highest value, distance and nearer limit.
-        Angles are in degrees.
+        The cells are name, value, unit, role, lowest and highest value, and distance. Assumed
+        limits have a star. Angles are in degrees.
         """
+        star = "*" * self.assumed
         lowest, highest = (
-            "" if math.isinf(limit) else shown_value(limit, self.unit)
+            "" if math.isinf(limit) else shown_value(limit, self.unit) + star
             for limit in (self.lowest, self.highest)
         )
         margin = degrees(self.distance, self.unit)[0] if self.nearer else ""
         role = "imposed" if self.role == "held" else self.role
         value, unit = degrees(self.value, self.unit)
-        nearer = f"{self.nearer}, assumed" if self.nearer and self.assumed else self.nearer
-        return self.name, value, unit, role, lowest, highest, margin, nearer
+        return self.name, value, unit, role, lowest, highest, margin
+
+    def share_row(self) -> tuple[str, str]:
+        """Return the used and the remaining share of the travel as text."""
+        if math.isnan(self.used):
+            return "", ""
+        return f"{100 * self.used:.1f} %", f"{100 * (1.0 - self.used):.1f} %"
 
 
 def all_margins(

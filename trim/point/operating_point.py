@@ -204,7 +204,9 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
             from hfa_aircraft.degrees import notes_on_degrees
 
             notes += notes_on_degrees(self.model)
-        return notes + beyond_range(self.model, self.states._asdict())
+        return notes + beyond_range(
+            self.model, {name: self[name] for name in self.model.domain.range}
+        )
 
     @property
     def margins(self) -> dict[str, Margin]:
@@ -337,17 +339,18 @@ def origin(model: Model) -> OperatingPoint:
 
 
 def beyond_range(model: Model, values: Mapping[str, float]) -> list[str]:
-    """Return a sentence for every state or input beyond the model's range of validity
-    (`Domain.range`).
+    """Return a sentence for every value beyond the model's range of validity (`Domain.range`).
 
     values: name -> value; a missing name counts as within the range
     """
     sentences = []
-    for name, (limit, range_name) in model.domain.range.items():
-        if abs(values.get(name, 0.0)) > limit * (1 + 1e-12):
-            value = model.describe(name, values[name])
+    for name, (lowest, highest, range_name) in model.domain.range.items():
+        value = values.get(name, lowest)
+        limit = min(max(value, lowest), highest)
+        if abs(value - limit) > 1e-12 * abs(limit):
             end = model.describe(name, limit)
-            sentences.append(f"{name} {value} is beyond {range_name}, which ends at {end}")
+            text = model.describe(name, value)
+            sentences.append(f"{name} {text} is beyond {range_name}, which ends at {end}")
     return sentences
 
 

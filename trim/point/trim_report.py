@@ -3,35 +3,53 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_aircraft.model import Model
+from hfa_aircraft.model import Model, recognized
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown_unit, shown_value
+from trim.linear.handling_qualities import Quantity
+from trim.linear.modes import modes_table
 from trim.point.condition import TrimCondition
-from trim.point.first_lines import control_lines
+from trim.point.first_lines import control_lines, digits
 from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint, point_records
+from trim.point.performance import Figures, figures_of
 from trim.point.problem import STARTS, TrimProblem
 from trim.point.status import BALANCE, Status
 from trim.point.system import declared_start
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 #: Number of nearest limits that are listed, in addition to those that bind.
 _NEAREST = 3
 #: Condition number above which the scaled Jacobian counts as singular.
 _SINGULAR = 1e12
-_MARGIN_COLUMNS = ("value", "unit", "status", "lowest", "highest", "margin", "nearest limit")
+_MARGIN_COLUMNS = ("value", "unit", "status", "lowest", "highest", "margin")
 _NEAR_COLUMNS = ("nearest limit", "limit", "margin", "unit", "of its range", "verdict")
+#: Figure -> name in the table, if it is not the name with blanks.
+_CALLED = {
+    "lift_over_drag": "L/D",
+    "speed_over_stall_speed": "speed / stall speed",
+    "neutral_point_behind_center_of_gravity": "neutral point behind c.g.",
+    "CL_alpha": "CL_alpha",
+    "Cm_alpha": "Cm_alpha",
+}
+#: Figures that the first table of figures contains, in order.
+_PERFORMANCE = (
+    *("weight", "lift", "drag", "lift_over_drag", "thrust", "thrust_force", "thrust_available"),
+    *("power_required", "lift_coefficient", "largest_lift_coefficient", "speed_over_stall_speed"),
+    *("drag_coefficient", "dynamic_pressure", "mach", "load_factor"),
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,6 +69,14 @@ class TrimResult(Result):
     binding: variables at a limit, without held ones.
     equations: equation -> imposed value, residual, tolerance, unit, verdict.
     rates_left: rate of each state that the trim does not balance.
+    controls: input with limits -> share of its travel that is used, from 0 or the nearer limit.
+    performance: loads, measures of performance and outputs of the model, name -> value.
+    performance_units: unit of each entry of `performance`.
+    stability: static margin, neutral point and control gradients, name -> value.
+    stability_units: unit of each entry of `stability`.
+    not_in_model: figure -> what the model lacks for it.
+    validity: quantity -> value, lowest, highest and source of the range where the model is valid.
+    modes: modes of the linear model at a trim.
     search: numbers of equations and unknowns, whether effort was minimized, number of the initial
         point, idle variables, other trims found.
     status: trimmed or failed; a failed trim contains the nearest point within the limits, and the
@@ -74,37 +100,35 @@ class TrimResult(Result):
     binding: Sequence[str]
     equations: Mapping[str, Mapping[str, Any]]
     rates_left: Mapping[str, float]
+    controls: Mapping[str, float]
+    performance: Mapping[str, float]
+    performance_units: Mapping[str, str]
+    stability: Mapping[str, float]
+    stability_units: Mapping[str, str]
+    not_in_model: Mapping[str, str]
+    validity: Mapping[str, Mapping[str, Any]]
+    modes: Sequence[Any]
     search: Mapping[str, Any]
     status: str
     reason: str | None = None
     warnings: Sequence[str]
 
 
-@dataclass(frozen=True)
-class Performance(Result):
-    """Performance of an aircraft at a trim.
-
-    performance: for the HFA, weight, lift coefficient, load factor and others; for other aircraft,
-        their outputs.
-    performance_units: unit of each entry of `performance`.
-    """
-
-    performance: Mapping[str, float]
-    performance_units: Mapping[str, str]
-
-
 @checks_arguments
-def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -> Report:
+def trim_report(
+    model: Model, condition: TrimCondition, point: OperatingPoint, *, full: bool = False
+) -> Report:
     """Return the report of a trim, or of the nearest point if the condition has no trim.
 
-    The report contains every variable with its limits, the nearest limits, the verdict on each
-    equation, other trims found, the rates that are not balanced, and the outputs or the model's own
-    description (`Trimming.describe`). Angles are in degrees in the text and in radians in the
-    data.
+    The report contains every variable with its limits, the nearest limit, loads and performance,
+    static stability, modes, validity, other trims found, and the rates that are not balanced.
+    Angles are in degrees in the text and in radians in the data.
 
     model: model of the aircraft
     condition: condition of the trim
     point: the trim or the nearest point
+    full: whether to list each equation, every limit at which a variable is or which is near, and
+        all outputs
     """
     need(model, Model, "trim_report: model", Model.how_to_make)
     need(condition, TrimCondition, "trim_report: condition", TrimCondition.how_to_make)
@@ -124,18 +148,12 @@ def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -
     equations = _equations(condition, point)
     rates = model.rates_at(point.states, point.inputs)
     unbalanced = {name: rate for name, rate in rates.items() if name not in condition.rates}
-    states = [margin.row() for name, margin in margins.items() if name not in model.inputs]
-    inputs = [margins[name].row() for name in model.inputs]
-    parts: list[Any] = [
-        Table(("state", *_MARGIN_COLUMNS), states),
-        Table(("input", *_MARGIN_COLUMNS), inputs),
-        Table(_NEAR_COLUMNS, [_nearest_row(margin) for margin in nearest]),
-        _equations_table(point, equations),
-        *sentences,
-    ]
-    if unbalanced:
-        rows = [(name, *degrees(rate, model.rate_unit(name))) for name, rate in unbalanced.items()]
-        parts.append(Table(("not balanced", "rate", "unit"), rows))
+    figures = figures_of(point, condition) if point.ok else Figures()
+    modes = point.modes if point.ok else ()
+    validity = {
+        name: {"value": point[name], "lowest": low, "highest": high, "source": source}
+        for name, (low, high, source) in model.domain.range.items()
+    }
     data = TrimResult(
         dihedral_deg=point.dihedral_deg,
         scheduled=point.scheduled,
@@ -149,27 +167,152 @@ def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -
         binding=[margin.name for margin in nearest if margin.at_limit and margin.role != "held"],
         equations=equations,
         rates_left=unbalanced,
+        controls={
+            name: margins[name].used for name in model.inputs if math.isfinite(margins[name].used)
+        },
+        performance={name: each.value for name, each in figures.performance.items()},
+        performance_units={name: each.unit for name, each in figures.performance.items()},
+        stability={name: each.value for name, each in figures.stability.items()},
+        stability_units={name: each.unit for name, each in figures.stability.items()},
+        not_in_model=figures.not_in_model,
+        validity=validity,
+        modes=modes,
         search=search,
         status=str(point.status),
         warnings=point.warnings,
     ).as_data()
-    if model.trimming.describe is None:
-        outputs = model.outputs_at(point.states, point.inputs)
-        units = {name: model.unit(name) for name in outputs}
-        data |= Performance(outputs, units).as_data()
-        if outputs:
-            parts.append(_outputs_table(outputs, units))
-    title = f"{point.title}\n{control_lines(point, margins, _lift_over_drag(point))}"
+    lines: list[Any] = [
+        _nearest_line(nearest) if not full else Table(_NEAR_COLUMNS, _nearest_rows(nearest)),
+        _equations_part(point, equations, full),
+        *sentences,
+    ]
+    if unbalanced:
+        lines.append(_may_change(model, unbalanced))
+    parts = [*_variables(model, margins), *([tuple(lines)] if not full else lines)]
+    parts += [*_figure_tables(figures, full), *_validity(model, validity)]
+    if modes:
+        parts.append(modes_table(modes, model.time_unit, participation=full))
+    title = f"{point.title}\n{control_lines(point, margins, _lift_over_drag(figures))}"
     report = Report(title, parts, point.warnings, data, point_records(point))
     described = model.trimming.describe
     return report if described is None else described(point, report)
 
 
-def _lift_over_drag(point: OperatingPoint) -> float | None:
-    """Return lift divided by drag, or None if the model has no outputs lift and drag."""
-    if not {"lift", "drag"} <= {*point.model.outputs}:
-        return None
-    return point["lift"] / point["drag"]
+def _variables(model: Model, margins: Mapping[str, Margin]) -> list[Any]:
+    """Return tables of the states and of the inputs with their limits."""
+    states = [margin.row() for name, margin in margins.items() if name not in model.inputs]
+    inputs = [(*margins[name].row()[:-1], *margins[name].share_row()) for name in model.inputs]
+    tables: list[Any] = [
+        Table(("state", *_MARGIN_COLUMNS), states),
+        Table(("input", *_MARGIN_COLUMNS[:-1], "used", "left"), inputs),
+    ]
+    if any(margin.nearer and margin.assumed for margin in margins.values()):
+        tables[0] = (tables[0], "* assumed: no data of the aircraft state this limit")
+    return tables
+
+
+def _nearest_line(nearest: Sequence[Margin]) -> str:
+    """Return a line on the nearest limit, or on each limit at which a variable is."""
+    at_limit = [margin for margin in nearest if margin.at_limit]
+    lines = []
+    for margin in at_limit or nearest[:1]:
+        limit = f"{margin.name} {margin.nearer} {shown_value(margin.nearer_limit, margin.unit)}"
+        unit = shown_unit(margin.unit)
+        where = limit + f" {unit}" * (unit != "1") + " (assumed)" * margin.assumed
+        if margin.at_limit:
+            verdict = "held there" if margin.role == "held" else "BINDS"
+            lines.append(f"At its limit: {where}, {verdict}")
+        else:
+            distance, _ = degrees(margin.distance, margin.unit)
+            share = "" if math.isnan(margin.share) else f", {100 * margin.share:.1f} % of its range"
+            lines.append(f"Nearest limit: {where}; margin {float(distance):.4g}{share}")
+    return "\n".join(lines)
+
+
+def _equations_part(
+    point: OperatingPoint, equations: dict[str, dict[str, Any]], full: bool
+) -> Table | str:
+    """Return the table of the equations, or one line if all balance and `full` is false."""
+    if full or not equations or not all(entry["ok"] for entry in equations.values()):
+        return _equations_table(point, equations)
+    shares = {
+        name: abs(entry["residual"]) / entry["tolerance"] for name, entry in equations.items()
+    }
+    largest = max(shares, key=lambda name: shares[name])
+    called = f"rate of {largest}" if largest in point.model.states else largest
+    return (
+        f"All {len(equations)} equations balance: "
+        f"largest residual {shares[largest]:.1e} of its tolerance ({called})"
+    )
+
+
+def _may_change(model: Model, unbalanced: Mapping[str, float]) -> str:
+    """Return a line with the rates that are not balanced: "altitude may change (0 ft/s)"."""
+    words = [
+        f"{name} may change ({digits(float(shown_value(rate, unit, '.12g')))} {shown_unit(unit)})"
+        for name, rate in unbalanced.items()
+        for unit in (model.rate_unit(name),)
+    ]
+    return ", ".join(words)
+
+
+def _figure_tables(figures: Figures, full: bool) -> Iterator[Any]:
+    """Yield tables of loads and performance and of static stability, and what the model lacks."""
+    known = figures.performance
+    first = [name for name in _PERFORMANCE if name in known]
+    others = [name for name in known if name not in first]
+    lacking: dict[str, list[str]] = {}
+    for name, reason in figures.not_in_model.items():
+        lacking.setdefault(reason, []).append(name)
+    lines = "\n".join(
+        f"{', '.join(names)}: not in this model: {reason}" for reason, names in lacking.items()
+    )
+    performance = [_figure_row(known[name]) for name in first]
+    stability = [_figure_row(each) for each in figures.stability.values()]
+    if performance:
+        yield Table(("loads and performance", "value", "unit"), performance)
+    if stability:
+        yield Table(("stability and control", "value", "unit"), stability), *_methods(figures)
+    if lines:
+        yield lines
+    if full and others:
+        yield Table(("output", "value", "unit"), [_figure_row(known[name]) for name in others])
+
+
+def _methods(figures: Figures) -> Iterator[str]:
+    """Yield lines on how the control gradients are computed."""
+    if any(name.endswith("_per_g") for name in figures.stability):
+        yield "per g: steady pull-up of the linear model; speed and other states held"
+    if any(name.endswith("_per_knot") for name in figures.stability):
+        yield "per knot: trims 0.5 kt slower and faster, other values of the condition held"
+
+
+def _figure_row(quantity: Quantity) -> tuple[str, str, str]:
+    name = _CALLED.get(quantity.name, quantity.name.replace("_", " "))
+    unit = quantity.unit
+    return name, short_number(quantity.value, unit), shown_unit(unit)
+
+
+def _validity(model: Model, validity: Mapping[str, Mapping[str, Any]]) -> Iterator[Any]:
+    """Yield a table of the ranges in which the model is valid, or that it states none."""
+    if not validity:
+        if "speed" in recognized(model.states):
+            yield "validity: not in this model: no ranges of tables, no domain of the equations"
+        return
+    rows = []
+    for name, entry in validity.items():
+        unit = model.unit(name)
+        numbers = [shown_value(entry[key], unit, ".5g") for key in ("value", "lowest", "highest")]
+        inside = entry["lowest"] <= entry["value"] <= entry["highest"]
+        verdict = Cell("inside", "good") if inside else Cell("OUTSIDE", "bad")
+        rows.append((name, *numbers, shown_unit(unit), verdict, entry["source"]))
+    yield Table(("validity", "value", "lowest", "highest", "unit", "verdict", "source"), rows)
+
+
+def _lift_over_drag(figures: Figures) -> float | None:
+    """Return lift divided by drag, or None if it is not in the model."""
+    quantity = figures.performance.get("lift_over_drag")
+    return None if quantity is None else quantity.value
 
 
 def _rank(margin: Margin) -> tuple[bool, bool, bool, float]:
@@ -179,28 +322,23 @@ def _rank(margin: Margin) -> tuple[bool, bool, bool, float]:
     return not margin.at_limit, margin.assumed, has_no_range, margin.share
 
 
-def _outputs_table(outputs: dict[str, float], units: dict[str, str]) -> Table:
-    rows = [
-        (name, short_number(value, units[name]), shown_unit(units[name]))
-        for name, value in outputs.items()
-    ]
-    return Table(("performance", "value", "unit"), rows)
-
-
-def _nearest_row(margin: Margin) -> tuple[str, ...]:
-    """Return the table row on the nearer limit of a variable."""
-    # The row contains the limit, the distance, and whether the variable is at the limit.
-    verdict: str = "-"
-    if margin.at_limit:
-        verdict = "held there" if margin.role == "held" else Cell("BINDS", "far")
-    return (
-        f"{margin.name}, {margin.nearer}" + ", assumed" * margin.assumed,
-        shown_value(margin.nearer_limit, margin.unit),
-        degrees(margin.distance, margin.unit)[0],
-        shown_unit(margin.unit),
-        f"{100 * margin.share:.1f} %",
-        verdict,
-    )
+def _nearest_rows(nearest: Sequence[Margin]) -> list[tuple[str, ...]]:
+    """Return table rows on the nearer limits of variables."""
+    rows: list[tuple[str, ...]] = []
+    for margin in nearest:
+        verdict: str = "-"
+        if margin.at_limit:
+            verdict = "held there" if margin.role == "held" else Cell("BINDS", "far")
+        row = (
+            f"{margin.name}, {margin.nearer}" + ", assumed" * margin.assumed,
+            shown_value(margin.nearer_limit, margin.unit),
+            degrees(margin.distance, margin.unit)[0],
+            shown_unit(margin.unit),
+            f"{100 * margin.share:.1f} %",
+            verdict,
+        )
+        rows.append(row)
+    return rows
 
 
 def _equations(condition: TrimCondition, point: OperatingPoint) -> dict[str, dict[str, Any]]:
@@ -351,6 +489,28 @@ def draw_point(point: OperatingPoint) -> Axes:
     Raises BadInputError for a point that was not found by a search, and if all variables are
     omitted.
     """
+    from hfa_support.reporting.figure import pyplot_figure
+
+    axes = pyplot_figure(7.0, _height(point)).subplots()
+    _draw_variables(axes, point)
+    return axes
+
+
+def point_figure(point: OperatingPoint) -> Figure:
+    """Return a figure of the variables of a trim in percent of their ranges, as in `draw_point`."""
+    from hfa_support.reporting.figure import new_figure
+
+    figure = new_figure(7.0, _height(point))
+    _draw_variables(figure.subplots(), point)
+    return figure
+
+
+def _height(point: OperatingPoint) -> float:
+    return 1.2 + 0.3 * len(_with_range(point))
+
+
+def _with_range(point: OperatingPoint) -> list[Margin]:
+    """Return the variables with two different limits, from the bottom of the figure."""
     if point.problem is None:
         raise BadInputError(
             "this operating point is not the result of a trim and has no limits; trim the model"
@@ -363,10 +523,11 @@ def draw_point(point: OperatingPoint) -> Axes:
         raise BadInputError(
             "no variable has both a lower and an upper limit; declare min and max of a Signal"
         )
-    limited.reverse()  # so that the first is at the top
-    from hfa_support.reporting.figure import pyplot_figure
+    return limited[::-1]
 
-    axes = pyplot_figure(7.0, 1.2 + 0.3 * len(limited)).subplots()
+
+def _draw_variables(axes: Axes, point: OperatingPoint) -> None:
+    limited = _with_range(point)
     shares = [100 * (each.value - each.lowest) / (each.highest - each.lowest) for each in limited]
     rows = range(len(limited))
     axes.hlines(rows, 0.0, 100.0, color="0.85", linewidth=5, zorder=1)
@@ -374,4 +535,3 @@ def draw_point(point: OperatingPoint) -> Axes:
     axes.set_yticks(rows, [" ".join(each.row()[:3]) for each in limited])
     axes.set_xlabel("share of the range between the limits, %; at a limit red")
     axes.set_title(point.title, fontsize=10)
-    return axes

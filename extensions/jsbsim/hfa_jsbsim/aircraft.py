@@ -486,7 +486,11 @@ class Equations:
         over_ground = velocity_rate - ca.cross(motion.rates, wind)
         self._angle_rates = flow_rates(motion.air_velocity, over_ground)[1:]
         weight = mass.slugs * self.parameters["gravity"]
-        wind_force = ca.mtimes(motion.wind_to_body.T, air_force)
+        # Lift, drag and moment are those of steady flow, without rates of alpha and beta.
+        rates = ca.vertcat(*self.rate_symbols)
+        loads = ca.vertcat(ca.mtimes(motion.wind_to_body.T, air_force), air_moment)
+        steady = ca.substitute(loads, rates, ca.SX.zeros(2))
+        wind_force = loads[:3]
         self.outputs = {
             "kcas": motion.calibrated / KNOT,
             "mach": motion.mach,
@@ -497,6 +501,12 @@ class Equations:
             "thrust": sum((effect.thrust for effect in self.effects), start=ca.SX(0.0)),
             "weight": mass.weight,
             "angle_of_attack": ca.SX(motion.alpha),
+            "lift": -steady[2],
+            "drag": -steady[0],
+            "pitching_moment": steady[4],
+            "dynamic_pressure": ca.SX(motion.pressure_head),
+            "reference_area": ca.SX(self.parts.wings.area),
+            "reference_chord": ca.SX(self.parts.wings.chord),
         }
         for file, effect in zip(self.parts.engines, self.effects, strict=True):
             if effect.power is not None:

@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.rigid.tables import lines_of_cells
-from hfa_jsbsim.properties import Properties
+from hfa_jsbsim.properties import Properties, plain
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import shortened
 
@@ -260,6 +260,14 @@ class Table:
         """Number of axes."""
         return len(self.breakpoints) + (self.parts[0].dimensions if self.parts else 0)
 
+    def ends(self, axis: int) -> tuple[float, float]:
+        """Return the first and the last breakpoint of an axis, of all parts of the table."""
+        if not self.parts or axis == self.dimensions - 1:
+            points = self.breakpoints[-1 if self.parts else axis]
+            return float(points[0]), float(points[-1])
+        ends = [table.ends(axis) for table in self.parts]
+        return min(first for first, _ in ends), max(last for _, last in ends)
+
     def at(self, properties: Properties, arguments: list[Any]) -> Any:
         """Return the value of the table, interpolated at given arguments.
 
@@ -391,7 +399,12 @@ def table_value(element: Element, properties: Properties, number: int | None = N
                 "table"
             )
         name = numbered(variable, variable.text, number)
-        arguments[_AXES[axis]] = properties.read(name, variable.where)
+        place = _AXES[axis]
+        arguments[place] = properties.read(name, variable.where)
+        if place < table.dimensions:
+            low, high = table.ends(place)
+            before = properties.ranges.get(plain(name), (low, high))
+            properties.ranges[plain(name)] = min(low, before[0]), max(high, before[1])
     if sorted(arguments) != list(range(table.dimensions)):
         fault = f"the table has {table.dimensions} axes and {len(arguments)} independentVar"
         raise element.error(f"{fault}; give one independentVar for each axis")

@@ -119,6 +119,7 @@ class Properties:
     memories: name -> value that is stored for the next frame.
     travels: (component, target) of each <kinematic> that takes time to move.
     asked: names of the properties that were read.
+    ranges: argument of a table -> lowest and highest breakpoint of its tables.
     filters: states of dynamic components.
     left_out: dynamic components whose dynamics are omitted.
     """
@@ -130,6 +131,7 @@ class Properties:
         self.travels: list[tuple[Element, ca.SX]] = []
         self.filters: list[FilterState] = []
         self.asked: set[str] = set()
+        self.ranges: dict[str, tuple[float, float]] = {}
         self.left_out: dict[str, tuple[Element, str, bool]] = {}
         self.unset: dict[str, str] = {}
         self.notes: list[Note] = []

@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.about import About, Source, Trimming
+from hfa_aircraft.about import About, Domain, Source, Trimming
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.atmosphere import SEA_LEVEL
 from hfa_aircraft.rigid.motion import STATES
@@ -64,6 +64,13 @@ ALIASES = {
     "fcs/roll-trim-cmd-norm": "roll_trim",
     "fcs/yaw-trim-cmd-norm": "yaw_trim",
     "gear/gear-cmd-norm": "gear",
+}
+#: Property that is an argument of tables -> name in the model, and factor to its unit.
+_ARGUMENTS = {
+    "aero/alpha-rad": ("alpha", 1.0),
+    "aero/alpha-deg": ("alpha", math.pi / 180.0),
+    "velocities/mach": ("mach", 1.0),
+    "aero/qbar-psf": ("dynamic_pressure", 1.0),
 }
 #: Initial advance ratio V / (n D) in the search for a propeller's speed.
 _ADVANCE_RATIO = 0.72
@@ -243,6 +250,7 @@ class _Declaration:
             schedule="speed",
             modes=_MODES | self._engine_modes(),
             source=source,
+            domain=Domain(self._table_ranges()),
             about=About(
                 notes=(*of_files(self.parts), *grouped(notes)),
                 aliases=_with_short_names(ALIASES | self._own_aliases()),
@@ -255,6 +263,17 @@ class _Declaration:
                 ),
             ),
         )
+
+    def _table_ranges(self) -> dict[str, tuple[float, float, str]]:
+        """Return the ranges of tables over alpha, Mach number and dynamic pressure, by name."""
+        found: dict[str, tuple[float, float, str]] = {}
+        for full_name, (name, factor) in _ARGUMENTS.items():
+            if full_name in self.equations.properties.ranges:
+                low, high = (factor * end for end in self.equations.properties.ranges[full_name])
+                before = found.get(name, (low, high, ""))
+                ends = min(low, before[0]), max(high, before[1])
+                found[name] = (*ends, "the range of the tables")
+        return found
 
     def _own_aliases(self) -> dict[str, str]:
         """Return JSBSim's names of signals, as JSBSim's name -> signal."""
@@ -385,6 +404,11 @@ class _Declaration:
             "thrust": Signal("lbf", 0.1 * self.parts.mass.weight),
             "weight": Signal("lbf", 0.1 * self.parts.mass.weight),
             "angle_of_attack": Signal("rad", 0.1),
+            **dict.fromkeys(("lift", "drag"), Signal("lbf", 0.1 * self.parts.mass.weight)),
+            "pitching_moment": Signal("ft lbf", 0.1 * self.parts.mass.weight),
+            "dynamic_pressure": Signal("lbf/ft^2", 100.0),
+            "reference_area": Signal("ft^2"),
+            "reference_chord": Signal("ft"),
         }
         signals_by_name |= dict.fromkeys(self._spool_errors(), Signal("%", 10.0))
         signals = {

@@ -26,7 +26,7 @@ from typing import Any
 
 import casadi as ca
 
-from hfa_aircraft.about import About, Source
+from hfa_aircraft.about import About, Domain, Source
 from hfa_aircraft.model import Model
 from hfa_aircraft.readers.daveml import names
 from hfa_aircraft.readers.daveml.document import Document, Variable, read_document
@@ -155,6 +155,7 @@ class _Files:
             holds_beta=True,
             source=source,
             about=About(notes=("read from DAVE-ML over a flat Earth in standard air",)),
+            domain=Domain(self._table_ranges()),
         )
 
     def _refuse_not_positive(self, constants: Callable[[str], Any]) -> None:
@@ -194,6 +195,15 @@ class _Files:
                 high = min(high, factor * most)
         return low, high
 
+    def _table_ranges(self) -> dict[str, tuple[float, float, str]]:
+        """Return the ranges of tables over alpha, Mach number and dynamic pressure, by name."""
+        ranges = {}
+        for own_name in ("angleOfAttack", "mach", "dynamicPressure"):
+            low, high = self._range(own_name, math.inf)
+            if math.isfinite(high - low):
+                ranges[names.MOTION[own_name]] = (low, high, "the range of the tables")
+        return ranges
+
     def _signal(self, document: Document, variable: Variable) -> Signal:
         """Return unit, nominal value, limits and initial value in the model's units."""
         # The limits are the narrower of the variable's own limits and the ranges of the tables that
@@ -224,14 +234,26 @@ class _Files:
         about_reference = force * arms * self._vector(value, names.MOMENTS)
         center = self._vector(value, names.CENTER)
         moment = about_reference - ca.cross(center, air_force)
-        specific = (air_force + self._vector(value, names.THRUST)) / value(names.MASS)
+        thrust = self._vector(value, names.THRUST)
+        specific = (air_force + thrust) / value(names.MASS)
         inertia = inertia_matrix(
             [value(name) for name in names.INERTIA],
             ca.vertsplit(self._vector(value, names.PRODUCTS)),
         )
-        return motion.rates_and_outputs(
+        rates, outputs = motion.rates_and_outputs(
             specific, moment + self._vector(value, names.THRUST_MOMENT), inertia
         )
+        along = ca.mtimes(wind_axes(x.alpha, x.beta).T, air_force)
+        forces = motion.forces(
+            -along[2],
+            -along[0],
+            moment[1],
+            thrust[0],
+            value(names.MASS),
+            value(names.AREA),
+            value(names.CHORD),
+        )
+        return rates, outputs | forces
 
     def _coefficients(self, value: Callable[[str], Any], alpha: Any) -> Any:
         """Return the coefficients (C_X, C_Y, C_Z) of the aerodynamic force in body axes, (3,)."""

@@ -177,6 +177,7 @@ class _Equations:
         drag_lag = self._coefficient("CD", p, lag)
         side_lag = self._coefficient("CY", p, lag)
         lag_force = force * ca.mtimes(stability, ca.vertcat(-drag_lag, side_lag, -lift_lag))
+        steady_moment = self._coefficient("Cm", p, arguments)
         arguments |= lag
         moments = [self._coefficient(name, p, arguments) for name in ("Cl", "Cm", "Cn")]
         arms = ca.vertcat(sizes.span, sizes.chord, sizes.span)
@@ -186,7 +187,16 @@ class _Equations:
         specific += lag_force / p.mass
         state_rates, outputs = motion.rates_and_outputs(specific, moment, inertia)
         coefficients = {"lift_coefficient": lift + lift_lag, "drag_coefficient": drag + drag_lag}
-        return state_rates, outputs | coefficients
+        forces = motion.forces(
+            force * lift,
+            force * drag,
+            force * sizes.chord * steady_moment,
+            size,
+            p.mass,
+            sizes.wing_area,
+            sizes.chord,
+        )
+        return state_rates, outputs | coefficients | forces
 
     def _thrust(self, x: Any, u: Any, p: Any, motion: Motion) -> Any:
         """Return the thrust; the input is the thrust at the speed of the reference condition."""

@@ -55,7 +55,7 @@ def test_an_eigenvalue_zero_by_rounding_is_zero(block: np.ndarray, seed: int) ->
         assert math.isinf(mode.time_to_half)
         assert math.isinf(mode.time_to_double)
     for row in modes_table(zero).rows:
-        assert row[1:6] == ("0.0000", "0.0000", "0.0000", "-", "-")
+        assert row[1:6] == ("0.0000", "0.0000", "0", "-", "-")
 
 
 @pytest.mark.parametrize("damping", [0.0, 1e-9])

@@ -1,0 +1,272 @@
+"""Figures of the trim sheet against independent calculations."""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from project import ROOT
+
+import hfa
+from hfa import Signal
+from hfa_aircraft.about import Domain
+from hfa_support.units import conversion
+from trim.point.condition import usual_condition
+from trim.point.performance import figures_of
+from trim.point.trim_report import trim_report
+
+AIRCRAFT = (f"{ROOT}/examples/uav.toml", f"{ROOT}/examples/uav.dml", "jsbsim:737", "hfa")
+
+
+@functools.cache
+def trimmed(name: str) -> tuple[hfa.OperatingPoint, dict[str, Any]]:
+    """Return the trim of an aircraft and the data of its report."""
+    if name == "hfa":
+        point = hfa.trim(hfa.aircraft(), hfa.paper.level_flight(math.radians(10.0)))
+    else:
+        point = hfa.trim(hfa.load_model(name))
+    return point, point.report().data
+
+
+@pytest.mark.parametrize("name", AIRCRAFT)
+def test_lift_drag_and_thrust_balance_the_weight(name: str) -> None:
+    """In level flight L + T sin α = W and D = T cos α; the thrust of the 737 also pitches."""
+    point, data = trimmed(name)
+    figures = data["performance"]
+    thrust = figures.get("thrust_force", figures.get("thrust"))
+    alpha = point["alpha"]
+    assert figures["drag"] == pytest.approx(thrust * math.cos(alpha), rel=2e-3)
+    lift = figures["weight"] - thrust * math.sin(alpha)
+    assert figures["lift"] == pytest.approx(lift, rel=4e-3)
+    assert figures["lift_over_drag"] == pytest.approx(figures["lift"] / figures["drag"])
+    force = figures["dynamic_pressure"] * figures["reference_area"]
+    assert figures["lift_coefficient"] == pytest.approx(figures["lift"] / force)
+    power = thrust * math.cos(alpha) * point["speed"]
+    assert figures["power_required"] == pytest.approx(power, rel=2e-3)
+
+
+def test_the_static_margin_is_that_of_the_table() -> None:
+    """The margin is -Cm_alpha / CL_alpha of the file, and the neutral point a chord times it."""
+    _, data = trimmed(AIRCRAFT[0])
+    figures = data["stability"]
+    assert figures["static_margin"] == pytest.approx(0.38 / 3.45, rel=1e-9)
+    assert figures["CL_alpha"] == pytest.approx(3.45, rel=1e-9)
+    behind = 0.18994 * 0.38 / 3.45
+    assert figures["neutral_point_behind_center_of_gravity"] == pytest.approx(behind, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", AIRCRAFT)
+def test_the_static_margin_is_that_of_differences(name: str) -> None:
+    """Central differences of lift and moment about alpha give the margin of the report."""
+    point, data = trimmed(name)
+    names = ("lift", "pitching_moment")
+    step = 1e-4
+    sides = []
+    for change in (-step, step):
+        state = point.states._replace(alpha=point["alpha"] + change)
+        # The moment due to the rate of alpha vanishes in a trim only.
+        sides.append(point.model.outputs_at(state, point.inputs, names))
+    lift, moment = (sides[1][name] - sides[0][name] for name in names)
+    margin = -moment / (lift * data["performance"]["reference_chord"])
+    assert data["stability"]["static_margin"] == pytest.approx(margin, rel=1e-3)
+
+
+def test_a_center_of_gravity_at_the_neutral_point_has_no_margin() -> None:
+    """Without Cm_alpha the margin is 0, and a destabilizing one gives a negative margin."""
+    model = trimmed(AIRCRAFT[0])[0].model
+    for slope in (0.0, 0.1):
+        point = hfa.trim(model.with_parameters(Cm_alpha=slope))
+        figures = figures_of(point, usual_condition(point.model))
+        margin = figures.stability["static_margin"].value
+        assert margin == pytest.approx(-slope / 3.45, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "control"),
+    [
+        (AIRCRAFT[0], "elevator"),
+        (f"{ROOT}/examples/gtm.py:GTM", "elevator"),
+        ("jsbsim:737", "elevator"),
+    ],
+)
+def test_control_per_g_is_that_of_nonlinear_pull_ups(name: str, control: str) -> None:
+    """The nonlinear model is trimmed in pull-ups of 1 ± 0.002 g with all other states held."""
+    point, data = trimmed(name)
+    model = point.model
+    holding = {**point.states._asdict(), **point.inputs._asdict()}
+    free = ("alpha", "pitch_rate", control)
+    held = {key: value for key, value in holding.items() if key not in free}
+    if "gamma" in model.variables:
+        held.pop("pitch")
+        held["gamma"] = point["gamma"]
+    found = []
+    n = point["load_factor"]
+    for load in (n - 0.002, n + 0.002):
+        pitch = {"alpha": 0.0, "pitch_rate": 0.0}
+        condition = hfa.TrimCondition(model, {**held, "load_factor": load}, pitch)
+        if "gamma" in held:  # alpha moves while the pitch angle is held
+            imposed = {key: value for key, value in condition.imposed.items() if key != "gamma"}
+            condition = replace(condition, imposed=imposed)
+        found.append(hfa.trim(model, condition, point)[control])
+    assert data["stability"][f"{control}_per_g"] == pytest.approx(
+        (found[1] - found[0]) / 0.004, rel=2e-2
+    )
+
+
+@pytest.mark.parametrize("name", [AIRCRAFT[0], f"{ROOT}/examples/gtm.py:GTM"])
+def test_control_per_knot_is_the_slope_of_trims(name: str) -> None:
+    """Trims 2 kt slower and faster, from the declared start, have the slope of the report."""
+    point, data = trimmed(name)
+    knot = conversion("kt", point.model.unit("speed"))
+    assert knot is not None
+    speeds = [point["speed"] + change * knot for change in (-2.0, 2.0)]
+    found = [hfa.trim(point.model, speed=speed)["elevator"] for speed in speeds]
+    expected = (found[1] - found[0]) / 4.0
+    assert data["stability"]["elevator_per_knot"] == pytest.approx(expected, rel=2e-2)
+
+
+def test_elevator_per_knot_of_a_table_is_the_textbook_formula() -> None:
+    """With small angles and thrust, dδ/dV = -2 C_L Cm_alpha / (V (CL_α Cm_δ - CL_δ Cm_α)) · -1.
+
+    C_L = 2 W / (ρ V² S) falls with V, and Cm stays 0.
+    """
+    point, data = trimmed(AIRCRAFT[0])
+    determinant = 3.45 * -0.5 - -0.36 * -0.38
+    slope = -0.38 / -determinant * -data["performance"]["lift_coefficient"] * 2.0 / point["speed"]
+    knot = conversion("kt", "m/s")
+    assert knot is not None
+    assert data["stability"]["elevator_per_knot"] == pytest.approx(-slope * -knot, rel=2e-2)
+
+
+def test_thrust_available_is_that_of_full_throttle() -> None:
+    """The thrust at full throttle of the 737 and of the flexible aircraft is the available one."""
+    point, data = trimmed("jsbsim:737")
+    full = point.model.outputs_at(point.states, point.inputs._replace(throttle=1.0), ("thrust",))
+    assert data["performance"]["thrust_available"] == pytest.approx(full["thrust"])
+    assert full["thrust"] > 1.5 * point["thrust"]
+    _, flexible = trimmed("hfa")
+    assert flexible["performance"]["thrust_available"] == pytest.approx(200.0, rel=1e-3)
+    _, given = trimmed(AIRCRAFT[0])
+    assert given["performance"]["thrust_available"] == 60.0
+
+
+@pytest.mark.slow
+def test_thrust_of_a_propeller_whose_speed_is_a_state_is_not_invented() -> None:
+    """The thrust of the Cessna follows the speed of its propeller."""
+    point = hfa.trim(hfa.load_model("jsbsim:c172p"))
+    figures = figures_of(point, usual_condition(point.model))
+    assert "thrust_available" not in figures.performance
+    assert "rpm0" in figures.not_in_model["thrust available"]
+
+
+def test_the_stall_margin_is_that_of_the_peak_of_the_lift() -> None:
+    """At the speed ratio of the report, the largest lift over alpha carries the same lift."""
+    point, data = trimmed("jsbsim:737")
+    figures = data["performance"]
+    angles = np.radians(np.linspace(5.0, 30.0, 101))
+    lifts = [
+        point.model.outputs_at(point.states._replace(alpha=a), point.inputs, ("lift",))["lift"]
+        for a in angles.tolist()
+    ]
+    ratio = math.sqrt(max(lifts) / figures["lift"])
+    assert figures["speed_over_stall_speed"] == pytest.approx(ratio, rel=2e-3)
+    assert "stall margin" in trimmed(AIRCRAFT[0])[1]["not_in_model"]
+
+
+def test_times_to_double_are_those_of_eigenvalues() -> None:
+    """The mode table has ln 2 / Re λ of the eigenvalues of the linear model."""
+    point = hfa.trim(hfa.aircraft(), hfa.paper.level_flight(math.radians(15.0)))
+    modes = point.report().data["modes"]
+    values = np.linalg.eigvals(np.asarray(point.linearize().A))
+    fastest = max(values.real)
+    unstable = [mode for mode in modes if math.isfinite(mode["time_to_double"])]
+    assert [mode["name"] for mode in unstable] == ["phugoid"]
+    assert unstable[0]["time_to_double"] == pytest.approx(math.log(2.0) / fastest)
+
+
+def test_used_control_power_is_the_share_of_the_travel() -> None:
+    """An elevator at -3 of -25 to 25 deg uses 12 %, and a thrust of 19 of 60 N 31 %."""
+    point, data = trimmed(AIRCRAFT[0])
+    assert data["controls"]["elevator"] == pytest.approx(point["elevator"] / math.radians(-25.0))
+    assert data["controls"]["thrust"] == pytest.approx(point["thrust"] / 60.0)
+
+
+def test_a_model_without_forces_says_what_it_lacks() -> None:
+    """The GTM has no lift: each figure of it is "not in this model", not a number."""
+    point, data = trimmed(f"{ROOT}/examples/gtm.py:GTM")
+    lacking = {"L/D", "power required", "stall margin", "static margin", "neutral point"}
+    assert lacking <= {*data["not_in_model"]}
+    text = point.report().text()
+    assert "static margin, neutral point: not in this model: no output" in " ".join(text.split())
+    assert {"elevator_per_g", "elevator_per_knot"} == {*data["stability"]}
+
+
+def test_a_value_outside_its_range_of_validity_is_marked() -> None:
+    """Validity compares the trim with the range of the model, for states and outputs."""
+    model = hfa.load_model(f"{ROOT}/examples/gtm.py:GTM")
+    range_of = {"alpha": (0.0, 0.04, "the wind tunnel"), "load_factor": (0.0, 2.0, "the structure")}
+    report = hfa.trim(replace(model, domain=Domain(range_of))).report()
+    rows = [line.split() for line in report.text().splitlines()]
+    assert ["OUTSIDE" in row for row in rows if row[:1] == ["alpha"] and "tunnel" in row] == [True]
+    assert ["inside" in row for row in rows if "structure" in row] == [True]
+    assert any("the wind tunnel" in note for note in report.notes)
+
+
+def test_aircraft_of_users_have_figures_by_names_of_outputs() -> None:
+    """A glider with the declared outputs gets L/D, margin and stall from a declared CL_max."""
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        pressure = 0.6 * x.speed**2
+        lift = pressure * 10.0 * (0.2 + 5.0 * x.alpha)
+        drag = pressure * 10.0 * 0.02
+        moment = pressure * 10.0 * (0.05 - 0.6 * x.alpha + u.elevator)
+        rates = {
+            "speed": -drag / 300.0 - 9.81 * (x.pitch - x.alpha),
+            "alpha": x.pitch_rate + (3000.0 - lift) / (300.0 * x.speed),
+            "pitch": x.pitch_rate,
+            "pitch_rate": moment / 400.0 - x.pitch_rate,
+        }
+        outputs = {
+            "lift": lift,
+            "drag": drag,
+            "pitching_moment": moment,
+            "dynamic_pressure": pressure,
+            "reference_area": 10.0,
+            "reference_chord": 1.0,
+            "largest_lift_coefficient": 1.4,
+        }
+        return rates, outputs
+
+    states = {
+        "speed": Signal("m/s", 30.0, 10.0, 60.0, 25.0),
+        "alpha": Signal("rad", 0.1, -0.2, 0.3),
+        "pitch": Signal("rad", 0.1),
+        "pitch_rate": Signal("rad/s", 0.1),
+    }
+    units = {"lift": "N", "drag": "N", "pitching_moment": "N m", "dynamic_pressure": "N/m^2"}
+    units |= {"reference_area": "m^2", "reference_chord": "m", "largest_lift_coefficient": "1"}
+    outputs = {name: Signal(unit) for name, unit in units.items()}
+    inputs = {"elevator": Signal("rad", 0.1, -0.5, 0.5)}
+    model = hfa.Model("glider", states, inputs, equations, outputs=outputs)
+    point = hfa.trim(model, hfa.TrimCondition(model, {"speed": 30.0}))
+    data = point.report().data
+    assert data["stability"]["static_margin"] == pytest.approx(0.6 / 5.0)
+    coefficient = 3000.0 / (0.6 * 900.0 * 10.0)
+    assert data["performance"]["lift_over_drag"] == pytest.approx(coefficient / 0.02)
+    ratio = math.sqrt(1.4 / coefficient)
+    assert data["performance"]["speed_over_stall_speed"] == pytest.approx(ratio)
+
+
+def test_residuals_are_a_line_while_all_pass_and_a_table_with_full() -> None:
+    """`full` lists each equation; the sheet repeats no limit and no line of zeros."""
+    point, _ = trimmed("hfa")
+    sheet = point.report().text()
+    assert "All 6 equations balance" in sheet
+    assert sheet.count("altitude may change (0 ft/s)") == 1
+    assert point.problem is not None
+    full = trim_report(point.model, point.problem.asked, point, full=True).text()
+    assert full.count("PASS") == 6
