@@ -242,7 +242,7 @@ def _equations_part(
     called = f"rate of {largest}" if largest in point.model.states else largest
     return (
         f"All {len(equations)} equations balance: "
-        f"largest residual {shares[largest]:.1e} of its tolerance ({called})"
+        f"at most {shares[largest]:.1e} of the tolerance ({called})"
     )
 
 
