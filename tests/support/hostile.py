@@ -251,7 +251,7 @@ def output_fault(result: Result) -> str | None:
     The exit code must be 0, 1 or 2. The run must print a result with notes, or one printable line
     that is not too long.
     """
-    lines = result.err.splitlines()
+    lines = [line for line in result.err.splitlines() if not line.startswith("wrote ")]
     others = [line for line in lines if not line.startswith("hfa: note: ")]
     if result.code not in (0, 1, 2):
         return f"exit code {result.code}"

@@ -1,0 +1,19 @@
+"""Comparison of printed entries with exact ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from verification.printed.comparison import Comparison, Position
+
+
+def test_a_mirrored_pair_of_a_symmetric_matrix_is_one_piece_of_evidence() -> None:
+    """Each entry counts log10 of its error in half units, a mirrored pair the larger of the two."""
+    errors = np.array([1.0, 100.0, 1000.0, 0.1])
+    positions = tuple(Position("P", row, column) for row in range(2) for column in range(2))
+    exact = np.array([3.0, 2.0, 2.0, 1.0])
+    half_units = np.full(4, 0.5)
+    found = Comparison(positions, exact + 0.5 * errors, exact, half_units, half_units)
+    assert found.evidence() == pytest.approx([3.0, 0.0, 0.0])
+    assert [str(position) for position in found.wrong_positions] == ["P12"]
