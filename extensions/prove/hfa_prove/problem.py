@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel
     from trim.point.operating_point import OperatingPoint
 
-#: Name of a parameter, state or input -> value.
-_Values = dict[str, float]
 #: If the condition number is larger, an input replaces a state as an unknown.
 _CONDITION = 1e6
 
@@ -43,8 +42,7 @@ def plant_of(problem: FlightProblem) -> Plant:
     limits = dict(zip(envelope.names, ends, strict=True))
     limits |= {name: (signal.min, signal.max) for name, signal in model.inputs.items()}
     finite = {name: pair for name, pair in limits.items() if np.isfinite(pair).any()}
-    parameters, trim, inputs, held = _values_at(problem.point)
-    return Plant(model, parameters, trim, inputs, held, finite)
+    return replace(plant_at(problem.point), limits=finite)
 
 
 def loop_at(linear: LinearModel, policy: Gain | ca.Function) -> Loop:
@@ -52,27 +50,22 @@ def loop_at(linear: LinearModel, policy: Gain | ca.Function) -> Loop:
 
     The limits are those of the model at the trim.
     """
-    model = linear.point.model
-    parameters, trim, inputs, held = _values_at(linear.point)
-    limits = model_limits(model, {**trim, **held}, parameters)
-    return Loop(model, parameters, trim, inputs, held, limits, policy)
+    at = plant_at(linear.point)
+    limits = model_limits(at.model, {**at.trim, **at.held}, at.parameters)
+    return Loop(**vars(replace(at, limits=limits)), policy=policy)
 
 
 def plant_at(point: OperatingPoint) -> Plant:
     """Return the aircraft at a trim, without limits."""
-    parameters, trim, inputs, held = _values_at(point)
-    return Plant(point.model, parameters, trim, inputs, held, {})
-
-
-def _values_at(point: OperatingPoint) -> tuple[_Values, _Values, _Values, _Values]:
-    """Return the parameters, moving states, inputs and constant states at a trim, by name."""
     model = point.model
     states = {name: float(value) for name, value in point.states._asdict().items()}
-    return (
-        {name: signal.start for name, signal in model.parameters.items()},
-        {name: states[name] for name in model.linear},
-        {name: float(value) for name, value in point.inputs._asdict().items()},
-        {name: value for name, value in states.items() if name not in model.linear},
+    return Plant(
+        model,
+        parameters={name: signal.start for name, signal in model.parameters.items()},
+        trim={name: states[name] for name in model.linear},
+        inputs={name: float(value) for name, value in point.inputs._asdict().items()},
+        held={name: value for name, value in states.items() if name not in model.linear},
+        limits={},
     )
 
 
