@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import threading
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -104,16 +105,23 @@ _WRITE = """for (int j = 0; j < {size}; j++)
                 results[{index}][(first + i) * {size} + j] = LANE({name}[j], i);"""
 
 
-class RowCode:
+class RowCode(threading.local):
     """Compiled function that is evaluated for each row of its arguments.
 
-    Several threads may call the function in parallel.
+    Several threads may call the function in parallel. Each thread has its own memory.
     """
 
     def __init__(self, function: ca.Function, symbol: str, library: Path) -> None:
         self._call = getattr(ctypes.CDLL(str(library)), symbol)
         self._widths = [function.numel_in(index) for index in range(function.n_in())]
         self._sizes = [function.numel_out(index) for index in range(function.n_out())]
+        self._bind(0)
+
+    def _bind(self, count: int) -> None:
+        """Allocate memory for the arguments and results of a number of rows."""
+        self._tables = [np.empty((count, width)) for width in self._widths]
+        self._results = [np.empty((count, size)) for size in self._sizes]
+        self._evaluate = self.bound(self._tables, self._results)
 
     def __call__(self, *tables: Any) -> list[np.ndarray]:
         """Return the results (N, size of the result) for arguments (N, size of the argument).
@@ -121,13 +129,14 @@ class RowCode:
         Raises ValueError for an argument of another shape.
         """
         count = len(tables[0])
-        given = [np.ascontiguousarray(table, dtype=float) for table in tables]
-        for table, width in zip(given, self._widths, strict=True):
-            if table.shape != (count, width):
-                raise ValueError(f"a table has the shape {table.shape}, not {(count, width)}")
-        results = [np.empty((count, size)) for size in self._sizes]
-        self._call(ctypes.c_longlong(count), _addresses(given), _addresses(results))
-        return results
+        if count != len(self._tables[0]):
+            self._bind(count)
+        for memory, table in zip(self._tables, tables, strict=True):
+            if np.shape(table) != memory.shape:
+                raise ValueError(f"a table has the shape {np.shape(table)}, not {memory.shape}")
+            memory[:] = table
+        self._evaluate()
+        return [result.copy() for result in self._results]
 
     def bound(
         self, tables: Sequence[np.ndarray], results: Sequence[np.ndarray]
