@@ -138,7 +138,7 @@ class Tracking(Result, Reported):
                 f" {self.duration:g} s:\ncost per second {self.cost_per_second:.6g}, without"
                 f" feedforward {self.cost_per_second_without_feedforward:.6g}",
                 Table(("rms of", "unit", "command", "error", "without feedforward"), rows),
-                *self._trim_parts(),
+                *self.trim_parts(),
             ),
             data=self.as_data(),
         )
@@ -163,7 +163,7 @@ class Tracking(Result, Reported):
             f" {describe(name, found.beyond[name])}{more}"
         )
 
-    def _trim_parts(self) -> tuple[Table | str, ...]:
+    def trim_parts(self) -> tuple[Table | str, ...]:
         """Return a table of the trims at the commands, () without an aircraft."""
         if not self.trims:
             return ()

@@ -180,7 +180,10 @@ COMMANDS = {
         "hfa_policy.commands.assess:assess",
         example="hfa assess examples/gtm_policy/late.toml --aircraft examples/gtm.py:GTM",
         results=(
-            Written("hfa_policy.assessment:Assessment", optional=(_DRAWS,)),
+            Written(
+                "hfa_policy.assessment:Assessment",
+                optional=(_DRAWS, "hfa_flight.commands.tracking:FlownTracking"),
+            ),
             Written("hfa_policy.comparison:Comparison"),
         ),
     ),

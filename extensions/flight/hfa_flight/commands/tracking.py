@@ -24,7 +24,7 @@ from trim.linear.linear_model import LinearModel
 class FlownTracking(Result):
     """Entries that --reference adds to a flight.
 
-    tracking: tracking of the reference on the linear model
+    tracking: tracking of the reference on the linear model, by a gain or the exact gain
     late_rms_errors: root mean square of each error in the second half of the flight, (n,)
     late_rms_errors_without_feedforward: the same of a flight without feedforward, (n,)
     """
@@ -51,7 +51,7 @@ def tracking_of(
 
 
 def with_errors(report: Report, tracking: Tracking, flown: Flight, plain: Flight) -> Report:
-    """Return the report of a flight with a section on its tracking errors.
+    """Return the report of a policy with a section on its tracking errors.
 
     flown: the flight with feedforward
     plain: the flight without feedforward
@@ -63,10 +63,10 @@ def with_errors(report: Report, tracking: Tracking, flown: Flight, plain: Flight
         shown = (shown_value(float(value), unit, ".3g") for value in values)
         rows.append((state, shown_unit(unit), *shown))
     header = ("rms error, 2nd half", "unit", "flight", "without feedforward")
-    section = tracking.report()
-    parts = [*report.parts, section.title, Table(header, rows)]
-    if plain.departure is not None:
-        parts.append(f"Without feedforward, the flight {plain.departure.text()}")
-    return replace(report, parts=(*parts, *section.parts)).with_data(
+    parts = [*report.parts, tracking.report().title, Table(header, rows)]
+    for flight, which in ((flown, "With"), (plain, "Without")):
+        if flight.departure is not None:
+            parts.append(f"{which} feedforward, the flight {flight.departure.text()}")
+    return replace(report, parts=(*parts, *tracking.trim_parts())).with_data(
         **FlownTracking(tracking, *late).as_data()
     )

@@ -15,9 +15,11 @@ from hfa.options.draws import draws_option
 from hfa.options.output import Output, ProgressLine, picture_option
 from hfa.options.part import OfModel, option, part
 from hfa.options.ranges import array_of, scheduled_range
+from hfa.options.reference import reference_option
 from hfa.options.request import Request, command
 from hfa.options.trim import Trim, called_at, scheduled
 from hfa_aircraft.model import Model
+from hfa_aircraft.waveform import Waveform
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.options import (
     at_held_altitude,
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
     from hfa_flight.policies.deployment.deployment import Deployment
     from hfa_policy.assessment import Assessment
     from hfa_policy.assessor import Assessor
+    from hfa_support.reporting.report import Report
 
 _MOST_POINTS = 1000
 _MOST_SAMPLES = 100_000
@@ -152,6 +155,7 @@ class AssessRequest(Request):
         whole(0, _MOST_SAMPLES),
     )
     draws: int | None = draws_option()
+    reference: Mapping[str, Waveform] = reference_option()
     bound: Path | None = option(
         "compare the costs of the flights of --best with the lower bound in this certificate of "
         "`hfa prove cost`",
@@ -227,10 +231,9 @@ def assess(request: AssessRequest) -> int:
     For each trim, the report contains the equilibrium, the spectral radius of the sampled loop with
     0, 1, 2 ... samples of delay, margins at the plant's input, and the linear cost compared with
     the optimum for Q and R. Flights from a box of initial conditions are simulated with and without
-    a disturbance pulse. The first line compares the costs of some flights with the best flights
-    found, or with the exact gain's.
+    a disturbance pulse. The first line compares costs with the best flights', or the exact gain's.
 
-    Exit code 0: the policy holds at every trim and satisfies every --need. Exit code 1: otherwise.
+    Exit code 0 if the policy holds at every trim and satisfies every --need, else 1.
     """
     from hfa_flight.policies.deployment.deployed import Deployed
 
@@ -247,7 +250,8 @@ def _refuse_contradictions(request: AssessRequest, deployed: list[Deployed]) -> 
     """Raise BadInputError for options that contradict each other or the deployments."""
     if len(deployed) > 1:
         request.refuse(
-            ("draws", "output.picture"), "requires a single deployment file; give only one file"
+            ("draws", "reference", "output.picture"),
+            "requires a single deployment file; give only one file",
         )
     for each in deployed:
         if each.deployment.cost is not None:
@@ -272,11 +276,12 @@ def _assessments(
 
     changes = [changes_of(each, request.vary) for each in deployed]
     points = tuple(request.points())
-    if request.bound is not None and len(points) > 1:
-        raise BadInputError(
-            f"--bound requires a single trim, but {len(points)} are given; give "
-            f"one value of --{called_at(request.model)}"
-        )
+    for name, is_given in (("bound", request.bound), ("reference", request.reference)):
+        if is_given and len(points) > 1:
+            raise BadInputError(
+                f"--{name} requires a single trim, but {len(points)} are given; give "
+                f"one value of --{called_at(request.model)}"
+            )
     scenarios = [request.scenario_at(point) for point in points] if request.is_rough() else []
     assessors = [
         Assessor(each, points, request.samples, request.seed, request.box) for each in deployed
@@ -308,8 +313,22 @@ def _show_one(request: AssessRequest, assessor: Assessor, result: Assessment) ->
         model = request.trim.aircraft
         draws = drawn_policy(assessor, result.points, model, spread, request.draws)
         report = reported(report, draws)
+    if request.reference:
+        report = _with_tracking(request, assessor, report)
     request.show(report, figure=result.figure, notes=result.warnings)
     return 0 if result.ok else 1
+
+
+def _with_tracking(request: AssessRequest, assessor: Assessor, report: Report) -> Report:
+    """Return the report with flights that track the reference, at the one trim."""
+    from hfa_flight.commands.tracking import with_errors
+    from hfa_policy.tracked_flights import tracked_flights
+    from trim.point.linearize import linearize
+
+    (point,) = assessor.points
+    deployed = assessor.deployed
+    linear = linearize(deployed.model, point)
+    return with_errors(report, *tracked_flights(deployed, point, linear, request.reference))
 
 
 def _show_comparison(request: AssessRequest, results: list[Assessment]) -> int:
