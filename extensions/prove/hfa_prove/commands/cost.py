@@ -29,6 +29,17 @@ _OF_THE_SEARCH = ("degree", "margin", "seconds", "resume")
 _DEGREES = ("2", "4", "6", "8", "10", "12")
 
 
+def _part(text: str) -> float:
+    """Return the fraction in the text of an option.
+
+    Raises BadInputError unless the text is a number from 0.0001 to 0.99.
+    """
+    part = number(text)
+    if not 1e-4 <= part <= 0.99:
+        raise BadInputError(f"is {text}; give a number from 0.0001 to 0.99")
+    return part
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CostRequest(Request):
     """Arguments of `hfa prove cost`."""
@@ -48,7 +59,7 @@ class CostRequest(Request):
         "relative distance of W below the linear quadratic cost; a smaller distance requires more "
         "time; default 0.02",
         "PART",
-        lambda text: _part(text),
+        _part,
         default=0.02,
     )
     seconds: float = option(
@@ -78,17 +89,6 @@ class CostRequest(Request):
         point = self.trim.point()
         game = self.game.weights.game(linearize(aircraft, point))
         return flight_problem(aircraft, point, game.Q, game.R, limits=self.limits)
-
-
-def _part(text: str) -> float:
-    """Return the fraction in the text of an option.
-
-    Raises BadInputError unless the text is a number from 0.0001 to 0.99.
-    """
-    part = number(text)
-    if not 1e-4 <= part <= 0.99:
-        raise BadInputError(f"is {text}; give a number from 0.0001 to 0.99")
-    return part
 
 
 @command(CostRequest)

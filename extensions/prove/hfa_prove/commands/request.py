@@ -70,6 +70,10 @@ def _size(model: Model, name: str, text: str) -> float:
     return quantity(model, name, text)
 
 
+def _degree(text: str) -> int:
+    return int(one_of("2", "4", "6")(text))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RegionRequest(Request):
     """Options of `hfa prove region`."""
@@ -105,9 +109,7 @@ class RegionRequest(Request):
     check: Path | None = option(
         "verify this certificate instead of proving a region", "FILE", input_file(".json")
     )
-    degree: int = option(
-        "highest degree of V: 2, 4 or 6; default 4", "N", lambda text: _degree(text), default=4
-    )
+    degree: int = option("highest degree of V: 2, 4 or 6; default 4", "N", _degree, default=4)
     seconds: float = option(
         "limit of processor time for the search, s; default 60",
         "S",
@@ -118,7 +120,7 @@ class RegionRequest(Request):
         "method of proof: squares (sums of squares) or boxes (branch and bound); default: both, "
         "each in half of the time",
         "NAME",
-        lambda text: one_of("squares", "boxes")(text),
+        one_of("squares", "boxes"),
     )
     disturbance: Mapping[str, float] = option(
         "instead of a region of attraction, prove a set that is invariant under every "
@@ -130,7 +132,3 @@ class RegionRequest(Request):
     resume: bool = option(
         "resume from the Lyapunov function V in the certificate given by -o", rare=True
     )
-
-
-def _degree(text: str) -> int:
-    return int(one_of("2", "4", "6")(text))
