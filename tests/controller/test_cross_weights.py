@@ -183,6 +183,7 @@ def test_the_joint_weight_decides():
         lqr(A, B, np.eye(2), np.eye(1), [[0.1, 0.2]])
 
 
+@pytest.mark.slow
 def test_a_plant_file_and_the_command_line_give_cross_weights(tmp_path):
     A, B = [[0.0, 1.0], [2.0, -0.3]], [[0.0], [1.0]]
     plant = tmp_path / "plant.npz"

@@ -80,6 +80,7 @@ def test_a_wrong_reference_is_refused() -> None:
         tracking(15.0, {"speed": "exp(t)"})
 
 
+@pytest.mark.slow
 def test_a_flight_with_feedforward_follows_the_command() -> None:
     """The nonlinear aircraft follows a small dihedral command more closely with feedforward."""
     found = tracking(15.0, {"dihedral": 0.02})

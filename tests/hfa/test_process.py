@@ -16,6 +16,7 @@ from project import ROOT
 from hfa.main import BAD_INPUT, DONE, FAILED
 
 
+@pytest.mark.slow
 def test_output_of_a_process_ignores_settings(tmp_path: Path) -> None:
     """The output of a child process does not depend on the hash seed or on color settings."""
     words = ("sweep", "--dihedral", "14:16:1")

@@ -58,6 +58,7 @@ def test_the_user_sets_the_error_limit(game: Game) -> None:
 # Pictures.
 
 
+@pytest.mark.slow
 def test_verify_draws_a_run() -> None:
     """`hfa verify --picture` draws a training run into a PNG file."""
     assert (

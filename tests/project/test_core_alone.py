@@ -66,7 +66,7 @@ def test_a_command_of_the_core_loads_no_extension(command: str, folder: Path) ->
     assert [file for file in files if Path(file).is_relative_to(ROOT / "extensions")] == []
 
 
-@pytest.mark.parametrize("command", ["trim --dihedral 10", "linearize --dihedral 10"])
+@pytest.mark.parametrize("command", ["linearize --dihedral 10"])
 def test_trims_load_neither_games_nor_verdicts(command: str) -> None:
     """Trims and linear models load no module of games or verdicts, and no large library."""
     words = [sys.executable, "-c", LOADED, *command.split()]

@@ -36,6 +36,7 @@ def test_the_law_of_the_paper_overflows_in_its_first_steps() -> None:
     assert result.err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_the_modified_law_is_bounded_and_wrong() -> None:
     """With the modifications, the weights stay bounded, and the first lines say how wrong it is."""
     game = package.paper.published_game(

@@ -149,6 +149,7 @@ def test_the_papers_settings_overflow_with_the_reason(name: str, policies: str) 
         run(law_of(game, stack_policies=policies))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["root", pytest.param("squared", marks=pytest.mark.slow)])
 def test_stored_policies_converge_within_the_theorems_time(kind: str) -> None:
     """With stored policies, the law converges to their value within the time of Theorem 1.

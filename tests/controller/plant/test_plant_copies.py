@@ -92,6 +92,7 @@ def agree(one: DeltaMin, other: DeltaMin) -> bool:
     return max(one.refused, other.refused) <= most
 
 
+@pytest.mark.slow
 def test_the_smallest_delta_agrees_with_slycot() -> None:
     """For a plant with poles from 0.1 to 8,400 rad/s, delta_min agrees with slycot."""
     plant = mixed_sensitivity(98)

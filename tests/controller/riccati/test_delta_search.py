@@ -85,6 +85,7 @@ def test_the_bracket_is_zero_if_all_deltas_solve() -> None:
         smallest_delta(lambda _: Answer(None, "near the axis"), 1.0, 1e-6)
 
 
+@pytest.mark.slow
 def test_no_delta_below_the_stated_gain_solves() -> None:
     """No delta below the gain that a refusal states has a solution, according to a 60-digit
     reference.

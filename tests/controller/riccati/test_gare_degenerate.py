@@ -68,6 +68,7 @@ def test_rotated_chains_of_integrators_are_solved(n: int) -> None:
         assert error(game, P * (1.0 + 1e-11)) <= EXACT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delta", [pytest.param(math.inf, marks=pytest.mark.slow), 20.0])
 def test_an_undamped_mode_needs_weight_in_Q(
     delta: float,

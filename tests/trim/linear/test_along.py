@@ -16,6 +16,7 @@ from hfa_aircraft import to_control
 from trim.linear.along import models_along
 
 
+@pytest.mark.slow
 def test_small_deviations_follow_the_linear_model() -> None:
     """The difference of two Navion flights follows δx' = A(t) δx to second order.
 

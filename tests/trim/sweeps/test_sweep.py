@@ -217,6 +217,7 @@ def test_a_wrong_listed_point_is_named(text: str, words: str, tmp_path: Path) ->
     assert_refused(hfa("sweep", "--condition", str(path)), 2, f"hfa: {path}: {words}")
 
 
+@pytest.mark.slow
 def test_a_list_of_points_is_swept_in_order(published_aircraft: Model, tmp_path: Path) -> None:
     """Points listed in a file, in degrees, are swept in their order, in memory and in a store.
 

@@ -128,6 +128,7 @@ def test_the_scale_of_inputs_is_applied(game: Game) -> None:
     )
 
 
+@pytest.mark.slow
 def test_value_and_policy_of_one_file_are_named(game: Game) -> None:
     """A value and a policy in one file are selected by --network.
 
