@@ -15,7 +15,7 @@ from hfa_policy.assessed_point import AssessedPoint
 from hfa_policy.assessment import Assessment
 from hfa_policy.assessor import SAMPLES, Assessor
 from hfa_policy.flight_costs import flight_costs
-from hfa_policy.rough_flights import rough_flights, rough_scenario
+from hfa_policy.rough_flights import RoughFlights, rough_flights, rough_scenario
 from hfa_policy.trims import trims_of
 from hfa_policy.variations import changes_of, variations
 from hfa_support.arguments import checks_arguments, need
@@ -125,11 +125,8 @@ def assessment_of(
     progress_of: function from the name of a step to the callback for its progress, or None
     bound: certificate with a lower bound of the cost, or None
     """
-    points = assessor.assessed(progress_of("fly"))
-    progress = progress_of("optimize")
-    points = [_with_costs(assessor, point, best, bound, progress) for point in points]
-    changed = variations(assessor, changes, progress_of("fly changed aircraft"))
-    if scenarios:
+    rough: Sequence[RoughFlights | None] = [None] * len(assessor.points)
+    if scenarios:  # first, because they refuse a scenario that does not suit the aircraft
         rough = rough_flights(
             assessor.deployed,
             assessor.points,
@@ -138,7 +135,11 @@ def assessment_of(
             assessor.seed,
             progress_of("fly in noise and moving air"),
         )
-        points = [replace(at, rough=flown) for at, flown in zip(points, rough, strict=True)]
+    points = assessor.assessed(progress_of("fly"))
+    progress = progress_of("optimize")
+    points = [_with_costs(assessor, point, best, bound, progress) for point in points]
+    points = [replace(at, rough=flown) for at, flown in zip(points, rough, strict=True)]
+    changed = variations(assessor, changes, progress_of("fly changed aircraft"))
     return Assessment(assessor.deployed, tuple(points), needs, tuple(changed))
 
 
