@@ -30,13 +30,13 @@ def test_the_figure_shows_differences_of_random_flights() -> None:
     limits = flight_envelope(
         model, point, {"alpha": (point["alpha"] - 0.02, point["alpha"] + 0.06)}
     )
-    plan = MonteCarlo(8, 0, model, point, gain, scenario, limits, spread)
+    plan = MonteCarlo(5, 0, model, point, gain, scenario, limits, spread)
     itself = hfa.fly(model, point, None, 1.0, initial=start, envelope=limits)
     axes = drawn_figure(plan).axes
     labels = [each.get_ylabel() for each in axes]
     assert "beta, deg" not in labels
     lines = axes[labels.index("Δ alpha, deg")].get_lines()
-    assert len(lines) == 8
+    assert len(lines) == 5
     ends = []
     for member, line in enumerate(lines):
         flown = fly_member(plan, member)

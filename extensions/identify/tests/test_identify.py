@@ -532,9 +532,8 @@ def test_stepwise_inputs_are_recognized():
     columns = record_with_steps({"elevator": moves}, 5)
     rows = np.sort(np.random.default_rng(5).permutation(len(columns["time"]))[:180])
     uneven = {name: values[rows] for name, values in columns.items()}
-    assert "inputs are constant between" in identify(begun(1.2), uneven, FREE).first_line
-    linear = identify(begun(1.2), columns, FREE)
-    assert linear.first_line == "FAIL: inputs are constant between samples; add --inputs steps"
+    first = identify(begun(1.2), uneven, FREE).first_line
+    assert first.startswith("FAIL: inputs are constant between samples; add --inputs steps")
 
 
 def test_records_that_disagree_are_named():

@@ -157,13 +157,6 @@ def test_a_spread_in_training_beyond_the_limits_is_noted():
     assert any(note.startswith("pitch: with this scale") for note in found)
 
 
-#: Aircraft and a value of its scheduling variable.
-RIGHT = {
-    "gtm.py:GTM": 45.0,
-    "uav.toml": None,
-}
-
-
 def exact_deployment(model, point, times=1.0):
     """Return the optimal gain for 1/nominal² as a deployment.
 
@@ -183,24 +176,20 @@ def exact_deployment(model, point, times=1.0):
     )
 
 
-@pytest.mark.parametrize("name", RIGHT)
+@pytest.mark.parametrize("name", ["gtm.py:GTM", pytest.param("uav.toml", marks=pytest.mark.slow)])
 def test_the_exact_gain_has_its_own_effects(name):
     """For the exact gain, each action has the effect of the exact gain.
 
-    The effects are positive, and nothing is noted.
+    The effects are positive, nothing is noted, and no training is known.
     """
     model = model_of(f"{ROOT}/examples/{name}")
-    point = trims_at(model, RIGHT[name])
+    point = hfa.trim(model, at=45.0) if name == "gtm.py:GTM" else hfa.trim(model)
     result = assess(model, exact_deployment(model, point), [point], samples=1, best=0)
     assert result.notes == []
+    assert all(np.isnan(each.mean) for each in result.points[0].observations)
     for each in result.points[0].actions:
         assert each.exact_effect > 0.0
         assert each.effect == pytest.approx(each.exact_effect, rel=1e-6)
-
-
-def trims_at(model, value):
-    """Return the default trim, or that at a value of the scheduling variable."""
-    return hfa.trim(model) if value is None else hfa.trim(model, at=value)
 
 
 def test_a_reversed_rudder_is_a_row_with_the_opposite_sign():
@@ -250,14 +239,6 @@ def test_ranges_contain_the_initial_conditions_and_the_training():
         assert each.lowest < 0.0 < each.highest
         assert each.farthest < 5.0
         assert (each.mean, each.spread) == (mean, pytest.approx(np.sqrt(variance)))
-    raw = assess(model_of(f"{ROOT}/examples/gtm.py:GTM"), unrecorded(), [45.0], samples=1, best=0)
-    assert all(np.isnan(each.mean) for each in raw.points[0].observations)
-
-
-def unrecorded():
-    """Return a deployment on the GTM without records of a training."""
-    model = model_of(f"{ROOT}/examples/gtm.py:GTM")
-    return exact_deployment(model, hfa.trim(model, at=45.0))
 
 
 def test_a_missing_normalizer_file_is_refused(tmp_path):

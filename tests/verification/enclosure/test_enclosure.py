@@ -294,8 +294,9 @@ def test_only_steps_of_opposite_arguments_are_a_slope() -> None:
     assert found.ravel().tolist() == [0.5, 1.0]
 
 
-def test_evaluated_values_equal_the_function() -> None:
+def test_evaluated_values_equal_the_function(monkeypatch: pytest.MonkeyPatch) -> None:
     """`values_at` equals the function, also at more points than are evaluated together."""
-    points = np.random.default_rng(0).uniform(-0.5, 0.5, (4100, 3))
+    monkeypatch.setattr("verification.enclosure.slopes._TOGETHER", 100)
+    points = np.random.default_rng(0).uniform(-0.5, 0.5, (250, 3))
     expected = np.array(every_operation()(points.T)).T
     assert values_at(Program(every_operation(), "f"), points) == pytest.approx(expected, rel=1e-12)
