@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from cli import answer, hfa
+from flint import arb, ctx
 from known_models import game_at, model_at
 from project import ROOT
 
@@ -20,7 +21,8 @@ from hfa_prove.certificate import sealed
 from hfa_prove.check.value import ValueEquation, check_value
 from hfa_prove.fields import Malformed, Rejected
 from hfa_prove.search.value import ValueProof, prove_value
-from hfa_prove.statements.value import LARGEST_RESIDUAL, ValueStatement
+from hfa_prove.statements.flight import Line
+from hfa_prove.statements.value import LARGEST_RESIDUAL, ValueStatement, ValueWitness
 
 PENDULUM = ("--aircraft", f"{ROOT}/examples/pendulum.py:PENDULUM")
 #: Changes of one coefficient: a percent, the sign, and degrees instead of radians.
@@ -40,20 +42,32 @@ def proof_of(linear: LinearModel, game: package.Game, order: int) -> ValueProof:
     return prove_value(package.expand(linear, package.solve(game), order), linear.point)
 
 
-@cache
-def proved() -> ValueProof:
+def single(x, u, p, w):
+    """Return a plant whose input moves one of its states alone."""
+    return {"a": x.b + x.a**2 - 0.5 * x.a, "b": -ca.sin(x.a) + x.b**2 + u.u}, {}
+
+
+def game_of(equations, inputs: tuple[str, ...]) -> tuple[LinearModel, package.Game]:
     states = {"a": Signal(), "b": Signal()}
-    inputs = {"u": Signal(), "v": Signal()}
-    model = Model("mixed", states, inputs, mixed, trim=dict.fromkeys(states, 0.0))
+    model = Model(
+        "plant", states, {name: Signal() for name in inputs}, equations,
+        trim=dict.fromkeys(states, 0.0),
+    )  # fmt: skip
     linear = package.linearize(model, package.trim(model))
-    game = package.game(linear, [1.0, 2.0], [0.5, 0.8], 3.0, E=[[0.3], [1.0]])
-    return proof_of(linear, game, 4)
+    R = [0.5, 0.8][: len(inputs)]
+    return linear, package.game(linear, [1.0, 2.0], R, 3.0, E=[[0.3], [1.0]])
 
 
-def is_refused(statement: ValueStatement) -> bool:
+@cache
+def proved(kind: str = "mixed") -> ValueProof:
+    equations, inputs = {"mixed": (mixed, ("u", "v")), "single": (single, ("u",))}[kind]
+    return proof_of(*game_of(equations, inputs), 4)
+
+
+def is_refused(statement: ValueStatement, witness: ValueWitness) -> bool:
     """Return whether the checker refuses a statement, whatever residual it claims."""
     try:
-        check_value(replace(statement, residual=LARGEST_RESIDUAL), proved().witness)
+        check_value(replace(statement, residual=LARGEST_RESIDUAL), witness)
     except NoSolutionError:
         return True
     return False
@@ -61,28 +75,41 @@ def is_refused(statement: ValueStatement) -> bool:
 
 def test_the_residual_is_that_of_rounding() -> None:
     assert proved().statement.residual < 1e-13
-    assert not is_refused(proved().statement)
+    assert not is_refused(proved().statement, proved().witness)
+
+
+def test_the_rays_determine_a_polynomial_of_the_degree() -> None:
+    """As many rays as a form of degree 4 of two variables has coefficients."""
+    assert proved().rays == 5
+
+
+def test_balls_that_are_too_wide_prove_nothing() -> None:
+    with ctx.workprec(24), pytest.raises(Rejected):
+        ValueEquation(proved().statement).check_residual(arb(LARGEST_RESIDUAL))
 
 
 @pytest.mark.parametrize("part", ["V", "u"])
 @pytest.mark.parametrize(
     "factor", [FACTORS[0], *(pytest.param(each, marks=pytest.mark.slow) for each in FACTORS[1:])]
 )
-def test_every_forged_coefficient_is_refused(part: str, factor: float) -> None:
-    statement = proved().statement
+@pytest.mark.parametrize("kind", ["mixed", "single"])
+def test_every_forged_coefficient_is_refused(kind: str, part: str, factor: float) -> None:
+    statement = proved(kind).statement
     exact = getattr(statement, part)
     for index in np.ndindex(exact.shape):
         forged = exact.copy()
         forged[index] *= factor
-        assert is_refused(replace(statement, **{part: forged})), index
+        assert is_refused(replace(statement, **{part: forged}), proved(kind).witness), index
 
 
 def test_other_games_and_trims_are_refused() -> None:
     statement = proved().statement
     weights = statement.weights
     for name, value in (("Q", 1.01 * weights.Q), ("R", 1.01 * weights.R), ("delta", 3.03)):
-        assert is_refused(replace(statement, weights=replace(weights, **{name: value})))
-    assert is_refused(replace(statement, weights=replace(weights, E=-1.01 * weights.E)))
+        planted = replace(statement, weights=replace(weights, **{name: value}))
+        assert is_refused(planted, proved().witness)
+    planted = replace(statement, weights=replace(weights, E=-1.01 * weights.E))
+    assert is_refused(planted, proved().witness)
     elsewhere = replace(statement.plant, trim={"a": 0.01, "b": 0.0})
     with pytest.raises(Rejected, match="rate of a"):
         check_value(replace(statement, plant=elsewhere), proved().witness)
@@ -106,6 +133,28 @@ def test_another_solution_of_the_equation_is_refused() -> None:
     line = proved().witness
     with pytest.raises(NoSolutionError, match="not positive definite"):
         check_value(statement, line)
+
+
+def test_a_positive_solution_that_does_not_stabilize_is_refused() -> None:
+    """Of the two positive solutions of a game with S < 0, the larger one destabilizes A - S P."""
+
+    def equations(x, u, p, w):
+        return {"x": u.u - x.x}, {}
+
+    model = Model("plant", {"x": Signal()}, {"u": Signal()}, equations, trim={"x": 0.0})
+    linear = package.linearize(model, package.trim(model))
+    game = package.game(linear, [1.0], [2.0], 1.0, E=[[1.0]])
+    proof = proof_of(linear, game, 2)
+    # -2 P + 1 + P²/2 = 0, with S = 1/2 - 1
+    larger = 2.0 + np.sqrt(2.0)
+    V = np.array([larger])
+    u = np.array([[-0.5 * larger]])
+    planted = replace(proof.statement, V=V, u=u, residual=LARGEST_RESIDUAL)
+    ValueEquation(planted).check_residual(arb(LARGEST_RESIDUAL))
+    for H in (1.0, -1.0):
+        line = Line(np.array([[H]]), np.eye(1))
+        with pytest.raises(NoSolutionError):
+            check_value(planted, ValueWitness(line))
 
 
 def test_a_switch_at_the_trim_is_refused() -> None:
