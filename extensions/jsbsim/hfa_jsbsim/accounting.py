@@ -19,7 +19,7 @@ from hfa_jsbsim.catalog import access, of_component, without_numbers
 from hfa_jsbsim.control_system import KINDS
 from hfa_jsbsim.notes import IDLE, MOTION, Note
 from hfa_jsbsim.parts import Parts
-from hfa_jsbsim.properties import Writer, is_constant
+from hfa_jsbsim.properties import Writer, is_zero
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import BadInputError, shortened
 
@@ -213,7 +213,7 @@ def _of_writers(equations: Equations) -> list[Note]:
             notes.append(Note(f"set {reason}", shortened(name), mine[-1].where, MOTION))
             continue
         if of_component(name):
-            if not all(_is_zero(writer) for writer in mine):
+            if not all(is_zero(writer.compute()) for writer in mine):
                 fault = (
                     f"{shortened(name)} is a failure or limit of a component, which cannot be set"
                 )
@@ -226,12 +226,6 @@ def _of_writers(equations: Equations) -> list[Note]:
         if "-cmd-norm" in name and name in properties.asked and len(writers) > len(mine):
             notes.append(Note(_SET_TWICE, shortened(name), mine[-1].where))
     return notes
-
-
-def _is_zero(writer: Writer) -> bool:
-    """Return whether a writer sets the constant 0 and therefore has no effect."""
-    value = writer.compute()
-    return is_constant(value) and float(value) == 0.0
 
 
 def _refusal(writer: Writer, fault: str) -> BadInputError:

@@ -33,6 +33,7 @@ from hfa_jsbsim.properties import (
     Properties,
     Writer,
     is_constant,
+    is_zero,
     lower_dashes,
 )
 from hfa_jsbsim.xml_file import Element, number_of
@@ -371,23 +372,27 @@ def _washout(component: Element, properties: Properties) -> Any:
     return value - state
 
 
+#: What a filter is whose denominator is 0 at s = 0.
+_NO_STEADY_STATE = "has no steady-state value; give a value other than 0"
+
+
+def _refuse_zero(component: Element, name: str, coefficient: Any, so: str) -> None:
+    """Raise BadInputError if a coefficient of a filter is 0."""
+    if is_zero(coefficient):
+        raise component.error(f"<{name}> is 0, so the filter {so}")
+
+
 def _lead_lag(component: Element, properties: Properties) -> Any:
     """Return the output of the filter (c1 s + c2) / (c3 s + c4)."""
     # Unless filters are states, the output is c2 / c4 times the input.
     value = input_of(component, properties)
     c1, c2, c3, c4 = coefficients(component, properties, 4)
-    if is_constant(c4) and float(c4) == 0.0:
-        raise component.error(
-            "<c4> is 0, so the filter has no steady-state value; give a value other than 0"
-        )
+    _refuse_zero(component, "c4", c4, _NO_STEADY_STATE)
     if not properties.has_filter_states:
         properties.leave_out(component, "its dynamics are omitted")
         return value * c2 / c4
-    if is_constant(c3) and float(c3) == 0.0:
-        raise component.error(
-            "<c3> is 0, so the filter differentiates the input, which is not supported; give a "
-            "value other than 0"
-        )
+    differentiates = "differentiates the input, which is not supported; give a value other than 0"
+    _refuse_zero(component, "c3", c3, differentiates)
     state = properties.add_state(component)
     properties.set_rate(state, lambda: (c2 / c3 - c1 * c4 / c3**2) * value - c4 / c3 * state)
     return c1 / c3 * value + state
@@ -398,18 +403,12 @@ def _second_order(component: Element, properties: Properties) -> Any:
     # Unless filters are states, the output is c3 / c6 times the input.
     value = input_of(component, properties)
     c1, c2, c3, c4, c5, c6 = coefficients(component, properties, 6)
-    if is_constant(c6) and float(c6) == 0.0:
-        raise component.error(
-            "<c6> is 0, so the filter has no steady-state value; give a value other than 0"
-        )
+    _refuse_zero(component, "c6", c6, _NO_STEADY_STATE)
     if not properties.has_filter_states:
         properties.leave_out(component, "its dynamics are omitted")
         return value * c3 / c6
-    if is_constant(c4) and float(c4) == 0.0:
-        raise component.error(
-            "<c4> is 0, so the filter is of first order, which is not supported here; use a "
-            "lead_lag_filter"
-        )
+    of_first_order = "is of first order, which is not supported here; use a lead_lag_filter"
+    _refuse_zero(component, "c4", c4, of_first_order)
     first = properties.add_state(component)
     second = properties.add_state(component)
     properties.set_rate(first, lambda: second)
@@ -552,14 +551,14 @@ def _controller(component: Element, properties: Properties, commands: ca.SX) -> 
     integral = component.find("ki") if component.name == "pid" else component.need("c1")
     gain = 0.0 if integral is None else properties.value(integral.text, integral)
     integrated: Any = 0.0
-    if not (is_constant(gain) and float(gain) == 0.0):
+    if not is_zero(gain):
         integrated = _integral(component, properties, value, gain, commands)
     proportional = parameter(component, "kp", properties, 0.0)
     damping = parameter(component, "kd", properties, 0.0)
     slope: Any = 0.0
     if component.find("pvdot") is not None:
         slope = parameter(component, "pvdot", properties, 0.0)
-    elif not (is_constant(damping) and float(damping) == 0.0):
+    elif not is_zero(damping):
         properties.leave_out(component, "the derivative of its input", is_never=True)
     if component.attributes.get("type") == "standard":
         return proportional * (value + integrated + damping * slope)

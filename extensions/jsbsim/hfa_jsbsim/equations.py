@@ -8,7 +8,7 @@ from typing import Any
 
 import casadi as ca
 
-from hfa_jsbsim.properties import is_constant
+from hfa_jsbsim.properties import is_zero
 
 
 class EquationsOfMotion:
@@ -41,7 +41,7 @@ class EquationsOfMotion:
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the rates by state and the outputs by name."""
-        is_still = all(is_constant(gust) and float(gust) == 0.0 for gust in w)
+        is_still = all(is_zero(gust) for gust in w)
         vectors = (x, u, p) if is_still else (x, u, p, w)
         columns = [ca.vertcat(*vector) if len(vector) else ca.DM(0, 1) for vector in vectors]
         rates, outputs = (self.function if is_still else self._gusty)(*columns)

@@ -433,3 +433,8 @@ def lower_dashes(name: str) -> str:
 def is_constant(value: Any) -> bool:
     """Return whether a value is a number, or an expression without symbols."""
     return not isinstance(value, ca.SX) or value.is_constant()
+
+
+def is_zero(value: Any) -> bool:
+    """Return whether a value is the constant 0."""
+    return is_constant(value) and float(value) == 0.0

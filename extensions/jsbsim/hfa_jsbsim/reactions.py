@@ -11,7 +11,7 @@ import numpy as np
 from hfa_jsbsim.air import Motion
 from hfa_jsbsim.functions import function_value
 from hfa_jsbsim.notes import Note
-from hfa_jsbsim.properties import LoopError, Properties, is_constant
+from hfa_jsbsim.properties import LoopError, Properties, is_zero
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import shortened
 
@@ -72,7 +72,7 @@ class Reactions:
         names = [f"{_base(element)}/{axis}" for axis in axes]
         self._properties.asked.update(names)
         magnitude = self._size(element)
-        if is_constant(magnitude) and float(magnitude) == 0.0:
+        if is_zero(magnitude):
             return ca.SX.zeros(3)
         along = self._read(names, element)
         return ca.mtimes(_to_body(element, motion), along) * magnitude
