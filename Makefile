@@ -74,7 +74,7 @@ mutants: .venv/tests
 # Many examples of every property: hostile inputs by every way in, games, trims and files.
 EXAMPLES ?= 500
 fuzz: .venv/tests
-	EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest $$(grep -rl "import given" tests extensions --include=test_*.py)
+	EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest $$(grep -rl "^from hypothesis import" tests extensions --include=test_*.py)
 
 # The oldest and the newest versions of the dependencies, with every Python that is found.
 test-matrix: .venv/ready
