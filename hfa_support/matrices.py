@@ -1,4 +1,4 @@
-"""Matrices given by users: finite real numbers of a shape."""
+"""Matrices: checks of those given by users, spectral radius and quadratic forms."""
 
 from __future__ import annotations
 
@@ -41,3 +41,17 @@ def checked_matrix(name: str, value: Any, largest: float, ndim: int | None = 2) 
 def shape_text(shape: tuple[int, ...]) -> str:
     """Return a shape as text, (5, 6) as "5 x 6", () as "a number"."""
     return " x ".join(map(str, shape)) or "a number"
+
+
+def spectral_radius(matrix: np.ndarray) -> float:
+    """Return the largest magnitude of the eigenvalues of a square matrix."""
+    return float(np.abs(np.linalg.eigvals(matrix)).max())
+
+
+def quadratic_forms(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Return z'M z of each row z, (N,).
+
+    rows: (N, n)
+    matrix: M, (n, n)
+    """
+    return np.asarray(np.einsum("ki,ij,kj->k", rows, matrix, rows))

@@ -14,6 +14,7 @@ from controller.game.zero_sum import Game
 from hfa_aircraft.march.ending import FAR_OF_VALUE, OF_EXACT, OF_VALUE, EndRule, has_decayed
 from hfa_aircraft.march.march import Free, march
 from hfa_aircraft.march.steppers import Adaptive, Recurrence, Stepper
+from hfa_support.matrices import quadratic_forms
 from hfa_support.reporting.checks import Check
 from verification.critic_errors import Exact
 from verification.scope import NonlinearPlant
@@ -259,7 +260,7 @@ class SimulatedLoop:
     def _values(self, states: np.ndarray) -> np.ndarray:
         """Return V* of each of the states (N, n and more), (N,)."""
         z = states[:, : len(self._P)]
-        return np.asarray(np.einsum("ki,ij,kj->k", z, self._P, z))
+        return quadratic_forms(z, self._P)
 
 
 def flow_loop(

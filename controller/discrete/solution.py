@@ -34,6 +34,7 @@ from controller.riccati.solution_report import sensitivity_warning
 from hfa_aircraft.names import PlantNames
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError, refuse_unless_positive
+from hfa_support.matrices import spectral_radius
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check, at_least, at_most, below, checks_block
 from hfa_support.reporting.report import Report, Reported
@@ -93,7 +94,7 @@ class DiscreteSolution(Result, Reported):
     def _has_finite_cost(self, printed: dict[str, np.ndarray]) -> bool:
         """Return whether a printed gain "K" gives sqrt(discount) (A - B K) a radius below 1."""
         loop = self.game.A - self.game.B @ printed["K"]
-        return math.sqrt(self.discount) * _radius(loop) < 1.0
+        return math.sqrt(self.discount) * spectral_radius(loop) < 1.0
 
     @property
     @stored()
@@ -207,7 +208,7 @@ def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> D
     try:
         X, accurate, certificate = _certified(form)
         K = accurate.gain(X) + problem.step.F
-        radius = _radius(problem.step.A - problem.step.B @ K)
+        radius = spectral_radius(problem.step.A - problem.step.B @ K)
         handed_out = _gain_check(math.sqrt(problem.discount) * radius)
         refuse_failures((handed_out,))
     except NoSolutionError as failure:
@@ -307,8 +308,8 @@ def _checks(form: StepForm, X: np.ndarray) -> tuple[Check, ...]:
     smallest = float(np.linalg.eigvalsh(X)[0]) / size
     saddle = np.eye(form.E.shape[1]) - form.E.T @ X @ form.E
     paid = float(np.linalg.eigvalsh((saddle + saddle.T) / 2.0).min(initial=1.0))
-    game_radius = _radius(loop + form.E @ gains.L)
-    radius = _radius(loop)
+    game_radius = spectral_radius(loop + form.E @ gains.L)
+    radius = spectral_radius(loop)
     unsolved = f"the residual of Bellman's equation is {residual:.2g}"
     moved = f"a Newton step changes P by {error:.2g}"
     indefinite = f"P is indefinite ({smallest:.3g} of its size)"
@@ -424,8 +425,3 @@ def _obstacle(form: StepForm, failure: str) -> str:
                 " has no cost: no P stabilizes it; give it weight in Q"
             )
     return f"the game without disturbance (delta = inf) is not certified: {failure}"
-
-
-def _radius(matrix: np.ndarray) -> float:
-    """Return the spectral radius of a matrix."""
-    return float(np.abs(np.linalg.eigvals(matrix)).max())

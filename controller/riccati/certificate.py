@@ -24,6 +24,7 @@ from controller.riccati.derivations import (
 from controller.riccati.normal_form import MODERATE, RANK, NormalForm
 from controller.riccati.sensitivity import gain_change, gain_change_bounds
 from hfa_support.errors import NoSolutionError
+from hfa_support.matrices import spectral_radius
 from hfa_support.reporting.checks import RELATIONS, Check, Checked, at_least, at_most, checked
 from hfa_support.reporting.results import Result
 
@@ -360,7 +361,7 @@ def distance_by_entries(given: NormalForm, levelled: NormalForm, frequencies: np
         try:
             inverse = np.linalg.inv(shifted)
             growth = np.abs(to_given @ inverse @ to_levelled) @ given.hamiltonian_sizes
-            radius = float(np.abs(np.linalg.eigvals(growth)).max())
+            radius = spectral_radius(growth)
         except np.linalg.LinAlgError:  # singular, or overflow
             return 0.0
         largest_growth = max(largest_growth, radius)

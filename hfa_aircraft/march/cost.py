@@ -8,6 +8,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hfa_support.matrices import quadratic_forms
+
 
 @dataclass(frozen=True, eq=False)
 class Cost:
@@ -31,7 +33,7 @@ class Cost:
         """
         if isinstance(z, np.ndarray):
             crossed = 0.0 if self.N is None else 2.0 * np.einsum("ij,jk,ik->i", z, self.N, v)
-            return _squares(z, self.Q) + crossed + _squares(v, self.R)
+            return quadratic_forms(z, self.Q) + crossed + quadratic_forms(v, self.R)
         of_states = ca.bilin(ca.DM(self.Q), z, z)
         if self.N is not None:
             of_states += 2 * ca.dot(z, ca.DM(self.N) @ v)
@@ -45,15 +47,10 @@ class Cost:
         v: (N, m), deviations of the inputs
         is_held: True if v is constant between consecutive times. v'Rv is then integrated exactly
         """
-        of_inputs = _squares(v, self.R)
-        cost = np.trapezoid(_squares(z, self.Q), times)
+        of_inputs = quadratic_forms(v, self.R)
+        cost = np.trapezoid(quadratic_forms(z, self.Q), times)
         if is_held:
             cost += of_inputs[:-1] @ np.diff(times)
         else:
             cost += np.trapezoid(of_inputs, times)
         return float(cost)
-
-
-def _squares(rows: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Return row' weight row of each row, (N,)."""
-    return np.asarray(np.einsum("ij,jk,ik->i", rows, weight, rows))

@@ -13,6 +13,7 @@ from hfa_aircraft.march.steppers import rk4
 from hfa_flight.initial_box import usual_box
 from hfa_flight.problem import FlightProblem
 from hfa_prove.statements.cost import CostStatement
+from hfa_support.matrices import quadratic_forms
 from hfa_support.native.bound import RowFunction
 from hfa_support.native.machine_code import machine_code
 
@@ -113,7 +114,7 @@ def flight_costs(
         paid += price[:, 0]
         inside = np.all((lowest <= z) & (z <= highest), axis=1)
         if number % _LOOKED_AT == 0 or number == most - 1:
-            end = np.einsum("ki,ij,kj->k", z, problem.P, z)
+            end = quadratic_forms(z, problem.P)
             ended = inside & (end <= _CONVERGED * paid)
             costs[flying[ended]] = (paid + end)[ended]
             inside &= ~ended

@@ -30,6 +30,7 @@ from hfa_flight.policies.controller import MatrixTables, MeasuredOutputs
 from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.signals import COMMAND_FILTER
 from hfa_model import INPUTS, LINEAR_STATES
+from hfa_support.matrices import spectral_radius
 from hfa_support.provenance import parameter_hash
 
 #: Output that is measured besides the integrals, and regulated outputs.
@@ -627,9 +628,7 @@ def adaptive_law(
         for angle in angles.tolist()
     ]
     outputs = MeasuredOutputs(aircraft, point, (RATE, *REGULATED))
-    fastest = max(
-        float(np.abs(np.linalg.eigvals(each.A - each.L @ each.C)).max()) for each in models
-    )
+    fastest = max(spectral_radius(each.A - each.L @ each.C) for each in models)
     identity = {
         "law": kind.__name__,
         "angles": angles,

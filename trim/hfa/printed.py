@@ -25,6 +25,7 @@ from hfa_model.variants import variant_named
 from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATES
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
+from hfa_support.matrices import quadratic_forms
 from hfa_support.native.bound import RowFunction
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import UNSTORED, ByValue, Matrix, Result, stored
@@ -390,7 +391,7 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
     rows = [STATES.index(name) for name in STATES if name in condition.rates]
     known = [Parameters._fields.index(name) for name in parameters.identified]
     jacobian = entries_at(own.layout, *at, free, rows)[1][:, known]
-    both = 2 * np.sqrt(np.einsum("ij,jk,ik->i", jacobian, parameters.covariance, jacobian))
+    both = 2 * np.sqrt(quadratic_forms(jacobian, parameters.covariance))
     entries = both.reshape(len(LINEAR_STATES), -1, order="F")
     if shown.source.native is not None:
         rows_in_si = np.array([si_factor(own.unit(name)) for name in LINEAR_STATES])

@@ -16,7 +16,7 @@ from controller.game.zero_sum import LARGEST_CRITIC_ENTRY
 from controller.riccati.cost import excess_ratios
 from controller.riccati.normal_form import NormalForm
 from hfa_support.errors import BadInputError
-from hfa_support.matrices import checked_matrix, shape_text
+from hfa_support.matrices import checked_matrix, shape_text, spectral_radius
 from hfa_support.reporting.checks import Check, at_most, below
 from verification.axis import (
     DECAY,
@@ -113,7 +113,7 @@ class InSteps:
         radius = math.inf
         excess = None
         if critic.finite:
-            radius = _radius(step.A - step.B @ critic.K)
+            radius = spectral_radius(step.A - step.B @ critic.K)
             excess = self.excess(critic.K)
         discounted_radius = math.sqrt(self.problem.discount) * radius
         unstable = f"A - B K of a step has the spectral radius {radius:.7g}"
@@ -150,7 +150,7 @@ class InSteps:
         loop = self.step.A - self.step.B @ K + self.step.E @ L
         radius = math.inf
         if np.isfinite(loop).all():
-            radius = math.sqrt(self.problem.discount) * _radius(loop)
+            radius = math.sqrt(self.problem.discount) * spectral_radius(loop)
         reason = f"sqrt(discount) (A - B K + E L) has the spectral radius {radius:.7g}"
         return below("game_loop_radius", radius, 1.0, reason, kind="game loop")
 
@@ -165,7 +165,7 @@ class InSteps:
 
     def is_stable(self, K: np.ndarray) -> bool:
         """Return whether all eigenvalues of A - B K are inside the unit circle."""
-        return _radius(self.step.A - self.step.B @ K) < 1.0
+        return spectral_radius(self.step.A - self.step.B @ K) < 1.0
 
     def cost(self, z: np.ndarray, u: np.ndarray) -> float:
         """Return x'Q x + 2 x'N u + u'R u."""
@@ -180,7 +180,7 @@ class InSteps:
         from scipy.linalg import solve_discrete_lyapunov
 
         moved = math.sqrt(self.problem.discount) * (self._worst - self.step.B @ K)
-        if not np.isfinite(moved).all() or _radius(moved) >= 1.0:
+        if not np.isfinite(moved).all() or spectral_radius(moved) >= 1.0:
             return None
         change = K - self.exact.K
         return np.asarray(solve_discrete_lyapunov(moved.T, change.T @ self.price @ change))
@@ -204,7 +204,7 @@ class InSteps:
         x = symbols_for([policy], len(b))
         B = self.step.B
         after = ca.DM(A) @ x + ca.DM(B) @ policy(x)
-        slowest = max(self.exact.radius, _radius(A - B @ critic.K), 1e-3)
+        slowest = max(self.exact.radius, spectral_radius(A - B @ critic.K), 1e-3)
         decay = -math.log(min(slowest, 1.0 - 1e-12))
         steps = min(math.ceil(DECAY / decay), MOST_STEPS)
         by_exact = A - B @ self.exact.K
@@ -213,8 +213,3 @@ class InSteps:
 
     def plant_loop(self, plant: NonlinearPlant, critic: Critic | None, b: np.ndarray) -> None:
         """Return None: the nonlinear plant is simulated in continuous time alone."""
-
-
-def _radius(matrix: np.ndarray) -> float:
-    """Return the spectral radius of a matrix."""
-    return float(np.abs(np.linalg.eigvals(matrix)).max())

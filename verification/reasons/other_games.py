@@ -24,6 +24,7 @@ from controller.riccati.gare import unconfirmed_solution
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import minimum_delta
 from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.matrices import spectral_radius
 from verification.reasons.hypotheses import (
     EXACT,
     OF_NETWORKS,
@@ -281,7 +282,7 @@ def fastest_rate(game: Game) -> float:
     loops = [game.A]
     with contextlib.suppress(NoSolutionError):
         loops.append(game.A - game.B @ solved(game).K)
-    return max(float(np.abs(np.linalg.eigvals(loop)).max()) for loop in loops) or 1.0
+    return max(spectral_radius(loop) for loop in loops) or 1.0
 
 
 def _in_steps(whose: str, game: Game, rate: float) -> Iterator[Family]:

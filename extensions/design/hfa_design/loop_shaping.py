@@ -20,6 +20,7 @@ import numpy as np
 from controller.riccati.frequency_response import system_gain
 from hfa_design.design import Following, OutputWeight
 from hfa_support.errors import NoSolutionError
+from hfa_support.matrices import spectral_radius
 from hfa_support.reporting.checks import Check, at_most
 
 #: Fraction by which the robustness norm may exceed gamma.
@@ -61,7 +62,7 @@ def robust_controller(A: np.ndarray, B: np.ndarray, C: np.ndarray, factor: float
             f"the shaped plant has no robust controller: {error}; choose inputs that control, and "
             "outputs that measure, every mode that does not decay"
         ) from error
-    smallest = float(np.sqrt(1.0 + np.abs(np.linalg.eigvals(X @ Z)).max()))
+    smallest = float(np.sqrt(1.0 + spectral_radius(X @ Z)))
     gamma = factor * smallest
     H = gamma**2 * np.linalg.solve((gamma**2 - 1.0) * np.eye(len(A)) - Z @ X, Z @ C.T)
     return Robust(B.T @ X, H, smallest, gamma)

@@ -6,12 +6,12 @@ import math
 from functools import lru_cache
 
 import casadi as ca
-import numpy as np
 
 from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.march.steppers import rk4
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
+from hfa_support.matrices import spectral_radius
 from trim.point.operating_point import OperatingPoint
 
 #: Longest integration step, in time constants of the fastest mode. The error is 1e-6 of a
@@ -30,7 +30,7 @@ def parts_of_a_sample(points: list[OperatingPoint], dt: float) -> int:
     fastest = 0.0
     for point in points:
         A = point.model.at(point.states, point.inputs).A
-        fastest = max(fastest, float(np.abs(np.linalg.eigvals(A)).max()))
+        fastest = max(fastest, spectral_radius(A))
     return min(max(1, math.ceil(dt * fastest / _LONGEST)), _MOST_PARTS)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from controller.game.discrete_game import DiscreteGame
 from hfa_support.errors import NoSolutionError
-from hfa_support.matrices import LARGEST
+from hfa_support.matrices import LARGEST, quadratic_forms, spectral_radius
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import UNSTORED, Matrix, Result, stored, stored_as, stored_parts
@@ -115,12 +115,12 @@ def fly_steps(
     xu = np.hstack([before, inputs])
     size = xu.shape[1]
     weights = problem.q_function(np.zeros_like(loop))[:size, :size]
-    costs = np.einsum("ki,ij,kj->k", xu, weights, xu)
+    costs = quadratic_forms(xu, weights)
     return StepFlight(
         problem,
         policy,
         np.array(states),
         inputs,
         problem.discount ** np.arange(count) * costs,
-        float(np.abs(np.linalg.eigvals(loop)).max()),
+        spectral_radius(loop),
     )

@@ -23,6 +23,7 @@ from hfa_aircraft.signals import Signal
 from hfa_identify.records import Record
 from hfa_identify.sensors import SensorError, sensor_errors
 from hfa_support.errors import BadInputError
+from hfa_support.matrices import spectral_radius
 from hfa_support.native.bound import BoundFunction, RowFunction
 from hfa_support.native.machine_code import machine_code
 
@@ -333,7 +334,7 @@ class Responses:
         slope = slopes[0, :, : len(start)]
         if not np.isfinite(slope).all():
             return 0.0
-        return float(np.abs(np.linalg.eigvals(slope)).max())
+        return spectral_radius(slope)
 
     def simulated(
         self, record: Record, start: np.ndarray, theta: np.ndarray, step: float = STEP

@@ -22,6 +22,7 @@ from hfa_optimal.collocation import (
 from hfa_optimal.flights import Flights, SimulatedFlight
 from hfa_optimal.tracking import exponentials
 from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.matrices import spectral_radius
 
 #: Number of intervals of the coarsest mesh, and largest number of refinements.
 INTERVALS = 25
@@ -408,7 +409,7 @@ class BestFlights:
         return self.transcriptions[intervals]
 
     def _mesh(self, seconds: float, intervals: int) -> np.ndarray:
-        fastest = float(np.abs(np.linalg.eigvals(self._loop)).max())
+        fastest = spectral_radius(self._loop)
         return mesh(seconds, intervals, fastest, self.flights.step)
 
     def _linear_guess(self, start: np.ndarray) -> Guess:

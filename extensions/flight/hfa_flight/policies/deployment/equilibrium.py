@@ -12,6 +12,7 @@ import numpy as np
 
 from hfa_aircraft.limits import Limits
 from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_support.matrices import spectral_radius
 from hfa_support.reporting.results import Matrix
 from trim.linear.kinks import linearization_at
 from trim.linear.switches import STEP
@@ -92,7 +93,7 @@ class Equilibrium:
 
         None for a policy whose inputs do not settle at a constant state, such as an integrator.
         """
-        if not np.abs(np.linalg.eigvals(self.K_inputs)).max() < 1.0:
+        if not spectral_radius(self.K_inputs) < 1.0:
             return None
         return np.linalg.solve(np.eye(len(self.K_inputs)) - self.K_inputs, self.K)
 
