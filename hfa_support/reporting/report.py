@@ -13,6 +13,7 @@ from hfa_support.errors import no_attribute, shortened
 from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.text import (
+    WIDTH,
     Table,
     columns,
     matrix_table,
@@ -61,11 +62,14 @@ class Report:
         """Return a copy of the report with additional data."""
         return replace(self, data={**self.data, **more})
 
-    def text(self, color: bool = False, width: int | None = None) -> str:
+    def text(self, color: bool = False, width: int | None = WIDTH) -> str:
         """Return the report as text without pictures, with a blank line between parts.
 
+        Lines of text are wrapped, and the columns of a table that do not fit are printed below the
+        others, as NumPy does.
+
         color: whether cells with a tone are colored
-        width: width of the terminal in characters, or None for lines of unlimited length
+        width: largest number of characters in a line, or None for lines of unlimited length
         """
         shown = [_text(part, color, width) for part in self.parts if not isinstance(part, Picture)]
         notes = (f"Note: {note}" for note in self.notes)
