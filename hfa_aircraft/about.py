@@ -17,6 +17,7 @@ class About:
     title: name in reports, or "" for the name of the model
     subject: short name in the first lines of reports, or "" for the title
     notes: sentences for every report
+    doubts: sentences on data that are probably wrong, below the first line of reports of trims
     aliases: name in another program -> name in the model
     names_schedule: whether options and data contain the name of the scheduling variable
         (--dihedral, dihedral_deg) instead of --at and scheduled
@@ -26,6 +27,7 @@ class About:
     title: str = ""
     subject: str = ""
     notes: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
     aliases: Mapping[str, str] = field(default_factory=dict)
     names_schedule: bool = False
     variants: tuple[str, ...] = ()

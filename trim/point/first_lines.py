@@ -32,7 +32,8 @@ def first_line(point: OperatingPoint, done: str, modes: Iterable[Mode] | None) -
     words = [f"{point.model.subject} {done}" + f": {condition}" * bool(condition)]
     if modes is not None:
         words.append(f"unstable: {unstable_words(modes, point.model.time_unit)}")
-    return wrapped(_listed(words, "; "), WIDTH)
+    doubts = [f"Check: {doubt}" for doubt in point.model.about.doubts]
+    return wrapped("\n".join([_listed(words, "; "), *doubts]), WIDTH)
 
 
 def unstable_words(modes: Iterable[Mode], time: str) -> str:

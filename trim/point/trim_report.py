@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from hfa_aircraft.model import Model, recognized
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import Result, stored_as
 from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown_unit, shown_value
 from trim.linear.handling_qualities import Quantity
 from trim.linear.modes import modes_table
@@ -82,6 +82,7 @@ class TrimResult(Result):
     status: trimmed or failed; a failed trim contains the nearest point within the limits, and the
         exit code is 1.
     reason: why there is no trim.
+    doubts: sentences on data of the aircraft that are probably wrong.
     warnings: notes on the validity of the result.
     """
 
@@ -111,6 +112,7 @@ class TrimResult(Result):
     search: Mapping[str, Any]
     status: str
     reason: str | None = None
+    doubts: Sequence[str] = field(metadata=stored_as(optional=True))
     warnings: Sequence[str]
 
 
@@ -179,6 +181,7 @@ def trim_report(
         modes=modes,
         search=search,
         status=str(point.status),
+        doubts=model.about.doubts,
         warnings=point.warnings,
     ).as_data()
     lines: list[Any] = [
@@ -235,14 +238,9 @@ def _equations_part(
     """Return the table of the equations, or one line if all balance and `full` is false."""
     if full or not equations or not all(entry["ok"] for entry in equations.values()):
         return _equations_table(point, equations)
-    shares = {
-        name: abs(entry["residual"]) / entry["tolerance"] for name, entry in equations.items()
-    }
-    largest = max(shares, key=lambda name: shares[name])
-    called = f"rate of {largest}" if largest in point.model.states else largest
     return (
-        f"All {len(equations)} equations balance: "
-        f"at most {shares[largest]:.1e} of the tolerance ({called})"
+        f"All {len(equations)} equations balance: largest residual {point.residual:.1e} of its "
+        f"scale, tolerance {BALANCE:.0e}"
     )
 
 

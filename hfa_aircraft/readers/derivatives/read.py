@@ -27,6 +27,7 @@ import casadi as ca
 from hfa_aircraft.about import About
 from hfa_aircraft.model import Model
 from hfa_aircraft.readers.derivatives.names import INDUCED, THRUST_BY_SPEED, THRUST_INPUT
+from hfa_aircraft.readers.derivatives.plausible import doubts_about
 from hfa_aircraft.readers.derivatives.table import Table, read_table, table_of
 from hfa_aircraft.rigid.aircraft import FORCE, GRAVITY, LENGTH, Motion, rigid_aircraft
 from hfa_aircraft.rigid.atmosphere import air_at
@@ -110,7 +111,7 @@ def _model(table: Table) -> Model:
         outputs={"lift_coefficient": Signal(), "drag_coefficient": Signal()},
         holds_beta=_turns_both_ways(table),
         source=table.source,
-        about=About(notes=table.notes),
+        about=About(notes=table.notes, doubts=tuple(doubts_about(table))),
     )
 
 

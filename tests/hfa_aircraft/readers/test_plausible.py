@@ -1,0 +1,59 @@
+"""Tables with usual mistakes are doubted under the first line; right aircraft are not."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli import hfa as command
+from project import ROOT
+
+import hfa
+
+
+def changed(**values: Any) -> dict[str, Any]:
+    """Return the table of the small aircraft with other values."""
+    table = tomllib.loads((ROOT / "examples/uav.toml").read_text("utf-8"))
+    flat: dict[str, Any] = {}
+    for name, value in table.items():
+        flat |= value if isinstance(value, dict) else {name: value}
+    return flat | values
+
+
+DEGREE = 3.141592653589793 / 180.0
+#: Mistake -> changed entries, and a word of its doubt.
+MISTAKES = {
+    "mass in pounds as slugs": ({"mass": 13.5 / 32.174}, "weight"),
+    "static instability": ({"Cm_alpha": 0.38}, "Cm_alpha"),
+    "sign of the roll damping": ({"Cl_p": 0.26}, "Cl_p"),
+    "per degree taken as per radian": ({"CL_alpha": 3.45 * DEGREE}, "CL_alpha"),
+    "per radian taken as per degree": ({"CL_alpha": 3.45 / DEGREE}, "CL_alpha"),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_planted_mistake_is_doubted(mistake: str) -> None:
+    """Each mistake has one line, which names the entry, and the aircraft is still read."""
+    values, word = MISTAKES[mistake]
+    model = hfa.from_derivatives(changed(**values))
+    (doubt,) = model.about.doubts
+    assert word in doubt
+
+
+def test_doubts_stand_below_the_first_line(tmp_path: Path) -> None:
+    """The trim of a table with a planted sign is not refused; its second line is the doubt."""
+    text = (ROOT / "examples/uav.toml").read_text("utf-8").replace("Cl_p = -0.26", "Cl_p = 0.26")
+    (tmp_path / "wrong.toml").write_text(text)
+    for verb in ("trim", "linearize"):
+        result = command(verb, "--aircraft", str(tmp_path / "wrong.toml"))
+        assert result.code == 0
+        lines = result.out.splitlines()
+        assert [line.startswith("Check: Cl_p") for line in lines].index(True) in (1, 2)
+
+
+@pytest.mark.parametrize("name", ["uav.toml", "cessna182.toml", "glider.toml"])
+def test_right_tables_are_not_doubted(name: str) -> None:
+    """No table of the examples is doubted."""
+    assert hfa.load_model(f"{ROOT}/examples/{name}").about.doubts == ()
