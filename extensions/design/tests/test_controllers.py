@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from controllers import small_controller
+from controllers import integrating_controller, small_controller
 from known_models import model_at
 from scipy.io import loadmat
 from servo_cases import A_Z, measured_servo, simvfa_design
@@ -183,6 +183,15 @@ def test_another_aircraft_and_other_angles_are_refused(published_aircraft: Model
     heavier = default_parameters().values._replace(panel_mass=11.0)
     with pytest.raises(BadInputError, match="an aircraft with other parameters"):
         controller.refuse_other(hfa.aircraft(parameters=heavier), 0.1, 0.2)
+
+
+def test_a_controller_of_rates_has_actuators_of_second_order(published_aircraft: Model) -> None:
+    """An actuator of first order has no rate: a controller that measures one has margins of others."""
+    controller = integrating_controller(
+        published_aircraft, measurements=("aileron_outer_rate", "dihedral")
+    )
+    table = check_margins(published_aircraft, controller, np.radians([10.0]), (2.0,))
+    assert [acting.order for row in table.rows for acting in row.actuators] == [2]
 
 
 def test_a_saved_controller_is_loaded_unchanged(published_aircraft: Model, tmp_path: Path) -> None:

@@ -10,7 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from known_models import model_at
-from scipy.linalg import eigvals, solve_continuous_are, solve_continuous_lyapunov
+from scipy.linalg import (
+    eigvals,
+    solve_continuous_are,
+    solve_continuous_lyapunov,
+    solve_sylvester,
+)
 from servo_cases import A_Z
 
 import hfa
@@ -19,10 +24,15 @@ from hfa import BadInputError, NoSolutionError
 from hfa_aircraft.model import Model
 from hfa_design import design_controller, load_design, loop_shaping
 from hfa_design.controllers import controller_at
-from hfa_design.design import Design
+from hfa_design.design import Design, Following
 from hfa_design.design_model import design_model
-from hfa_design.loop_shaping import output_weights, robust_check, robust_controller
-from hfa_design.servo_loop import check_margins, servo_loop, servo_margins, servo_plant
+from hfa_design.loop_shaping import (
+    following_model,
+    output_weights,
+    robust_check,
+    robust_controller,
+)
+from hfa_design.servo_loop import TOGETHER, check_margins, servo_loop, servo_margins, servo_plant
 from hfa_flight.actuators import Actuator
 
 INPUTS = ("throttle", "aileron_center", "aileron_outer", "elevator_center")
@@ -150,6 +160,29 @@ def test_every_servo_loop_has_the_required_margins(dynamics: str, angles: Sequen
     assert min(each.gain for each in table.single) >= 6.0
     assert min(each.phase for each in table.single) >= 45.0
     assert min(each.delay for row in table.rows for each in row.loops.values()) > 0.02
+    of_first = [row for row in table.rows if row.scheduled_at == table.rows[0].scheduled_at]
+    smallest = min(
+        each.delay for row in of_first for name, each in row.loops.items() if name != TOGETHER
+    )
+    _, by_value, *_ = table.report().parts
+    assert by_value.rows[0][-1] == f"{1e3 * smallest:.0f}"
+
+
+def test_the_reference_model_follows_filtered_commands() -> None:
+    """Once its transient has decayed, the reference model's output is the filtered command.
+
+    Its states are then Π w with w' = S w of the filter, and M Π + B = Π S.
+    """
+    A, B = np.array([[0.0, 1.0], [-2.0, -0.5]]), np.array([[0.0], [1.0]])
+    bandwidth, damping = 0.8, 0.6
+    chosen = Following({"position": 1.0}, {"force": 1.0}, filter=(bandwidth, damping))
+    M, by_command = following_model(A, B, np.eye(1, 2), chosen, np.zeros(2), np.ones(1))
+    S = np.zeros((3, 3))
+    S[0, 1] = 1.0
+    S[1] = [-(bandwidth**2), -2.0 * damping * bandwidth, bandwidth**2]
+    Pi = solve_sylvester(M, -S, -by_command)
+    np.testing.assert_allclose(Pi[0], [1.0, 0.0, 0.0], atol=1e-9)
+    assert eigvals(M).real.max() < 0.0
 
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])

@@ -20,6 +20,8 @@ needs_jsbsim = pytest.mark.skipif(
 QUICK = {
     "airframe: plain": "agrees",
     "airframe: external force of a function": "agrees",
+    "airframe: external force, frame LOCAL": "agrees",
+    "airframe: propeller, Mach": "agrees",
     "control: channel, execute 0": "agrees",
     "control: sensor, quantization": "refused",
     "control: integrator of a rate": "noted",

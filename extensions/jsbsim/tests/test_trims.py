@@ -9,6 +9,8 @@ from small_aircraft import glider, written
 
 from hfa import BadInputError, linearize, trim
 from hfa_aircraft.loading import load_model
+from hfa_aircraft.rigid.atmosphere import air_at
+from hfa_jsbsim.speeds import speed_and_density
 from trim.point.condition import release, usual_condition
 from trim.point.solve import TrimError, explained
 from trim.sweeps.points import TRIMMED, trim_points
@@ -40,6 +42,26 @@ def test_aircraft_are_trimmed_at_a_calibrated_airspeed(name, kcas, altitude):
         assert outputs["gamma"] == pytest.approx(0.0, abs=1e-9)
     else:
         assert outputs["gamma"] < -0.02
+
+
+@pytest.mark.parametrize("kcas", [250.0, 720.0])
+def test_a_calibrated_airspeed_has_its_impact_pressure(kcas):
+    """The impact pressure of a speed at altitude is that of its calibrated airspeed at sea level.
+
+    Source: the formulas of Saint-Venant and Rayleigh, below and above Mach 1.
+    """
+
+    def ratio(mach):
+        if mach < 1.0:
+            return (1.0 + 0.2 * mach**2) ** 3.5 - 1.0
+        return 166.92158 * mach**7 / (7.0 * mach**2 - 1.0) ** 2.5 - 1.0
+
+    ground, air = air_at(0.0), air_at(20000.0)
+    speed, density = speed_and_density({"kcas": kcas}, 20000.0)
+    at_ground = float(ground.pressure) * ratio(kcas * 1.6878099 / float(ground.sound))
+    found = float(air.pressure) * ratio(speed / float(air.sound))
+    assert found == pytest.approx(at_ground, rel=1e-5)
+    assert density == pytest.approx(float(air.density), rel=1e-9)
 
 
 @needs_jsbsim
