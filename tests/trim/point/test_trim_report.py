@@ -183,6 +183,7 @@ def test_undetermined_trims_name_their_variable() -> None:
     free = TrimCondition(model, {"u": 0.0})
     held = TrimCondition(model, {"a": 0.8})
     _, report = reported(model, free)
-    assert "the Jacobian is singular along a; hold one of these" in report.text()
+    text = " ".join(report.text().split())
+    assert "the Jacobian is singular along a; hold one of these" in text
     _, report = reported(model, held)
     assert "singular" not in report.text()
