@@ -16,18 +16,18 @@ from controller.critic.training_run import TrainingRun
 from controller.game.basis import Basis
 from controller.learning.integral_rl import baseline_gain, baseline_weights
 from controller.learning.laws import learner_of
-from controller.reference import feedforward as exact_feedforward, forcing
+from controller.reference import feedforward, forcing
 from hfa import Game, Solution, learn, solve, verify
 from hfa.paper import published_game
-from hfa_aircraft.waveform import Harmonic, zero
+from hfa_aircraft.waveform import zero
 from hfa_flight import Policy, Scenario, Waveform
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant
 from hfa_flight.history import Deviations
 from hfa_flight.policies.critic_policy import CriticPolicy
 from hfa_flight.policies.learned_gains import certified_gains
-from hfa_flight.policies.policy import Measurements, column_by_column
+from hfa_flight.policies.policy import GainPolicy, Measurements
 from hfa_flight.simulation import CompiledLoop
-from hfa_model import INPUTS, LINEAR_STATES, published_models
+from hfa_model import LINEAR_STATES, published_models
 from hfa_model.vectors import CONTROL_LIMITS
 from hfa_support.errors import refuse_unknown
 from studies.section5.configuration import Configuration
@@ -64,37 +64,33 @@ LAWS = {
 #: finding about the paper.
 OWN = (CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, REWEIGHTED)
 _N = len(LINEAR_STATES)
-_M = len(INPUTS)
-_ENTRIES = _M * _N
 #: Function: memory of a law at the ticks, (N, k) -> learned critic.
 Learned = Callable[[np.ndarray], Critic]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TrackingPolicy(Policy):
-    """Policy u = -K z + F w(t), where K (5, 6) and F (5, k) are constant within a tick.
+class LearnedGains(GainPolicy):
+    """Policy u = -K(t) z + u_d(t), whose feedforward begins with the first certified gain.
 
-    z is the tracking error.
-
-    generator: w (k,), the signals that compose the reference
     certified_from: time when a learned gain replaces the baseline, s
+    tick: s
     """
 
-    generator: Waveform
     certified_from: float = 0.0
+    tick: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Add to the held inputs of each tick whether the feedforward has begun."""
+        super().__post_init__()
+        times = self.tick * np.arange(len(self.held))
+        begun = times >= self.certified_from - 1e-9
+        object.__setattr__(self, "held", np.column_stack([self.held, begun]))
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return the input -K z + F w(t), (5,)."""
-        feedback = ca.mtimes(ca.reshape(held[:_ENTRIES], _M, _N), measurements.error)
-        feedforward = ca.mtimes(
-            ca.reshape(held[_ENTRIES:], _M, self.generator.size), self.generator.at(t)
-        )
-        return feedforward - feedback
-
-
-def held_gains(K: np.ndarray, F: np.ndarray) -> np.ndarray:
-    """Return the entries of K (5, 6) and F (5, k) as a vector, which is constant within a tick."""
-    return np.concatenate([column_by_column(K), column_by_column(F)])
+        """Return the input, (5,)."""
+        gains, begun = held[:-1], held[-1]
+        u = super().control(t, measurements, memory, gains)
+        return u if self.feedforward is None else u - (1.0 - begun) * self.feedforward.at(t)
 
 
 @dataclass(frozen=True, eq=False)
@@ -340,31 +336,8 @@ def law_of(
         if law == REWEIGHTED
         else case
     )
-    w = generator(reference)
-    F = feedforward(tuned, reference)
-    constants = held_gains(tuned.exact.K, np.zeros_like(F) if law == EXACT else F)
-    return TrackingPolicy(law, w, held=constants[None]), None
-
-
-def generator(reference: Waveform) -> Waveform:
-    """Return the signals w = [1, t, sin f₁t, cos f₁t, ...], (2 + 2 k,), of a reference."""
-    unit = np.eye(2 + 2 * len(reference.harmonics))
-    waves = tuple(
-        Harmonic(h.frequency, unit[2 + 2 * i], unit[3 + 2 * i])
-        for i, h in enumerate(reference.harmonics)
-    )
-    return Waveform(unit[0], unit[1], waves)
-
-
-def feedforward(case: PaperCase, reference: Waveform) -> np.ndarray:
-    """Return F = -R⁻¹B'P_s, (5, k), with which u = -K z + F w(t) is the exact policy for a
-    reference.
-
-    w is the result of `generator`.
-    """
-    inputs = exact_feedforward(case.game, case.exact.P, reference).inputs
-    waves = [amplitude for h in inputs.harmonics for amplitude in (h.sine, h.cosine)]
-    return np.column_stack([inputs.constant, inputs.slope, *waves])
+    inputs = None if law == EXACT else feedforward(tuned.game, tuned.exact.P, reference).inputs
+    return GainPolicy(law, tuned.exact.K, inputs), None
 
 
 def recorded_pool(setting: Setting, case: PaperCase) -> Stack:
@@ -462,12 +435,6 @@ def _learned(
     learner = "integral-rl" if law == INTEGRAL else "certified"
     learned, gains, first, certified = _train(setting, case, learner, predefined_time)
     tick = setting.configuration.flight.tick
-    F = feedforward(case, reference)
-    begun = tick * np.arange(len(gains)) >= first - 1e-9
-    uses = begun & (law == CERTIFIED_FF)
-    table = np.array(
-        [held_gains(K, np.where(used, F, 0.0)) for K, used in zip(gains, uses, strict=True)]
-    )
 
     def critic_of(memory: np.ndarray) -> Critic:
         rows = np.searchsorted(learned.time, tick * np.arange(len(memory)) + 1e-9, side="right") - 1
@@ -477,4 +444,7 @@ def _learned(
         functions: Basis = basis(learned.basis, _N)
         return Critic(functions, learned.weights[rows], learned.residual_norm[rows], facts)
 
-    return TrackingPolicy(law, generator(reference), first, held=table), critic_of
+    inputs = None
+    if law == CERTIFIED_FF:
+        inputs = feedforward(case.game, case.exact.P, reference).inputs
+    return LearnedGains(law, gains, inputs, first, tick), critic_of

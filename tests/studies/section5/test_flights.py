@@ -14,7 +14,7 @@ from project import ROOT
 from simulated_cases import SMALL, SimulatedCase
 
 from controller.learning.integral_rl import baseline_gain
-from controller.reference import forcing
+from controller.reference import feedforward, forcing
 from hfa import fly, learn, solve
 from hfa_aircraft.waveform import Harmonic
 from hfa_flight import GainPolicy, Scenario, Waveform
@@ -31,8 +31,6 @@ from studies.section5.flights import (
     FlightPlan,
     FlightRecord,
     Setting,
-    feedforward,
-    generator,
     law_of,
     make_setting,
     simulate_plan,
@@ -121,11 +119,11 @@ def test_a_flight_agrees_with_an_independent_simulation(law: str) -> None:
     record = simulate_plan(setting, FlightPlan(5.0, law), "5.1")
     reference = configuration.reference
     disturbance = configuration.disturbance
-    w = generator(configuration.reference)
-    F = feedforward(case, reference) * (law == EXACT_FF)
+    inputs = feedforward(case.game, case.exact.P, reference).inputs
+    used = float(law == EXACT_FF)
     other = simulate(
         case.game,
-        lambda t, z: -case.exact.K @ z + F @ w.at(t),
+        lambda t, z: -case.exact.K @ z + used * inputs.at(t),
         lambda t, z: np.asarray(disturbance.at(t)),
         configuration.initial - reference.at(0.0),
         record.times,
@@ -149,18 +147,17 @@ def test_the_fixed_step_agrees_with_an_adaptive_integrator() -> None:
     configuration = setting.configuration
     record = simulate_plan(setting, FlightPlan(5.0, CERTIFIED_FF), "5.2")
     constants = constants_of(setting, CERTIFIED_FF, 0.5)
-    w = generator(configuration.reference)
+    inputs = feedforward(case.game, case.exact.P, configuration.reference).inputs
     d = configuration.disturbance
     reference = configuration.reference
     rows = [configuration.initial]
     for tick, span in enumerate(pairwise(record.times.tolist())):
-        K = constants(tick)[:30].reshape(6, 5).T
-        F = constants(tick)[30:].reshape(-1, 5).T
+        K = constants(tick)[:-1].reshape(6, 5).T
+        used = constants(tick)[-1]
 
-        def rate(t: float, x: np.ndarray, K: np.ndarray = K, F: np.ndarray = F) -> np.ndarray:
-            return (
-                case.game.A @ x + case.game.B @ (F @ w.at(t) - K @ (x - reference.at(t))) + d.at(t)
-            )
+        def rate(t: float, x: np.ndarray, K: np.ndarray = K, used: float = used) -> np.ndarray:
+            u = used * inputs.at(t) - K @ (x - reference.at(t))
+            return case.game.A @ x + case.game.B @ u + d.at(t)
 
         rows.append(
             solve_ivp(rate, span, rows[-1], method="DOP853", rtol=1e-10, atol=1e-12).y[:, -1]
@@ -200,8 +197,8 @@ def test_the_certified_law_ends_with_exact_gain() -> None:
     forward = constants_of(setting, CERTIFIED_FF, 0.5)
     exact = setting.case(5.0).exact.K
     record = simulate_plan(setting, FlightPlan(5.0, CERTIFIED), "5.2")
-    first, last = (forward(tick)[:30].reshape(6, 5).T for tick in (0, 99))
-    assert (forward(0)[30:].any(), forward(99)[30:].any()) == (False, True)
+    first, last = (forward(tick)[:-1].reshape(6, 5).T for tick in (0, 99))
+    assert (forward(0)[-1], forward(99)[-1]) == (0.0, 1.0)
     assert np.linalg.norm(first - exact) > 0.5 * np.linalg.norm(exact)
     assert np.linalg.norm(last - exact) < 1e-9 * np.linalg.norm(exact)
     assert 0.0 < record.learned_from < 0.5
@@ -213,10 +210,10 @@ def test_integral_learning_ends_with_the_lqr_gain() -> None:
     setting = default_setting()
     constants = constants_of(setting, INTEGRAL, 5.0)
     np.testing.assert_allclose(
-        constants(799), constants_of(setting, CERTIFIED, 5.0)(0), rtol=1e-9, atol=1e-12
+        constants(799)[:-1], constants_of(setting, CERTIFIED, 5.0)(0)[:-1], rtol=1e-9, atol=1e-12
     )
     lq = solve(setting.case(5.0).game.with_delta(np.inf)).K
-    assert np.linalg.norm(constants(1999)[:30].reshape(6, 5).T - lq) < 1e-6 * np.linalg.norm(lq)
+    assert np.linalg.norm(constants(1999)[:-1].reshape(6, 5).T - lq) < 1e-6 * np.linalg.norm(lq)
 
 
 def test_uncertainty_changes_the_plant_only() -> None:
