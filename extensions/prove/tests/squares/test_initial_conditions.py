@@ -61,7 +61,7 @@ def test_initial_conditions_are_uniform_in_the_set(tmp_path: Path) -> None:
     ("aircraft", "words"),
     [
         (PENDULUM, ("--degree", "4", "--seconds", "8")),
-        (PENDULUM, ("--degree", "2", "--seconds", "1", "--disturbance", "push=0.1")),
+        (PENDULUM, ("--degree", "2", "--seconds", "6", "--disturbance", "push=0.1")),
         (VAN_DER_POL, ("--degree", "4", "--seconds", "5")),
     ],
 )
@@ -87,7 +87,7 @@ def test_the_region_of_the_tutorials_navion_is_proved(tmp_path: Path) -> None:
     aircraft = f"{tmp_path / 'navion.py'}:NAVION"
     weights = ("--Q", "0.01,10,10,10", "--R", "0.0001,100", "--delta", "20")
     statement, data = stated(
-        tmp_path / "region.json", aircraft, *weights, "--degree", "2", "--seconds", "2"
+        tmp_path / "region.json", aircraft, *weights, "--degree", "2", "--seconds", "10"
     )
     assert data["states"] == ["speed", "alpha", "pitch", "pitch_rate"]
     assert data["rho"] < data["leaves_limits_at"]["V"]
@@ -104,7 +104,7 @@ def test_the_region_of_the_f16_is_proved(tmp_path: Path) -> None:
     converge.
     """
     aircraft = f"{ROOT / 'examples' / 'f16_constant.py'}:F16"
-    words = ("--delta", "inf", "--degree", "2", "--seconds", "2")
+    words = ("--delta", "inf", "--degree", "2", "--seconds", "10")
     statement, data = stated(tmp_path / "region.json", aircraft, *words)
     assert data["rho"] < data["leaves_limits_at"]["V"]
     assert data["extents"]["speed"] > 10.0
