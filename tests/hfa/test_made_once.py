@@ -27,11 +27,13 @@ def _counted(make: Callable[..., Any], calls: list[str], name: str) -> Callable[
 def test_one_trim_makes_one_system_and_one_condition(
     options: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """`hfa trim` builds one TrimSystem and one trim condition."""
+    """`hfa trim` builds one trim condition, and a TrimSystem for the trim and each of the two
+    neighbors of which the sheet shows the change per knot.
+    """
     calls: list[str] = []
     begin = _counted(TrimSystem.__init__, calls, "system")
     # Only a count of the calls shows how often it is built.
     monkeypatch.setattr(TrimSystem, "__init__", begin)
     monkeypatch.setattr(trim_options, "release", _counted(release, calls, "condition"))
     assert answer("trim", *options)["status"] == "trimmed"
-    assert sorted(calls) == ["condition", "system"]
+    assert sorted(calls) == ["condition", "system", "system", "system"]

@@ -45,20 +45,6 @@ def test_a_terminal_gets_colors(
     assert COLOR.sub("", shown).split() == plain.split()
 
 
-@pytest.mark.parametrize("command", [TRIM, ("linearize", "--dihedral", "10")])
-def test_tables_fit_a_terminal_of_80_columns(
-    command: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Wide tables are wrapped to the width of the terminal without breaking a name or number."""
-    monkeypatch.setenv("NO_COLOR", "1")
-    monkeypatch.setenv("COLUMNS", "80")
-    shown = hfa(*command, out=Terminal()).out
-    plain = hfa(*command).out
-    assert max(map(len, plain.splitlines())) > 80
-    assert max(map(len, shown.splitlines())) <= 80
-    assert {*plain.split()} == {*shown.split()}  # no number and no name is broken
-
-
 def test_a_run_of_a_minute_is_announced_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -26,6 +26,7 @@ ALLOWED = [
     },
     {
         "controller.expansion.expansion",
+        "controller.expansion.expansion_figure",
         "controller.expansion.expansion_report",
         "controller.expansion.flights",
         "controller.expansion.radius",

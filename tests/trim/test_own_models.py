@@ -188,7 +188,7 @@ def test_a_second_trim_of_equal_throttle_is_named() -> None:
     words = ("trim", *OWN, "--free", "speed", "--hold", "throttle=0.2")
     message = re.search(
         r"Another trim exists: speed 225\.314 ft/s, .*; the initial point (\S+) leads to it",
-        hfa(*words).out,
+        " ".join(hfa(*words).out.split()),
     )
     assert message
     data = json.loads(hfa(*words, "--start", message[1], "--json").out)

@@ -242,11 +242,11 @@ def test_the_first_line_states_the_misfit_of_a_noisy_record() -> None:
     noisy = learn(game, tick=0.2, pool=Stack(pool.states, pool.drifts + 0.3 * noise))
     assert noisy.settled
     assert relative_error(noisy.K, exact.K) > 0.05
-    first_line = noisy.report().text().splitlines()[0]
+    first_line = noisy.report().text(width=None).splitlines()[0]
     stated = float(first_line.rsplit(" ", 2)[1])
     assert stated == pytest.approx(100.0 * noisy.diagnostics["drift_misfit"], rel=0.05)
     right = learn(game, tick=0.2, pool=pool)
-    assert right.report().text().splitlines()[0].endswith(": settled")
+    assert right.report().text(width=None).splitlines()[0].endswith(": settled")
 
 
 RATE = decay_rate(time=5.0, eta=0.8, theta=0.9)

@@ -114,9 +114,9 @@ def test_the_page_shows_the_stored_flights(job: MainJob) -> None:
     assert f"{best:,.0f}" in drawn
     assert "does not converge" in drawn
     assert "pitch_rate -39.39 to 39.39 deg/s" in drawn
-    assert "for this page's aircraft" in flights_section(flights, model_pairs(job)).text()
+    assert "for this page's aircraft" in flights_section(flights, model_pairs(job)).text(width=None)
     for changed in ({}, {angle: (A, 1.01 * B) for angle, (A, B) in model_pairs(job).items()}):
-        assert "ANOTHER aircraft" in flights_section(flights, changed).text()
+        assert "ANOTHER aircraft" in flights_section(flights, changed).text(width=None)
 
 
 def model_pairs(job: MainJob) -> dict[float, tuple[np.ndarray, np.ndarray]]:

@@ -165,7 +165,9 @@ def test_every_eigenvalue_is_printed_once(
     """
     steep = sweep(published_aircraft, {"dihedral": np.radians(np.arange(0.0, 60.1, 5.0))})
     for shown in (steep, sweep_of_two_variables):
-        lines = [line for line in shown.report().text().splitlines() if re.match(r"\d", line)]
+        lines = [
+            line for line in shown.report().text(width=None).splitlines() if re.match(r"\d", line)
+        ]
         assert np.count_nonzero(shown.eigenvalues[shown.trimmed].imag == 0, axis=1).max() == 4
         for line, expected, trimmed in zip(lines, shown.eigenvalues, shown.trimmed, strict=False):
             if trimmed:
@@ -193,7 +195,7 @@ def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Model) -> Non
         sweep(published_aircraft, {"dihedral": np.radians([lowest, 15.0])}).report().notes
         for lowest in (-15.0, -16.0)
     )
-    warning = "dihedral -16 deg is beyond the paper's range, which ends at 15 deg"
+    warning = "dihedral -16 deg is beyond the paper's range, which ends at -15 deg"
     assert (list(within), list(beyond)) == ([], [warning])
 
 
@@ -457,7 +459,7 @@ def test_a_long_sweep_prints_its_ends(
     speeds = np.linspace(68.0, 75.0, 3_001)
     speeds[[1_000, 2_000]] = 30.0
     result = sweep(published_aircraft, {"dihedral": [0.1], "speed": speeds})
-    text = result.report().text()
+    text = result.report().text(width=None)
     assert "trimmed at 2,999 of 3,001 points" in text
     assert "(2,961 more)" in text
     assert len(re.findall(r"^ *5\.7\d* {2,}", text, re.MULTILINE)) == 40
