@@ -282,7 +282,7 @@ def _show_learned(
         judged |= section.data
     title = report.title
     if not verdict.ok:
-        title += f"; K is off by {100.0 * verdict.K_rel_error:.2g} %"
+        title = f"{verdict.grade.upper()}: K is off by {100.0 * verdict.K_rel_error:.2g} %\n{title}"
     report = replace(report, title=title, parts=parts).with_data(**named.as_data(), **judged)
     whole = {**run.report(history=True).data, **judged}
     request.show(report, only_in_files=whole, notes=named.warnings)
