@@ -293,7 +293,7 @@ def test_drawn_aircraft_are_simulated_from_the_nominal_trim(folder, capsys):
         "PASS: 2 of 2 members stayed within limits",
         "linear loop stable for 2 of 2 drawn aircraft",
     ]
-    assert lines[3].startswith("members are aircraft with drawn parameters")
+    assert "members are aircraft with drawn parameters" in " ".join(lines)
     main(["fly", "--law", "none", "--aircraft", "found.toml", "--draws", "2", "--duration", "1"])
     assert capsys.readouterr().out.splitlines()[1].startswith("trimmed: 2 of 2 drawn aircraft; ")
 

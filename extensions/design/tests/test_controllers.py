@@ -344,6 +344,6 @@ def test_an_unstable_controller_fails_with_worst_actuator(
     plant = servo_plant(published_aircraft, model_at(5.0), table, {"aileron_outer": actuator})
     assert servo_loop(plant, table).abscissa == pytest.approx(worst.abscissa)
     where = f"worst at 5 deg, order {actuator.order}, {actuator.bandwidth:g} rad/s"
-    assert f"unstable in {len(unstable)} of 4 loops, {where}" in repr(found)
+    assert f"unstable in {len(unstable)} of 4 loops, {where}" in " ".join(repr(found).split())
     assert found.to_dict()["checks"][0]["ok"] is False
     assert not worst.loops

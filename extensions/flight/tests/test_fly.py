@@ -332,7 +332,7 @@ def test_a_monte_carlo_command_stores_and_summarizes(tmp_path: Path) -> None:
     again = hfa(*words, "--resume", "-o", store)
     assert "8 of 8 members stayed within limits" in again.out
     assert f"{np.degrees(data['peak_error']['alpha'][3]):.4g}" in again.out
-    assert "members not kept" in hfa(*words).out
+    assert "members not kept" in " ".join(hfa(*words).out.split())
 
 
 # Gains over the dihedral.

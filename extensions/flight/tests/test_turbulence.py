@@ -294,7 +294,7 @@ def test_a_users_turbulence_intensity_is_applied(capsys) -> None:
     """
     typed = "fly --aircraft examples/uav.toml --turbulence own:2:300:2.9 --duration 0.1 --law none"
     main(typed.split())
-    said = capsys.readouterr().out
+    said = " ".join(capsys.readouterr().out.split())
     assert "of your own intensity (Dryden): u, v, w, p, q, r; intensity 2 m/s, scale 300 m" in said
     model = load_model("examples/uav.toml")
     air = Turbulence((2.0, 300.0), span=2.9).air(hfa.trim(model), 0.02, 10, 0)
@@ -312,7 +312,8 @@ def test_turbulence_uses_the_held_altitude(capsys) -> None:
     typed = "fly --aircraft examples/uav.toml --hold altitude=60 --turbulence karman-light::3"
     short = ("--law", "none", "--duration", "0.1")
     main([*typed.split(), *short])
-    said = capsys.readouterr().out
+    said = " ".join(capsys.readouterr().out.split())
     assert "light turbulence of MIL-F-8785C (von Karman) at 60 m: u, v, w, p, q, r;" in said
     main(["fly", "--turbulence", "light:500", *short])
-    assert "at 500 ft (the trim is at 40,000 ft): u, w;" in capsys.readouterr().out
+    said = " ".join(capsys.readouterr().out.split())
+    assert "at 500 ft (the trim is at 40,000 ft): u, w;" in said
