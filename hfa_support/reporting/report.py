@@ -152,8 +152,8 @@ class Reported:
         """Return the records of the report as a `pandas.DataFrame`. Requires pandas."""
         import pandas
 
-        header, rows = self.report().records
-        return pandas.DataFrame(list(rows), columns=header)
+        records = self.report().records
+        return pandas.DataFrame(list(records.rows), columns=records.header)
 
     def __repr__(self) -> str:
         return repr(self.report())
@@ -174,7 +174,7 @@ def _text(part: Any, color: bool, width: int | None) -> str:
     if isinstance(part, Report):
         return part.text(color, width)
     if isinstance(part, Table):
-        return columns(*part, color, width)
+        return columns(*part, color=color, width=width)
     if isinstance(part, str):
         return wrapped(printable(part), width)
     return "\n".join(_text(entry, color, width) for entry in part)

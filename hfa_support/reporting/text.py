@@ -29,10 +29,12 @@ class Table(NamedTuple):
 
     header: names of the columns
     rows: one tuple of cells or values for each row
+    labels: number of first columns that name a row; each block of a wide table repeats them
     """
 
     header: tuple[str, ...]
     rows: Sequence[tuple[Any, ...]]
+    labels: int = 1
 
 
 class Cell(str):
@@ -236,20 +238,22 @@ def four_decimals(value: float) -> str:
 def columns(
     header: tuple[str, ...],
     rows: Sequence[tuple[Any, ...]],
+    labels: int = 1,
     color: bool = False,
     width: int | None = None,
 ) -> str:
     """Return a table as text in columns, the first aligned left and all others aligned right.
 
+    labels: number of first columns that name a row
     color: whether cells with a tone are colored
     width: width of the terminal in characters, or None. Columns that do not fit are printed in
-      further blocks, each of which repeats the first column. Cells are never broken.
+      further blocks, each of which repeats the labels. Cells are never broken.
     """
     cells = (header, *rows)
     texts = [[printable(str(cell), lines=False) for cell in row] for row in cells]
     widths = [max(len(row[i]) for row in texts) for i in range(len(header))]
     blocks = []
-    for shown in _columns_that_fit(widths, width):
+    for shown in _columns_that_fit(widths, labels, width):
         lines = []
         for row, row_cells in zip(texts, cells, strict=True):
             aligned = []
@@ -262,19 +266,20 @@ def columns(
     return "\n\n".join(blocks)
 
 
-def _columns_that_fit(widths: list[int], width: int | None) -> list[list[int]]:
+def _columns_that_fit(widths: list[int], labels: int, width: int | None) -> list[list[int]]:
     """Return the indices of the columns in each block of a table."""
-    # Each block contains the first column and as many other columns as fit into the width, at least
-    # one.
+    # Each block contains the labels and as many other columns as fit into the width, at least one.
     if width is None or not widths:
         return [[*range(len(widths))]]
-    blocks = [[0]]
-    used = widths[0]
-    for i in range(1, len(widths)):
+    names = [*range(labels)]
+    used_by_names = sum(widths[:labels]) + len(_GAP) * (labels - 1)
+    blocks = [names.copy()]
+    used = used_by_names
+    for i in range(labels, len(widths)):
         needed = len(_GAP) + widths[i]
-        if used + needed > width and len(blocks[-1]) > 1:
-            blocks.append([0])
-            used = widths[0]
+        if used + needed > width and len(blocks[-1]) > labels:
+            blocks.append(names.copy())
+            used = used_by_names
         blocks[-1].append(i)
         used += needed
     return blocks

@@ -267,12 +267,12 @@ def counts_text(table: Mapping[str, Any]) -> str:
 
 def claims_markdown(claims: Sequence[dict[str, Any]]) -> str:
     """Return the table of claims as Markdown. A number that satisfies its claim is bold."""
-    header, rows = shown_claims(claims)
+    shown = shown_claims(claims)
     bold = [
         tuple(f"**{cell}**" if getattr(cell, "tone", "") == "good" else cell for cell in row)
-        for row in rows
+        for row in shown.rows
     ]
-    return markdown_table(Table(header, bold))
+    return markdown_table(Table(shown.header, bold))
 
 
 if __name__ == "__main__":

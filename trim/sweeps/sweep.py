@@ -444,11 +444,11 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
         count = len(self.reasons)
         if count <= _LONGEST:
-            return Table(header, RowsMade(count, row))
+            return Table(header, RowsMade(count, row), len(self.variables))
         between = (f"({count - 2 * _SHOWN:,} more)", *("..." for _ in header[1:]))
         head = [row(i) for i in range(_SHOWN)]
         tail = [row(i) for i in range(count - _SHOWN, count)]
-        return Table(header, [*head, between, *tail])
+        return Table(header, [*head, between, *tail], len(self.variables))
 
     def _varied(self, i: int) -> tuple[str, ...]:
         """Return the values of the swept variables at point i as text, one for each variable."""

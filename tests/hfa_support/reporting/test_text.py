@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hfa_support.reporting.text import (
+    Table,
     columns,
     degrees,
     in_degrees,
@@ -54,3 +55,12 @@ def test_wide_tables_are_continued_below() -> None:
     ]
     assert columns(header, rows, width=80).count("\n") == 1
     assert columns(header, rows, width=5).count("-69.4807 ± 10.2273i") == 1
+
+
+def test_each_block_of_a_wide_table_names_its_rows() -> None:
+    """A block repeats every label, so that rows of equal first labels can be told apart."""
+    table = Table(
+        ("dihedral", "speed", "a", "b"), [("5", "60", "1", "2"), ("5", "70", "3", "4")], 2
+    )
+    blocks = [block.splitlines() for block in columns(*table, width=19).split("\n\n")]
+    assert [block[2].split() for block in blocks] == [["5", "70", "3"], ["5", "70", "4"]]
