@@ -1,4 +1,4 @@
-"""Pyplot curves of named values."""
+"""Datasets and pyplot curves of named values."""
 
 from __future__ import annotations
 
@@ -8,11 +8,29 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_support.errors import missing_package
 from hfa_support.reporting.figure import pyplot_figure
 from hfa_support.reporting.text import shown_unit, shown_values
 
 if TYPE_CHECKING:
-    pass
+    import xarray
+
+
+def dataset(
+    variables: Mapping[str, Any], coordinates: Mapping[str, Any], title: str
+) -> xarray.Dataset:
+    """Return an `xarray.Dataset` with the attribute `model`.
+
+    variables, coordinates: name -> (axes, values) or (axes, values, attributes)
+    title: title of the model
+
+    Raises BadInputError if xarray is missing.
+    """
+    try:
+        import xarray
+    except ImportError:
+        raise missing_package("labelled arrays require", "xarray") from None
+    return xarray.Dataset(variables, coordinates, {"model": title})
 
 
 def draw_curves(

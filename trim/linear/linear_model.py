@@ -35,6 +35,7 @@ from trim.point.first_lines import first_line, mode_lines
 
 if TYPE_CHECKING:
     import control
+    import xarray
     from matplotlib.axes import Axes
     from scipy.signal import StateSpace
 
@@ -419,6 +420,15 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
         return simulated(self.system, u, time, initial, dt)
 
+    def transfer_function(self, inputs: str, outputs: str) -> control.TransferFunction:
+        """Return the python-control transfer function from one input to one output.
+
+        Common poles and zeros are canceled. Raises BadInputError for several inputs or outputs.
+        """
+        from trim.linear.responses import transfer_function
+
+        return transfer_function(self.between(inputs, outputs).system)
+
     def bode(self, inputs: Names = None, outputs: Names = None) -> np.ndarray:
         """Draw the Bode plots of the named inputs and outputs with pyplot, and return the Axes.
 
@@ -434,6 +444,12 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
         title = f"{self.model.title}: poles x and zeros o, 1/{self.model.time_unit}"
         return draw_poles(self.system, title)
+
+    def nyquist(self, inputs: Names = None, outputs: Names = None) -> Axes:
+        """Draw the Nyquist plot from one input to one output with pyplot, and return the Axes."""
+        from trim.linear.responses import nyquist
+
+        return nyquist(self.between(inputs, outputs).system)
 
     def closed_loop(self, K: ArrayLike) -> control.StateSpace:
         """Return the loop x' = (A - B K) x + B v, y = (C - D K) x + D v as a python-control system.
@@ -459,6 +475,27 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     def to_control(self) -> control.StateSpace:
         """Return the linear model as a python-control `StateSpace`, with the same signal names."""
         return self.system.to_control()
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return A, B, C, D, X0, U0 and Y0 with the names and units of signals. Requires xarray."""
+        from trim.tables import dataset
+
+        matrices = {
+            "A": (("rate", "state"), self.A),
+            "B": (("rate", "input"), self.B),
+            "C": (("output", "state"), self.C),
+            "D": (("output", "input"), self.D),
+            "X0": ("state", self.state_offsets),
+            "U0": ("input", self.input_offsets),
+            "Y0": ("output", self.output_offsets),
+        }
+        names = {
+            "state": ("state", list(self.states), {"units": list(self.state_units)}),
+            "input": ("input", list(self.inputs), {"units": list(self.input_units)}),
+            "output": ("output", list(self.outputs), {"units": list(self.output_units)}),
+            "rate": ("rate", list(self.states)),
+        }
+        return dataset(matrices, names, self.model.title)
 
     def to_scipy(self) -> StateSpace:
         """Return the linear model as a `scipy.signal.StateSpace`."""

@@ -145,3 +145,44 @@ def draw_poles(system: System, title: str) -> Axes:
     control.pole_zero_plot(system.to_control(), ax=axes)
     axes.set_title(title)
     return axes
+
+
+def _refuse_several(system: System) -> None:
+    """Raise BadInputError unless a system has one input and one output."""
+    if len(system.inputs) != 1 or len(system.outputs) != 1:
+        raise BadInputError(
+            f"a single loop has one input and one output, not {len(system.inputs)} and "
+            f"{len(system.outputs)}; select one of each with inputs= and outputs="
+        )
+
+
+def transfer_function(system: System) -> control.TransferFunction:
+    """Return python-control's transfer function from one input to one output.
+
+    Raises BadInputError for several inputs or outputs.
+    """
+    import control
+
+    from trim.linear.frequency import transfers
+
+    _refuse_several(system)
+    (found,) = transfers(system)
+    return control.zpk(found.zeros, found.poles, found.gain)
+
+
+def nyquist(system: System) -> Axes:
+    """Draw the Nyquist plot from one input to one output in a new pyplot figure and return its
+    Axes.
+
+    Raises BadInputError for several inputs or outputs.
+    """
+    import control
+    from matplotlib import pyplot
+
+    _refuse_several(system)
+    axes: Axes = pyplot.figure(layout="constrained").subplots()
+    control.nyquist_plot(system.to_control(), ax=axes)
+    ((output, to),) = system.outputs.items()
+    ((name, given),) = system.inputs.items()
+    axes.set_title(f"{output} / {name}, ({to.unit})/({given.unit})")
+    return axes

@@ -24,6 +24,7 @@ from trim.point.first_lines import first_line
 from trim.point.status import Status
 
 if TYPE_CHECKING:
+    import xarray
     from matplotlib.axes import Axes
 
     from hfa_support.reporting.named import ByName
@@ -302,6 +303,16 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         from trim.point.linearize import linearize
 
         return linearize(self.model, self, **options)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return each state, input and output with its unit. Requires xarray."""
+        from trim.tables import dataset
+
+        values = {
+            name: ((), value, {"units": self.model.unit(name)})
+            for name, value in dict(self).items()
+        }
+        return dataset(values, {}, self.model.title)
 
     def plot(self) -> Axes:
         """Draw the variables between their limits with pyplot, and return the Axes."""

@@ -45,11 +45,13 @@ from trim.sweeps.points import (
     parameters_at,
     trim_points,
 )
+from trim.sweeps.sweep_arrays import ARRAYS, labels_of
 from trim.sweeps.sweep_plan import SweepPlan
 from trim.tables import draw_curves
 
 if TYPE_CHECKING:
     import pandas
+    import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -505,6 +507,38 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         """
 
         return column(self, index) if isinstance(index, str) else linear_model_at(self, index)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return states, inputs, A, B, eigenvalues and reasons over the axes. Requires xarray.
+
+        The axes are those of the grid, or "point" for a list.
+        """
+        from trim.tables import dataset
+
+        plan = self.plan
+        axes: tuple[str, ...] = ("point",)
+        if plan.listed:
+            swept = {name: ("point", self.values[:, i]) for i, name in enumerate(plan.axes)}
+        else:
+            axes = plan.variables
+            swept = {name: (name, np.array(plan.axes[name])) for name in plan.axes}
+        coordinates: dict[str, Any] = {
+            **swept,
+            **labels_of(self.model, rates=self.model.linear),
+            "linear_state": list(self.model.linear),
+        }
+        if self.mode_names:
+            coordinates["mode"] = list(self.mode_names)
+        variables: dict[str, Any] = {"reason": (axes, np.array(self.reasons).reshape(plan.sizes))}
+        for name, array in ARRAYS.items():
+            values = getattr(self, name)
+            own_axes = ("rate", "linear_state") if name == "A" else array.axes
+            reshaped = values.reshape(*plan.sizes, *values.shape[1:])
+            variables[name] = ((*axes, *own_axes), reshaped, array.attributes)
+        swept_points = dataset(variables, coordinates, self.model.title)
+        for name, unit in zip(plan.variables, plan.units, strict=True):
+            swept_points[name].attrs["units"] = unit
+        return swept_points
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a `pandas.DataFrame` with one row for each point.

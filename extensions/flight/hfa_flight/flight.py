@@ -68,6 +68,7 @@ from trim.tables import draw_curves
 
 if TYPE_CHECKING:
     import pandas
+    import xarray
     from matplotlib.figure import Figure
 
 #: Note on a flight that remains at trim.
@@ -554,6 +555,15 @@ class Flight(StatesAndInputs, Result, Reported):
         from hfa_flight.flight_report import frame
 
         return frame(self)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return an `xarray.Dataset` of states, inputs and linear prediction over time.
+
+        The Dataset contains the units.
+        """
+        from hfa_flight.flight_report import dataset
+
+        return dataset(self)
 
     def report(self) -> Report:
         """Return the report of the flight: outcome, tables of states and inputs, and a picture.

@@ -15,6 +15,7 @@ from hfa_support.reporting.text import shown_unit, shown_values
 
 if TYPE_CHECKING:
     import pandas
+    import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -229,3 +230,24 @@ def frame(flight: Flight) -> pandas.DataFrame:
     columns = [*flight.model.states, *flight.model.inputs]
     index = pandas.Index(flight.time, name="time")
     return pandas.DataFrame(np.hstack([flight.states, flight.inputs]), index, columns)
+
+
+def dataset(flight: Flight) -> xarray.Dataset:
+    """Return an xarray Dataset of the absolute states and inputs over time, with units.
+
+    A linear prediction is included as NAME_linear for each state.
+    """
+    import xarray
+
+    model = flight.model
+    values = dict(zip(model.states, flight.states.T, strict=True))
+    values |= dict(zip(model.inputs, flight.inputs.T, strict=True))
+    variables = {
+        name: ("time", column, {"units": model.unit(name)}) for name, column in values.items()
+    }
+    if flight.predicted is not None:
+        predicted = flight.predicted.states + np.array(flight.point.states)
+        for name, column in zip(model.states, predicted.T, strict=True):
+            variables[f"{name}_linear"] = ("time", column, {"units": model.unit(name)})
+    time = ("time", flight.time, {"units": model.time_unit})
+    return xarray.Dataset(variables, {"time": time}, {"model": model.title})

@@ -116,6 +116,9 @@ def test_a_flight_is_exported_and_drawn() -> None:
     assert list(frame.columns) == ["position", "speed", "force"]
     assert frame.index.name == "time"
     np.testing.assert_array_equal(frame["speed"], flight["speed"])
+    data = flight.to_xarray()
+    assert data["speed"].attrs["units"] == "ft/s"
+    np.testing.assert_allclose(data["speed"], data["speed_linear"], atol=1e-12)
     assert [axes.get_ylabel() for axes in flight.plot()][:2] == ["position, ft", "speed, ft/s"]
     pyplot.close()
     assert "data:image/png" in flight._repr_html_()

@@ -1,0 +1,50 @@
+"""Results as xarray datasets."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+from own_models import F16
+
+import hfa
+
+pytest.importorskip("xarray")
+
+
+def test_a_sweep_is_an_xarray_dataset() -> None:
+    """A sweep becomes a dataset over the axes of its grid, or over the points of a list.
+
+    A and B are selected by names of states and inputs.
+    """
+    axes = {"speed": [500.0, 400.0], "xcg": [0.3, 0.32, 0.35]}
+    grid = hfa.sweep(F16, axes)
+    dataset = grid.to_xarray()
+    assert dataset.A.dims == ("speed", "xcg", "rate", "linear_state")
+    assert (dataset.speed.values.tolist(), dataset.speed.attrs["units"]) == (axes["speed"], "ft/s")
+    single = dataset.sel(speed=400.0, xcg=0.32, rate="alpha", linear_state="pitch_rate")
+    assert float(single.A) == grid.A[4, 1, grid.model.linear.index("pitch_rate")]
+    listed = hfa.sweep(F16, {"speed": [400.0, 500.0], "xcg": [0.3, 0.35]}, listed=True).to_xarray()
+    assert listed.B.dims == ("point", "rate", "input")
+    assert listed.xcg.values.tolist() == [0.3, 0.35]
+
+
+def test_points_and_linear_models_are_datasets() -> None:
+    """Entries of an operating point and of a linear model are selected by name, and have units."""
+    model = hfa.aircraft()
+    point = hfa.trim(model)
+    linear = point.linearize()
+    dataset = linear.to_xarray()
+    assert float(dataset.A.sel(rate="speed", state="pitch")) == linear.A[0, 2]
+    assert float(dataset.U0.sel(input="throttle")) == point["throttle"]
+    assert dataset.state.attrs["units"][:2] == ["ft/s", "rad"]
+    trimmed = point.to_xarray()
+    assert float(trimmed.alpha) == point["alpha"]
+    assert trimmed.alpha.attrs["units"] == "rad"
+
+
+def test_a_missing_xarray_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The error for a missing xarray contains the command that installs it."""
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(hfa.BadInputError, match="pip install xarray"):
+        hfa.trim(hfa.aircraft()).to_xarray()
