@@ -16,7 +16,9 @@ THRUST = {
     "thrust_height": ("ft", "m"),
     "thrust_slope": ("lbf/(ft/s)", "N/(m/s)"),
 }
-UNITS = GEOMETRY | INERTIA | MASS | CONDITION | THRUST
+#: Largest lift coefficient, from which reports of trims compute the stall margin.
+LARGEST_LIFT = "CL_max"
+UNITS = GEOMETRY | INERTIA | MASS | CONDITION | THRUST | {LARGEST_LIFT: ("1", "1")}
 #: Required entries. In addition, either mass or weight is required.
 REQUIRED = (*GEOMETRY, "Ixx", "Iyy", "Izz", "speed", "CL_0", "CD_0", "CL_alpha", "Cm_alpha")
 

@@ -26,7 +26,12 @@ import casadi as ca
 
 from hfa_aircraft.about import About
 from hfa_aircraft.model import Model
-from hfa_aircraft.readers.derivatives.names import INDUCED, THRUST_BY_SPEED, THRUST_INPUT
+from hfa_aircraft.readers.derivatives.names import (
+    INDUCED,
+    LARGEST_LIFT,
+    THRUST_BY_SPEED,
+    THRUST_INPUT,
+)
 from hfa_aircraft.readers.derivatives.plausible import doubts_about
 from hfa_aircraft.readers.derivatives.table import Table, read_table, table_of
 from hfa_aircraft.rigid.aircraft import FORCE, GRAVITY, LENGTH, Motion, rigid_aircraft
@@ -92,6 +97,9 @@ def from_derivatives(table: str | Path | Mapping[str, Any]) -> Model:
 
 def _model(table: Table) -> Model:
     """Return the aircraft of a table as a `Model`."""
+    outputs = {"lift_coefficient": Signal(), "drag_coefficient": Signal()}
+    if LARGEST_LIFT in table.values:
+        outputs["largest_lift_coefficient"] = Signal()
     surfaces = {name: Signal("rad", 0.1, *limits) for name, limits in table.surfaces.items()}
     usual = 0.1 * table.values["mass"] * GRAVITY[table.system]
     alpha = table.values.get("alpha", 0.0)
@@ -108,7 +116,7 @@ def _model(table: Table) -> Model:
             **surfaces,
         },
         parameters=_parameters(table),
-        outputs={"lift_coefficient": Signal(), "drag_coefficient": Signal()},
+        outputs=outputs,
         holds_beta=_turns_both_ways(table),
         source=table.source,
         about=About(notes=table.notes, doubts=tuple(doubts_about(table))),
@@ -197,6 +205,8 @@ class _Equations:
             sizes.wing_area,
             sizes.chord,
         )
+        if LARGEST_LIFT in self._table.values:
+            forces["largest_lift_coefficient"] = self._table.values[LARGEST_LIFT]
         return state_rates, outputs | coefficients | forces
 
     def _thrust(self, x: Any, u: Any, p: Any, motion: Motion) -> Any:

@@ -336,7 +336,18 @@ def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> 
     # - a size, mass, weight, moment of inertia or speed that is not positive
     # - mass and weight both given
     # - Ixx Izz <= Ixz²
-    positive = ("wing_area", "span", "chord", "mass", "weight", "Ixx", "Iyy", "Izz", "speed")
+    positive = (
+        "wing_area",
+        "span",
+        "chord",
+        "mass",
+        "weight",
+        "Ixx",
+        "Iyy",
+        "Izz",
+        "speed",
+        "CL_max",
+    )
     for name in positive:
         if name in values and values[name] <= 0.0:
             raise entries[name].error(f"{name} is {values[name]:g}; give a positive number")

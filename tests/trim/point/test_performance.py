@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import tomllib
 from dataclasses import replace
 from typing import Any
 
@@ -175,6 +176,16 @@ def test_the_stall_margin_is_that_of_the_peak_of_the_lift() -> None:
     ratio = math.sqrt(max(lifts) / figures["lift"])
     assert figures["speed_over_stall_speed"] == pytest.approx(ratio, rel=2e-3)
     assert "stall margin" in trimmed(AIRCRAFT[0])[1]["not_in_model"]
+
+
+def test_a_declared_largest_lift_coefficient_gives_the_stall_speed() -> None:
+    """With CL_max in the table, the ratio of speeds is sqrt(CL_max / CL)."""
+    table = tomllib.loads((ROOT / "examples/uav.toml").read_text("utf-8"))
+    table["geometry"]["CL_max"] = 1.3
+    point = hfa.trim(hfa.from_derivatives(table))
+    figures = figures_of(point, usual_condition(point.model)).performance
+    ratio = math.sqrt(1.3 / figures["lift_coefficient"].value)
+    assert figures["speed_over_stall_speed"].value == pytest.approx(ratio)
 
 
 def test_times_to_double_are_those_of_eigenvalues() -> None:
