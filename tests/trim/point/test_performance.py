@@ -131,16 +131,14 @@ def test_control_per_knot_is_the_slope_of_trims(name: str) -> None:
 
 
 def test_elevator_per_knot_of_a_table_is_the_textbook_formula() -> None:
-    """With small angles and thrust, dδ/dV = -2 C_L Cm_alpha / (V (CL_α Cm_δ - CL_δ Cm_α)) · -1.
-
-    C_L = 2 W / (ρ V² S) falls with V, and Cm stays 0.
-    """
+    """With small angles: CL_α Δα + CL_δ Δδ = -2 CL ΔV / V and Cm_α Δα + Cm_δ Δδ = 0."""
     point, data = trimmed(AIRCRAFT[0])
-    determinant = 3.45 * -0.5 - -0.36 * -0.38
-    slope = -0.38 / -determinant * -data["performance"]["lift_coefficient"] * 2.0 / point["speed"]
+    slopes = np.array([[3.45, -0.36], [-0.38, -0.5]])
+    change = -2.0 * data["performance"]["lift_coefficient"] / point["speed"]
+    _, elevator = np.linalg.solve(slopes, [change, 0.0])
     knot = conversion("kt", "m/s")
     assert knot is not None
-    assert data["stability"]["elevator_per_knot"] == pytest.approx(-slope * -knot, rel=2e-2)
+    assert data["stability"]["elevator_per_knot"] == pytest.approx(elevator * knot, rel=2e-2)
 
 
 def test_thrust_available_is_that_of_full_throttle() -> None:
