@@ -170,7 +170,7 @@ def test_a_region_of_a_network_is_verified(proved: Any, capsys: pytest.CaptureFi
     _, words = proved
     for command in (["prove", "region"], ["prove"]):
         assert main([*command, *words]) == 0
-        out = capsys.readouterr().out
+        out = " ".join(capsys.readouterr().out.split())
         assert out.startswith(
             "Verified, proved: region of attraction of pendulum, without sampling, delay, actuators"
         )
