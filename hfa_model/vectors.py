@@ -88,23 +88,30 @@ HIGHEST_ALTITUDE = 65_000.0
 
 _ANGLE = Signal("rad", 0.1)
 _RATE = Signal("rad/s", 0.1, rate=1.0)
+
+
+def _within(limit_deg: float) -> Signal:
+    """Return an angle with the assumed limits ±limit_deg."""
+    limit = math.radians(limit_deg)
+    return _ANGLE._replace(min=-limit, max=limit, assumed=True)
+
+
 #: Units, typical sizes and limits of the states. The typical rate of the speed is g; all other
 #: typical rates are visible ones. The paper states no limits; the assumed ones mean attached flow
 #: and the altitudes of the atmosphere model.
 STATE_SIGNALS = State(
-    speed=Signal("ft/s", 68.0, 1.0, 500.0, start=68.0, rate=32.2),
-    alpha=_ANGLE._replace(min=-math.radians(20), max=math.radians(20)),
-    altitude=Signal("ft", 1000.0, 0.0, HIGHEST_ALTITUDE, rate=1.0),
-    pitch=_ANGLE._replace(min=-math.radians(60), max=math.radians(60)),
+    speed=Signal("ft/s", 68.0, 1.0, 500.0, start=68.0, rate=32.2, assumed=True),
+    alpha=_within(20),
+    altitude=Signal("ft", 1000.0, 0.0, HIGHEST_ALTITUDE, rate=1.0, assumed=True),
+    pitch=_within(60),
     pitch_rate=_RATE,
-    dihedral=_ANGLE._replace(min=-math.radians(60), max=math.radians(60)),
+    dihedral=_within(60),
     dihedral_rate=_RATE,
 )
-_AILERON = _ANGLE._replace(min=-math.radians(20), max=math.radians(20))
-_ELEVATOR = _ANGLE._replace(min=-math.radians(30), max=math.radians(30))
-INPUT_SIGNALS = Input(
-    Signal("1", 40.0, 0.0, 200.0, start=40.0), _AILERON, _AILERON, _ELEVATOR, _ELEVATOR
-)
+_THROTTLE = Signal("1", 40.0, 0.0, 200.0, start=40.0, assumed=True)
+_AILERON = _within(20)
+_ELEVATOR = _within(30)
+INPUT_SIGNALS = Input(_THROTTLE, _AILERON, _AILERON, _ELEVATOR, _ELEVATOR)
 
 STATE_UNITS = State(*(signal.unit for signal in STATE_SIGNALS))
 INPUT_UNITS = Input(*(signal.unit for signal in INPUT_SIGNALS))

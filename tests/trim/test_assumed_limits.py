@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from project import ROOT
 
 import hfa
 from hfa_aircraft.limits import Limits
+from hfa_model import INPUTS, STATES
 from trim.point.condition import usual_condition
 from trim.point.trim_report import trim_report
 
@@ -40,7 +42,16 @@ def test_a_limit_of_the_user_is_not_assumed() -> None:
     assert Limits.of(model, names).assumed.all()
     given = Limits.of(model, names, {"alpha": (-0.1, 0.2)})
     assert given.assumed.tolist() == [False, True]
-    assert not Limits.of(hfa.aircraft(), ("alpha", "pitch")).assumed.any()
+    gtm = hfa.load_model(f"{ROOT}/examples/gtm.py:GTM")
+    assert not Limits.of(gtm, ("alpha", "pitch")).assumed.any()
+
+
+def test_limits_of_the_flexible_aircraft_are_assumed() -> None:
+    """The paper states no limits: all of the flexible aircraft are marked, but for the user's."""
+    model = hfa.aircraft()
+    names = (*(name for name in STATES if not name.endswith("_rate")), *INPUTS)
+    assert Limits.of(model, names).assumed.all()
+    assert not Limits.of(model, ("alpha",), {"alpha": (-0.1, 0.2)}).assumed.any()
 
 
 def test_flights_name_an_assumed_limit() -> None:
@@ -54,3 +65,12 @@ def test_flights_name_an_assumed_limit() -> None:
     assert left.departure is not None
     assert left.departure.assumed
     assert "(assumed limit)" in left.report().title
+
+
+def test_an_output_takes_the_mark_of_the_state_that_limits_it() -> None:
+    """The flight-path angle is limited by the assumed limits of the pitch, unless the user's."""
+    model = hfa.aircraft()
+    condition = hfa.paper.level_flight(0.1)
+    assert hfa.trim(model, condition).margins_under(condition)["gamma"].assumed
+    own = replace(condition, limits={"gamma": (-0.1, 0.1)})
+    assert not hfa.trim(model, own).margins_under(own)["gamma"].assumed

@@ -131,16 +131,22 @@ def all_margins(
             outputs.append(name)
     values = model.outputs_at(x, u, outputs) | x._asdict() | u._asdict()
     limits = {name: condition.limits_of(name) for name in (*model.states, *outputs, *model.inputs)}
+    assumed = {}
+    for name, ends in limits.items():
+        signal = model.signals[name]
+        assumed[name] = signal.assumed and ends == (signal.min, signal.max)
     for state, output in model.replaced.items():
+        own = limits[output]
         lowest, highest = _limits_through(model, x, u, state, output, limits[state])
-        limits[output] = max(limits[output][0], lowest), min(limits[output][1], highest)
+        limits[output] = max(own[0], lowest), min(own[1], highest)
+        if limits[output] != own:
+            assumed[output] = assumed[state]
     margins = {}
     for name, (lowest, highest) in limits.items():
         signal = model.signals[name]
-        assumed = signal.assumed and (lowest, highest) == (signal.min, signal.max)
         role = roles.get(name, "follows")
         margins[name] = Margin(
-            name, values[name], role, lowest, highest, signal.unit, signal.nominal, assumed
+            name, values[name], role, lowest, highest, signal.unit, signal.nominal, assumed[name]
         )
     return margins
 

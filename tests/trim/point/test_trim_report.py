@@ -43,7 +43,8 @@ def test_every_variable_has_limits_and_a_margin(
         factor = math.degrees(1.0) if margin.unit.startswith("rad") else 1.0
         limits = ""
         if not math.isinf(margin.lowest):
-            limits = f" +{margin.lowest * factor:.6g} +{margin.highest * factor:.6g}"
+            star = r"\*" * margin.assumed
+            limits = f" +{margin.lowest * factor:.6g}{star} +{margin.highest * factor:.6g}{star}"
         last = f" +{margin.distance * factor:.5f}" if margin.nearer else ""
         if name in published_aircraft.inputs:
             last = f" +{100 * margin.used:.1f} % +{100 - 100 * margin.used:.1f} %"
@@ -53,9 +54,9 @@ def test_every_variable_has_limits_and_a_margin(
         assert re.search(
             rf"^{name} +{margin.value * factor:.5f} +\S+ +{role}{limits}{last}$", shown, re.M
         ), name
-    assert re.search(r"^alpha +3\.18040 +deg +free +-20 +20 +16\.81960$", shown, re.M)
-    assert re.search(r"^pitch +3\.18040 +deg +follows +-60 +60 +56\.81960$", shown, re.M)
-    assert re.search(r"^aileron_outer +0\.00000 +deg +imposed +-20 +20 +0\.0 %", shown, re.M)
+    assert re.search(r"^alpha +3\.18040 +deg +free +-20\* +20\* +16\.81960$", shown, re.M)
+    assert re.search(r"^pitch +3\.18040 +deg +follows +-60\* +60\* +56\.81960$", shown, re.M)
+    assert re.search(r"^aileron_outer +0\.00000 +deg +imposed +-20\* +20\* +0\.0 %", shown, re.M)
 
 
 def test_each_equation_has_a_tolerance_and_verdict(published_aircraft: Model) -> None:
