@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from project import ROOT
@@ -47,3 +49,15 @@ def test_the_figure_shows_differences_of_random_flights() -> None:
         assert np.isnan(drawn[end + 1 :]).all()
         ends.append(end)
     assert len(set(ends)) > 1
+
+
+def test_every_drawn_aircraft_must_stay_within_its_limits() -> None:
+    """Of drawn aircraft each must pass; one flight of a known aircraft is enough."""
+    model = hfa.load_model(str(ROOT / "examples" / "uav.toml"))
+    point = hfa.trim(model)
+    drawn = ParameterSpread({"CL_alpha": model.parameters["CL_alpha"].start}, np.eye(1))
+    gain = GainPolicy("none", np.zeros((len(model.inputs), len(model.linear))))
+    limits = flight_envelope(model, point, {})
+    plan = MonteCarlo(5, 0, model, point, gain, Scenario(duration=1.0), limits, drawn)
+    assert plan.least_within == 5
+    assert replace(plan, spread=None).least_within == 1
