@@ -15,6 +15,8 @@ _ALPHA = 0.3
 _RATIO = 8.0
 #: Usual slopes of the lift, 1/rad. Wings of small aspect ratio have about 1, thin airfoils 2 pi.
 _LIFT_SLOPES = (0.3, 20.0)
+#: Largest usual ratio of Cm_alpha and CL_alpha, chords.
+_STATIC_MARGIN = 3.0
 
 
 def doubts_about(table: Table) -> Iterator[str]:
@@ -30,6 +32,12 @@ def doubts_about(table: Table) -> Iterator[str]:
         )
     else:
         yield from _of_weight(table)
+        margin = -derivatives["Cm_alpha"] / slope
+        if abs(margin) > _STATIC_MARGIN:
+            yield (
+                f"Cm_alpha is {derivatives['Cm_alpha']:.3g} per rad, a static margin of "
+                f"{margin:.2g} chords; it may be given per rad (a factor of {180.0 / math.pi:.1f})"
+            )
     if derivatives["Cm_alpha"] > 0.0:
         yield (
             f"Cm_alpha is {derivatives['Cm_alpha']:.3g}, above 0: the aircraft is statically "

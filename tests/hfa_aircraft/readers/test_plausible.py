@@ -30,6 +30,7 @@ MISTAKES = {
     "sign of the roll damping": ({"Cl_p": 0.26}, "Cl_p"),
     "per degree taken as per radian": ({"CL_alpha": 3.45 * DEGREE}, "CL_alpha"),
     "per radian taken as per degree": ({"CL_alpha": 3.45 / DEGREE}, "CL_alpha"),
+    "moment per radian taken as per degree": ({"Cm_alpha": -0.38 / DEGREE}, "static margin"),
 }
 
 
