@@ -29,24 +29,21 @@ def first_line(point: OperatingPoint, done: str, modes: Iterable[Mode] | None) -
     modes: modes of the linear model at the point, or None for a point that is not a trim
     """
     condition = ", ".join(condition_words(point))
-    words = [f"{point.model.subject} {done}" + f": {condition}" * bool(condition)]
+    line = f"{point.model.subject} {done}" + f": {condition}" * bool(condition)
     if modes is not None:
-        words.append(f"unstable: {unstable_words(modes, point.model.time_unit)}")
+        line = _with_unstable(line, [*modes], point.model.time_unit)
     doubts = [f"Check: {doubt}" for doubt in point.model.about.doubts]
-    return wrapped("\n".join([_listed(words, "; "), *doubts]), WIDTH)
+    return wrapped("\n".join([line, *doubts]), WIDTH)
 
 
-def unstable_words(modes: Iterable[Mode], time: str) -> str:
-    """Return the unstable modes with their times to double as text, or "none".
-
-    time: unit of time of the modes
-    """
-    unstable = [
-        f"{mode.name} (2x in {mode.time_to_double:.3g} {time})"
-        for mode in modes
-        if math.isfinite(mode.time_to_double)
-    ]
-    return ", ".join(unstable) or "none"
+def _with_unstable(line: str, modes: Sequence[Mode], time: str) -> str:
+    """Return a line with the unstable modes, and with their times to double if they fit in it."""
+    unstable = [mode for mode in modes if math.isfinite(mode.time_to_double)]
+    timed = [f"{mode.name} (2x in {mode.time_to_double:.3g} {time})" for mode in unstable]
+    named = [mode.name for mode in unstable]
+    words = [f"unstable: {', '.join(each) or 'none'}" for each in (timed, named)]
+    fitting = [each for each in words if len(f"{line}; {each}") <= WIDTH]
+    return f"{line}; {fitting[0]}" if fitting else f"{line};\n{words[0]}"
 
 
 def condition_words(point: OperatingPoint) -> Iterator[str]:
