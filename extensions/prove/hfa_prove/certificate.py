@@ -167,6 +167,8 @@ def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
         body = {key: value for key, value in content.items() if key not in _CLOSING}
         edited = text != sealed(json.dumps(body)[:-1], json.dumps(origin)).encode()
         schema = str(content["schema"])
+        if not schema.startswith("hfa.certificate/"):
+            raise ValueError(schema)
         written = {key: on_one_line(str(origin[key])) for key in ("version", "command", "date")}
     except (ValueError, LookupError, AttributeError, TypeError, RecursionError) as error:
         raise BadInputError(

@@ -177,3 +177,10 @@ def test_other_formats_are_refused_in_one_line(version: int, tmp_path: Path) -> 
     )
     with pytest.raises(BadInputError, match=said):
         check_certificate(forge(tmp_path / "other.json", other))
+
+
+def test_a_file_of_another_command_is_no_certificate(tmp_path: Path) -> None:
+    """A file with the schema and provenance of another output is refused as no certificate."""
+    other = certificate("plant") | {"schema": "hfa.game-solution/1"}
+    with pytest.raises(BadInputError, match=r"is not a certificate; give a file written by `hfa"):
+        check_certificate(forge(tmp_path / "other.json", other))
