@@ -43,6 +43,8 @@ def doubts_about(table: Table) -> Iterator[str]:
             f"Cm_alpha is {derivatives['Cm_alpha']:.3g}, above 0: the aircraft is statically "
             "unstable, or the sign is wrong"
         )
+    if derivatives.get("Cm_q", 0.0) == 0.0:
+        yield "Cm_q is 0: the pitch rate is not damped, or the entry is missing"
     if derivatives.get("Cl_p", 0.0) > 0.0:
         yield (
             f"Cl_p is {derivatives['Cl_p']:.3g}, above 0: rolling is not damped, or the sign is "

@@ -27,6 +27,7 @@ DEGREE = 3.141592653589793 / 180.0
 MISTAKES = {
     "mass in pounds as slugs": ({"mass": 13.5 / 32.174}, "weight"),
     "static instability": ({"Cm_alpha": 0.38}, "Cm_alpha"),
+    "no pitch damping": ({"Cm_q": 0.0}, "Cm_q"),
     "sign of the roll damping": ({"Cl_p": 0.26}, "Cl_p"),
     "per degree taken as per radian": ({"CL_alpha": 3.45 * DEGREE}, "CL_alpha"),
     "per radian taken as per degree": ({"CL_alpha": 3.45 / DEGREE}, "CL_alpha"),
