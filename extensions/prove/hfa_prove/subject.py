@@ -154,8 +154,9 @@ def qualified(claim: str, not_given: Iterable[str]) -> str:
         return claim
     *first, last = names
     listed = f"{', '.join(first)} and {last}" if first else last
-    line = f"{claim}, of the {listed} in the certificate"
-    return line if len(line) <= _COLUMNS else f"{claim}, of the certificate's\n{listed}"
+    subjects = f"of the {listed} in the certificate"
+    line = f"{claim}, {subjects}"
+    return line if len(line) <= _COLUMNS else f"{claim},\n{subjects}"
 
 
 def first_line(claim: str, not_given: Iterable[str], not_covered: str) -> str:
