@@ -151,7 +151,7 @@ def leaves_nothing(folder: Path, words: tuple[str, ...], number: signal.Signals)
 
 
 #: Number of runs, each ended three times, once by each signal.
-RUNS = 17
+RUNS = 4
 
 
 def in_one_line(ended: Ended, said: str) -> bool:

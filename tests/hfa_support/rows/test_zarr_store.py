@@ -6,16 +6,17 @@ import json
 import os
 import pickle
 import shutil
-import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from ended_runs import until
 
 from hfa import BadInputError
 from hfa_support.rows import store as zarr_store
@@ -146,27 +147,85 @@ def test_only_missing_rows_are_computed(finished_store: Path, tmp_path: Path) ->
 KILLED = """
 import sys
 from pathlib import Path
-sys.path.insert(0, sys.argv[1])
 import test_zarr_store as tests
+from hfa_support.errors import NoSolutionError
 if __name__ == "__main__":
-    tests.fill_store(tests.row_job(function=tests.slow_numbers), Path("a.zarr"), workers=2)
+    job = tests.row_job(function=tests.slow_numbers)
+    workers = sys.argv[1] if sys.argv[1:] else 2
+    try:
+        tests.fill_store(job, Path("a.zarr"), workers=workers)
+    except NoSolutionError as error:
+        sys.exit(str(error))
 """
+
+
+@contextmanager
+def running(folder: Path, *words: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Yield a Python process with this file on its path, and kill it on exit.
+
+    Its standard error is written to the file log-N of the folder.
+    """
+    paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    with (folder / f"log-{len(list(folder.glob('log-*')))}").open("w") as log:
+        process = subprocess.Popen(
+            [sys.executable, *words],
+            cwd=folder,
+            env={**os.environ, "PYTHONPATH": paths},
+            stdout=subprocess.DEVNULL,
+            stderr=log,
+        )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def begun(path: Path) -> bool:
+    """Return whether a chunk of a store is finished."""
+    return bool(list(path.glob("pole/c/*")))
 
 
 def test_a_killed_run_keeps_finished_chunks(finished_store: Path, tmp_path: Path) -> None:
     """A killed run keeps at least one of four chunks, and the resumed run gives the same bytes."""
     (tmp_path / "killed.py").write_text(KILLED)
-    words = [sys.executable, "killed.py", str(Path(__file__).parent)]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    process = subprocess.Popen(words, cwd=tmp_path, env=environment)
     path = tmp_path / "a.zarr"
-    deadline = time.monotonic() + 60
-    while time.monotonic() < deadline and not list(path.glob("pole/c/*")):
-        time.sleep(0.02)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
+    with running(tmp_path, "killed.py"):
+        assert until(lambda: begun(path))
     done, chunks = resumed(path)[0]
     assert (0 < done < 4, chunks) == (True, 4)
+    assert contents(path) == contents(finished_store)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lost", ["scheduler", "worker"])
+def test_a_failed_cluster_leaves_the_result_unchanged(
+    finished_store: Path, tmp_path: Path, lost: str
+) -> None:
+    """If a worker of Dask ends, the job completes. If the scheduler ends, it fails with one line.
+
+    In both cases, the store can be resumed to the same bytes.
+    """
+    pytest.importorskip("distributed")
+    (tmp_path / "killed.py").write_text(KILLED)
+    path, file = tmp_path / "a.zarr", tmp_path / "scheduler.json"
+    scheduler = "-m dask scheduler --host 127.0.0.1 --port 0 --no-dashboard --scheduler-file"
+    worker = "-m dask worker --nthreads 1 --no-nanny --no-dashboard --scheduler-file"
+    with ExitStack() as around:
+        cluster = [
+            around.enter_context(running(tmp_path, *each.split(), str(file)))
+            for each in (scheduler, worker, worker)
+        ]
+        logs = [tmp_path / "log-1", tmp_path / "log-2"]
+        assert until(lambda: all("Registered to" in log.read_text() for log in logs))
+        address = json.loads(file.read_bytes())["address"]
+        job = around.enter_context(running(tmp_path, "killed.py", address))
+        assert until(lambda: begun(path))
+        cluster[0 if lost == "scheduler" else 1].kill()
+        code = job.wait(timeout=60)
+        said = (tmp_path / "log-3").read_text()
+    assert (code, said.count("\n")) == ((1, 1) if lost == "scheduler" else (0, 0)), said
+    resumed(path)
     assert contents(path) == contents(finished_store)
 
 
