@@ -7,7 +7,7 @@ import pytest
 
 from hfa import sweep, trim
 from hfa.paper import level_flight
-from hfa_aircraft.limits import SLACK, Limits
+from hfa_aircraft.limits import NEAR, SLACK, Limits
 from hfa_aircraft.model import Model
 from trim import TrimError
 
@@ -44,9 +44,17 @@ def test_within_allows_a_difference_by_rounding_only(published_aircraft: Model) 
     """A value beyond a limit by rounding is within the limit. A value farther beyond is not, nor is
     nan.
     """
-    model = published_aircraft
-    limits = Limits.of(model, ("speed", "throttle", "gamma"), {"gamma": (-np.inf, 0.1)})
-    slack = SLACK * (model.signals["speed"].nominal + 500.0)
-    values = np.array([[500.0 + 0.9 * slack, 0.0, -9.0], [500.0 + 1.1 * slack, np.nan, 0.2]])
-    assert limits.within(values).tolist() == [[True, True, True], [False, False, False]]
-    assert limits.at_highest(values[0]).tolist() == [True, False, False]
+    limits = Limits.of(published_aircraft, ("speed", "throttle", "gamma"), {"gamma": (-np.inf, 0.1)})
+    nominal = np.array([published_aircraft.signals[name].nominal for name in limits.names])
+    for lowest, highest, side in ((1.0, 0.0, -1.0), (500.0, 200.0, 1.0)):
+        ends = np.array([lowest, highest, 0.1])
+        slack = side * (nominal + ends)
+        assert limits.within(ends + 0.9 * SLACK * slack)[:2].tolist() == [True, True]
+        assert limits.within(ends + 1.1 * SLACK * slack)[:2].tolist() == [False, False]
+        at_end = (limits.at_lowest, limits.at_highest)[side > 0.0]
+        other_end = (limits.at_lowest, limits.at_highest)[side < 0.0]
+        assert at_end(ends - 0.9 * NEAR * slack)[:2].tolist() == [True, True]
+        assert at_end(ends - 1.1 * NEAR * slack)[:2].tolist() == [False, False]
+        assert not other_end(ends)[:2].any()
+    assert limits.within([np.nan, 0.0, 0.1]).tolist() == [False, True, True]
+    assert not limits.at_lowest([500.0, 200.0, -9e9])[2]

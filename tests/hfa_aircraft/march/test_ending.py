@@ -14,7 +14,6 @@ from hfa_aircraft.march.ending import (
     EndRule,
     Motion,
     Outcome,
-    Patience,
     all_finite,
     has_decayed,
     is_at_rest,
@@ -75,24 +74,25 @@ def test_flights_of_a_saddle_end_as_their_exponentials_do() -> None:
     assert later[1] - times[1] == pytest.approx(math.log(2.0), abs=0.05)
 
 
-#: Motions x = e^(growth t) cos(frequency t) + shift: growth, frequency, shift, outcome.
+#: Motions x = start e^(growth t) cos(frequency t) + shift: start, growth, frequency, shift, outcome.
 MOTIONS = [
-    (-0.5, 0.0, 0.0, Outcome.CONVERGED),
-    (0.0, 6.0, 0.0, Outcome.CYCLES),
-    (-0.5, 0.0, 0.5, Outcome.ELSEWHERE),
-    (0.1, 0.0, 0.0, Outcome.LEFT),
-    (-0.002, 6.0, 0.0, Outcome.UNDECIDED),
-    (0.002, 6.0, 0.0, Outcome.UNDECIDED),
+    (1.0, -0.5, 0.0, 0.0, Outcome.CONVERGED),
+    (1.0, 0.0, 6.0, 0.0, Outcome.CYCLES),
+    (1.0, -0.5, 0.0, 0.5, Outcome.ELSEWHERE),
+    (1.0, 0.1, 0.0, 0.0, Outcome.LEFT),
+    (-1.0, 0.1, 0.0, 0.0, Outcome.LEFT),
+    (1.0, -0.002, 6.0, 0.0, Outcome.UNDECIDED),
+    (1.0, 0.002, 6.0, 0.0, Outcome.UNDECIDED),
 ]
 #: Radius of the ball.
 NEAR = 0.05
 
 
-def ended(patience: Patience = PATIENCE, *, windows: int = 60) -> tuple[list[str], list[float]]:
-    """Return the outcomes of `MOTIONS`, watched in windows of 1 s, and their times, s."""
-    growth, frequency, shift = np.array([motion[:3] for motion in MOTIONS]).T
+def ended() -> tuple[Endings, list[float]]:
+    """Return the ends of `MOTIONS`, watched in windows of 1 s for 60 s, and their times, s."""
+    start, growth, frequency, shift = np.array([motion[:4] for motion in MOTIONS]).T
     a = growth + 1j * frequency
-    starts = np.column_stack([np.ones(len(a)), np.zeros(len(a)), a.real, a.imag, shift])
+    starts = np.column_stack([start, np.zeros(len(a)), a.real, a.imag, shift])
 
     def rate(x: np.ndarray, _: np.ndarray) -> np.ndarray:
         re, im, by, turn, _ = x.T
@@ -108,26 +108,31 @@ def ended(patience: Patience = PATIENCE, *, windows: int = 60) -> tuple[list[str
     endings = Endings(
         (np.tile(-far, (count, 1)), np.tile(far, (count, 1))),
         motion,
-        windows,
+        60,
         enough=np.full(count, 2),
         stays=np.ones(count, dtype=bool),
         stable=np.ones(count, dtype=bool),
         counted=1,
-        patience=patience,
+        patience=PATIENCE,
     )
     loop = Rows(rate, starts, 0.02)
-    _, ends = march(loop, 50 * windows, over=endings.over, window=50, keep=False)
+    _, ends = march(loop, 50 * 60, over=endings.over, window=50, keep=False)
     endings.close()
-    return endings.outcomes.tolist(), (0.02 * ends).tolist()
+    return endings, (0.02 * ends).tolist()
 
 
 def test_motions_end_as_their_formulas_do() -> None:
     """Each motion of known form has its outcome, and all but the undecided end early."""
-    outcomes, times = ended()
+    endings, times = ended()
+    outcomes = endings.outcomes.tolist()
     assert outcomes == [outcome for *_, outcome in MOTIONS]
     undecided = [outcome == Outcome.UNDECIDED for outcome in outcomes]
     assert [time == pytest.approx(60.0) for time in times] == undecided
-    assert times[3] == math.ceil(math.log(5.0) / 0.1)
+    left = math.log(5.0) / 0.1
+    assert times[3] == times[4] == math.ceil(left)
+    assert endings.left_at[3:5].tolist() == [math.ceil(left / 0.02)] * 2
+    np.testing.assert_allclose(endings.left_with[3:5, 0], [5.0, -5.0], atol=0.01)
+    assert endings.nearest[0] <= 1.0
 
 
 def test_flights_from_trims_end_when_all_have_settled() -> None:
