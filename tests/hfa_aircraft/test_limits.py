@@ -44,7 +44,9 @@ def test_within_allows_a_difference_by_rounding_only(published_aircraft: Model) 
     """A value beyond a limit by rounding is within the limit. A value farther beyond is not, nor is
     nan.
     """
-    limits = Limits.of(published_aircraft, ("speed", "throttle", "gamma"), {"gamma": (-np.inf, 0.1)})
+    limits = Limits.of(
+        published_aircraft, ("speed", "throttle", "gamma"), {"gamma": (-np.inf, 0.1)}
+    )
     nominal = np.array([published_aircraft.signals[name].nominal for name in limits.names])
     for lowest, highest, side in ((1.0, 0.0, -1.0), (500.0, 200.0, 1.0)):
         ends = np.array([lowest, highest, 0.1])

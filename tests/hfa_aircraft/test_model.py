@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import casadi as ca
@@ -45,6 +46,11 @@ def cart(**declared: Any) -> Model:
         ({"trim": {"x": 0.0}, "replaced": {"x": "position"}}, "trim imposes the unknown"),
         ({"trim": {"height": 1.0}}, "trim imposes the unknown variable 'height'"),
         ({"states": {"x": Signal(nominal=-1.0)}}, "nominal and rate positive"),
+        ({"states": {"x": Signal(rate=0.0)}}, "nominal and rate positive"),
+        ({"states": {"x": Signal(start=math.inf)}}, "nominal, rate, start are"),
+        ({"states": {"x": Signal(min=2.0, max=1.0)}}, "min 2 is above max 1"),
+        ({"states": {"x": Signal(min=math.nan)}}, "min nan is above max"),
+        ({"outputs": {"position": 1.0}}, "give a Signal"),
         ({"states": {"x": Signal(3)}}, "x: the unit is 3; give the unit as text"),  # type: ignore[arg-type]
     ],
 )

@@ -180,6 +180,7 @@ def test_both_ways_name_the_same_aircraft(glider: Path) -> None:
     [
         ("Clb =  -0.100443", "Clb =  ********", "Clb is '********'"),
         ("Beta  =   0.00000", "Beta  =   2.00000", "Beta is 2;"),
+        ("Beta  =   0.00000", "Beta  =  -2.00000", "Beta is -2;"),
         ("qc/2V =   0.00000", "qc/2V =   0.01000", "qc/2V is 0.01;"),
         ("Standard axis orientation,  X fwd, Z down", "Geometric axis orientation,  X aft, Z up",
          "x is aft"),

@@ -1,0 +1,57 @@
+"""Margins of a variable follow from its value and its limits."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from hfa_aircraft.limits import NEAR
+from trim.point.margins import Margin
+
+
+@pytest.mark.parametrize(
+    ("value", "lowest", "highest"),
+    [
+        (3.0, -2.0, 10.0),
+        (-1.5, -2.0, 10.0),
+        (9.0, -2.0, 10.0),
+        (-3.0, -2.0, 10.0),
+        (12.0, -2.0, 10.0),
+        (2.5, 2.0, 6.0),
+        (-2.5, -6.0, -2.0),
+        (1.0, 0.0, math.inf),
+        (-1.0, -math.inf, 5.0),
+        (2.0, -math.inf, math.inf),
+    ],
+)
+def test_margins_follow_from_the_limits(value: float, lowest: float, highest: float) -> None:
+    """The nearer limit is `distance` away, and `used` is the share of the travel from rest."""
+    margin = Margin("x", value, "free", lowest, highest, "m", 2.0)
+    distances = {"lowest": value - lowest, "highest": highest - value}
+    assert margin.distance == min(distances.values())
+    if math.isinf(margin.distance):
+        assert (margin.nearer, margin.at_limit) == ("", False)
+        assert math.isnan(margin.share)
+        return
+    assert distances[margin.nearer] == margin.distance
+    assert margin.nearer_limit == {"lowest": lowest, "highest": highest}[margin.nearer]
+    span = highest - lowest
+    assert margin.share == (0.0 if math.isinf(span) else pytest.approx(margin.distance / span))
+    rest = sorted((lowest, 0.0, highest))[1]
+    end = highest if value >= rest else lowest
+    if math.isinf(end) or end == rest:
+        assert math.isnan(margin.used)
+    else:
+        assert rest + margin.used * (end - rest) == pytest.approx(value, abs=1e-9)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_variable_is_at_its_limit_within_a_tolerance(side: float) -> None:
+    """The tolerance is `NEAR` of nominal size plus limit; beyond the limit it is at the limit."""
+    limits = (-40.0, 40.0)
+    slack = NEAR * (2.0 + 40.0)
+    for inward, expected in ((0.99 * slack, True), (1.01 * slack, False), (-1.0, True)):
+        margin = Margin("x", side * (40.0 - inward), "free", *limits, "m", 2.0)
+        assert margin.at_limit == expected
+        assert margin.nearer == ("highest" if side > 0.0 else "lowest")
