@@ -14,6 +14,7 @@ from hfa.options.output import ProgressLine
 from hfa.options.part import OfModel, option, part
 from hfa.options.request import Request, command
 from hfa.options.trim import Trim
+from hfa_prove.commands.check import check
 from hfa_prove.commands.options import refuse_no_certificate
 from hfa_support.errors import BadInputError
 from hfa_support.files import forget_read
@@ -22,10 +23,8 @@ from trim.point.linearize import linearize
 if TYPE_CHECKING:
     from hfa_flight.problem import FlightProblem
     from hfa_prove.check import Proved
-    from hfa_prove.commands.request import CheckRequest
     from hfa_prove.search.cost import CostBound
 
-_OF_THE_SEARCH = ("degree", "margin", "seconds", "resume")
 _DEGREES = ("2", "4", "6", "8", "10", "12")
 
 
@@ -106,58 +105,9 @@ def cost(request: CostRequest) -> int:
 
     flint_or_refusal()
     if request.check is not None:
-        return check(request, request.check)
+        return check(request, request.check, "cost")
     refuse_no_certificate(request.output.file, resume=request.resume)
     return _prove(request)
-
-
-def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
-    """Verify a certificate of a lower bound of the cost, print the report, and return exit code 0.
-
-    Raises BadInputError for an option that does not apply. Raises BadInputError or NoSolutionError
-    if the certificate contradicts the user's values or does not prove its statement.
-    """
-    from hfa_flight.problem import flight_problem
-    from hfa_prove.certificate import read_certificate
-    from hfa_prove.check import check as proved_by
-    from hfa_prove.commands.given import aircraft_option, names_aircraft
-    from hfa_prove.problem import given_of
-    from hfa_prove.report_cost import checked_bound_report
-    from hfa_prove.statements.plant import Subject
-    from hfa_prove.subject import Given, compare
-
-    request.refuse(_OF_THE_SEARCH, "has no effect with --check; remove this option")
-    request.refuse(
-        ("game.plant",),
-        "is a linear plant, but the certificate is about a nonlinear aircraft; give --aircraft "
-        "instead",
-    )
-    request.refuse(
-        (
-            "weights",
-            "policy",
-            "reading.basis",
-            "reading.network",
-            "set",
-            "design",
-            "game.weights.delta",
-        ),
-        "does not apply to a bound of the cost; remove this option",
-    )
-    own = request.model if request.aircraft.own else None
-    weights = request.game.weights.changed
-    given = {name: Given(value, f"--{name}") for name, value in weights.items()}
-    if names_aircraft(request):
-        option_named = aircraft_option(request)
-        aircraft = request.trim.aircraft
-        point = request.trim.point()
-        limits = getattr(request, "limits", None)
-        problem = flight_problem(aircraft, point, limits=limits)
-        given |= given_of(problem, option_named, {})
-    read = read_certificate(certificate, Subject(own))
-    not_given = compare(read.statement, given)
-    request.show(checked_bound_report(proved_by(read, ProgressLine("check")), not_given))
-    return 0
 
 
 def _prove(request: CostRequest) -> int:

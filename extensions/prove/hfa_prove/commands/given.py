@@ -22,8 +22,11 @@ from hfa_prove.subject import Given
 from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 
 if TYPE_CHECKING:
+    from hfa_prove.commands.cost import CostRequest
     from hfa_prove.commands.request import CheckRequest, RegionRequest
     from hfa_prove.search.loops import Intervals
+    from hfa_prove.statements.cost import CostStatement
+    from hfa_prove.statements.value import ValueStatement
 
 #: Options that name an aircraft.
 _OF_THE_AIRCRAFT = (
@@ -124,11 +127,8 @@ def _given_flight(flight: Flight, request: CheckRequest, name: str) -> dict[str,
 def _given_weights(flight: Flight, request: CheckRequest) -> dict[str, Given]:
     """Return the entries Q, R and delta from the options.
 
-    Raises BadInputError for --N, because no certificate contains cross weights.
-
     If one of them and an aircraft are given, the entry E of the default game is also returned.
     """
-    request.refuse(("game.weights.N",), "is not in a certificate of hfa prove; remove this option")
     given = {
         f"weights.{name}": Given(value, f"--{name}")
         for name, value in request.game.weights.changed.items()
@@ -143,12 +143,57 @@ def _given_weights(flight: Flight, request: CheckRequest) -> dict[str, Given]:
     return given
 
 
+def given_bound(statement: CostStatement, request: CheckRequest | CostRequest) -> dict[str, Given]:
+    """Return path of an entry of a bound of the cost -> the value that the user's options give.
+
+    Raises BadInputError or NoSolutionError if the options do not define a trim.
+    """
+    from hfa_flight.problem import flight_problem
+    from hfa_prove.problem import given_of
+
+    weights = request.game.weights.changed
+    given = {name: Given(value, f"--{name}") for name, value in weights.items()}
+    if not names_aircraft(request):
+        return given
+    limits = getattr(request, "limits", None)
+    problem = flight_problem(request.trim.aircraft, request.trim.point(), limits=limits)
+    return given | given_of(problem, aircraft_option(request), {})
+
+
+def given_value(statement: ValueStatement, request: CheckRequest) -> dict[str, Given]:
+    """Return path of an entry of a value -> the value that the user's options give.
+
+    Raises BadInputError if the file of --weights contains no value.
+    """
+    from controller.critic.critic_file import entries_in
+    from hfa_prove.problem import given_plant, plant_at
+
+    given = {
+        f"weights.{name}": Given(value, f"--{name}")
+        for name, value in request.game.weights.changed.items()
+    }
+    given["plant.limits"] = Given({}, "a value, which has no limits,")
+    if request.trim.at or names_aircraft(request):
+        own = plant_at(at_one_value(request).trim.point())
+        given |= given_plant(own, aircraft_option(request))
+    if request.weights is not None:
+        option_named = f"--weights {request.weights}"
+        entries = entries_in(request.weights)
+        for entry, stated in (("V", "W"), ("u", "policy_weights")):
+            if stated not in entries:
+                raise BadInputError(
+                    f"{request.weights} contains no {stated}; give a file written by `hfa solve "
+                    "--order`"
+                )
+            given[entry] = Given(entries[stated], option_named)
+    return given
+
+
 def _given_plant(statement: GameStatement, request: CheckRequest) -> dict[str, Given]:
     """Return the entries on the plant, its weights and the critic from the options.
 
-    Raises BadInputError if an option defines an aircraft, and for --N.
+    Raises BadInputError if an option defines an aircraft.
     """
-    request.refuse(("game.weights.N",), "is not in a certificate of hfa prove; remove this option")
     request.refuse(
         (*_OF_THE_AIRCRAFT, "trim.at"),
         "gives an aircraft, but the certificate is about a plant; remove this option",
@@ -174,10 +219,6 @@ def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, 
     Raises NoSolutionError if the file has no K and the statement does not claim that K is the gain
     of the critic's P or W.
     """
-    request.refuse(
-        ("design",),
-        "applies to a schedule, but the certificate is about a game; remove this option",
-    )
     if request.weights is None:
         request.refuse(
             ("reading.basis",),

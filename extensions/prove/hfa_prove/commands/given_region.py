@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_prove.commands.given import aircraft_option, at_one_value, names_aircraft
-from hfa_prove.commands.policies import given_policy
+from hfa_prove.commands.policies import GivenPolicy, given_policy
 from hfa_prove.fields import rows_of
 from hfa_prove.statements.game import SAME_GAIN
-from hfa_prove.statements.loop import Loop
+from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.plant import SAME_TRIM, facts, limits_hold, model_limits
 from hfa_prove.statements.region import RegionStatement
 from hfa_prove.subject import Given, close_to, within
@@ -31,17 +31,28 @@ _OF_THE_POLICY = (
 
 
 def given_for(
-    statement: RegionStatement, request: CheckRequest | RegionRequest
+    statement: RegionStatement,
+    request: CheckRequest | RegionRequest,
+    own: GivenPolicy | None = None,
 ) -> dict[str, Given]:
-    """Return path of an entry -> the user's value, for the region of a polynomial policy.
+    """Return path of an entry of a region -> the value that the user's options give.
 
     statement: the statement
     request: options of the command
+    own: the user's policy, if it is a network or a deployed policy
 
-    Raises BadInputError or NoSolutionError if the options do not define a loop.
+    Raises BadInputError or NoSolutionError if the options do not define a loop, or define another
+    kind of policy.
     """
-    request = at_one_value(request)
     loop = statement.loop
+    if own is not None and not isinstance(loop.policy, Gain):
+        return given_by(own.problem.loop, "the user")
+    request.refuse(
+        ("policy", "reading.network", "set"),
+        "applies to a policy in a file, but the certificate is about a polynomial policy; "
+        "remove this option",
+    )
+    request = at_one_value(request)
     given: dict[str, Given] = {}
     if names_aircraft(request):
         given |= _given_aircraft(loop, request)

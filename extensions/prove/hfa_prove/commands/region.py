@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfa.options.output import ProgressLine
 from hfa.options.request import command
+from hfa_prove.commands.check import check
 from hfa_prove.commands.options import refuse_no_certificate
-from hfa_prove.commands.request import CheckRequest, RegionRequest
+from hfa_prove.commands.request import RegionRequest
 from hfa_support.errors import BadInputError
 from hfa_support.files import forget_read
 from trim.linear.linear_model import LinearModel
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from hfa_prove.search.region_search import Region, RegionProblem
     from hfa_prove.statements.loop import Loop
 
-#: Options that have no effect on the check of a certificate.
-_OF_THE_SEARCH = ("degree", "seconds", "resume", "output.picture", "prover")
 #: Default degree of V for a network or deployment file.
 _DEGREE_OF_FUNCTIONS = 2
 
@@ -50,56 +48,9 @@ def region(request: RegionRequest) -> int:
         "is a linear plant, but a region requires nonlinear equations; give --aircraft instead",
     )
     if request.check is not None:
-        return check(request, request.check)
+        return check(request, request.check, "region")
     refuse_no_certificate(request.output.file, resume=request.resume)
     return _prove(request)
-
-
-def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
-    """Verify a certificate of a region and return exit code 0.
-
-    certificate: path of the certificate
-
-    Raises BadInputError if an option does not apply to the check. Raises NoSolutionError if the
-    statement is not proved or differs from the user's data.
-    """
-    from hfa_prove.certificate import read_certificate
-    from hfa_prove.check import check as proved_by
-    from hfa_prove.commands.given import at_one_value
-    from hfa_prove.commands.given_region import given_by, given_for
-    from hfa_prove.commands.policies import given_policy, is_function
-    from hfa_prove.report_region import checked_report
-    from hfa_prove.statements.loop import Gain
-    from hfa_prove.statements.plant import Subject
-    from hfa_prove.subject import compare
-
-    request.refuse(_OF_THE_SEARCH, "has no effect with --check; remove this option")
-    request.refuse(
-        ("game.plant",),
-        "is a linear plant, but the certificate is about an aircraft; give --aircraft instead",
-    )
-    request.refuse(
-        ("design",),
-        "applies to a schedule, but the certificate is about a region; remove this option",
-    )
-    own = given_policy(at_one_value(request)) if is_function(request) else None
-    model = request.model if request.aircraft.own else None
-    subject = Subject(model, None if own is None else own.problem.loop.function)
-    read = read_certificate(certificate, subject)
-    if own is not None and not isinstance(read.statement.loop.policy, Gain):
-        given = given_by(own.problem.loop, "the user")
-    else:
-        request.refuse(
-            ("policy", "reading.network", "set"),
-            "applies to a policy in a file, but the certificate is about a polynomial policy; "
-            "remove this option",
-        )
-        given = given_for(read.statement, request)
-    not_given = compare(read.statement, given)
-    words = {} if own is None else {"policy": own.words, "timing": own.timing}
-    proved = proved_by(read, ProgressLine("check"))
-    request.show(checked_report(proved, not_given, **words))
-    return 0
 
 
 def _prove(request: RegionRequest) -> int:

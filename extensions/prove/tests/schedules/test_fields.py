@@ -17,6 +17,7 @@ import hfa
 from hfa import BadInputError
 from hfa_prove.certificate import read_statement
 from hfa_prove.check import check_certificate
+from hfa_prove.commands.check import check
 from hfa_prove.commands.given import given_for
 from hfa_prove.commands.request import CheckRequest
 from hfa_prove.fields import Malformed, Stated, entry
@@ -193,14 +194,16 @@ def test_options_of_another_kind_are_refused(tmp_path: Path) -> None:
         ("plant", {"trim.at": (14.0,)}),
         ("rate", {"game.plant": tmp_path / "plant.npz"}),
         ("rate", {"design": "paper"}),
+        ("rate", {"set": {"scale": 1.0}}),
         ("critic", {"design": "paper"}),
         ("critic", {"reading.basis": "quadratic"}),
     ):
         request = CheckRequest.parsed(model, options)
-        made = certificate(kind)
-        statement = read_statement(made["kind"], made["statement"])
+        path = forge(tmp_path / f"{kind}.json", certificate(kind))
         with pytest.raises(BadInputError):
-            given_for(statement, request)
+            check(request, path, certificate(kind)["kind"])
+    with pytest.raises(BadInputError, match="not the certificate of a region"):
+        check(request, path, "region")
 
 
 def test_a_value_of_another_gain_is_refused(tmp_path: Path) -> None:
