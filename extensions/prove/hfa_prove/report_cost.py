@@ -10,15 +10,13 @@ import numpy as np
 from hfa_prove.check import Proved
 from hfa_prove.results import CheckedLowerBound, FoundLowerBound
 from hfa_prove.statements.cost import CostStatement
-from hfa_prove.subject import first_line
+from hfa_prove.subject import qualified
 from hfa_prove.words import at_least, limits_in_words, parameters_in_words, piece_in_words
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
 
 if TYPE_CHECKING:
     from hfa_prove.search.cost import CostBound
-
-_NOT_COVERED = "disturbances"
 
 
 def found_bound_report(found: CostBound) -> Report:
@@ -79,7 +77,7 @@ def _title(statement: CostStatement, verdict: str, not_given: Sequence[str] = ()
     not_given: parts of the statement that were not compared
     """
     claim = f"{verdict}: lower bound of the cost of flights of {statement.plant.model.title}"
-    return first_line(claim, not_given, _NOT_COVERED)
+    return f"{qualified(claim, not_given)}, without disturbances"
 
 
 def _sentence(statement: CostStatement) -> str:

@@ -13,7 +13,7 @@ from hfa_prove.results import CheckedRegion, FoundRegion, Place, ProvedRegion
 from hfa_prove.statements.game import SAME_GAIN
 from hfa_prove.statements.loop import Gain
 from hfa_prove.statements.region import RegionStatement, SquaresWitness
-from hfa_prove.subject import first_line
+from hfa_prove.subject import qualified
 from hfa_prove.words import (
     NO_BOX,
     at_least,
@@ -141,11 +141,10 @@ def _title(proved: ProvedRegion, verdict: str, timing: str, not_given: Sequence[
     """
     title = proved.subject.model.title
     if proved.disturbances:
-        return first_line(
-            f"{verdict}: invariant set of {title} under disturbances", not_given, timing
-        )
+        claim = f"{verdict}: invariant set of {title} under disturbances"
+        return f"{qualified(claim, not_given)}, without {timing}"
     claim = f"{verdict}: region of attraction of {title}"
-    return first_line(claim, not_given, f"{timing}, disturbances")
+    return f"{qualified(claim, not_given)}, without {timing}, disturbances"
 
 
 def _sentence(proved: ProvedRegion, policy: str) -> str:

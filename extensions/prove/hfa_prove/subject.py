@@ -15,9 +15,6 @@ import numpy as np
 from hfa_prove.fields import Stated
 from hfa_support.errors import BadInputError, NoSolutionError
 
-#: Largest number of columns of the first line of a report.
-_COLUMNS = 100
-
 
 def _same(stated: Any, own: Any) -> bool:
     """Return whether two entries are exactly equal, with names in any order."""
@@ -145,8 +142,6 @@ def _first_other(name: str, stated: Any, own: Given) -> str:
 def qualified(claim: str, not_given: Iterable[str]) -> str:
     """Return a claim followed by the subjects that the user did not give.
 
-    If the line would exceed 100 columns, the subjects are on a second line.
-
     not_given: names of the subjects
     """
     names = list(not_given)
@@ -154,20 +149,4 @@ def qualified(claim: str, not_given: Iterable[str]) -> str:
         return claim
     *first, last = names
     listed = f"{', '.join(first)} and {last}" if first else last
-    subjects = f"of the {listed} in the certificate"
-    line = f"{claim}, {subjects}"
-    return line if len(line) <= _COLUMNS else f"{claim},\n{subjects}"
-
-
-def first_line(claim: str, not_given: Iterable[str], not_covered: str) -> str:
-    """Return the first line of a report.
-
-    The line contains the claim, the subjects that the user did not give, and the effects not
-    covered. The effects are on a second line if the line would exceed 100 columns.
-
-    not_given: names of the subjects
-    not_covered: names of the effects
-    """
-    line = qualified(claim, not_given)
-    whole = f"{line}, without {not_covered}"
-    return whole if len(whole) <= _COLUMNS else f"{line}\nwithout {not_covered}"
+    return f"{claim}, of the {listed} in the certificate"
