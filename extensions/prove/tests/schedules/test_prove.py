@@ -55,13 +55,10 @@ def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) ->
 def test_a_certificate_of_each_kind_is_verified(certificates: dict[str, Path], kind: str) -> None:
     """A certificate of each kind is verified without further options.
 
-    The data contains the version, command and date of the certificate. The lines of the title have
-    at most 100 columns.
+    The data contains the version, command and date of the certificate.
     """
-    result = hfa("prove", "--check", str(certificates[kind]), "--json", "-o", "check.md")
+    result = hfa("prove", "--check", str(certificates[kind]), "--json")
     assert result.code == 0
-    title = Path("check.md").read_text(encoding="utf-8").partition("\n\n")[0]
-    assert max(map(len, title.splitlines())) <= 100
     data = json.loads(result.out)
     origin = json.loads(certificates[kind].read_text())["provenance"]
     assert data["proved"] is True

@@ -41,7 +41,7 @@ def test_the_first_line_names_missing_subjects(
     assert main(words) == 0
     first = " ".join(capsys.readouterr().out.split("\n\n")[0].split())
     limits = "without sampling, delay, actuators, disturbances"
-    assert f"of the policy in the certificate {limits}" in first
+    assert f"of the policy in the certificate, {limits}" in first
     assert main([*words, "--delta", "inf"]) == 0
     out = " ".join(capsys.readouterr().out.split())
     assert "of the policy in the certificate" not in out
