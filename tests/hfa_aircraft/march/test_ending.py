@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -14,6 +15,7 @@ from hfa_aircraft.march.ending import (
     EndRule,
     Motion,
     Outcome,
+    Patience,
     all_finite,
     has_decayed,
     is_at_rest,
@@ -133,6 +135,108 @@ def test_motions_end_as_their_formulas_do() -> None:
     assert endings.left_at[3:5].tolist() == [math.ceil(left / 0.02)] * 2
     np.testing.assert_allclose(endings.left_with[3:5, 0], [5.0, -5.0], atol=0.01)
     assert endings.nearest[0] <= 1.0
+
+
+QUICK = Patience(
+    standing=3, stands=0.1, elsewhere=2.0, block=2, cycles=3.0, same=0.1, growth=2, grown=1.02
+)
+#: Ten windows, more than any ending of `QUICK` needs.
+WINDOWS = 10
+STEADY = 4.0
+
+
+def watched(
+    distances: list[float], swings: list[float], *, stays: bool, stable: bool, enough: int
+) -> tuple[str, int]:
+    """Return how a flight with these motions ends, and the number of windows until then."""
+    distances += distances[-1:] * (WINDOWS - len(distances))
+    swings += swings[-1:] * (WINDOWS - len(swings))
+    limit = np.ones((1, 1))
+    endings = Endings(
+        (-limit, limit),
+        lambda flown: Motion(
+            np.array(distances[flown.first :][:1]), np.array([swings[flown.first :][:1]])
+        ),
+        WINDOWS,
+        enough=np.array([enough]),
+        stays=np.array([stays]),
+        stable=np.array([stable]),
+        counted=1,
+        patience=QUICK,
+    )
+    for number in range(WINDOWS):
+        flown = History(1.0, number, np.zeros((1, 2, 1)), np.zeros((1, 2, 0)), np.zeros(1, int))
+        if endings.over(flown).any():
+            return endings.outcomes[0], number + 1
+    endings.close()
+    return endings.outcomes[0], WINDOWS
+
+
+@pytest.mark.parametrize(
+    ("distances", "swings", "options", "ends"),
+    [
+        # in the ball for two windows, without going out, and not farther than before
+        ([5.0, 1.0], [0.0], {}, (Outcome.CONVERGED, 3)),
+        ([5.0, 0.5, 0.4], [0.0], {"enough": 3}, (Outcome.CONVERGED, 4)),
+        ([0.5, 1.1, 0.5, 0.4], [0.0], {}, (Outcome.CONVERGED, 4)),
+        ([0.5, 0.6, 0.7, 0.6], [0.0], {}, (Outcome.CONVERGED, 4)),
+        # until the full duration where nothing else ends it, also about an unstable equilibrium
+        ([0.5], [0.0], {"stays": False}, (Outcome.CONVERGED, 10)),
+        ([1.1], [0.0], {"stays": False}, (Outcome.UNDECIDED, 10)),
+        (
+            [0.1, *[0.5] * 7, 0.505],
+            [0.0],
+            {"stays": False, "stable": False},
+            (Outcome.CONVERGED, 10),
+        ),
+        ([*[0.5] * 9, 0.515], [0.0], {"stays": False, "stable": False}, (Outcome.UNDECIDED, 10)),
+        ([*[0.5] * 8, 0.515], [0.0], {"stays": False}, (Outcome.CONVERGED, 10)),
+        # at another equilibrium for three windows
+        ([3.0], [0.3], {}, (Outcome.ELSEWHERE, 3)),
+        ([3.0], [0.3, 0.3, 0.31, 0.3], {}, (Outcome.ELSEWHERE, 6)),
+        ([2.0], [0.0], {}, (Outcome.UNDECIDED, 10)),
+        ([math.inf], [0.0], {}, (Outcome.UNDECIDED, 10)),
+        # the least swings of three blocks of two windows
+        ([9.0], [STEADY], {}, (Outcome.CYCLES, 6)),
+        ([9.0], [9.0, STEADY, STEADY, 9.0, 9.0, STEADY], {}, (Outcome.CYCLES, 6)),
+        ([9.0], [4.0, 4.0, 4.3, 4.3, 4.0], {}, (Outcome.CYCLES, 6)),
+        ([9.0], [4.3, 4.3, 4.0, 4.0, 4.3], {}, (Outcome.CYCLES, 6)),
+        ([9.0], [4.0, 4.0, 4.5, 4.5, 4.0], {}, (Outcome.CYCLES, 10)),
+        ([9.0], [4.0, 4.0, 4.1, 4.1, 4.2, 4.2, 4.3, 4.3, 4.4], {}, (Outcome.UNDECIDED, 10)),
+        ([9.0], [4.4, 4.4, 4.3, 4.3, 4.2, 4.2, 4.1, 4.1, 4.0], {}, (Outcome.UNDECIDED, 10)),
+        ([9.0], [2.9], {}, (Outcome.UNDECIDED, 10)),
+    ],
+)
+def test_each_motion_ends_in_the_first_window_that_decides(
+    distances: list[float], swings: list[float], options: dict[str, Any], ends: tuple[str, int]
+) -> None:
+    defaults = {"stays": True, "stable": True, "enough": 2}
+    assert watched(list(distances), list(swings), **{**defaults, **options}) == ends
+
+
+def test_where_a_flight_left_its_limits_is_kept() -> None:
+    """Flights 3 and 1 of four leave at the steps 12 and 13 with their states there."""
+    limit = np.full((4, 2), 5.0)
+    endings = Endings(
+        (-limit, limit),
+        lambda flown: Motion(np.full(3, 9.0), np.full((3, 1), 1.0)),
+        9,
+        enough=np.ones(4),
+        stays=np.ones(4, dtype=bool),
+        stable=np.ones(4, dtype=bool),
+        counted=1,
+        patience=QUICK,
+    )
+    states = np.zeros((3, 4, 3))
+    states[0, 2] = [1.0, -6.0, 0.0]
+    states[0, 3] = [7.0, 7.0, 7.0]
+    states[1, 3, 0] = math.nan
+    states[2, :, 2] = 9.0  # without limits
+    over = endings.over(History(0.1, 10, states, np.zeros((3, 4, 0)), np.array([3, 1, 0])))
+    assert over.tolist() == [[False] * 3 + [True]] * 2 + [[False] * 4]
+    assert endings.outcomes.tolist() == [Outcome.UNDECIDED, Outcome.LEFT] * 2
+    assert endings.left_at[[3, 1]].tolist() == [12, 13]
+    np.testing.assert_array_equal(endings.left_with[[3, 1]], [[1.0, -6.0], [math.nan, 0.0]])
 
 
 def test_flights_from_trims_end_when_all_have_settled() -> None:
