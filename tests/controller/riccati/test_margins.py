@@ -14,7 +14,7 @@ from tolerances import SAME_FORMULA, TWO_BRACKETS, TWO_GAINS
 
 from controller import bounded_real_gain, disk_margin, minimum_delta
 from controller.riccati.frequency_response import responses
-from controller.riccati.loop_margins import loop_margins, margin_of
+from controller.riccati.loop_margins import LoopMargin, loop_margins, margin_of, named_margins
 from controller.riccati.margins import (
     ClosedLoop,
     _osborne_scaling,
@@ -121,16 +121,23 @@ def test_gain_and_phase_margins_equal_python_control(name: str, factor: float) -
         loop = control.ss(game.A - game.B[:, others] @ K[others], game.B[:, [i]], K[[i]], 0.0)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a loop without a crossover
-            computed, phases, *_ = control.stability_margins(loop, returnall=True)
+            computed, angles, _, _, crossovers, _ = control.stability_margins(loop, returnall=True)
         gains = np.asarray(computed)
-        phases = np.abs(np.asarray(phases))
+        phases = np.abs(np.asarray(angles))
+        least = np.minimum(phases, 360 - phases)
         low = gains[(gains < 1.0) & (gains > 1e-12)]
         high = gains[gains > 1.0]
         assert margin.gain_low == pytest.approx(low.max(initial=0.0), rel=1e-6)
         assert margin.gain_high == pytest.approx(high.min(initial=math.inf), rel=1e-6)
-        assert margin.phase == pytest.approx(
-            np.minimum(phases, 360 - phases).min(initial=math.inf), rel=1e-6
-        )
+        assert margin.phase == pytest.approx(least.min(initial=math.inf), rel=1e-6)
+        delays = np.radians(np.mod(angles, 360.0)) / crossovers
+        assert margin.delay == pytest.approx(delays.min(initial=math.inf), rel=1e-6)
+        if least.size:
+            assert margin.crossover == pytest.approx(crossovers[least.argmin()], rel=1e-6)
+        sensitivity = 1.0 / (1.0 + loop(1j * FREQUENCIES))
+        assert margin.disk == pytest.approx(1.0 / np.abs(sensitivity - 0.5).max(), rel=1e-3)
+        farther = min(margin.gain_high, 1.0 / margin.gain_low if margin.gain_low else math.inf)
+        assert margin.gain == pytest.approx(20.0 * math.log10(farther), rel=1e-12)
 
 
 def test_loci_that_change_places_do_not_cross() -> None:
@@ -175,15 +182,22 @@ def test_the_disk_margin_agrees_with_a_grid_of_frequencies(inputs: int) -> None:
         rough = scaled_norm(matrices, _osborne_scaling(matrices))
         tried = (*matrices[::100], *matrices[np.argsort(rough)[-5:]], loop.D)
         bounds = [float(scaled_norm(M, best_scaling(M))) for M in tried]
-        assert disk_of(loop).disk * max(bounds) < 1.0 + 1e-3
+        found = disk_of(loop)
+        assert found.disk * max(bounds) < 1.0 + 1e-3
+        assert (found.gain, found.phase) == disk_sizes(found.disk)
         if inputs <= 3:
-            assert disk_of(loop).disk * max(bounds) > 1.0 - 2e-3
+            assert found.disk * max(bounds) > 1.0 - 2e-3
+            M = loop.D if math.isinf(found.frequency) else loop.at(np.array([found.frequency]))[0]
+            assert found.disk * scaled_norm(M, best_scaling(M)) == pytest.approx(1.0, abs=1e-3)
 
 
 def test_gain_and_phase_of_a_disk_margin_are_the_textbooks() -> None:
     """A disk margin of 1 is a factor of 1/3 to 3 or 53.13 deg (Seiler, Packard, Gahinet 2020)."""
     assert disk_sizes(1.0) == pytest.approx((3.0, 53.13010235))
     assert disk_sizes(2.0) == (math.inf, 90.0)
+    loop = LoopMargin(0.5, 3.0, 40.0, 2.0, 0.1, 1.0)
+    named = named_margins(["flap"], [loop])["flap"]
+    assert named == loop._asdict() | {"disk_gain": 3.0, "disk_phase": disk_sizes(1.0)[1]}
 
 
 def test_a_loop_of_many_inputs_is_bounded_to_a_thousandth() -> None:
