@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import replace
@@ -12,9 +13,15 @@ import pytest
 from printed_samples import printed_sample
 
 from hfa_support.errors import BadInputError, NoSolutionError
-from verification.printed.classes import _by_digits
+from verification.printed.classes import _by_digits, rounding_used
 from verification.printed.comparison import compare
-from verification.printed.exact_answer import Plant, answer_change, answer_of, certified_value
+from verification.printed.exact_answer import (
+    Plant,
+    answer_change,
+    answer_of,
+    certified_value,
+    weights_of,
+)
 from verification.printed.printed_file import load_printed, read_block
 from verification.printed.verdict import check_printed
 
@@ -281,6 +288,149 @@ def test_a_missing_factor_is_recognized_despite_noise(verdict_of):
     verdict = verdict_of("learned = true\n" + re.sub(r'P = ".*"\nK = ".*"', answer, text))
     assert verdict.classified.name == "wrong"
     assert verdict.classified.reason.startswith("W lacks the factor 2 on products; an error")
+
+
+#: Plant of three states, with or without a disturbance, whose answer has misprints of convention.
+THIRD = Plant(
+    A=np.array([[0.2, 1.0, 0.3], [-1.0, 0.1, 0.5], [0.4, 0.2, -0.7]]),
+    B=np.array([[0.0, 0.4], [1.0, 0.0], [0.3, 1.0]]),
+    E=np.array([[0.2], [0.1], [0.3]]),
+    N=np.zeros((3, 2)),
+    Q=np.diag([1.0, 2.0, 3.0]),
+    R=np.diag([1.0, 2.0]),
+    gamma=5.0,
+)
+
+
+def third_file(answer: dict[str, np.ndarray], plant: Plant = THIRD, more: str = "") -> str:
+    """Return the file of a plant, as formulas, with an answer to five decimals."""
+    typed = "\n".join(f'{name} = "{printed(getattr(plant, name), 2)}"' for name in "ABENQR")
+    typed = re.sub(r"([\d.]+)", r"(\1)", typed)  # no misprint is searched for in a formula
+    blocks = "\n".join(f'{name} = "{printed(matrix, 5)}"' for name, matrix in answer.items())
+    time = "discrete" if plant.is_discrete else "continuous"
+    return (
+        f'time = "{time}"\n{more}[plant]\n{typed}\ngamma = "{plant.gamma}"\n[printed]\n{blocks}\n'
+    )
+
+
+def exact_third(is_discrete: bool = False) -> dict[str, np.ndarray]:
+    plant = replace(THIRD, is_discrete=is_discrete)
+    return answer_of(plant, certified_value(plant))
+
+
+@pytest.mark.parametrize(
+    ("name", "order", "factor", "reason"),
+    [
+        ("K", [0, 1, 2], -1.0, "K has the opposite sign"),
+        ("L", [0, 1, 2], -1.0, "L has the opposite sign"),
+        ("W", [0, 1, 3, 2, 4, 5], 1.0, "W is stored column by column"),
+        ("W", [0, 3, 5, 1, 2, 4], 1.0, "W is stored with the squares first"),
+        *((name, None, 2.0, f"{name} is twice the value") for name in "PKWH"),
+        *((name, None, 0.5, f"{name} is half the value") for name in "PKWH"),
+        ("K", [1, 0, 2], 1.0, "states 1 and 2 are interchanged"),
+        ("L", [2, 1, 0], 1.0, "states 1 and 3 are interchanged"),
+    ],
+)
+def test_a_mistake_of_convention_is_named(verdict_of, name, order, factor, reason):
+    """A sign, a factor, an order of weights or of states explains every digit, and is named."""
+    is_discrete = name == "H"
+    exact = exact_third(is_discrete)[name]
+    wrong = factor * (exact if order is None else exact[:, order])
+    verdict = verdict_of(third_file({name: wrong}, replace(THIRD, is_discrete=is_discrete)))
+    assert verdict.classified.name == "wrong"
+    assert verdict.classified.reason == reason
+    assert not verdict.ok
+    right = verdict_of(third_file({name: exact}, replace(THIRD, is_discrete=is_discrete)))
+    assert (right.ok, right.classified.name) == (True, "as printed")
+
+
+def test_interchanged_states_permute_value_and_weights(verdict_of):
+    """P and W of states in another order are named like the gains."""
+    order = [0, 2, 1]
+    P = exact_third()["P"][np.ix_(order, order)]
+    for wrong in ({"P": P}, {"W": weights_of(P)}):
+        verdict = verdict_of(third_file(wrong))
+        assert verdict.classified.reason == "states 2 and 3 are interchanged"
+
+
+def test_weights_are_those_of_the_products():
+    """x'P x = W'(x1², x1 x2, ..., xn²)."""
+    P = exact_third()["P"]
+    x = np.array([1.3, -0.7, 2.1])
+    row, column = np.triu_indices(3)
+    assert (weights_of(P) @ (x[row] * x[column])).item() == pytest.approx(x @ P @ x, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("shift", "used"), [(0.62, 0.62), (-0.62, 0.62), (-1.42, 1.42), (0.0, 0.0)]
+)
+def test_the_rounding_used_is_that_of_the_planted_plant(tmp_path, shift, used):
+    """The answer of a plant with A12 off by a share of half a unit needs this share of rounding."""
+    text = """time = "continuous"
+plant_rounded = true
+[plant]
+A = "-1 0.500000; 1 -2"
+B = "1; 1"
+Q = "2 0; 0 1"
+R = "1"
+[printed]
+P = "{P}"
+"""
+    path = tmp_path / "rounded.toml"
+    path.write_text(text.format(P="1 0; 0 1"))
+    plant = load_printed(path).plant
+    other = certified_value(plant.with_entry("A", 0, 1, 0.5 + 5e-7 * shift))
+    path.write_text(text.format(P=printed(other, 10)))
+    file = load_printed(path)
+    P = certified_value(file.plant)
+    assert rounding_used(file, P, compare(file, file.plant, P)) == pytest.approx(used, abs=5e-3)
+    classified = check_printed(path).classified
+    expected = "as printed" if not shift else "not decided" if used < 1.0 else "cannot tell"
+    assert classified.name == expected
+    exact = text.replace("0.500000", "1/2").format(P=printed(other, 10))
+    path.write_text(exact)
+    file = load_printed(path)
+    compared = compare(file, file.plant, P)
+    assert rounding_used(file, P, compared) == math.inf  # a formula has no rounding
+
+
+def test_digits_are_cut_off_only_toward_zero(verdict_of):
+    """One digit too large, or two units too small, is not cut off; a negative entry may be."""
+    assert verdict_of(INTEGRATOR.replace("2.23606", "2.23605")).classified.name != "cut off"
+    assert verdict_of(INTEGRATOR.replace("2.23606", "2.23608")).classified.name != "cut off"
+    negative = INTEGRATOR.replace("2.23606 2.33925", "-2.23606 -2.33925")
+    declared = negative.replace("[printed]", '[printed]\nK_sign = "u = K x"')
+    assert verdict_of(declared).classified.name == "cut off"
+
+
+def test_an_incomplete_plant_or_asymmetric_value_gives_no_class(verdict_of):
+    """One number for Q is an assumption; a P that is not symmetric in two pairs is no value."""
+    exact = exact_third()
+    wrong = exact["P"].copy()
+    wrong[0, 1] += 0.01
+    assert verdict_of(third_file({"P": wrong})).classified.name == "one entry of the answer"
+    wrong[0, 2] += 0.01
+    asymmetric = verdict_of(third_file({"P": wrong})).classified
+    assert (asymmetric.name, asymmetric.reason) == (
+        "cannot tell",
+        "P is not symmetric within its digits",
+    )
+    learned = verdict_of(third_file({"P": wrong}, more="learned = true\n")).classified
+    assert learned.name == "close"
+    assumed = small_case().replace('Q = "1 0; 0 2"', 'Q = "1"')
+    verdict = verdict_of(assumed).classified
+    assert verdict.name == "cannot tell"
+    assert verdict.reason == "Q is one number where 2 x 2 are needed"
+
+
+def test_one_wrong_entry_of_a_learned_answer_must_exceed_the_noise(verdict_of):
+    """One entry that is off by less than ten times what the others may hide is noise."""
+    gain = exact_third()["K"]
+    for off, name in ((4e-5, "close"), (4e-3, "one entry of the answer")):
+        wrong = gain.copy()
+        wrong[0, 0] += off
+        verdict = verdict_of(third_file({"K": wrong}, more="learned = true\n"))
+        assert verdict.classified.name == name
 
 
 @pytest.mark.parametrize("is_discrete", [False, True])
