@@ -14,7 +14,14 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.about import About, Domain, Source, Trimming
-from hfa_aircraft.layout import Layout, SignalNames, components
+from hfa_aircraft.layout import (
+    Layout,
+    Linearization,
+    SignalNames,
+    components,
+    linearized,
+    linearized_rows,
+)
 from hfa_aircraft.signals import VECTORS, Signal, remember_record
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.reporting.report import Reported
@@ -22,7 +29,6 @@ from hfa_support.reporting.text import with_unit
 from hfa_support.units import si_factor
 
 if TYPE_CHECKING:
-    from hfa_aircraft.linearization import Linearization
     from hfa_support.reporting.report import Report
 
 _ANGLE = ("rad", "deg")
@@ -455,8 +461,6 @@ class Model(Reported):
 
         outputs: names of outputs or states, by default all outputs
         """
-        from hfa_aircraft.linearization import linearized
-
         chosen = tuple(self.outputs if outputs is None else outputs)
         return linearized(self.layout, chosen, ())
 
@@ -472,15 +476,15 @@ class Model(Reported):
 
         Raises BadInputError as `linearized` does, and FloatingPointError if a result is not finite.
         """
-        from hfa_aircraft.linearization import Linearization, linearized_rows, places_of_parts
-
         rows = linearized_rows(self.layout, tuple(outputs), tuple(disturbances))
-        ((row,),) = rows(*(np.asarray(vector)[None] for vector in (x, u, self.p)))
-        places = places_of_parts(
-            len(self.states), len(self.inputs), len(outputs), len(disturbances)
+        columns = rows(*(np.asarray(vector)[None] for vector in (x, u, self.p)))
+        shapes = (rows.function.size_out(number) for number in range(len(columns)))
+        f, y, *derivatives = (
+            column.reshape(shape, order="F").copy()
+            for column, shape in zip(columns, shapes, strict=True)
         )
-        result = Linearization(*[row[place].reshape(shape) for place, shape in places])
-        if not np.isfinite(row).all():
+        result = Linearization(f[:, 0], y[:, 0], *derivatives)
+        if not all(np.isfinite(part).all() for part in result):
             values = dict(zip((*self.states, *self.inputs), (*x, *u), strict=True))
             raise FloatingPointError(self.not_finite(result.f, values, list(self.states)))
         return result

@@ -69,7 +69,8 @@ def trim(request: TrimRequest) -> int:
     point = request.trimmed()
     aircraft = request.trim.aircraft
     report = trim_report(aircraft, request.trim.condition, point, full=request.full)
-    report = with_draws(report, request.draws, request.aircraft, request.trim, point)
+    if request.draws is not None:
+        report = with_draws(report, request.draws, request.aircraft, request.trim, point)
 
     def figure() -> Figure:
         if not hfa_model.is_hfa(aircraft):

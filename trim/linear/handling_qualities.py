@@ -4,38 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
-
-import numpy as np
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import UNSTORED, Result
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 from trim.linear.linear_model import LinearModel
+from trim.point.performance import Quantity, pull_up
 
 if TYPE_CHECKING:
     from trim.point.operating_point import OperatingPoint
 
 #: Names that models give to oscillating modes.
 _OSCILLATING = ("short period", "phugoid", "dutch roll")
-
-#: Condition number above which alpha and pitch rate have no steady state.
-_SINGULAR = 1e12
-
-
-@dataclass(frozen=True)
-class Quantity(Result):
-    """Measure of handling qualities, such as the short-period damping.
-
-    name: name of the measure
-    value: number in `unit`
-    unit: unit of the value
-    """
-
-    name: str = field(metadata=UNSTORED)
-    value: float
-    unit: str
 
 
 @dataclass(frozen=True)
@@ -65,8 +47,7 @@ def handling_qualities(point: OperatingPoint) -> list[Quantity]:
     step of the input that pitches the aircraft most. All states except alpha and pitch rate are
     held.
     """
-    outputs = ("load_factor",) if "load_factor" in point.model.outputs else None
-    linear = point.linearize(outputs=outputs, disturbances=())
+    linear = point.linearize(disturbances=())
     quantities = []
     for name in _OSCILLATING:
         oscillation = _oscillation(linear, name)
@@ -79,7 +60,7 @@ def handling_qualities(point: OperatingPoint) -> list[Quantity]:
             product = damping * frequency
             quantities.append(Quantity("dutch roll damping times frequency", product, "rad/s"))
         if name == "short period":
-            quantities += _anticipation(linear, frequency)
+            quantities += _anticipation(point, frequency)
     roll = _real_eigenvalue(linear, "roll")
     if roll:
         quantities.append(Quantity("roll time constant", -1 / roll, "s"))
@@ -138,11 +119,11 @@ def _oscillation(linear: LinearModel, family: str) -> tuple[float, float] | None
     return frequency, -total.real / (2 * frequency)
 
 
-def _anticipation(linear: LinearModel, frequency: float) -> list[Quantity]:
+def _anticipation(point: OperatingPoint, frequency: float) -> list[Quantity]:
     """Return two handling qualities of the short period: n/alpha, and the parameter CAP."""
     # CAP is the control anticipation parameter, and is omitted unless it is positive. The list is
     # empty if n/alpha is unknown or 0.
-    pulled = pull_up(linear)
+    pulled = pull_up(point)
     if pulled is None or not pulled.alpha or not pulled.load_factor:
         return []
     ratio = pulled.load_factor / pulled.alpha
@@ -152,43 +133,3 @@ def _anticipation(linear: LinearModel, frequency: float) -> list[Quantity]:
     if frequency**2 / ratio > 0:
         quantities.append(Quantity("CAP", frequency**2 / ratio, "1/s^2"))
     return quantities
-
-
-class PullUp(NamedTuple):
-    """Steady pull-up or push-over at constant speed, per unit of one input.
-
-    name: input that pitches the aircraft most
-    alpha: change of alpha, rad per unit of the input
-    load_factor: change of the load factor per unit of the input; nan if it is not the only output
-    """
-
-    name: str
-    alpha: float
-    load_factor: float
-
-
-def pull_up(linear: LinearModel) -> PullUp | None:
-    """Return the steady changes of alpha and load factor after a step of the input that pitches the
-    aircraft most. All states except alpha and pitch rate are held.
-
-    The result is None if the short period does not consist of alpha and one other state, or if no
-    input changes the rate of that state.
-    """
-    model = linear.model
-    declared = model.modes.get("short period", ())
-    family = tuple(name for name in declared if name in linear.states)
-    if "alpha" not in family or len(family) != 2:
-        return None
-    fast = linear.select(family)
-    alpha = family.index("alpha")
-    pitch_rate = 1 - alpha
-    nominal = np.array([model.inputs[name].nominal for name in fast.inputs])
-    sizes = np.abs(fast.B[pitch_rate]) * nominal
-    pitching = int(np.argmax(sizes))
-    if not sizes[pitching] or np.linalg.cond(fast.A) > _SINGULAR:
-        return None
-    at_rest = -np.linalg.solve(fast.A, fast.B[:, pitching])
-    load = math.nan
-    if linear.outputs == ("load_factor",):
-        load = float(fast.C[0] @ at_rest + fast.D[0, pitching])
-    return PullUp(fast.inputs[pitching], float(at_rest[alpha]), load)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
 
+    from hfa_aircraft.layout import Linearization
     from hfa_support.reporting.named import ByName
     from trim.linear.linear_model import LinearModel
     from trim.linear.modes import Mode
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
     from trim.point.problem import TrimProblem
 
 SCHEMA = "hfa.operating-point/1"
+#: Outputs whose derivatives belong to the sheet of a trim.
+_SLOPED = ("lift", "pitching_moment", "load_factor", "thrust_force", "thrust")
 
 
 @dataclass(frozen=True, repr=False)
@@ -293,7 +296,31 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     @cached_property
     def modes(self) -> ByName[Mode]:
         """Modes of the linear model at the point, fastest first."""
-        return self.linearize(disturbances=()).modes
+        from hfa_support.reporting.named import ByName
+        from trim.linear.modes import modes_of
+
+        model = self.model
+        rows = model.state_places(model.linear)
+        A = self.slopes.A[np.ix_(rows, rows)]
+        return ByName(modes_of(A, model.linear, model.modes))
+
+    @property
+    def _sloped(self) -> tuple[str, ...]:
+        """Names of the outputs in `slopes`."""
+        return tuple(name for name in _SLOPED if name in self.model.outputs)
+
+    @cached_property
+    def slopes(self) -> Linearization:
+        """Derivatives of the rates and of some outputs at the point, with mean slopes at kinks."""
+        from trim.linear.kinks import linearization_at
+
+        slopes, _ = linearization_at(self.model, self.x, self.u, self._sloped)
+        return slopes
+
+    def slopes_of(self, output: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return ∂y/∂X (n,) and ∂y/∂U (m,) of an output in `slopes`."""
+        row = self._sloped.index(output)
+        return self.slopes.C[row], self.slopes.D[row]
 
     def linearize(self, **options: Any) -> LinearModel:
         """Return the linear model at the point.

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
+import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import recognized
 from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.reporting.results import UNSTORED, Result
 from hfa_support.units import conversion
-from trim.linear.handling_qualities import Quantity, pull_up
 
 if TYPE_CHECKING:
     from trim.point.condition import TrimCondition
@@ -25,6 +26,22 @@ _USUAL = {"lbf ft/s": "ft lbf/s", "N m/s": "W"}
 _ANGLES = 200
 #: Change of the speed between a trim and its neighbors, kt.
 _KNOTS = 0.5
+#: Condition number above which alpha and pitch rate have no steady state.
+_SINGULAR = 1e12
+
+
+@dataclass(frozen=True)
+class Quantity(Result):
+    """Load, measure of performance or handling quality, such as the short-period damping.
+
+    name: name of the measure
+    value: number in `unit`
+    unit: unit of the value
+    """
+
+    name: str = field(metadata=UNSTORED)
+    value: float
+    unit: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +134,8 @@ def _add_performance(point: OperatingPoint, figures: Figures) -> None:
 def thrust_available(point: OperatingPoint) -> Quantity | str:
     """Return the thrust at the highest values of its inputs, or why it is unknown."""
     model = point.model
-    name = next((name for name in _THRUST if name in model.signals), "")
+    known = (*model.inputs, *model.outputs, *model.states)
+    name = next((name for name in _THRUST if name in known), "")
     if not name:
         return "no output thrust"
     if name in model.inputs:
@@ -127,17 +145,17 @@ def thrust_available(point: OperatingPoint) -> Quantity | str:
             if math.isfinite(highest)
             else "no upper limit of the thrust"
         )
-    linear = point.linearize(full=True, outputs=(name,), disturbances=())
-    moving = np.flatnonzero(linear.D[0])
+    if name in model.states:
+        return f"the thrust follows the state {name}"
+    of_states, of_inputs = point.slopes_of(name)
     motion = {*recognized(model.states).values(), "altitude"}
-    engine = [state for state, slope in zip(linear.states, linear.C[0], strict=True) if slope]
+    engine = [state for state, slope in zip(model.states, of_states, strict=True) if slope]
     if engine := [state for state in engine if state not in motion]:
         return f"the thrust follows the state {engine[0]}"
-    inputs = [*point.inputs]
-    for index in moving:
-        inputs[index] = model.inputs[linear.inputs[index]].max
+    moving = [control for control, slope in zip(model.inputs, of_inputs, strict=True) if slope]
+    inputs = point.inputs._replace(**{control: model.inputs[control].max for control in moving})
     value = math.inf
-    if moving.size and np.isfinite(inputs).all():
+    if moving and np.isfinite(inputs).all():
         value = model.outputs_at(point.states, inputs, (name,))[name]
     if not math.isfinite(value):
         return "no upper limit of the inputs that change the thrust"
@@ -160,14 +178,21 @@ def largest_lift(point: OperatingPoint) -> float | None:
         highest = min(highest, model.domain.range["alpha"][1])
     if not math.isfinite(highest):
         return None
-    lifts = []
-    for angle in np.linspace(point[alpha], highest, _ANGLES).tolist():
-        state = point.states._replace(**{alpha: angle})
-        lifts.append(model.outputs_at(state, point.inputs, ("lift",))["lift"])
+    lifts = _lifts(point, alpha, np.linspace(point[alpha], highest, _ANGLES))
     peak = int(np.argmax(lifts))
     falls = len(lifts) > 1 and lifts[-1] < lifts[peak] * (1.0 - 1e-9)
     # A table that is constant beyond its last breakpoint has no maximum of the lift.
     return lifts[peak] if falls and 0 < peak < len(lifts) - 1 else None
+
+
+def _lifts(point: OperatingPoint, alpha: str, angles: np.ndarray) -> list[float]:
+    """Return the output `lift` at other angles of attack and otherwise the values of a point."""
+    model = point.model
+    angle = ca.SX.sym(alpha)
+    state = point.states._replace(**{alpha: angle})
+    _, lift = model.layout.expressions((state, point.inputs, model.p), ("lift",))
+    lifts: list[float] = ca.Function("lift", [angle], [lift])(angles[None]).full()[0].tolist()
+    return lifts
 
 
 def _add_static_margin(point: OperatingPoint, figures: Figures) -> None:
@@ -181,9 +206,8 @@ def _add_static_margin(point: OperatingPoint, figures: Figures) -> None:
         return
     found = figures.stability
     chord = point["reference_chord"]
-    linear = point.linearize(full=True, outputs=("lift", "pitching_moment"), disturbances=())
-    alpha = linear.states.index(recognized(point.model.states)["alpha"])
-    lift, moment = linear.C[:, alpha].tolist()
+    (alpha,) = point.model.state_places([recognized(point.model.states)["alpha"]])
+    lift, moment = (float(point.slopes_of(name)[0][alpha]) for name in ("lift", "pitching_moment"))
     force = point["dynamic_pressure"] * point["reference_area"]
     _add(found, "CL_alpha", lift / force, "1/rad")
     _add(found, "Cm_alpha", moment / (force * chord), "1/rad")
@@ -198,14 +222,13 @@ def _add_gradients(point: OperatingPoint, condition: TrimCondition, figures: Fig
     """Add the changes of the pitching input per load factor and per knot."""
     model = point.model
     lacking = figures.not_in_model
-    outputs = ("load_factor",) if "load_factor" in model.outputs else None
-    pulled = pull_up(point.linearize(outputs=outputs, disturbances=()))
+    pulled = pull_up(point)
     if pulled is None:
         reason = "no input pitches the aircraft without delay"
         lacking["control per g"] = lacking["control per knot"] = reason
         return
     unit = model.unit(pulled.name)
-    if outputs is None:
+    if "load_factor" not in model.outputs:
         lacking["control per g"] = "no output load_factor"
     elif pulled.load_factor:
         _add(figures.stability, f"{pulled.name}_per_g", 1.0 / pulled.load_factor, f"{unit}/g")
@@ -214,6 +237,52 @@ def _add_gradients(point: OperatingPoint, condition: TrimCondition, figures: Fig
         lacking["control per knot"] = "no trims 0.5 kt slower and faster that free the control"
     else:
         _add(figures.stability, f"{pulled.name}_per_knot", change, f"{unit}/kt")
+
+
+class PullUp(NamedTuple):
+    """Steady pull-up or push-over at constant speed, per unit of one input.
+
+    name: input that pitches the aircraft most
+    alpha: change of alpha, rad per unit of the input
+    load_factor: change of the load factor per unit of the input; nan without this output
+    """
+
+    name: str
+    alpha: float
+    load_factor: float
+
+
+def pull_up(point: OperatingPoint) -> PullUp | None:
+    """Return the steady changes of alpha and load factor after a step of the input that pitches the
+    aircraft most. All states except alpha and pitch rate are held.
+
+    The result is None if the short period does not consist of alpha and one other state, or if no
+    input changes the rate of that state.
+    """
+    model = point.model
+    declared = model.modes.get("short period", ())
+    others = [name for name in declared if name in model.linear and name != "alpha"]
+    if (
+        "alpha" not in declared
+        or "alpha" not in model.linear
+        or len(others) != 1
+        or not model.inputs
+    ):
+        return None
+    places = model.state_places(["alpha", *others])
+    A = point.slopes.A[np.ix_(places, places)]
+    B = point.slopes.B[places]
+    nominal = np.array([signal.nominal for signal in model.inputs.values()])
+    _, pitching = np.abs(B) * nominal
+    strongest = int(np.argmax(pitching))
+    if not pitching[strongest] or np.linalg.cond(A) > _SINGULAR:
+        return None
+    at_rest = -np.linalg.solve(A, B[:, strongest])
+    load = math.nan
+    if "load_factor" in model.outputs:
+        of_states, of_inputs = point.slopes_of("load_factor")
+        load = float(of_states[places] @ at_rest + of_inputs[strongest])
+    return PullUp(tuple(model.inputs)[strongest], float(at_rest[0]), load)
 
 
 def change_per_knot(point: OperatingPoint, condition: TrimCondition, name: str) -> float | None:

@@ -15,13 +15,12 @@ from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result, stored_as
 from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown_unit, shown_value
-from trim.linear.handling_qualities import Quantity
 from trim.linear.modes import modes_table
 from trim.point.condition import TrimCondition
 from trim.point.first_lines import control_lines, digits
 from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint, point_records
-from trim.point.performance import Figures, figures_of
+from trim.point.performance import Figures, Quantity, figures_of
 from trim.point.problem import STARTS, TrimProblem
 from trim.point.status import BALANCE, Status
 from trim.point.system import declared_start
