@@ -140,7 +140,7 @@ class Tracking(Result, Reported):
                 Table(("rms of", "unit", "command", "error", "without feedforward"), rows),
                 *self.trim_parts(),
             ),
-            data=self.as_data(),
+            result=self,
         )
 
     def _reachable_text(self) -> str:

@@ -83,7 +83,7 @@ def reported(words: list[str], find: Find) -> int:
                 drop(sys.stdout)
             print_to_stderr("hfa: " + on_one_line(message))
             return code
-    if not {"-q", "--quiet"} & set(words):
+    if caught and not {"-q", "--quiet"} & set(words):
         _print_warnings(caught)
     return code
 

@@ -22,7 +22,7 @@ def notes_on_degrees(model: Model) -> list[str]:
     factor 180/π. Sums and differences of signals in degrees are examined too. A signal that the
     equations multiply by a factor is assumed to be converted to radians.
     """
-    model = model.source.native or model
+    model = model.native
     names = tuple(name for name, signal in model.signals.items() if signal.unit == "deg")
     if not names:
         return []

@@ -416,6 +416,21 @@ class Model(Reported):
         """Return a value of the signal `name` with its unit as text. Angles are in degrees."""
         return with_unit(value, self.unit(name))
 
+    @property
+    def native(self) -> Model:
+        """The model in its declared units: the original of a converted model, or the model."""
+        return self.source.native or self
+
+    def native_values(self, names: Sequence[str], values: Any) -> np.ndarray:
+        """Return values of signals in the units that the original model declares.
+
+        values: values in the units of this model, (..., names)
+        """
+        array = np.asarray(values, dtype=float)
+        if self.native is self:
+            return array
+        return array / [si_factor(self.native.unit(name)) for name in names]
+
     # Parameters.
 
     def with_parameters(self, **values: float) -> Model:

@@ -83,7 +83,7 @@ def spread_of(model: Model, known: Any, held: Collection[str]) -> ParameterSprea
 
     Raises BadInputError if the covariance is unknown.
     """
-    native = model.source.native or model
+    native = model.native
     if isinstance(known, str):
         spread = spread_of_file(known, native)
     else:

@@ -11,8 +11,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from hfa_aircraft.about import Domain, Source, Trimming
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import VECTORS, Signal, record
@@ -168,26 +166,6 @@ class _Equations:
 
 def _factors(signals: Mapping[str, Signal]) -> tuple[tuple[str, float], ...]:
     return tuple((name, si_factor(signal.unit)) for name, signal in signals.items())
-
-
-def native_of(model: Model) -> Model:
-    """Return the model in its declared units.
-
-    The result is the original of a model that `in_si` converted, and otherwise the model itself.
-    """
-    return model if model.source.native is None else model.source.native
-
-
-def native_values(model: Model, names: tuple[str, ...], values: Any) -> np.ndarray:
-    """Return values of signals in the units that the original model declares.
-
-    model: the model, possibly converted to SI
-    names: names of the signals
-    values: values in the units of `model`, (..., names)
-    """
-    array = np.asarray(values, dtype=float)
-    native = model.source.native
-    return array if native is None else array / [si_factor(native.unit(name)) for name in names]
 
 
 def in_units_of(model: Model, value: Any, unit: str) -> Any:

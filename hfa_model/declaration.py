@@ -13,7 +13,6 @@ import numpy as np
 from hfa_aircraft.about import About, Domain, Trimming
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
-from hfa_aircraft.units import native_of
 from hfa_model.atmosphere import refuse_beyond_the_atmosphere
 from hfa_model.kinematics import DISTURBANCES, winds_named
 from hfa_model.outputs import OUTPUTS, moment_of, outputs_of
@@ -193,7 +192,7 @@ def rigid_panels(
 
 def is_hfa(model: Model) -> bool:
     """Return whether a model is the paper's aircraft with the equations of a `Variant`."""
-    return isinstance(native_of(model).equations, Equations)
+    return isinstance(model.native.equations, Equations)
 
 
 def parameters_of(model: Model) -> Parameters:
@@ -206,5 +205,5 @@ def parameters_of(model: Model) -> Parameters:
 
 def variant_of(model: Model) -> Variant:
     """Return the variant of the equations of a model for which `is_hfa` is true."""
-    equations: Equations = native_of(model).equations  # type: ignore[assignment]  # of an HFA
+    equations: Equations = model.native.equations  # type: ignore[assignment]  # of an HFA
     return equations.variant

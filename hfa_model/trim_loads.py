@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.units import native_of, native_values, unit_of
 from hfa_model.aerodynamics import Loads, PanelLoads, aircraft_loads
 from hfa_model.atmosphere import density
 from hfa_model.declaration import check_in_range, parameters_of, variant_of
@@ -44,9 +43,9 @@ def loads(model: Model, x: ArrayLike, u: ArrayLike) -> Loads:
 
     Raises BadInputError if the state is out of range (`check_in_range`).
     """
-    native = native_of(model)
-    state = State(*native_values(model, STATES, x).tolist())
-    control = Input(*native_values(model, INPUTS, u).tolist())
+    native = model.native
+    state = State(*model.native_values(STATES, x).tolist())
+    control = Input(*model.native_values(INPUTS, u).tolist())
     check_in_range(state)
     air = density(state.altitude)
     in_lbf = aircraft_loads(state, control, air, parameters_of(native), variant_of(native))
@@ -78,11 +77,11 @@ def with_loads(point: Any, report: Report) -> Report:
         flat |= {
             f"{panel}_{name}": getattr(getattr(forces, panel), name) for name in PanelLoads._fields
         }
-    force = unit_of(aircraft, "lbf")
-    moment = unit_of(aircraft, "ft lbf")
+    force = aircraft.unit("lift")
+    moment = aircraft.unit("hinge_moment")
     load_units = {name: moment if name.endswith("moment") else force for name in flat}
     parts = (*report.parts, _panels(point, forces, force, moment))
-    return replace(report, parts=parts).with_data(**TrimLoads(flat, load_units).as_data())
+    return replace(report, parts=parts).with_data(TrimLoads(flat, load_units))
 
 
 def _panels(point: Any, forces: Loads, force: str, moment: str) -> Table:

@@ -38,18 +38,6 @@ def with_progress(items: Sequence[Item], progress: Progress | None) -> Iterator[
             progress(done, len(items))
 
 
-def print_flushed(text: str) -> None:
-    """Print a text on standard output and flush the stream.
-
-    A full disk therefore raises an OSError here. If the reader of the pipe has stopped, later
-    output is discarded.
-    """
-    try:
-        print(text, flush=True)
-    except BrokenPipeError:
-        drop(sys.stdout)
-
-
 def print_notes(warnings: Iterable[str]) -> None:
     """Print each note as one line on standard error, prefixed by "hfa: note: "."""
     for warning in warnings:

@@ -88,7 +88,7 @@ class RegeneratedPair(ByValue, Checked, Result, Reported):
                 Table(("eigenvalues 1/s", "printed A", "regenerated A"), spectra),
                 checks_block(self.checks),
             ),
-            data=self.as_data(),
+            result=self,
         )
 
 
@@ -154,7 +154,7 @@ class Regeneration(ByValue, Result, Reported):
                 self.picture(),
                 self.verdict,
             ),
-            data=self.as_data(),
+            result=self,
             records=entries_records(
                 {pair.published.dihedral_deg: pair.entries for pair in self.pairs}
             ),

@@ -377,7 +377,7 @@ class Verdict(Checked, Result, Reported):
                 *(section.part for section in self.sections),
                 self._farthest_entries(entries, names.states),
             ],
-            data={
+            result={
                 "state_units": list(names.state_units),
                 "input_units": list(names.input_units),
                 **self.data(limit_cost),
@@ -525,9 +525,9 @@ def verdicts_report(
     return Report(
         title=f"{verdict_text(ok)}: {passed} of {len(verdicts)} critics pass, on {origin}",
         parts=(*parts, Table(header, rows), tuple(reasons)),
-        data=Verdicts(
+        result=Verdicts(
             ok,
             {name: verdict.data(limit_cost) for name, verdict in verdicts.items()},
-        ).as_data(),
+        ),
         records=Table(header, rows),
     )

@@ -209,7 +209,7 @@ class TrainingRun(Result, Reported):
         return Report(
             title=f"Law {self.law!r}, basis {self.basis!r}, on {names.origin}: {self.outcome}",
             parts=tuple(parts),
-            data=data,
+            result=data,
             records=self._records(),
         )
 

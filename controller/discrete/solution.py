@@ -142,7 +142,7 @@ class DiscreteSolution(Result, Reported):
                 *sensitivity_warning(self.certificate),
                 checks_block(self.certificate.checks),
             ),
-            data=self.as_data(),
+            result=self,
         )
 
 

@@ -36,7 +36,7 @@ def expansion_report(expansion: Expansion) -> Report:
             " deviations from the trim:",
             Table(("largest", "unit", *columns), rows),
         ),
-        data=expansion.as_data(),
+        result=expansion,
         records=Table(
             ("monomial", "weight"),
             [(name_of(powers, names.states), weight) for powers, weight in weights],

@@ -111,7 +111,7 @@ class PlantSolution(Result, Reported):
         return Report(
             title=f"{self.law} for {self.plant}: certified\n{limits}",
             parts=(*matrices, f"closed loop, 1/s: {upper}", checks_block(self.solution.checks)),
-            data=self.as_data(),
+            result=self,
             records=self._records(),
         )
 

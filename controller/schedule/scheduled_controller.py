@@ -16,7 +16,7 @@ import numpy as np
 
 from controller.schedule.gain_schedule import GainSchedule, load_gain_schedule
 from hfa_aircraft.model import Model
-from hfa_aircraft.units import in_si, native_of, signal_unit
+from hfa_aircraft.units import in_si, signal_unit
 from hfa_support.arguments import checks_arguments
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown, shown
@@ -337,7 +337,7 @@ class ScheduledController(ByValue, Reported):
             f"Controller {self.name}: {self.feedback} feedback, {len(self.states)} states,"
             f" {self._where()}, {self.called}"
         )
-        return Report(title, (self._summary(limit), table), data=self._data())
+        return Report(title, (self._summary(limit), table), result=self._data())
 
     def _where(self) -> str:
         """Return a text with the number of breakpoints and their range."""
@@ -386,7 +386,7 @@ class ScheduledController(ByValue, Reported):
 
 def identity(model: Model) -> str:
     """Return a hash of a model's parameter values, in declared units."""
-    native = native_of(model)
+    native = model.native
     return parameter_hash(native.layout.record("p", native.p.tolist()))
 
 
@@ -481,7 +481,7 @@ def load_controller(path: str | Path, model: Model) -> ScheduledController:
         )
     try:
         with prefix_errors(path):
-            made_with = native_of(model)
+            made_with = model.native
             if str(content.get("units", "english")) == "si":
                 made_with = in_si(made_with)
             return in_units_of(_controller_of(content, made_with), model)

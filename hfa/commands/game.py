@@ -148,11 +148,12 @@ def solve(request: SolveRequest) -> int:
         figure = expansion.figure
         expanded = expansion.report()
         parts = (*solved.parts, expanded.title, *expanded.parts)
-        solved = replace(solved, parts=parts).with_data(**expanded.data)
+        solved = replace(solved, parts=parts).with_data(expanded.data)
     solved = with_tracking(solved, request.reference, named, solution.P, solution.K)
-    subject = (named, solution.K)
-    report = with_draws(solved, request.draws, request.aircraft, request.trim, subject)
-    request.show(report.with_data(**named.as_data()), figure=figure, notes=named.warnings)
+    if request.draws is not None:
+        subject = (named, solution.K)
+        solved = with_draws(solved, request.draws, request.aircraft, request.trim, subject)
+    request.show(solved.with_data(named), figure=figure, notes=named.warnings)
     return 0
 
 
@@ -162,7 +163,7 @@ def _solve_discrete(request: SolveRequest, named: NamedGame, problem: DiscreteGa
 
     request.refuse(("draws",), CONTINUOUS)
     report = solve_discrete(problem, ProgressLine("solve")).report()
-    request.show(report.with_data(**named.as_data()), notes=named.warnings)
+    request.show(report.with_data(named), notes=named.warnings)
     return 0
 
 
@@ -234,7 +235,7 @@ def _learn_in_flight(request: LearnRequest, named: NamedGame) -> int:
     given = Signals(initial, *(stacked(signal, states) for signal in signals))
     learning = request.learning
     run, flight = learned_in_flight(named.game, learning.law, learning.seed, learning.set, given)
-    section = replace(flight.report(), data=LearnedInFlight(flight).as_data())
+    section = replace(flight.report(), result=LearnedInFlight(flight))
     return _show_learned(request, named, run, verify(named.game, run), section=section)
 
 
@@ -274,16 +275,16 @@ def _show_learned(
     """Print and save a learned critic with its checks, and return the exit code."""
     from hfa_support.reporting.checks import checks_block
 
-    judged = LearnedChecks(verdict.checks, verdict.ok, H).as_data()
+    judged: list[Any] = [LearnedChecks(verdict.checks, verdict.ok, H)]
     report = run.report()
     parts = (verdict.headline(), *report.parts, checks_block(verdict.checks))
     if section is not None:
         parts = (*parts, section.title, *section.parts)
-        judged |= section.data
+        judged.append(section.data)
     title = report.title
     if not verdict.ok:
         title = f"{verdict.grade.upper()}: K is off by {100.0 * verdict.K_rel_error:.2g} %\n{title}"
-    report = replace(report, title=title, parts=parts).with_data(**named.as_data(), **judged)
-    whole = {**run.report(history=True).data, **judged}
+    report = replace(report, title=title, parts=parts).with_data(named, *judged)
+    whole = run.report(history=True).with_data(*judged).data
     request.show(report, only_in_files=whole, notes=named.warnings)
     return 0 if verdict.ok else 1

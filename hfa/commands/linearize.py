@@ -112,7 +112,9 @@ def linearize(request: LinearizeRequest) -> int:
     notes = [*report.notes, reduction_note(model.matrices, full.select(usual).matrices, follow)]
     notes = [note for note in notes if note]
     report = replace(report, notes=notes).with_data(warnings=notes)
-    report = with_draws(report, request.draws, request.aircraft, request.trim, full.select(usual))
+    if request.draws is not None:
+        subject = full.select(usual)
+        report = with_draws(report, request.draws, request.aircraft, request.trim, subject)
 
     def figure() -> Figure:
         from trim.linear.frequency import bode_figure

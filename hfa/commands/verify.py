@@ -166,15 +166,16 @@ def verify(request: VerifyRequest) -> int:
         from verification.verdict import verdicts_report
 
         report = verdicts_report(verdicts, origin, cost)
-    report = report.with_data(**named.as_data(), **named.weights.as_data())
+    report = report.with_data(named, named.weights)
     if request.flights is not None:
         from hfa_optimal.commands.section import with_flights
 
         report = with_flights(report, judged, named, request.flights)
     last = judged[-1]
     report = with_tracking(report, request.reference, named, last.exact.P, last.critic.K)
-    subject = (named, last.critic.K)
-    report = with_draws(report, request.draws, request.aircraft, request.trim, subject)
+    if request.draws is not None:
+        subject = (named, last.critic.K)
+        report = with_draws(report, request.draws, request.aircraft, request.trim, subject)
     request.show(report, figure=partial(_figure, verdicts, origin), notes=named.warnings)
     return 0 if all(verdict.holds(cost) for verdict in judged) else 1
 

@@ -31,22 +31,17 @@ def draws_option() -> Any:
     )
 
 
-def with_draws(
-    report: Report, count: int | None, aircraft: Aircraft, trim: Trim, subject: Any
-) -> Report:
-    """Return a report, with a section on `count` aircraft with random parameters if --draws is
-    given.
+def with_draws(report: Report, count: int, aircraft: Aircraft, trim: Trim, subject: Any) -> Report:
+    """Return a report with a section on `count` aircraft with random parameters.
 
     report: report without the section
-    count: number of --draws, or None
+    count: number of --draws
     aircraft, trim: the options of the aircraft and its trim
     subject: the reported operating point, linear model, or pair (`NamedGame`, gain)
 
     Raises BadInputError if the covariance of the parameters is unknown, or if the game has no
     aircraft.
     """
-    if count is None:
-        return report
     from trim.linear.linear_model import LinearModel
 
     progress = ProgressLine("draws")
@@ -90,7 +85,7 @@ def reported(report: Report, draws: Draws) -> Report:
     parts = (*report.parts, table)
     failure = "" if draws.ok else draws.first_line
     shown = replace(report, title=title, parts=parts, failure=failure)
-    return shown.with_data(**WithDraws(draws).as_data())
+    return shown.with_data(WithDraws(draws))
 
 
 def _drawn(count: int, aircraft: Aircraft, trim: Trim, point: OperatingPoint) -> DrawnAircraft:

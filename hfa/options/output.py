@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from hfa.options.argument_types import PICTURES, output_file
 from hfa.options.part import Part, option
-from hfa_support.progress import print_flushed, print_notes, print_to_stderr
+from hfa_support.progress import drop, print_notes, print_to_stderr
 from hfa_support.reporting.report import SUFFIXES, Report
 
 if TYPE_CHECKING:
@@ -82,7 +82,20 @@ class Output(Part):
             # Colors are turned off by NO_COLOR (no-color.org).
             plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
             print_flushed(report.text(not plain, shutil.get_terminal_size().columns))
-        print_notes(notes)
+        if notes:
+            print_notes(notes)
+
+
+def print_flushed(text: str) -> None:
+    """Print a text on standard output and flush the stream.
+
+    A full disk therefore raises an OSError here. If the reader of the pipe has stopped, later
+    output is discarded.
+    """
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        drop(sys.stdout)
 
 
 def write_report(report: Report, path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, replace
-from functools import partial
+from functools import cache, partial
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
@@ -198,7 +198,8 @@ class Part:
     typed: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
-    def declared(cls) -> dict[str, Option]:
+    @cache
+    def declared(cls) -> Mapping[str, Option]:
         """Return the options, path of the field -> option, in the order of the fields."""
         return _Declared(cls, (), {}).options()
 

@@ -79,4 +79,4 @@ def with_tracking(
     tracking = tracked(named.linear, named.game, P, K, commands)
     section = tracking.report()
     parts = (*report.parts, section.title, *section.parts)
-    return replace(report, parts=parts).with_data(**Tracked(tracking).as_data())
+    return replace(report, parts=parts).with_data(Tracked(tracking))

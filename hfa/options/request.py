@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from hfa_aircraft.model import Model
     from hfa_support.provenance import Provenance
     from hfa_support.reporting.report import Report
+    from hfa_support.reporting.results import Result
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,7 +48,8 @@ class Request(Part):
     date: str = ""
 
     @classmethod
-    def declared(cls) -> dict[str, Option]:
+    @cache
+    def declared(cls) -> Mapping[str, Option]:
         """Return the options of the request, path of the field -> option.
 
         The parts come first, then the output and --quiet, then the options of the command itself.
@@ -107,7 +109,7 @@ class Request(Part):
         if "aircraft.units" in type(self).declared() and self.aircraft is not None:
             report = report.with_data(units=self.aircraft.units)
         origin = self.provenance
-        return replace(report, source=origin.text()).with_data(provenance=origin.to_dict())
+        return replace(report, source=origin.text()).with_data(provenance=origin)
 
     def show(
         self,
@@ -115,7 +117,7 @@ class Request(Part):
         *,
         figure: Callable[[], Figure] | None = None,
         printed: Report | None = None,
-        only_in_files: Mapping[str, Any] | None = None,
+        only_in_files: Result | Mapping[str, Any] | None = None,
         write: Callable[[Path], object] | None = None,
         notes: Iterable[str] = (),
     ) -> None:
@@ -126,7 +128,7 @@ class Request(Part):
         report: the report
         figure: function that draws the picture, or None if there is none
         printed: shorter report to print in place of `report`, or None
-        only_in_files: data added to the file of -o only, or None
+        only_in_files: result or entries added to the file of -o only, or None
         write: function that writes the file of -o in a format of the command's own, or None
         notes: notes on the result
 
@@ -140,7 +142,7 @@ class Request(Part):
             if file is not None and write is not None:
                 write(file)
             elif file is not None:
-                write_report(self.stated(report).with_data(**(only_in_files or {})), file)
+                write_report(self.stated(report).with_data(only_in_files or {}), file)
             if picture is not None and figure is not None:
                 from hfa_support.reporting.figure import save
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import output_file, some_of
-from hfa.options.output import Output, ProgressLine
+from hfa.options.output import Output, ProgressLine, print_flushed
 from hfa.options.part import OfModel, option, part
 from hfa.options.ranges import Range, array_of, scheduled_range
 from hfa.options.request import Request, command
@@ -24,7 +24,6 @@ from hfa_model.outputs import OUTPUTS
 from hfa_model.vectors import STATES
 from hfa_support.errors import BadInputError, printable
 from hfa_support.files import all_or_none, write_text
-from hfa_support.progress import print_flushed
 from hfa_support.reporting.data_files import jsonable
 from hfa_support.reporting.figure import save
 from hfa_support.reporting.report import Report

@@ -133,7 +133,7 @@ def plain(value: Any) -> Any:
     """
     if isinstance(value, Result):
         return value.as_data()
-    if hasattr(value, "_asdict"):
+    if hasattr(type(value), "_asdict"):
         return plain(value._asdict())
     if isinstance(value, Mapping):
         return {name: plain(entry) for name, entry in value.items()}

@@ -259,5 +259,5 @@ def requirements(aircraft: Model, controller: ScheduledController) -> Report:
     return Report(
         title,
         (Table(("requirement", "asked", "reached", "where"), rows),),
-        data={"requirements": found},
+        result={"requirements": found},
     )

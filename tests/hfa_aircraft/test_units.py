@@ -14,7 +14,7 @@ from hfa import BadInputError, Game, TrimCondition, linearize, trim
 from hfa.paper import published_game
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
-from hfa_aircraft.units import in_si, native_of
+from hfa_aircraft.units import in_si
 from hfa_support.units import si_factor
 from trim.point.condition import usual_condition
 
@@ -36,7 +36,7 @@ def test_parameters_envelope_and_pickles_are_converted() -> None:
     converted = in_si(model)
     heavier = converted.with_parameters(panel_mass=200.0)
     assert heavier.parameters["panel_mass"].unit == "kg"
-    slugs = native_of(heavier).parameters["panel_mass"].start
+    slugs = heavier.native.parameters["panel_mass"].start
     assert slugs == pytest.approx(200.0 / si_factor("slug"))
     point = trim(converted, usual_condition(converted))
     envelope = envelopes.flight_envelope(converted, point)

@@ -15,7 +15,6 @@ from scipy.sparse.csgraph import connected_components
 #: modules of a pair are in one folder.
 ALLOWED = [
     {
-        "trim.linear.handling_qualities",
         "trim.linear.linear_model",
         "trim.point.first_lines",
         "trim.point.linearize",

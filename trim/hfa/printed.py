@@ -16,7 +16,6 @@ import numpy as np
 
 from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.model import Model
-from hfa_aircraft.units import native_values
 from hfa_model.choice import aircraft
 from hfa_model.declaration import Equations
 from hfa_model.parameters import Parameters, ParameterSet, default_parameters
@@ -199,7 +198,7 @@ def with_printed_matrices(report: Report, model: LinearModel, published: Publish
     """
     printed = OfTheHfa(printed={"A": published.A, "B": published.B})
     beside = replace(report, parts=(*report.parts, comparison_table(model, published)))
-    return beside.with_data(**printed.as_data())
+    return beside.with_data(printed)
 
 
 def comparison_table(model: LinearModel, published: PublishedModel) -> Table:
@@ -313,7 +312,7 @@ def with_bands(
             band = by_matrix[matrix][place]
         rows.append((*row, band))
     records = Table((*report.records.header, "band"), rows)
-    return replace(report, parts=parts, records=records).with_data(**found.as_data())
+    return replace(report, parts=parts, records=records).with_data(found)
 
 
 def _trust_in(bands: Bands | None, model: LinearModel, other: LinearModel | None) -> str:
@@ -386,7 +385,7 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
     own = replace(aircraft(), equations=Equations(variant_named(model.point.dynamics)))
     shown = model.model
     values = [model.point.values[name] for name in own.variables]
-    at = native_values(shown, own.variables, values), np.array(parameters.values)
+    at = shown.native_values(own.variables, values), np.array(parameters.values)
     free = [own.variables.index(name) for name in condition.free]
     rows = [STATES.index(name) for name in STATES if name in condition.rates]
     known = [Parameters._fields.index(name) for name in parameters.identified]

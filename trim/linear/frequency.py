@@ -173,7 +173,7 @@ def with_transfers(report: Report, system: System) -> Report:
     )
     table = Table(("transfer function", "gain", "at s = 0", "zeros 1/s", "poles 1/s"), rows)
     report = replace(report, parts=(*report.parts, sentence, table))
-    return report.with_data(**responses.as_data())
+    return report.with_data(responses)
 
 
 def _pairs_text(roots: np.ndarray) -> str:

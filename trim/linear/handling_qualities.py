@@ -82,7 +82,7 @@ def with_qualities(report: Report, point: OperatingPoint) -> Report:
     rows = [(each.name, f"{each.value:.4f}", each.unit) for each in quantities]
     table = Table(("handling qualities", "value", "unit"), rows)
     found = Qualities({each.name: each for each in quantities})
-    return replace(report, parts=(*report.parts, table)).with_data(**found.as_data())
+    return replace(report, parts=(*report.parts, table)).with_data(found)
 
 
 def _eigenvalues(linear: LinearModel, family: str) -> list[complex]:

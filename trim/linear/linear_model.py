@@ -616,7 +616,7 @@ def linear_model_report(model: LinearModel) -> Report:
             modes_table(modes, signals.time_unit),
         ],
         notes=model.warnings,
-        data=model.as_data(),
+        result=model,
         records=_records(model, blocks),
     )
 

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.units import native_of
 from hfa_support.errors import BadInputError, prefix_errors, shown
 from hfa_support.linear_table import LinearTable
 from hfa_support.schema import NUMBER, checked, read_named
@@ -67,7 +66,7 @@ def _variable(model: Model, file: str, key: str, *more: str) -> tuple[str, float
     name = key.removesuffix("_deg")
     model.refuse_unheld(f"{file}: unknown trim variable", name, more)
     if name == key:
-        declared = native_of(model)
+        declared = model.native
         return name, 1.0 if declared is model else si_factor(declared.unit(name))
     if not model.unit(name).startswith("rad"):
         raise BadInputError(f"{file}: {key} is not an angle; write {name}, in {model.unit(name)}")

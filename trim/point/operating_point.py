@@ -203,7 +203,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         range of validity.
         """
         notes = [*self.model.about.notes]
-        declared = self.model.source.native or self.model
+        declared = self.model.native
         if any(signal.unit == "deg" for signal in declared.signals.values()):
             from hfa_aircraft.degrees import notes_on_degrees
 
@@ -468,4 +468,4 @@ def saved_report(point: OperatingPoint) -> Report:
         if kind != "residual"
     ]
     table = Table(records.header, rows)
-    return Report(point.title, [table], point.warnings, point.as_data(), records)
+    return Report(point.title, [table], point.warnings, point, records)

@@ -155,7 +155,7 @@ def trim_report(
         name: {"value": point[name], "lowest": low, "highest": high, "source": source}
         for name, (low, high, source) in model.domain.range.items()
     }
-    data = TrimResult(
+    result = TrimResult(
         dihedral_deg=point.dihedral_deg,
         scheduled=point.scheduled,
         dynamics=point.dynamics,
@@ -182,7 +182,7 @@ def trim_report(
         status=str(point.status),
         doubts=model.about.doubts,
         warnings=point.warnings,
-    ).as_data()
+    )
     lines: list[Any] = [
         _nearest_line(nearest) if not full else Table(_NEAR_COLUMNS, _nearest_rows(nearest)),
         _equations_part(point, equations, full),
@@ -195,7 +195,7 @@ def trim_report(
     if modes:
         parts.append(modes_table(modes, model.time_unit, participation=full))
     title = f"{point.title}\n{control_lines(point, margins, _lift_over_drag(figures))}"
-    report = Report(title, parts, point.warnings, data, point_records(point))
+    report = Report(title, parts, point.warnings, result, point_records(point))
     described = model.trimming.describe
     return report if described is None else described(point, report)
 

@@ -99,7 +99,7 @@ class StoredSweep(Result, Reported):
             f"{trimmed_words(self.counts['trimmed'], self.plan.count)}, in {self.store}",
             parts=(Table(("status", "points"), rows),),
             notes=self.warnings,
-            data=self.as_data(),
+            result=self,
         )
 
 

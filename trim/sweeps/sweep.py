@@ -424,7 +424,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             title=f"Sweep, {self.model.title}: {trimmed_words(count - len(failed), count)}",
             parts=tuple(parts),
             notes=self.warnings,
-            data=self.as_data(),
+            result=self,
             records=self.records(),
         )
 

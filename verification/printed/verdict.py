@@ -115,7 +115,7 @@ class PrintedVerdict(Result, Reported):
         return Report(
             line,
             parts,
-            data=self.as_data(),
+            result=self,
             records=Table(_COLUMNS, rows),
         )
 

@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.units import native_of
 from hfa_flight.actuators import Actuator
 from hfa_flight.signals import COMMAND_FILTER
 from hfa_support.arguments import checks_arguments
@@ -283,7 +282,7 @@ def load_design(name: str, model: Model) -> Design:
     Raises BadInputError if the file cannot be read, or an entry is unknown, missing or invalid.
     """
     data = read_named("design", name, NAMED, "hfa_design", {...: None})
-    return design_of(name, data, native_of(model))
+    return design_of(name, data, model.native)
 
 
 def design_of(name: str, data: Mapping[str, Any], model: Model) -> Design:

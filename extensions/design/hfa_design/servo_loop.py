@@ -237,7 +237,7 @@ class MarginTable(Checked, Result, Reported):
         stable = sum(row.abscissa < 0.0 for row in self.rows)
         verdict = f"{'PASS' if self.ok else 'FAIL'}, {stable} of {len(self.rows)} loops stable"
         title = f"Margins of controller {self.controller.name}, {self.controller.called}: {verdict}"
-        return Report(title, (*tables, checks_block(self.checks)), data=self.as_data())
+        return Report(title, (*tables, checks_block(self.checks)), result=self)
 
     @property
     @stored("rows")

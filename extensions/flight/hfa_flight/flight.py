@@ -598,7 +598,7 @@ class Flight(StatesAndInputs, Result, Reported):
         parts.append(Picture("flight.png", "States and inputs over time", self.figure))
         largest = max(np.abs(self.flight.states).max(), np.abs(self.flight.inputs).max())
         notes = [UNDISTURBED] if largest <= _STILL else []
-        return Report(self.title(), parts, notes, self.as_data(), self._records())
+        return Report(self.title(), parts, notes, self, self._records())
 
     def _air_notes(self, through_air: bool) -> list[str]:
         """Return notes on moving air: which flow angles are limited, and the gust."""

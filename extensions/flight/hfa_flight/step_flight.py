@@ -82,7 +82,7 @@ class StepFlight(Result, Reported):
         return Report(
             f"{outcome}\n{flight}",
             (radius, Table(header, texts)),
-            data=self.as_data(),
+            result=self,
             records=Table(header, rows),
         )
 

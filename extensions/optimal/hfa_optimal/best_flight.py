@@ -203,7 +203,7 @@ class BestFlight(FoundFlight):
             "which is not a cost of the aircraft.",
             Picture("flight", "The best flight found and the policies", self.figure),
         )
-        return Report(self.title(), parts, data=self.as_data(), records=self.records())
+        return Report(self.title(), parts, result=self, records=self.records())
 
     def title(self) -> str:
         """Return the first lines of the report: cost, ratios of the policies, initial condition."""

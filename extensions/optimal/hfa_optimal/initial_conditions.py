@@ -159,9 +159,7 @@ class StartsTable(OfProblem, Result, Reported):
         parts += [self.weights_text(), limits_table(self.problem)]
         if brackets:
             parts.append(bracket_table(self.problem.model, self._bounded))
-        return Report(
-            "\n".join(self._title_lines()), parts, data=self.as_data(), records=self._records()
-        )
+        return Report("\n".join(self._title_lines()), parts, result=self, records=self._records())
 
     def _title_lines(self) -> list[str]:
         """Return the first lines: flights found, median cost ratios, and what limits the result."""

@@ -152,7 +152,7 @@ class QuickestFlight(FoundFlight):
             "No quicker flight was found. This does not prove that none exists.",
             Picture("flight", "The quickest flight found", self.figure),
         )
-        return Report(self.title(), parts, data=self.as_data(), records=self.records())
+        return Report(self.title(), parts, result=self, records=self.records())
 
     def title(self) -> str:
         """Return the first lines of the report: duration, trim and initial condition."""

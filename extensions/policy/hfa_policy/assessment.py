@@ -191,7 +191,7 @@ class Assessment(Result, Reported):
         return Report(
             "\n".join(title),
             report_parts(self.deployed, self.points, self.variations),
-            data=self.as_data(),
+            result=self,
             records=records_table(self.points),
         )
 

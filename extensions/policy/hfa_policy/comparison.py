@@ -55,7 +55,7 @@ class Comparison(Result, Reported):
         return Report(
             self.first_line,
             (_table(names, rows), *lines),
-            data=self.as_data(),
+            result=self,
             records=_table(origins, rows),
         )
 

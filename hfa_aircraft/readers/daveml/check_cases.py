@@ -120,7 +120,7 @@ class CheckedDocument(Result, Reported):
             parts.append("Internal values of the cases are not compared.")
             if self.unchecked:
                 parts.append(f"Outputs without a check case: {', '.join(self.unchecked)}.")
-        return Report(first, parts, data=self.as_data())
+        return Report(first, parts, result=self)
 
 
 def checked_document(document: Document) -> CheckedDocument:

@@ -22,7 +22,6 @@ from hfa.options.part import option, part
 from hfa.options.ranges import Range, array_of, scheduled_range, value_range
 from hfa.options.request import Request, command
 from hfa.options.trim import called_at, scheduled
-from hfa_aircraft.units import native_of, native_values
 from hfa_design.design import load_design
 from hfa_design.options import design_option
 from hfa_support.errors import BadInputError
@@ -86,7 +85,7 @@ class DesignRequest(Request):
         by = self.model.schedule
         if self.at is not None:
             typed = array_of(f"--{called_at(self.model)}", self.at, _MOST_POINTS)
-            return native_values(self.model, (by,), typed[:, None])[:, 0]
+            return self.model.native_values((by,), typed[:, None])[:, 0]
         if design.shaping is not None:
             return np.array(design.shaping.breakpoints)
         if not self.model.about.names_schedule:
@@ -127,7 +126,7 @@ def design(request: DesignRequest) -> int:
         controller = load_controller(stored, model)
     else:
         controller = design_controller(
-            native_of(model), design, request.breakpoints(design), progress=ProgressLine("design")
+            model.native, design, request.breakpoints(design), progress=ProgressLine("design")
         )
         controller = in_units_of(controller, model)
         origin = {**controller.about, "provenance": request.provenance.to_dict()}
@@ -145,8 +144,6 @@ def design(request: DesignRequest) -> int:
     seen = np.radians(places) if in_degrees else places
     margins = check_margins(model, controller, seen, bandwidths, progress=ProgressLine("margins"))
     report = controller.report()
-    report = replace(report, parts=(*report.parts, margins.report())).with_data(
-        margins=margins.as_data()
-    )
+    report = replace(report, parts=(*report.parts, margins.report())).with_data(margins=margins)
     request.show(report, write=partial(save_controller, controller=controller))
     return 0 if margins.ok else 1

@@ -319,7 +319,7 @@ def fly(request: FlyRequest) -> int:
     request.show(
         report,
         figure=lambda: flight_figure(result, report.title),
-        only_in_files=result.history().as_data(),
+        only_in_files=result.history(),
         notes=result.warnings,
     )
     return 0 if result.ok else 1

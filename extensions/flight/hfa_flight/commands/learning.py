@@ -95,7 +95,7 @@ class LearningFlight(Result, Reported):
         return Report(
             title=f"Flight of the linear model while the law learns, {self.duration:g} s",
             parts=(Table(("error of", "unit", "command", "rms, 2nd half", "largest"), rows),),
-            data=self.as_data(),
+            result=self,
         )
 
 

@@ -68,5 +68,5 @@ def with_errors(report: Report, tracking: Tracking, flown: Flight, plain: Flight
         if flight.departure is not None:
             parts.append(f"{which} feedforward, the flight {flight.departure.text()}")
     return replace(report, parts=(*parts, *tracking.trim_parts())).with_data(
-        **FlownTracking(tracking, *late).as_data()
+        FlownTracking(tracking, *late)
     )
