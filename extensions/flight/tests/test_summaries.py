@@ -1,0 +1,354 @@
+"""What a flight says about itself: envelope, departures, excesses, errors, shares and problems.
+
+The glider is linear, so its flights and problems are computed by hand.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import hfa
+from hfa import BadInputError, Model, Signal
+from hfa_aircraft.limits import Limits
+from hfa_aircraft.waveform import Waveform
+from hfa_flight import CommandSteps, Scenario, flight_envelope
+from hfa_flight.air.names import gust_speed
+from hfa_flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
+from hfa_flight.envelope import control_excesses, departure, refuse_start
+from hfa_flight.history import Deviations
+from hfa_flight.initial_box import start_box
+from hfa_flight.limit_cycle import Decay, LimitCycle, duration_for, oscillation
+from hfa_flight.policies.policy import GainPolicy
+from hfa_flight.problem import flight_problem
+from hfa_flight.simulation import CompiledLoop
+
+#: Trim: alpha .1 rad, speed 100 ft/s, altitude 1000 ft, elevator .05 rad, throttle .5, flap 0.
+ALPHA, SPEED, ELEVATOR, THROTTLE = 0.1, 100.0, 0.05, 0.5
+A = np.array([[-2.0, 0.0], [-10.0, -0.5]])
+B = np.array([[3.0, 0.0, 1.0], [0.0, 20.0, -4.0]])
+
+
+def glide(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    a, v, h = x.alpha - ALPHA, x.speed - SPEED, x.altitude - 1000.0
+    e, t = u.elevator - ELEVATOR, u.throttle - THROTTLE
+    rates = {
+        "alpha": A[0, 0] * a + B[0, 0] * e + u.flap + 1e-3 * h,
+        "speed": A[1, 0] * a + A[1, 1] * v + B[1, 1] * t - 4.0 * u.flap,
+        "altitude": 50.0 * a,
+        "distance": v,
+    }
+    return rates, {"angle_of_attack": x.alpha + w.updraft / 100.0}
+
+
+GLIDER = Model(
+    "glider",
+    {
+        "alpha": Signal("rad", nominal=0.2, min=-0.3, max=0.5),
+        "speed": Signal("ft/s", nominal=100.0, min=50.0, max=300.0, assumed=True),
+        "altitude": Signal("ft", nominal=1000.0, min=0.0, max=5000.0),
+        "distance": Signal("ft", nominal=1000.0),
+    },
+    {
+        "elevator": Signal("rad", nominal=0.1, min=-0.15, max=0.25),
+        "throttle": Signal("1", nominal=0.5, min=0.0, max=1.0, moving="the engine has no lag"),
+        "flap": Signal("rad", nominal=0.1, moving="the flap has no lag"),
+    },
+    glide,
+    disturbances={"updraft": Signal("ft/s")},
+    outputs={"angle_of_attack": Signal("rad")},
+    trim={"alpha": ALPHA, "speed": SPEED, "altitude": 1000.0, "distance": 0.0, "flap": 0.0},
+    steady=("alpha", "speed", "altitude"),
+    linear=("alpha", "speed"),
+)
+POINT = hfa.trim(GLIDER)
+TRIM = np.array(POINT.states)
+ENVELOPE = flight_envelope(GLIDER, POINT)
+
+
+def test_a_flight_summarizes_its_history() -> None:
+    """Every figure of a flight with steps of all inputs is that of its time history."""
+    # The throttle is beyond its limit 1 from 1 s on, the elevator below -.15 from 3 s on.
+    steps = {
+        "elevator": [(0.0, 0.02), (3.0, -0.25)],
+        "throttle": [(1.0, 0.6)],
+    }
+    weights = np.diag([3.0, 0.01]), np.diag([2.0, 0.5, 1.0])
+    air = {"updraft": Waveform(np.array([5.0]), np.zeros(1))}
+    scenario = Scenario(4.0, 0.01, 0.1, np.array([0.02, -3.0, 0.0, 0.0]), air=air)
+    flight = hfa.fly(GLIDER, POINT, steps, scenario=scenario, weights=weights)
+    x = flight.flight.states
+    t = flight.time
+    u = np.array([ELEVATOR + 0.02, THROTTLE, 0.0])
+    assert flight.departure is None
+    np.testing.assert_allclose(flight.inputs[0], u)
+    np.testing.assert_allclose(flight["throttle"][t > 1.05], THROTTLE + 0.6)
+    np.testing.assert_allclose(flight.states, x + TRIM)
+    np.testing.assert_allclose(flight.angles_of_attack, flight["alpha"] + 0.05)
+    assert [(e.input, e.value, e.limit, e.unit) for e in flight.exceeded] == [
+        ("elevator", pytest.approx(-0.2), -0.15, "rad"),
+        ("throttle", pytest.approx(1.1), 1.0, "1"),
+    ]
+    assert (flight.ok, bool(flight), flight.held, flight.cycle) == (False, False, True, None)
+    assert "exceeded control limit: elevator -11.46 deg beyond -8.594" in flight.title()
+    shares = flight.share_beyond_control_limits
+    assert shares == {
+        "elevator": pytest.approx(0.25, abs=0.01),
+        "throttle": pytest.approx(0.75, abs=0.01),
+        "flap": 0.0,
+    }
+    assert flight.flown == pytest.approx(4.0)
+    assert flight.final["alpha"] == flight["alpha"][-1]
+    assert flight.final["angle_of_attack"] == flight.angles_of_attack[-1]
+    largest = flight.largest_deviation
+    assert largest["speed"] == np.abs(x[:, 1]).max()
+    assert largest["angle_of_attack"] == pytest.approx(np.abs(x[:, 0] + 0.05).max())
+    half = len(t) // 2
+    rms = np.sqrt(np.mean(x[half:, :2] ** 2, axis=0))
+    np.testing.assert_allclose(list(flight.rms_error.values()), rms)
+    v = flight.flight.inputs
+    rate = (x[:, :2] ** 2) @ np.diag(weights[0])
+    cost = np.trapezoid(rate, t) + np.sum((v[:-1] ** 2) @ np.diag(weights[1]) * np.diff(t))
+    assert flight.cost == pytest.approx(cost, rel=1e-9)
+    assert flight.warnings == [*POINT.warnings, "the engine has no lag"]
+    np.testing.assert_allclose(flight.predicted.states, x, atol=1e-9)
+    moved = replace(flight, predicted=replace(flight.predicted, states=x - [0.0, 2.0, 0.0, 0.0]))
+    assert moved.largest_difference_from_linear["speed"] == pytest.approx(2.0)
+    history = flight.history().history
+    np.testing.assert_allclose(history["times"], 0.1 * np.arange(41))
+    np.testing.assert_allclose(history["states"], flight.states[::10])
+    records = flight.report().records
+    assert records.header[-2:] == ("updraft [ft/s]", "angle_of_attack [rad]")
+    row = np.array(records.rows[40], dtype=float)
+    np.testing.assert_allclose(row[:5], [4.0, *flight.states[-1]])
+    np.testing.assert_allclose(row[-2:], [5.0, flight.angles_of_attack[-1]])
+
+
+def test_a_linear_flight_in_moving_air_follows_its_exponential() -> None:
+    """From an initial deviation, the glider follows exp(A t) with its altitude."""
+    flight = hfa.fly(GLIDER, POINT, None, 1.0, initial={"alpha": 0.05, "speed": 4.0})
+    whole = np.zeros((3, 3))
+    whole[:2, :2] = A
+    whole[0, 2], whole[2, 0] = 1e-3, 50.0
+    np.testing.assert_allclose(
+        flight.flight.states[-1, :3], expm(whole) @ [0.05, 4.0, 0.0], rtol=1e-8
+    )
+    assert "this flight has no disturbance" not in str(flight.report())
+    still = hfa.fly(GLIDER, POINT, None, 0.1).report()
+    assert "this flight has no disturbance" in str(still)
+
+
+@pytest.mark.parametrize(
+    ("rows", "left"),
+    [
+        # the first row outside; of several states the largest excess relative to its range
+        ([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]], ("alpha", 2.0, 0.6, 0.5)),
+        ([[0.0, -60.0, 0.0], [0.5, 0.0, 0.0]], ("speed", 1.0, 40.0, 50.0)),
+        ([[0.0, 0.0, 4500.0], [0.0, 0.0, 0.0]], ("altitude", 1.0, 5500.0, 5000.0)),
+        ([[0.42, -60.0, -1100.0], [0.0, 0.0, 0.0]], ("speed", 1.0, 40.0, 50.0)),
+        ([[-0.44, -51.0, -1100.0], [0.0, 0.0, 0.0]], ("alpha", 1.0, -0.34, -0.3)),
+        ([[0.9, math.nan, 0.0], [0.0, 0.0, 0.0]], ("speed", 1.0, math.nan, 300.0)),
+    ],
+)
+def test_the_first_and_largest_departure_is_named(
+    rows: list[list[float]], left: tuple[Any, ...]
+) -> None:
+    limited = TRIM + np.column_stack([[[0.0] * 3, *rows], np.zeros(3)])
+    found = departure(ENVELOPE, np.array([0.0, 1.0, 2.0]), limited, moving_air=False)
+    assert found[:4] == pytest.approx(left, nan_ok=True)
+    assert found.unit == GLIDER.unit(found.state)
+    assert found.assumed == (found.state == "speed")
+    moving = departure(ENVELOPE, np.array([0.0, 1.0, 2.0]), limited, moving_air=True)
+    assert moving.state == {"alpha": "angle_of_attack"}.get(found.state, found.state)
+    with pytest.raises(BadInputError, match=f"the initial {found.state} is"):
+        refuse_start(ENVELOPE, limited[int(found.time)])
+
+
+def test_no_departure_is_found_inside() -> None:
+    assert departure(ENVELOPE, np.zeros(1), TRIM[None], moving_air=False) is None
+
+
+def test_the_largest_excesses_of_inputs_come_first() -> None:
+    """Per range: flap has no limits, elevator exceeds .4 by .1, throttle 1 by .5."""
+    inputs = np.array([[0.0, 1.5, 99.0], [0.35, -0.2, -99.0], [-0.2, 0.5, 0.0]])
+    found = [(e.input, e.value, e.limit) for e in control_excesses(GLIDER, inputs)]
+    assert found == [("throttle", 1.5, 1.0), ("elevator", 0.35, 0.25)]
+    low = [(e.input, e.value, e.limit) for e in control_excesses(GLIDER, inputs[2:])]
+    assert low == [("elevator", -0.2, -0.15)]
+
+
+def test_initial_boxes_are_nominal_or_a_tenth_or_half_the_room() -> None:
+    """alpha: its nominal value, but at most half of .4 to its limit. speed: 10 % of 100 ft/s."""
+    assert start_box(GLIDER, POINT).tolist() == [pytest.approx(0.2), pytest.approx(10.0)]
+    low = replace(POINT, states=POINT.states._replace(alpha=0.4, speed=49.0))
+    assert start_box(GLIDER, low).tolist() == [pytest.approx(0.05), 0.0]
+    slow = replace(GLIDER, states={**GLIDER.states, "speed": Signal("ft/s", nominal=300.0)})
+    assert start_box(slow, POINT)[1] == 300.0
+
+
+def test_a_problem_has_the_limits_and_rates_of_its_aircraft() -> None:
+    """Without the flap, the problem has two inputs; alpha depends on the altitude."""
+    problem = flight_problem(
+        GLIDER, POINT, inputs=("throttle", "elevator"), limits={"alpha": (-0.1, 0.4)}
+    )
+    assert (problem.carried, problem.followed) == (("altitude",), ("alpha", "speed", "altitude"))
+    assert problem.inputs == ("throttle", "elevator")
+    low, high = problem.input_limits
+    np.testing.assert_allclose([low, high], [[-0.5, -0.2], [0.5, 0.2]])
+    low, high = problem.state_limits
+    np.testing.assert_allclose([low, high], [[-0.2, -50.0, -1000.0], [0.3, 200.0, 4000.0]])
+    inner = problem.inner_limits(np.array([0.3, -50.0, 0.0]), 0.1)
+    np.testing.assert_allclose(inner, [[-0.18, -50.0, -900.0], [0.3, 180.0, 3600.0]])
+    np.testing.assert_array_equal(problem.padded(np.ones((2, 2))), [[1.0, 1.0, 0.0]] * 2)
+    scaled = np.array(problem.rates([0.5, 0.1, 0.02, 0.4, -0.3])).ravel()
+    a, v, h, t, e = 0.1, 10.0, 20.0, 0.2, -0.03
+    rates = [-2 * a + 3 * e + 1e-3 * h, -10 * a - 0.5 * v + 20 * t, 50 * a]
+    np.testing.assert_allclose(scaled, np.array(rates) / [0.2, 100.0, 1000.0], rtol=1e-12)
+    Q, R, P = problem.scaled_weights()
+    np.testing.assert_allclose(Q, np.diag([1.0, 1.0, 0.0]), atol=1e-12)
+    np.testing.assert_allclose(R, np.eye(2))
+    size = np.array([0.2, 100.0])
+    np.testing.assert_allclose(P[:2, :2], size[:, None] * problem.P * size)
+    game = hfa.Game(A, B[:, [1, 0]], np.eye(2), problem.Q, problem.R, math.inf)
+    np.testing.assert_allclose(problem.K, hfa.solve(game).K, rtol=1e-6)
+    assert problem.deviations({"speed": 4.0}).tolist() == [0.0, 4.0]
+    faster = replace(POINT, states=POINT.states._replace(speed=120.0))
+    assert problem.deviations(faster).tolist() == [0.0, 20.0]
+    higher = replace(POINT, states=POINT.states._replace(altitude=1001.0))
+    for start, said in (
+        ({}, "equals the final trim"),
+        ({"alpha": math.nan}, "the initial deviation of alpha is nan"),
+        ({"beta": 0.1}, "no initial deviation of"),
+        ({"alpha": 0.31}, "alpha begins at"),
+        ({"speed": -51.0}, "speed begins at"),
+        (higher, "the two trims differ in altitude"),
+    ):
+        with pytest.raises(BadInputError, match=said):
+            problem.deviations(start)
+
+
+@pytest.mark.parametrize(
+    ("modes", "seconds"),
+    [
+        ([], 0.0),
+        ([1 / 301], 0.0),
+        ([0.1], 100.0),
+        ([0.09], 120.0),  # 111.1 s
+        ([0.05 + 2.0j, 0.05 - 2.0j], 200.0),
+        ([1.0 + 0.5j], 210.0),  # 32 pi / .5 = 201 s
+        ([1.0, 0.1], 100.0),
+        ([0.004], 300.0),
+        ([0.5 + 1e-3j], 300.0),
+    ],
+)
+def test_growing_modes_fly_until_their_cycle_is_seen(modes: list[complex], seconds: float) -> None:
+    """Ten time constants, and eight quarters of four half-periods, in multiples of 10 s."""
+    assert duration_for(np.array(modes, dtype=complex)) == seconds
+
+
+def test_the_largest_lasting_oscillation_is_found() -> None:
+    """Of two variables, the larger relative to its nominal size; a cycle before a larger decay."""
+    t = np.arange(0.0, 20.005, 0.01)
+    sine = np.sin(4.0 * t)
+    decaying = np.exp(-0.004 * t) * np.sin(5.0 * t)
+
+    def found(until: float = 0.0, **columns: np.ndarray) -> LimitCycle | Decay | None:
+        names = [*GLIDER.inputs, *GLIDER.states]
+        signals = np.column_stack([columns.get(name, np.zeros(len(t))) for name in names])
+        inputs, states = signals[:, :3], signals[:, 3:]
+        flight = Deviations(t, states, states, inputs, states[:, :0], states, {})
+        return oscillation(GLIDER, flight, until)
+
+    cycle = found(alpha=0.01 * sine, speed=4.0 * sine)
+    assert (cycle.name, cycle.unit) == ("alpha", "rad")
+    assert cycle[1:3] == pytest.approx((0.01, 4.0), rel=1e-3)
+    assert found(alpha=0.01 * sine, speed=6.0 * sine).name == "speed"
+    assert found(alpha=0.01 * sine, speed=60.0 * decaying).name == "alpha"
+    assert found(elevator=0.01 * decaying, speed=6.0 * decaying).name == "elevator"
+    assert found(alpha=0.0019 * sine) is None
+    assert isinstance(found(10.0, alpha=0.0021 * sine), LimitCycle)
+    assert found(10.1, alpha=0.1 * sine) is None
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: ClosedLoop(LinearPlant(A, B), GainPolicy("K", np.zeros((3, 4)))), "give 3 x 2"),
+        (
+            lambda: ClosedLoop(
+                LinearPlant(A, B),
+                GainPolicy("K", np.zeros((3, 2))),
+                Scenario(reference=Waveform(np.zeros(3), np.zeros(3))),
+            ),
+            "the reference has 3 channels; give 2",
+        ),
+        (
+            lambda: CompiledLoop(
+                ClosedLoop(
+                    LinearPlant(A, B),
+                    GainPolicy("K", np.zeros((3, 2))),
+                    Scenario(initial=np.ones(3)),
+                )
+            ).fly(),
+            "the initial state has 3 elements; give 2",
+        ),
+        (lambda: Scenario(initial=np.ones(3)).on(GLIDER), r"initial has shape \(3,\); give 4"),
+        (lambda: Scenario(delay=math.inf), "delay is inf s"),
+        (lambda: Scenario(delay=-0.01), "delay is -0.01 s"),
+        (lambda: Scenario(gust=5.0), "gust is 5.0; give a gust"),
+        (lambda: Scenario(duration=-1.0), "duration"),
+        (lambda: Scenario(errors={"mass": 0.0}), "the factor on mass"),
+        (lambda: Scenario(errors={"mass": 1.1}).on(GLIDER), "unknown parameter 'mass'"),
+        (lambda: CommandSteps(("a",), np.array([-0.1]), np.ones((1, 1))), "from 0 s or later"),
+        (lambda: CommandSteps(("a",), np.array([1.0, 1.0]), np.ones((2, 1))), "increase"),
+        (lambda: hfa.fly(GLIDER, POINT, {"flap": lambda t: t}, 1.0), "given as a function"),
+        (lambda: hfa.fly(GLIDER, POINT, {"flap": [(-0.5, 1.0)]}, 1.0), "give increasing times"),
+        (lambda: hfa.fly(GLIDER, POINT, None, 1.0, method="euler"), "euler"),
+        (lambda: hfa.fly(GLIDER, POINT, None, 1.0, step=0.01), "--step .* applies only"),
+        (lambda: hfa.fly(GLIDER, POINT, None, 1.0, method="jsbsim"), "only JSBSim aircraft"),
+        (lambda: flight_problem(GLIDER, POINT, inputs=("rudder",)), "there is no input"),
+        (lambda: NonlinearPlant(replace(GLIDER, name="other"), POINT), "other"),
+    ],
+)
+def test_what_does_not_fit_the_aircraft_is_refused(make: Any, said: str) -> None:
+    with pytest.raises(BadInputError, match=said):
+        make()
+
+
+def test_a_gust_needs_the_speed_of_the_trim() -> None:
+    assert gust_speed(POINT) == SPEED
+    of_output = replace(
+        GLIDER,
+        states={name: each for name, each in GLIDER.states.items() if name == "distance"},
+        equations=lambda x, u, p, w: ({"distance": 0.0 * x.distance}, {"speed": 7.0 + x.distance}),
+        outputs={"speed": Signal("ft/s")},
+        trim={"distance": 2.0},
+        steady=("distance",),
+        linear=("distance",),
+        modes={},
+    )
+    point = SimpleNamespace(model=of_output, values={}, states=[2.0], inputs=[0.0] * 3)
+    assert gust_speed(point) == 9.0
+    with pytest.raises(BadInputError, match="no state or output named speed"):
+        gust_speed(
+            SimpleNamespace(
+                model=replace(
+                    of_output,
+                    outputs={},
+                    equations=lambda x, u, p, w: ({"distance": 0.0 * x.distance}, {}),
+                )
+            )
+        )
+
+
+def test_limits_of_an_envelope_are_those_of_the_states_or_changed() -> None:
+    changed = flight_envelope(GLIDER, POINT, {"angle_of_attack": (0.0, 0.2), "speed": (60, 200)})
+    assert changed.lowest.tolist() == [0.0, 60.0, 0.0, -math.inf]
+    assert changed.highest.tolist() == [0.2, 200.0, 5000.0, math.inf]
+    assert isinstance(changed, Limits)
