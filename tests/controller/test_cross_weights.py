@@ -6,7 +6,7 @@ import pytest
 from cli import answer, hfa
 from scipy.linalg import block_diag, expm, solve_continuous_are
 
-from controller import minimum_delta
+from controller import bounded_real_gain, minimum_delta
 from controller.riccati.cost import flight_cost
 from controller.riccati.game_batch import solve_games
 from hfa import (
@@ -86,6 +86,12 @@ def test_a_game_with_cross_weights_agrees_with_scipy(seed):
     assert np.abs(game.residual(P)).max() < 1e-8 * size
     worst = game.A - game.B @ K + game.E @ solution.disturbance_gain
     assert np.allclose(game.worst_case_loop(P), worst, atol=1e-7 * np.abs(worst).max())
+    gain = 0.9 * K
+    root = np.linalg.cholesky(np.block([[game.Q, game.N], [game.N.T, game.R]])).T
+    C = root @ np.vstack([np.eye(n), -gain])
+    loop = control.ss(game.A - game.B @ gain, game.E, C, 0)
+    exact = control.norm(loop, p="inf", tol=1e-9)
+    assert bounded_real_gain(game, gain) == pytest.approx(exact, rel=1e-6)
     with pytest.raises(NoSolutionError):
         solve(game.with_delta(0.99 * least))
 

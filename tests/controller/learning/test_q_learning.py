@@ -7,7 +7,8 @@ import pytest
 
 from controller.discrete.solution import minimum_delta_discrete, solve_discrete
 from controller.game.discrete_game import DiscreteGame
-from controller.learning.q_learning import Steps, learn_steps, random_steps
+from controller.learning.q_learning import Steps, _QLearner, learn_steps, random_steps
+from controller.learning.recording import natural_spread
 from hfa import BadInputError, Game, NoSolutionError
 
 
@@ -75,3 +76,75 @@ def test_unusable_games_and_steps_are_refused():
         learn_steps(problem, steps=Steps(*parts))
     with pytest.raises(BadInputError, match="recorded inputs has"):
         Steps(steps.states, steps.inputs[:3], steps.disturbances, steps.next_states)
+
+
+def test_random_steps_move_and_cost_no_more_than_the_states():
+    """One input or disturbance moves no state by more than its spread, and costs no more."""
+    problem = _problem(1, 5.0)
+    step = problem.step
+    steps = random_steps(problem, 3)
+    spread = natural_spread(step)
+    budget = float(np.diag(step.Q) @ spread**2)
+    for moved, matrix, prices in (
+        (steps.inputs, step.B, np.diag(step.R)),
+        (steps.disturbances, step.E, np.full(step.E.shape[1], step.delta**2)),
+    ):
+        most = np.abs(moved).max(axis=0)
+        reached = np.maximum(
+            (np.abs(matrix) * most / spread[:, None]).max(axis=0),
+            np.sqrt(prices * most**2 / budget),
+        )
+        assert (reached <= 1.0).all()
+        assert (reached >= 0.8).all()
+    assert (np.abs(steps.states).max(axis=0) <= spread).all()
+    assert (np.abs(steps.states).max(axis=0) >= 0.8 * spread).all()
+    expected = steps.states @ step.A.T + steps.inputs @ step.B.T + steps.disturbances @ step.E.T
+    np.testing.assert_allclose(steps.next_states, expected, rtol=1e-12)
+
+
+def test_only_the_exact_q_function_is_settled():
+    """H is settled if it is a fixed point, has a saddle, and stabilizes with and without L."""
+    free = _problem(0)
+    problem = _problem(0, 1.1 * minimum_delta_discrete(free).value)
+    exact = solve_discrete(problem)
+    learner = _QLearner.of(problem, random_steps(problem, 1))
+    H = exact.H
+    assert learner.is_settled(H, H)
+    np.testing.assert_allclose(learner.policy_iteration(H), H, atol=1e-8 * np.abs(H).max())
+    np.testing.assert_allclose(learner.value_iteration(H), H, atol=1e-8 * np.abs(H).max())
+    assert not learner.is_settled((1.0 + 1e-5) * H, H)
+    n, m = problem.step.B.shape
+    for block, factor in ((slice(n, n + m), -1.0), (slice(n + m, None), -1.0)):
+        other = H.copy()
+        other[block, block] *= factor
+        assert not learner.has_saddle(other)
+        assert not learner.is_settled(other, other)
+    still = H.copy()
+    still[:n, n:] = still[n:, :n] = 0.0  # K = 0 and L = 0 leave an unstable plant
+    assert not learner.is_settled(still, still)
+    pushed = H.copy()  # K is exact, and the disturbance d = L x alone destabilizes
+    L = 30.0 * np.ones((1, n))
+    pushed[n : n + m, n + m :] = pushed[n + m :, n : n + m] = 0.0
+    pushed[n : n + m, :n] = H[n : n + m, n : n + m] @ exact.K
+    pushed[n + m :, :n] = -H[n + m :, n + m :] @ L
+    pushed[:n, n:] = pushed[n:, :n].T
+    policies = problem.of_q_function(pushed)
+    step = problem.step
+    root = np.sqrt(problem.discount)
+    loop = step.A - step.B @ policies["K"]
+    radii = [
+        np.abs(np.linalg.eigvals(root * each)).max()
+        for each in (loop, loop + step.E @ policies["L"])
+    ]
+    assert radii[0] < 1.0 < radii[1]
+    assert not learner.is_settled(pushed, pushed)
+    x, after = learner.steps.together, learner.steps.next_states
+    wrong = 1.1 * H
+    values = np.einsum("ji,ik,jk->j", x, wrong, x)
+    costs = np.einsum("ji,ik,jk->j", x, problem.q_function(np.zeros((n, n))), x)
+    P = problem.of_q_function(wrong)["P"]
+    next_values = problem.discount * np.einsum("ji,ik,jk->j", after, P, after)
+    error = np.linalg.norm(values - costs - next_values)
+    terms = np.linalg.norm(np.abs(values) + np.abs(costs) + np.abs(next_values))
+    assert learner.residual(wrong) == pytest.approx((error / np.linalg.norm(costs), error / terms))
+    assert learner.residual(H).of_terms < 1e-9
