@@ -280,8 +280,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
         names: values that are drawn instead of the root locus: plot("alpha", "elevator")
 
-        Raises BadInputError if the root locus is drawn and no point has a trim, for an unknown
-        name, and if curves are drawn of points that do not form complete lines.
+        Raises BadInputError if the root locus is drawn and no point has a trim, and for an unknown
+        name.
         """
         if names:
             x = self.variables[-1]
@@ -568,11 +568,6 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     def _lines(self) -> list[slice]:
         """Return a slice of the points for each line along the last variable."""
         size = self.plan.sizes[-1]
-        if len(self) % size:
-            raise BadInputError(
-                "the points of the sweep do not form complete lines along the last variable; sweep "
-                "a full grid"
-            )
         return [slice(first, first + size) for first in range(0, len(self), size)]
 
     def at(self, **values: float) -> LinearModel:

@@ -230,6 +230,28 @@ def test_missing_entries_are_named(line: str, message: str, glider: Path) -> Non
     refused(message)
 
 
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ('length = "kg"', "length is 'kg'; give m, ft"),
+        ("length = 1.0", "length is 1.0; give m, ft"),
+        ("center_of_gravity = 0.3", "give [x, y, z]"),
+        ("center_of_gravity = [0.3, 0.0]", "give [x, y, z]"),
+        ("center_of_gravity = [0.3, 0.0, 0.1]", "moments about [0.3, 0, 0]"),
+        ("center_of_gravity = [0.29, 0.0, 0.0]", "moments about [0.3, 0, 0]"),
+        ("wing_area = 9.0", "wing_area is in glider.st too"),
+    ],
+)
+def test_entries_that_disagree_with_the_file_are_refused(
+    line: str, message: str, glider: Path
+) -> None:
+    """The unit of lengths and the center of gravity must be those of the stability file."""
+    name = line.partition(" ")[0]
+    kept = [each for each in TABLE.splitlines() if not each.startswith(name)]
+    Path("glider.toml").write_text("\n".join([line, *kept]))
+    refused(message)
+
+
 def test_drag_that_the_file_lacks_is_not_guessed(glider: Path) -> None:
     """A file without CDa is refused with the induced drag of its span efficiency."""
     Path("glider.st").write_text(of_older_version())

@@ -108,6 +108,25 @@ def test_the_dml_aircraft_equals_the_toml_aircraft() -> None:
     np.testing.assert_allclose(of_file.B[:, order], B, rtol=1e-8, atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("pattern", "new", "message"),
+    [
+        (r"<checkInputs>.*?</checkInputs>", "", "<checkInputs> is missing"),
+        (r"<checkOutputs>.*?</checkOutputs>", "<checkOutputs/>", "has no <signal>"),
+        (r"<griddedTableDef.*?</griddedTableDef>", "", "the table of the function is missing"),
+        (r"DAVEfunc", "DAVE", "the root element is <DAVE>"),
+    ],
+)
+def test_a_file_without_an_element_is_refused(
+    pattern: str, new: str, message: str, tmp_path: Path
+) -> None:
+    """Files without a table, inputs or outputs of a check case, or of another kind are refused."""
+    path = tmp_path / "without.dml"
+    path.write_text(re.sub(pattern, new, TEXT, flags=re.S), encoding="utf-8")
+    with pytest.raises(BadInputError, match=message):
+        checked_and_loaded(str(path))
+
+
 def test_files_are_joined_by_their_names(tmp_path: Path) -> None:
     """An aircraft in two files, with the mass in the second, equals the aircraft in one file.
 
@@ -126,6 +145,8 @@ def test_files_are_joined_by_their_names(tmp_path: Path) -> None:
     np.testing.assert_allclose(points[0].states, points[1].states, rtol=1e-12)
     with pytest.raises(BadInputError, match="is also an output of"):
         hfa.load_model(f"{other}+{UAV}")
+    with pytest.raises(BadInputError, match=r"none.dml cannot be read"):
+        hfa.load_model(f"{UAV}+{tmp_path}/none.dml")
 
 
 POINTS = np.random.default_rng(3).uniform(-1.0, 1.0, (25, 2))
@@ -240,6 +261,24 @@ def test_formulas_have_their_analytical_values(text: str, expected: float, tmp_p
         ),
         ("", "", "no table, formula or initial value"),
         ("<uncertainty/>", "", "uncertainty"),
+        *(
+            (f"<calculation><math>{formula}</math></calculation>", "", message)
+            for formula, message in (
+                ("", "one <math> with one formula"),
+                ("<cn>1</cn><cn>2</cn>", "one <math> with one formula"),
+                ("<cn>one</cn>", "not a number"),
+                ("<cn type='e-notation'>1</cn>", "not a number"),
+                ("<matrix/>", "<matrix> is not supported"),
+                ("<apply><sin/><ci>x</ci><ci>x</ci></apply>", "arguments of <sin> is 2"),
+                ("<apply><minus/></apply>", "arguments of <minus> is 0"),
+                ("<piecewise><otherwise/></piecewise>", "one <otherwise>"),
+                ("<piecewise/>", "one <otherwise>"),
+                (
+                    "<piecewise><piece><cn>1</cn></piece><otherwise><cn>1</cn></otherwise></piecewise>",
+                    "<piece> does not contain",
+                ),
+            )
+        ),
     ],
 )
 def test_unsupported_definitions_are_refused(
@@ -279,6 +318,24 @@ def checked_and_loaded(path: str) -> None:
             "variable CL: the variable has both a table and a formula",
         ),
         ("<signalValue>35.0", "<signalUnits>ft_s</signalUnits><signalValue>35.0", "in ft_s"),
+        ("<varID>T</varID>", "<varID>throttle</varID>", "throttle is not a variable"),
+        (
+            "<varID>CL</varID><signalValue>0.4732079482</signalValue>",
+            "<varID>CL</varID>",
+            "missing",
+        ),
+        ('<dependentVarRef varID="CL_wing"/>', "", "<dependentVarRef> is missing"),
+        ('<dependentVarRef varID="CL_wing"/>', "<dependentVarRef/>", "attribute varID is missing"),
+        ('<bpRef bpID="alphas"/>', "", "has no <bpRef>"),
+        ('<bpRef bpID="alphas"/>', '<bpRef bpID="betas"/>', "breakpoints betas are not defined"),
+        ('<bpRef bpID="alphas"/>', '<bpRef bpID="alphas"/><bpRef bpID="alphas"/>', "require 9"),
+        ("<bpVals>-10, 0, 10</bpVals>", "", "<bpVals> is missing"),
+        ("<bpVals>-10, 0", "<bpVals>-10, nan", "a number that is not finite"),
+        ('min="-10"', 'min="nan"', "nan is not finite"),
+        ('min="-10"', 'min="low"', "'low' is not a number"),
+        ('<independentVarRef varID="alpha"', '<independentVar varID="alpha"', "0 arguments"),
+        ("<cn>-0.36</cn>", "<cn>-0.36</cn></apply><apply><cn>1</cn>", "is not supported"),
+        ("0.28, 0.8821", "0.28, -0.8821", "not upward"),
     ],
 )
 def test_a_damaged_file_is_refused(old: str, new: str, message: str, tmp_path: Path) -> None:

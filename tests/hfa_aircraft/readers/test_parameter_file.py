@@ -80,6 +80,34 @@ def test_files_that_name_each_other_are_refused(folders: Path) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("entries", "message"),
+    [
+        ("colour = 1", "unknown entry 'colour'"),
+        ("sha256 = ''", "the entry sha256 is ''"),
+        ("sha256 = 5", "the entry sha256 is 5"),
+        ("parameters = 5", "parameters is 5; give a table"),
+        ("[parameters]\nmass = nan", "parameter mass is nan"),
+        ("[parameters]\nmass = -1.0", "mass"),
+        ("[parameters]\nmasss = 1.0", "masss"),
+        ("[bands]\nmasss = [1.0, 2.0]", "unknown parameter"),
+        ("[bands]\nmass = [1.0, 2.0]", "mass is 13.5, outside the band [1.0, 2.0]"),
+        ("[bands]\nmass = [20.0, 30.0]", "mass is 13.5, outside the band"),
+        ("[bands]\nmass = [20.0, 10.0]", "give the lower limit first"),
+        ("[bands]\nmass = [10.0]", "give [low, high]"),
+        ("[bands]\nmass = ['a', 'b']", "give [low, high]"),
+        ("[bands]\nmass = 13.5", "give [low, high]"),
+        ("[sensors]\npitch = nan\n[bands]\npitch = [-1, 1]", "pitch is nan, outside the band"),
+    ],
+)
+def test_a_wrong_entry_is_refused(folders: Path, entries: str, message: str) -> None:
+    """Each wrong entry of a file of parameters is named."""
+    (folders / "wrong.toml").write_text(f'aircraft = "uav.toml"\n{entries}\n')
+    with pytest.raises(tool.BadInputError) as refused:
+        tool.load_model(str(folders / "uav.toml"), parameters=str(folders / "wrong.toml"))
+    assert message in str(refused.value)
+
+
 @pytest.mark.parametrize("named", ["car.py:CAR", "car_module:CAR"])
 def test_a_data_file_executes_no_python(
     named: str, folders: Path, monkeypatch: pytest.MonkeyPatch

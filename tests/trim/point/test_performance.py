@@ -225,16 +225,22 @@ def test_a_value_outside_its_range_of_validity_is_marked() -> None:
     assert any("the wind tunnel" in note for note in report.notes)
 
 
-def test_aircraft_of_users_have_figures_by_names_of_outputs() -> None:
-    """A glider with the declared outputs gets L/D, margin and stall from a declared CL_max."""
+def glider(
+    chord: float = 1.0, elevator: float = 1.0, highest_alpha: float = 0.3, largest: bool = True
+) -> hfa.Model:
+    """Return a glider with the outputs that loads and performance need.
+
+    elevator: factor on its moment
+    largest: whether the largest lift coefficient, 1.4, is declared
+    """
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         pressure = 0.6 * x.speed**2
         lift = pressure * 10.0 * (0.2 + 5.0 * x.alpha)
         drag = pressure * 10.0 * 0.02
-        moment = pressure * 10.0 * (0.05 - 0.6 * x.alpha + u.elevator)
+        moment = pressure * 10.0 * (0.05 - 0.6 * x.alpha + elevator * u.elevator)
         rates = {
-            "speed": -drag / 300.0 - 9.81 * (x.pitch - x.alpha),
+            "speed": (u.thrust - drag) / 300.0 - 9.81 * (x.pitch - x.alpha),
             "alpha": x.pitch_rate + (3000.0 - lift) / (300.0 * x.speed),
             "pitch": x.pitch_rate,
             "pitch_rate": moment / 400.0 - x.pitch_rate,
@@ -245,29 +251,66 @@ def test_aircraft_of_users_have_figures_by_names_of_outputs() -> None:
             "pitching_moment": moment,
             "dynamic_pressure": pressure,
             "reference_area": 10.0,
-            "reference_chord": 1.0,
+            "reference_chord": chord,
             "largest_lift_coefficient": 1.4,
+            "load_factor": lift / 3000.0,
         }
-        return rates, outputs
+        return rates, outputs if largest else {k: v for k, v in outputs.items() if k[:3] != "lar"}
 
     states = {
         "speed": Signal("m/s", 30.0, 10.0, 60.0, 25.0),
-        "alpha": Signal("rad", 0.1, -0.2, 0.3),
+        "alpha": Signal("rad", 0.1, -0.2, highest_alpha),
         "pitch": Signal("rad", 0.1),
         "pitch_rate": Signal("rad/s", 0.1),
     }
     units = {"lift": "N", "drag": "N", "pitching_moment": "N m", "dynamic_pressure": "N/m^2"}
-    units |= {"reference_area": "m^2", "reference_chord": "m", "largest_lift_coefficient": "1"}
+    units |= {"reference_area": "m^2", "reference_chord": "m", "load_factor": "1"}
+    units |= {"largest_lift_coefficient": "1"} if largest else {}
     outputs = {name: Signal(unit) for name, unit in units.items()}
-    inputs = {"elevator": Signal("rad", 0.1, -0.5, 0.5)}
-    model = hfa.Model("glider", states, inputs, equations, outputs=outputs)
-    point = hfa.trim(model, hfa.TrimCondition(model, {"speed": 30.0}))
+    inputs = {"elevator": Signal("rad", 0.1, -0.5, 0.5), "thrust": Signal("N", 100.0, 0.0)}
+    return hfa.Model("glider", states, inputs, equations, outputs=outputs)
+
+
+def test_aircraft_of_users_have_figures_by_names_of_outputs() -> None:
+    """A glider with the declared outputs gets L/D, margin and stall from a declared CL_max."""
+    model = glider()
+    point = hfa.trim(model, hfa.TrimCondition(model, {"speed": 30.0, "thrust": 0.0}))
     data = point.report().data
     assert data["stability"]["static_margin"] == pytest.approx(0.6 / 5.0)
     coefficient = 3000.0 / (0.6 * 900.0 * 10.0)
     assert data["performance"]["lift_over_drag"] == pytest.approx(coefficient / 0.02)
     ratio = math.sqrt(1.4 / coefficient)
     assert data["performance"]["speed_over_stall_speed"] == pytest.approx(ratio)
+    # In a pull-up by 1 g, the elevator balances the moments of the added alpha and pitch rate.
+    alpha, rate = 3000.0 / (0.6 * 900.0 * 10.0 * 5.0), 3000.0 / (300.0 * 30.0)
+    elevator = 0.6 * alpha + 400.0 * rate / (0.6 * 900.0 * 10.0)
+    assert data["stability"]["elevator_per_g"] == pytest.approx(elevator)
+
+
+@pytest.mark.parametrize(
+    ("changes", "figure", "reason"),
+    [
+        ({"chord": 0.0}, "static margin", "the reference chord is 0"),
+        ({"elevator": 0.0}, "control per g", "no input pitches the aircraft"),
+        ({"largest": False}, "stall margin", "lift without a maximum"),
+        ({"largest": False, "highest_alpha": math.inf}, "stall margin", "lift without a maximum"),
+        ({}, "thrust available", "no upper limit of the thrust"),
+    ],
+)
+def test_a_figure_that_does_not_exist_is_not_invented(
+    changes: dict[str, Any], figure: str, reason: str
+) -> None:
+    """Without chord, elevator, maximum of the lift or limit of the thrust a figure is missing."""
+    model = glider(**changes)
+    held = {"speed": 30.0, "elevator": 0.0, "thrust": 0.0}
+    held = held if "elevator" in changes else {"speed": 30.0, "thrust": 0.0}
+    rates = {"alpha": 0.0, "pitch": 0.0, "speed": 0.0} | (
+        {} if len(held) == 3 else {"pitch_rate": 0.0}
+    )
+    figures = figures_of(
+        hfa.trim(model, hfa.TrimCondition(model, held, rates)), usual_condition(model)
+    )
+    assert reason in figures.not_in_model[figure]
 
 
 def test_residuals_are_a_line_while_all_pass_and_a_table_with_full() -> None:

@@ -188,3 +188,25 @@ def test_undetermined_trims_name_their_variable() -> None:
     assert "the Jacobian is singular along a; hold one of these" in text
     _, report = reported(model, held)
     assert "singular" not in report.text()
+
+
+def test_imposed_rates_are_balanced_and_shown(published_aircraft: Model) -> None:
+    """With V' = 0.5 ft/s² the thrust exceeds that of level flight by m V' / cos α."""
+    level = trim(published_aircraft, BASE)
+    point, report = reported(published_aircraft, release(BASE, hold={"speed_dot": 0.5}))
+    rates = published_aircraft.rates_at(point.states, point.inputs)
+    assert rates["speed"] == pytest.approx(0.5, abs=1e-9)
+    mass = report.data["performance"]["weight"] / 32.174
+    thrust = [each["thrust"] * math.cos(each["alpha"]) for each in (level, point)]
+    assert thrust[1] - thrust[0] == pytest.approx(0.5 * mass, rel=0.02)
+    assert report.data["equations"]["speed"]["imposed"] == 0.5
+    full = trim_report(published_aircraft, point.problem.asked, point, full=True).text(width=None)
+    assert re.search(r"^rate of speed +0\.5 .* PASS$", full, re.M)
+    assert re.search(r"^rate of pitch_rate +0 .* PASS$", full, re.M)
+    assert "speed_dot 0.5 ft/s^2" in point.title
+    condition = point.problem.asked
+    assert condition.in_words() == "dihedral 10 deg, speed_dot 0.5 ft/s^2"
+    assert condition.changes["rates"]["speed"] == 0.5
+    again = release(condition, free=("speed_dot", "throttle"), hold={"alpha": 0.05})
+    assert "speed" not in again.rates
+    assert "speed_dot free" in again.in_words()

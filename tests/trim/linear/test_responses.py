@@ -1,0 +1,111 @@
+"""Responses of linear models against matrix exponentials and python-control."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+from matplotlib import pyplot
+from scipy.linalg import expm
+
+from hfa import BadInputError, LinearModel
+
+A = np.array([[0.0, 1.0], [-2.0, -0.3]])
+B = np.array([[0.0, 0.5], [1.0, 0.0]])
+C = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 2.0]])
+D = np.array([[0.0, 0.0], [0.0, 0.0], [3.0, 0.0]])
+LINEAR = LinearModel.of(A, B, C, D, states=("q", "v"), inputs=("f", "g"), outputs=("y", "z", "w"))
+TIMES = np.linspace(0.0, 2.0, 21)
+
+
+def exact(t: float, start: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Return y(t) from x(0) with constant inputs, from the exponential of [A B; 0 0]."""
+    both = np.zeros((4, 4))
+    both[:2, :2], both[:2, 2:] = A, B
+    x = (expm(both * t) @ np.concatenate([start, u]))[:2]
+    return np.asarray(C @ x + D @ u)
+
+
+def test_simulated_outputs_are_those_of_the_exponential() -> None:
+    """Inputs and initial deviations are given by name or as arrays, with a row for each input."""
+    start, u = np.array([0.2, -0.1]), np.array([1.0, -0.5])
+    expected = np.array([exact(t, start, u) for t in TIMES]).T
+    rows = np.tile(u[:, None], TIMES.size)
+    for given in ({"f": 1.0, "g": -0.5}, {"f": rows[0], "g": -0.5}, rows, rows.T):
+        for initial in ({"q": 0.2, "v": -0.1}, start):
+            found = LINEAR.simulate(given, TIMES, initial=initial)
+            np.testing.assert_allclose(found.outputs, expected, atol=1e-9)
+    alone = LINEAR.simulate({"g": 2.0}, TIMES)
+    expected = np.array([exact(t, np.zeros(2), np.array([0.0, 2.0])) for t in TIMES]).T
+    np.testing.assert_allclose(alone.outputs, expected, atol=1e-9)
+
+
+def test_times_are_given_in_each_way() -> None:
+    """Times follow from u and dt, from a last time, or from python-control."""
+    assert LINEAR.simulate(np.zeros((2, 7)), dt=0.1).time == pytest.approx(0.1 * np.arange(7))
+    assert LINEAR.simulate({"f": 1.0}, 2.0, dt=0.25).time == pytest.approx(np.linspace(0.0, 2.0, 9))
+    assert LINEAR.simulate({"f": 1.0}, 2.0).time[-1] == pytest.approx(2.0)
+    usual = control.step_response(LINEAR.to_control()).time
+    assert LINEAR.simulate({"f": 1.0}).time == pytest.approx(usual)
+    assert LINEAR.step().time == pytest.approx(usual)
+
+
+@pytest.mark.parametrize("kind", ["step", "impulse"])
+def test_step_and_impulse_are_those_of_each_input(kind: str) -> None:
+    """The step is the response to a constant input, and the impulse that from the column of B."""
+    found = getattr(LINEAR, kind)(TIMES, outputs=("z", "y"))
+    for j, unit in enumerate(np.eye(2)):
+        start, u = (np.zeros(2), unit) if kind == "step" else (B[:, j], np.zeros(2))
+        expected = np.array([exact(t, start, u)[[1, 0]] for t in TIMES]).T
+        np.testing.assert_allclose(found.outputs[:, j], expected, atol=1e-9)
+    one = getattr(LINEAR, kind)(TIMES, inputs="g", outputs="y")
+    assert np.array_equal(one.outputs[0, 0], found.outputs[1, 1])
+
+
+def test_loops_have_one_input_and_one_output() -> None:
+    """The transfer function and the Nyquist plot are those of the named input and output."""
+    function = LINEAR.transfer_function("f", "w")
+    expected = C[2] @ np.linalg.solve(2j * np.eye(2) - A, B[:, 0]) + 3.0
+    assert function(2j) == pytest.approx(expected)
+    axes = LINEAR.nyquist("f", "w")
+    assert axes.get_title() == "w / f, (1)/(1)"
+    assert LINEAR.plot().get_title().endswith("poles x and zeros o, 1/s")
+    pyplot.close("all")
+    for call in (LINEAR.transfer_function, LINEAR.nyquist):
+        with pytest.raises(BadInputError, match="not 2 and 1"):
+            call(("f", "g"), "y")
+        with pytest.raises(BadInputError, match="not 1 and 3"):
+            call("f", ("y", "z", "w"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"u": lambda t: t}, "u is a function"),
+        ({"u": {"f": np.zeros(3)}, "time": TIMES}, "input f has shape"),
+        ({"u": np.zeros((3, 21)), "time": TIMES}, "u has shape"),
+        ({"u": {"h": 1.0}}, "unknown input 'h'"),
+        ({"initial": {"p": 1.0}}, "unknown state 'p'"),
+        ({"initial": [1.0]}, "initial has shape"),
+        ({"u": np.zeros((2, 1))}, "time has fewer than two values"),
+        ({"time": 0.0}, "give a positive number"),
+        ({"time": -1.0}, "give a positive number"),
+        ({"time": np.inf}, "give a positive number"),
+        ({"time": [1.0]}, "increasing times"),
+        ({"time": [0.0, np.nan]}, "increasing times"),
+        ({"time": [0.0, 1.0, 1.0]}, "increasing times"),
+        ({"time": [[0.0, 1.0]]}, "increasing times"),
+    ],
+)
+def test_unusable_arguments_are_refused(arguments: dict[str, Any], message: str) -> None:
+    """Each argument of a wrong shape, name or order is named."""
+    with pytest.raises(BadInputError, match=message):
+        LINEAR.simulate(**arguments)
+
+
+def test_a_name_twice_is_refused() -> None:
+    """Each output is named once."""
+    with pytest.raises(BadInputError, match="output y is named twice"):
+        LINEAR.step(TIMES, outputs=("y", "z", "y"))
