@@ -10,6 +10,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -17,8 +18,9 @@ from scipy.linalg import expm
 import hfa
 from hfa import BadInputError, Model, Signal
 from hfa_aircraft.limits import Limits
+from hfa_aircraft.signals import record
 from hfa_aircraft.waveform import Waveform
-from hfa_flight import CommandSteps, Scenario, flight_envelope
+from hfa_flight import ActuatorBank, CommandSteps, Scenario, flight_envelope
 from hfa_flight.air.names import gust_speed
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
 from hfa_flight.envelope import control_excesses, departure, refuse_start
@@ -142,6 +144,93 @@ def test_a_linear_flight_in_moving_air_follows_its_exponential() -> None:
     assert "this flight has no disturbance" not in str(flight.report())
     still = hfa.fly(GLIDER, POINT, None, 0.1).report()
     assert "this flight has no disturbance" in str(still)
+
+
+NOISE = np.array([0.003, -0.7])
+REFERENCE = np.array([-0.01, 5.0])
+
+
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_a_gain_acts_on_the_noisy_error(order: int) -> None:
+    """At the start, u = -K (x + n - x_d); the actuators of both orders begin at the trim."""
+    K = np.array([[0.5, 0.01], [-2.0, 0.03], [0.1, 0.0]])
+    x = np.array([0.02, -3.0, 40.0, 0.0])
+    values = record(tuple(GLIDER.inputs))
+    bank = ActuatorBank(
+        values(*[0.1] * 3), values(*[-9.0] * 3), values(*[9.0] * 3), values(*[9e9] * 3)
+    )
+    scenario = Scenario(
+        0.2,
+        initial=x,
+        reference=Waveform(REFERENCE, np.zeros(2)),
+        noise=Waveform(NOISE, np.zeros(2)),
+        disturbance=Waveform(np.zeros(2), np.array([0.0, 7.0])),
+        actuators=replace(bank, order=order, damping=0.5) if order else None,
+    )
+    loop = ClosedLoop(NonlinearPlant(GLIDER, POINT), GainPolicy("K", K), scenario.on(GLIDER))
+    flight = CompiledLoop(loop).fly()
+    z = x[:2] - REFERENCE
+    np.testing.assert_allclose(flight.errors[0], z, atol=1e-12)
+    np.testing.assert_allclose(flight.errors, flight.states[:, :2] - REFERENCE, atol=1e-12)
+    t, y, held = loop.symbols()
+    inputs = np.zeros(held.numel())
+    loop.hold(0, inputs)
+    now = loop.at(t, y, held)
+    signals = [now.command, now.measured, now.rate]
+    evaluated = ca.Function("now", [t, y, held], signals)(2.0, loop.start(), inputs)
+    command, measured, rate = (np.array(each).ravel() for each in evaluated)
+    u = -K @ (z + NOISE)
+    np.testing.assert_allclose(command, u)
+    np.testing.assert_allclose(measured, x + np.array([*NOISE, 0.0, 0.0]))
+    moved = u if order == 0 else np.zeros(3)
+    expected = A @ x[:2] + B @ moved + [1e-3 * x[2], 14.0]
+    np.testing.assert_allclose(rate[:2], expected)
+    if order == 1:
+        np.testing.assert_allclose(rate[4:], 10.0 * u)
+    if order == 2:
+        np.testing.assert_allclose(rate[4:], [*np.zeros(3), *(100.0 * u)])
+    modes = np.linalg.eigvals(closed_matrix(order, K))
+    growing = modes[modes.real > 0.0]
+    np.testing.assert_allclose(np.sort(loop.growing_modes()), np.sort(growing), rtol=1e-6)
+
+
+def closed_matrix(order: int, K: np.ndarray) -> np.ndarray:
+    """Return the matrix of the glider with the gain K and actuators of 10 rad/s, damping .5."""
+    plant = np.zeros((4, 4))
+    plant[:2, :2] = A
+    plant[0, 2], plant[2, 0], plant[3, 1] = 1e-3, 50.0, 1.0
+    enters = np.vstack([B, np.zeros((2, 3))])
+    gain = np.hstack([K, np.zeros((3, 2))])
+    one, none = np.eye(3), np.zeros((3, 3))
+    if order == 0:
+        return plant - enters @ gain
+    if order == 1:
+        return np.block([[plant, enters], [-10.0 * gain, -10.0 * one]])
+    return np.block(
+        [
+            [plant, enters, np.zeros((4, 3))],
+            [np.zeros((3, 4)), none, one],
+            [-100.0 * gain, -100.0 * one, -10.0 * one],
+        ]
+    )
+
+
+def test_a_function_sees_the_noise() -> None:
+    """A Python policy is called with absolute states, and the noise of the linear ones."""
+    seen: list[Any] = []
+
+    def watch(t: float, X: Any) -> dict[str, float]:
+        seen.append((t, *X))
+        return {"throttle": 0.6}
+
+    scenario = Scenario(0.1, 0.01, 0.05, noise=Waveform(NOISE, np.zeros(2)))
+    flight = hfa.fly(
+        GLIDER, POINT, watch, scenario=scenario, initial={"altitude": 3.0}, predict=False
+    )
+    times, states = np.split(np.array(seen), [1], axis=1)
+    assert times.ravel().tolist() == [0.0, 0.05]
+    np.testing.assert_allclose(states, flight.states[[0, 5]] + np.array([*NOISE, 0.0, 0.0]))
+    np.testing.assert_allclose(flight["throttle"], 0.6)
 
 
 @pytest.mark.parametrize(

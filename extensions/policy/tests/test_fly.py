@@ -1,16 +1,19 @@
 """Simulation of deployment files with `hfa fly --policy`."""
 
 import shutil
+from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import FOLDER, GTM, aircraft, stored_deployment, trims
+from policy_cases import FOLDER, GTM, aircraft, gtm_deployment, stored_deployment, trims
 
 from hfa.main import main
+from hfa_aircraft.waveform import Waveform
 from hfa_flight.flight import fly
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
-from hfa_flight.policies.deployment.policy import DeployedPolicy, sampled_scenario
+from hfa_flight.policies.deployment.policy import DeployedPolicy, policy_about, sampled_scenario
 from hfa_flight.scenario import Scenario
 from hfa_support.errors import BadInputError
 
@@ -39,6 +42,52 @@ def deployed_policy(dt, delay):
     timed = stored_deployment(name).changed(timing={"dt": dt, "delay": delay})
     deployed = Deployed(timed, aircraft(name))
     return DeployedPolicy("timed", deployed, trims(name)[0], held=np.zeros((1, 2)))
+
+
+def test_samples_are_commanded_at_the_reference_after_the_delay():
+    """Every 20 ms, U = U0 + sat(-K (x - x_d) + u_d), which acts 30 ms later; u_d is of the sample.
+
+    K is that of the GTM's pitch rate and speed; the elevator is limited to -.5 to .35 rad.
+    """
+    model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[0]
+    K = np.array([[0.0, 0.0, 2.0, 0.0], [0.5, 0.0, 0.0, 0.0]])
+    o = ca.SX.sym("o", 4)
+    gain = {"file": ca.Function("gain", [o], [-ca.DM(K) @ o])}
+    deployment = gtm_deployment(gain, timing={"dt": 0.02, "delay": 0.03})
+    reference = Waveform(np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.5, 0.0]))
+    feedforward = Waveform(np.array([0.01, 2.0]), np.array([0.0, 10.0]))
+    policy = policy_about(Deployed(deployment, model), point, "tracking")
+    policy = replace(policy, reference=reference, feedforward=feedforward)
+    sample = policy.sampler()
+    measured = np.array([0.3, 0.01, 0.02, -0.01])
+    expected = []
+    for tick in range(8):
+        size = 5.0 if tick == 4 else tick + 1.0
+        if tick % 2 == 0:
+            t = 0.01 * tick
+            z = size * measured - reference.sampled(np.array([t]))[0]
+            U = np.array(point.inputs) - K @ z + feedforward.sampled(np.array([t]))[0]
+            expected += [np.clip(U, [-0.5, 0.0], [0.35, 100.0]) - point.inputs] * 2
+        np.testing.assert_allclose(
+            sample(tick, size * measured), expected[tick - 3] if tick >= 3 else 0.0, atol=1e-12
+        )
+    late = policy.sampler()
+    for tick in range(4):
+        pushed = late(tick, np.array([0.0, 0.0, -9.0, 0.0]))
+    assert pushed[0] == pytest.approx(0.35 - point.inputs.elevator)
+
+
+def test_moving_air_and_actuators_are_flown_in_fine_steps():
+    policy = deployed_policy(0.02, 0.03)
+    rain = {"gust_forward": Waveform(np.zeros(1), np.zeros(1))}
+    still, moving = (
+        sampled_scenario(policy, Scenario(0.123, 0.001, 0.041, air=air), policy.point)
+        for air in ({}, rain)
+    )
+    assert still.duration == moving.duration == pytest.approx(0.12)
+    assert still.step > moving.step
+    assert moving.step <= 0.001
+    assert moving.step * moving.steps_per_tick == pytest.approx(0.01)
 
 
 def file_without_normalizer(folder):

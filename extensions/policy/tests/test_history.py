@@ -61,6 +61,28 @@ def test_spectral_radius_includes_past_states():
     np.testing.assert_allclose(assessed.equilibrium.K, -(oldest + older + last), atol=1e-12)
 
 
+@pytest.mark.parametrize("frames", [1, 3])
+def test_a_normalizer_of_one_sample_or_of_all_is_applied_to_each(frames):
+    """a = gain clip((o - mean) / sqrt(variance + epsilon), ±clip) of three samples."""
+    mean, variance = np.array([1.0, 0.1, -0.2, 0.0]), np.array([4.0, 0.01, 0.25, 0.0])
+    entries = {
+        "mean": np.tile(mean, frames).tolist(),
+        "variance": np.tile(variance, frames).tolist(),
+        "epsilon": 0.01,
+        "clip": 1.5,
+    }
+    deployment = stacked()
+    deployment = deployment.changed(policy={**deployment.policy, "normalizer": entries})
+    deployed = Deployed(deployment, aircraft("ppo_gtm"))
+    o = np.linspace(-1.0, 2.0, 12)
+    normal = (o - np.tile(mean, 3)) / np.sqrt(np.tile(variance, 3) + 0.01)
+    clipped = np.clip(normal, -1.5, 1.5)
+    assert 2 < (clipped == normal).sum() < 10
+    np.testing.assert_allclose(np.array(deployed.act(o)).ravel(), GAIN @ clipped, rtol=1e-12)
+    np.testing.assert_allclose(deployment.normalizer.normalized(o), clipped, rtol=1e-12)
+    np.testing.assert_allclose(np.array(deployed.stages(o)[0]).ravel(), normal, rtol=1e-12)
+
+
 @pytest.mark.parametrize("delay", [0.0, 0.03])
 def test_assess_fly_and_environments_give_equal_flights(delay):
     """A flight of one second ends at the same state in `assess`, in `fly` and in an environment."""
