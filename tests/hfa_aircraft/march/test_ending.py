@@ -189,7 +189,7 @@ def watched(
             {"stays": False, "stable": False},
             (Outcome.CONVERGED, 10),
         ),
-        ([*[0.5] * 9, 0.515], [0.0], {"stays": False, "stable": False}, (Outcome.UNDECIDED, 10)),
+        ([*[0.5] * 8, 0.515], [0.0], {"stays": False, "stable": False}, (Outcome.UNDECIDED, 10)),
         ([*[0.5] * 8, 0.515], [0.0], {"stays": False}, (Outcome.CONVERGED, 10)),
         # at another equilibrium for three windows
         ([3.0], [0.3], {}, (Outcome.ELSEWHERE, 3)),
