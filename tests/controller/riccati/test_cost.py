@@ -96,6 +96,29 @@ def test_no_initial_condition_exceeds_the_reported_cost() -> None:
     assert lost.mean() == pytest.approx(cost.mean, rel=0.1)
 
 
+def test_gains_and_distances_are_of_both_policies() -> None:
+    """The distance is the least σ_min(jω I - A + B K) over ω, relative to the norm of the loop.
+
+    The game is balanced already, and both L2 gains are those on a grid of frequencies.
+    """
+    game = Game([[-0.3, 1.0], [-1.0, -0.2]], np.eye(2), np.eye(2), np.eye(2), np.eye(2), 4.0)
+    exact = solve(game)
+    cost = flight_cost(game, exact, 0.2 * exact.K)
+    frequencies = np.linspace(0.0, 3.0, 3001)
+    for K, distance, gain in (
+        (0.2 * exact.K, cost.distance, cost.gain),
+        (exact.K, cost.exact_distance, cost.exact_gain),
+    ):
+        loop = game.A - game.B @ K
+        C = np.vstack([np.eye(2), K])
+        s = 1j * frequencies[:, None, None] * np.eye(2) - loop
+        least = np.linalg.svd(s, compute_uv=False)[:, -1].min()
+        assert distance == pytest.approx(least / np.linalg.norm(loop), rel=0.5)
+        largest = np.linalg.svd(C @ np.linalg.inv(s), compute_uv=False).max()
+        assert gain == pytest.approx(largest, rel=1e-4)
+    assert cost.distance < 0.7 * cost.exact_distance
+
+
 def test_a_gain_beyond_delta_has_infinite_cost() -> None:
     """The excess cost is infinite if the L2 gain is above delta, if K destabilizes, and if K is
     nan."""

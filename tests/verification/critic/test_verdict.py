@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,8 +15,10 @@ from planted_critics import gain, other_root, value
 from tolerances import SAME_FORMULA
 
 from controller.critic.critic import Critic
+from controller.game.discrete_game import DiscreteGame
 from controller.hfa_game import ORDINARY_DEVIATIONS
 from hfa import (
+    BadInputError,
     Game,
     from_gain,
     from_value,
@@ -25,9 +29,13 @@ from hfa import (
 )
 from hfa.paper import level_flight
 from hfa_model import choice
+from hfa_support.reporting.checks import at_most
 from verification import Scope
 from verification.box import ordinary_box
+from verification.critic.in_steps import InSteps
+from verification.critic.in_time import InTime
 from verification.scope import nonlinear_plant
+from verification.verdict import verdicts_report
 
 network_files = Extension("network_files")
 searches = Extension("verification.network.search")
@@ -155,3 +163,82 @@ def test_the_command_prints_the_source_of_weights(game: Game) -> None:
     data = answer("verify", "--model", plant, "--R", "1", "--weights", critic)
     assert data["weights_from"] == {"Q": "file", "R": "given", "delta": "default"}
     assert (data["Q"], data["R"], data["grade"]) == ([[2.0]], [[1.0]], "exact")
+
+
+@pytest.mark.parametrize(
+    ("kind", "off", "cost_lost", "grade", "holds"),
+    [
+        ("", 0.0, 0.0, "exact", True),
+        ("error", 0.5, 0.4, "near", True),
+        ("error", 0.5, 1.0, "near", False),
+        ("error", 0.5, 1.1, "fail", False),
+        ("rest", 1e-6, 0.0, "near", True),
+        ("rest", 2e-6, 0.0, "fail", False),
+        *((kind, 0.5, 0.0, "fail", True) for kind in ("stability", "game loop", "gain", "cost")),
+        ("data", 0.5, 0.0, "fail", True),
+    ],
+)
+def test_each_kind_of_check_has_its_grade(
+    kind: str, off: float, cost_lost: float, grade: str, holds: bool
+) -> None:
+    """Only errors and a rest at the trim may fail in "near"; a cost limit asks cost and rest."""
+    kinds = ("error", "rest", "stability", "stability", "game loop", "gain", "cost", "data")
+    checks = [at_most(f"{each} {i}", 0.0, 0.0, "", kind=each) for i, each in enumerate(kinds)]
+    if kind:
+        checks.insert(2, at_most("failed", off, 0.0, "it failed", kind=kind))
+    game = Game([[-1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], 5.0)
+    verdict = replace(verify(game, solve(game)), checks=tuple(checks), cost_lost=cost_lost)
+    assert verdict.grade == grade
+    assert verdict.ok is not bool(kind)
+    assert verdict.stabilizing is (kind != "stability")
+    assert verdict.holds(0.5) is holds
+    assert verdict.holds() is verdict.ok
+    assert verdict.grade_text() == {"exact": "PASS", "near": "NEAR", "fail": "FAIL"}[grade]
+    assert verdict.grade_text(0.5) == ("PASS" if holds else "FAIL")
+    assert verdict.largest_error == (off if kind == "error" else 0.0)
+    assert verdict.data(0.5)["graded"]["ok"] is holds
+    title = verdicts_report({"a": verdict, "b": verdict}, "a plant", 0.5).title
+    assert title.startswith(f"{'PASS' if holds else 'FAIL'}: {2 * holds} of 2 critics pass")
+
+
+def test_loops_and_costs_of_a_verdict_are_those_of_numpy() -> None:
+    """Radii, abscissas, residuals and costs of both kinds of games, of a P that is not symmetric."""
+    rng = np.random.default_rng(6)
+    A, B, E = (rng.standard_normal((3, size)) for size in (3, 2, 1))
+    N = 0.1 * rng.standard_normal((3, 2))
+    game = Game(A, B, E, np.eye(3), np.diag([1.0, 2.0]), 1e3, N)
+    step = Game(0.4 * A, B, E, np.eye(3), np.diag([1.0, 2.0]), 1e3, N)
+    z, u = rng.standard_normal(3), rng.standard_normal(2)
+    paid = z @ z + 2.0 * z @ N @ u + u @ game.R @ u
+    P = solve(game).P
+    skewed = P + 0.1 * (np.triu(np.ones((3, 3)), 1) - np.tril(np.ones((3, 3)), -1))
+    in_time = InTime(game)
+    loop = game.A - game.B @ game.gain(P) + game.E @ game.E.T @ P / game.delta**2
+    abscissa = np.linalg.eigvals(loop).real.max()
+    assert in_time.game_loop(P).value == pytest.approx(abscissa, rel=1e-9)
+    assert in_time.cost(z, u) == pytest.approx(paid)
+    assert in_time.is_stable(in_time.exact.K)
+    assert not in_time.is_stable(-in_time.exact.K)
+    problem = DiscreteGame(step, 0.8)
+    in_steps = InSteps(problem)
+    K, L = problem.policies(P)
+    radius = np.abs(np.linalg.eigvals(step.A - step.B @ K + step.E @ L)).max()
+    for given in (P, skewed):
+        found = in_steps.game_loop(given)
+        assert found.value == pytest.approx(math.sqrt(0.8) * radius, rel=1e-9)
+        assert in_steps.residuals(given[None]) == pytest.approx(in_steps.residuals(P[None]))
+    assert in_steps.cost(z, u) == pytest.approx(paid)
+    assert in_steps.residuals(in_steps.exact.P[None])[0] < 1e-12
+    assert in_steps.residuals(1.1 * in_steps.exact.P[None])[0] > 1e-3
+    critic = from_gain(problem, 0.9 * in_steps.exact.K)
+    checks = {check.name: check.value for check in in_steps.linear_loop(critic, True).checks}
+    radius = np.abs(np.linalg.eigvals(step.A - step.B @ critic.K)).max()
+    assert checks["control_loop_radius"] == pytest.approx(radius)
+    assert checks["discounted_loop_radius"] == pytest.approx(math.sqrt(0.8) * radius)
+    assert critic.u(z) == pytest.approx(-critic.K @ z)
+    assert critic.u(np.stack([z, 2.0 * z])) == pytest.approx(
+        np.stack([-critic.K @ z] * 2) * [[1], [2]]
+    )
+    for wrong in (z[:2], np.ones((1, 2, 3)), 1.0):
+        with pytest.raises(BadInputError, match=r"give \(3,\) or \(N, 3\)"):
+            critic.u(wrong)
