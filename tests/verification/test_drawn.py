@@ -13,7 +13,7 @@ from controller.riccati.smallest_delta import minimum_delta
 from hfa.main import main
 from hfa_aircraft.uncertain import ParameterSpread, spread_of_file
 from trim.point.condition import usual_condition
-from verification.drawn import DrawnAircraft
+from verification.drawn import DrawnAircraft, band_of
 
 UAV = str(ROOT / "examples" / "uav.toml")
 NAMES = ("CL_alpha", "Cm_alpha", "Cm_q")
@@ -123,6 +123,14 @@ def test_unstable_random_aircraft_are_counted():
     assert drawn.trims().stable_alone == 2
     assert bands["abscissa"].value < 0.0 < bands["abscissa"].high
     assert "short period damping of 2 aircraft" in bands
+    band = band_of(7.0, list(range(1001)), "1/s")
+    assert (band.value, band.low, band.high) == (7.0, 25.0, 975.0)
+    assert np.isnan([band_of(7.0, [], "1/s").low, band_of(7.0, [], "1/s").high]).all()
+    assert drawn.linear_models(hfa.linearize(model, point)).trimmed == 3
+    loops = drawn.loops(np.zeros((4, 8)))
+    assert (loops.stable, loops.trimmed, loops.ok) == (2, 3, False)
+    abscissa = bands["abscissa"]
+    assert loops.bands["abscissa of the loop"].low == pytest.approx(abscissa.low)
 
 
 def test_costs_of_a_gain_on_drawn_aircraft_agree(folder, capsys):

@@ -113,7 +113,7 @@ def test_gains_and_distances_are_of_both_policies() -> None:
         C = np.vstack([np.eye(2), K])
         s = 1j * frequencies[:, None, None] * np.eye(2) - loop
         least = np.linalg.svd(s, compute_uv=False)[:, -1].min()
-        assert distance == pytest.approx(least / np.linalg.norm(loop), rel=0.5)
+        assert distance == pytest.approx(least / np.linalg.norm(loop, 2), rel=1e-5)
         largest = np.linalg.svd(C @ np.linalg.inv(s), compute_uv=False).max()
         assert gain == pytest.approx(largest, rel=1e-4)
     assert cost.distance < 0.7 * cost.exact_distance

@@ -11,11 +11,14 @@ from game_samples import failed_names
 from network_files import ONES, QUADRATIC, onnx_file, torch_file
 from planted_critics import gain, value
 
-from controller.critic.critic import Critic
+from controller.critic.critic import Critic, from_functions
 from controller.hfa_game import ORDINARY_DEVIATIONS
 from hfa import Game, from_gain, from_network, solve, verify
 from verification.box import ordinary_box
-from verification.network.search import Comparison, search
+from verification.critic_errors import SMALL
+from verification.network.bound import _halves
+from verification.network.flights import _reach, equilibrium_check, starts_in, worst_start
+from verification.network.search import Comparison, _rounded_up, search
 from verification.scope import Scope
 
 BOX = np.array(ORDINARY_DEVIATIONS)
@@ -155,3 +158,98 @@ def test_a_low_cost_is_no_reason_to_pass_off_the_trim(game: Game, share: float) 
     assert "rest_point" in failed_names(verdict.checks)
     assert verdict.grade == "fail"
     assert not verdict.holds(limit_cost=1.0)
+
+
+def test_errors_are_relative_to_the_largest_exact_numbers_in_the_box() -> None:
+    """V relative to b'|P|b, slopes and inputs to their largest; none below 1e-5 of the largest."""
+    A = np.array([[-0.5, 1.0], [-1.0, 0.2]])
+    B = np.array([[0.0, 1.0], [1.0, 0.0]])
+    game = Game(A, B, np.eye(2), np.eye(2), np.diag([4.0, 1e14]), 50.0)
+    exact = solve(game)
+    P, K = exact.P, exact.K
+    box, weights = np.array([2.0, 0.3]), np.sqrt(np.diag(game.R))
+    z = ca.SX.sym("z", 2)
+    V = 1.1 * ca.bilin(ca.DM(P), z, z) + 7.0
+    critic = from_functions(game, z, {"V": V, "policy": -0.8 * ca.DM(K) @ z}, "planted")
+    names, errors = Comparison(critic, exact, weights, box).errors(z)
+    state = np.array([1.5, -0.2])
+    found = np.array(ca.Function("errors", [z], [errors])(state)).ravel()
+    slopes = 2.0 * np.abs(P) @ box
+    inputs = weights * (np.abs(K) @ box)
+    assert inputs[1] < 1e-5 * inputs[0]
+    sizes = np.maximum(inputs, SMALL * inputs.max()) / weights
+    expected = [
+        0.1 * state @ P @ state / (box @ np.abs(P) @ box),
+        *(0.2 * P @ state / np.maximum(slopes, SMALL * slopes.max())),
+        *(0.2 * K @ state / sizes),
+    ]
+    assert names == ["value", "gradient", "gradient", "policy", "policy"]
+    assert found == pytest.approx(expected, rel=1e-9)
+    assert Comparison(critic, exact, weights, box).errors(z, ["policy"])[0] == ["policy"] * 2
+
+
+@pytest.mark.parametrize("number", [0.0123, 1.0, 1.01, 99.5, 3.1e-7, math.inf])
+def test_a_bound_to_prove_is_rounded_up_to_two_digits(number: float) -> None:
+    rounded = _rounded_up(number)
+    assert number <= rounded <= 1.1 * number
+    assert rounded == float(f"{rounded:.1e}")
+
+
+def test_the_worst_start_has_the_largest_ratio_in_the_box() -> None:
+    """z'Xz / z'Pz is largest there over random states, and the state is on the edge of the box."""
+    rng = np.random.default_rng(2)
+    root, other = rng.standard_normal((2, 3, 3))
+    P, X, b = root @ root.T, other @ other.T, np.array([10.0, 0.1, 1.0])
+    worst = worst_start(X, P, b)
+    assert np.abs(worst / b).max() == pytest.approx(1.0)
+    z = rng.standard_normal((5000, 3)) @ np.linalg.inv(root)
+    ratios = np.einsum("ni,ij,nj->n", z, X, z) / np.einsum("ni,ij,nj->n", z, P, z)
+    ratio = worst @ X @ worst / (worst @ P @ worst)
+    assert ratios.max() <= ratio * (1.0 + 1e-9)
+    assert ratios.max() >= 0.9 * ratio
+    P[2] = P[:, 2] = 0.0  # a state without cost is left out
+    found = worst_start(np.diag([1.0, 1.0, 100.0]), P, b)
+    assert abs(found[2]) < 1e-6 * b[2]
+    assert worst_start(X, np.zeros((3, 3)), b) is b
+
+
+@pytest.mark.parametrize(
+    ("converges_to", "reach"),
+    [(100.0, 16.0), (16.0, 16.0), (3.0, 2.0), (1.0, 1.0), (0.3, 0.25), (0.07, 0.0625), (0.01, 0.0)],
+)
+def test_the_reach_is_the_largest_power_of_two(converges_to: float, reach: float) -> None:
+    """The reach is a power of two from 1/16 to 16; half of the initial conditions are corners."""
+    b = np.array([3.0, 0.2])
+
+    class Stub:
+        def simulate(self, start: np.ndarray) -> object:
+            return None if (np.abs(start) / b).max() > converges_to * (1.0 + 1e-12) else start
+
+    assert _reach(Stub(), b, 6) == reach  # type: ignore[arg-type]
+    starts = starts_in(b, 9) / b
+    assert (np.abs(starts[::2]) == 1.0).all()
+    assert (np.abs(starts[1::2]) < 1.0).all()
+
+
+def test_the_equilibrium_is_measured_in_boxes() -> None:
+    b = np.array([2.0, 0.1])
+    found = equilibrium_check(np.array([0.2, -0.05]), b, 0.5)
+    assert (found.value, found.ok, found.kind) == (pytest.approx(0.5), True, "rest")
+    assert not equilibrium_check(np.array([0.2, -0.05]), b, 0.49).ok
+    assert equilibrium_check(None, b, 9.0).value == math.inf
+
+
+def test_boxes_are_halved_across_the_largest_gap() -> None:
+    """Without a known gap, the widest side is halved; both halves cover the box."""
+    centres = np.array([[0.0, 1.0], [0.5, 0.5], [0.0, 0.0]])
+    widths = np.array([[1.0, 0.5], [0.25, 0.5], [1.0, 0.125]])
+    gaps = np.array([[0.1, 0.9], [np.inf, 1.0], [0.0, 0.0]])
+    found, halved = _halves(centres, widths, gaps)
+    for k, side in enumerate((1, 1, 0)):
+        expected = widths[k].copy()
+        expected[side] /= 2.0
+        for half, sign in ((k, -1.0), (k + 3, 1.0)):
+            np.testing.assert_array_equal(halved[half], expected)
+            moved = found[half] - centres[k]
+            assert moved[side] == sign * expected[side]
+            assert moved[1 - side] == 0.0
