@@ -14,9 +14,10 @@ from hfa import BadInputError, Game, TrimCondition, linearize, trim
 from hfa.paper import published_game
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
-from hfa_aircraft.units import in_si
-from hfa_support.units import si_factor
+from hfa_aircraft.units import in_si, signal_unit
+from hfa_support.units import si_factor, si_unit
 from trim.point.condition import usual_condition
+from trim.point.performance import figures_of
 
 envelopes = Extension("hfa_flight.envelope")
 
@@ -87,3 +88,66 @@ def test_conditions_and_points_in_other_units_are_refused() -> None:
     assert isinstance(published_game(linearize(model, point)), Game)
     assert replace(usual_condition(model), name="a") == usual_condition(model)
     assert TrimCondition(model, model.trim) == usual_condition(model)
+
+
+READERS = {
+    "table of derivatives": "examples/cessna182.toml",
+    "DAVE-ML": "examples/uav.dml",
+    "Python": "examples/f16.py:F16",
+    "JSBSim": "jsbsim:737",
+    "HFA": "",
+}
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_an_aircraft_of_each_reader_is_the_same_in_si(reader: str) -> None:
+    """Trim, limits, A, B and figures in SI are those in English units times the factor of each."""
+    model = hfa.load_model(READERS[reader]) if READERS[reader] else hfa.aircraft()
+    metric = in_si(model)
+    for name, signal in model.signals.items():
+        factor = si_factor(signal.unit)
+        converted = metric.signals[name]
+        expected = [
+            factor * each for each in (signal.min, signal.max, signal.start, signal.nominal)
+        ]
+        found = (converted.min, converted.max, converted.start, converted.nominal)
+        assert found == pytest.approx(expected), name
+        assert (converted.assumed, converted.unit) == (signal.assumed, si_unit(signal.unit))
+    point, of_metric = trim(model), trim(metric)
+    for name, value in dict(point).items():
+        size = abs(value) + 1e-3 * model.signals[name].nominal
+        apart = of_metric[name] / si_factor(model.unit(name)) - value
+        assert abs(apart) < 1e-6 * size, name
+    linear, of_metric_linear = point.linearize(), of_metric.linearize()
+    states, inputs = (factors(model, names) for names in (linear.states, linear.inputs))
+    scale = np.abs(linear.A).max()
+    A = of_metric_linear.A / states[:, None] * states
+    B = of_metric_linear.B / states[:, None] * inputs
+    np.testing.assert_allclose(A, linear.A, rtol=1e-5, atol=1e-6 * scale)
+    np.testing.assert_allclose(B, linear.B, rtol=1e-5, atol=1e-6 * np.abs(linear.B).max())
+    figures, of_metric_figures = (
+        figures_of(each, each.problem.asked) for each in (point, of_metric)
+    )
+    for group in ("performance", "stability"):
+        for name, quantity in getattr(figures, group).items():
+            converted = getattr(of_metric_figures, group)[name]
+            expected = quantity.value * si_factor(quantity.unit)
+            assert converted.value == pytest.approx(expected, rel=1e-3, abs=1e-4), name
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("speed", "ft/s"),
+        ("model_speed_lag_2", "ft/s"),
+        ("speed_estimate", "ft/s"),
+        ("elevator_outer_command", "rad"),
+        ("alpha_integral", "rad s"),
+        ("vertical_acceleration_integral", "ft/s^2 s"),
+        ("unknown_estimate", ""),
+        ("unknown", ""),
+    ],
+)
+def test_signals_of_a_controller_have_the_unit_of_their_part(name: str, unit: str) -> None:
+    """The name of a controller signal determines its unit."""
+    assert signal_unit(MODELS[0], name) == unit

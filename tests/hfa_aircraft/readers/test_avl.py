@@ -258,6 +258,17 @@ def test_drag_that_the_file_lacks_is_not_guessed(glider: Path) -> None:
     refused(f"CD_CL2 = {1.0 / (math.pi * 0.9895 * 16.0):.5g}")
 
 
+def test_drag_of_a_file_without_derivatives_is_that_of_the_table(glider: Path) -> None:
+    """With CD_CL2 or CD_alpha in the table, CD_0 is the total without the induced drag."""
+    Path("glider.st").write_text(of_older_version())
+    for line, induced in (("CD_CL2 = 0.02", 0.02 * 0.6**2), ("CD_alpha = 0.3", 0.0)):
+        Path("glider.toml").write_text(f"{line}\n{TABLE}")
+        given = tool.load_model("glider.toml").parameters
+        assert given["CD_0"].start == pytest.approx(0.02725 - induced, abs=1e-6)
+        assert given[line.partition(" ")[0]].start == float(line.rpartition(" ")[2])
+        assert "CD_elevator" not in given
+
+
 def test_inviscid_drag_and_another_mach_number_are_noted(glider: Path) -> None:
     """Drag without profile drag, and a file for another Mach number, are noted in reports."""
     assert tool.load_model("glider.toml").about.notes == ()

@@ -108,6 +108,129 @@ def test_the_dml_aircraft_equals_the_toml_aircraft() -> None:
     np.testing.assert_allclose(of_file.B[:, order], B, rtol=1e-8, atol=1e-9)
 
 
+def with_definitions(folder: Path, name: str, renamed: dict[str, str], text: str) -> str:
+    """Return the path of a copy of the example in which variables are renamed and others added."""
+    content = TEXT
+    for old, new in renamed.items():
+        assert f'"{old}"' in content
+        content = content.replace(f'"{old}"', f'"{new}"')
+    content = re.sub(r"<checkData>.*</checkData>", text, content, flags=re.S)
+    path = folder / name
+    path.write_text(content, encoding="utf-8")
+    return str(path)
+
+
+#: A state, ft and rad, and deflections, rad, and thrust, lbf, at which models are compared.
+STATE = [120.0, 0.06, 0.05, 0.1, 0.2, -0.1, 0.3, 0.2, 0.1, 500.0]
+INPUTS = [0.02, -0.03, 0.01, 5.0]
+
+
+def test_a_center_of_gravity_and_a_thrust_have_their_moments(tmp_path: Path) -> None:
+    """The air force has a moment about the center of gravity, -c × F; thrust moments are added."""
+    offset = np.array([0.3, -0.2, 0.1])
+    moment = np.array([1.0, 2.0, -3.0])
+    defined = [
+        (f"bodyPositionOfCmWrtMrc_{axis}", "ft", value)
+        for axis, value in zip("XYZ", offset, strict=True)
+    ]
+    axes = ("Roll", "Pitch", "Yaw")
+    defined += [
+        (f"thrustBodyMoment_{axis}", "ftlbf", each) for axis, each in zip(axes, moment, strict=True)
+    ]
+    text = "".join(
+        f'<variableDef name="{name}" varID="v{k}" units="{unit}" initialValue="{float(value)}">'
+        "<isOutput/></variableDef>"
+        for k, (name, unit, value) in enumerate(defined)
+    )
+    plain = hfa.load_model(str(UAV))
+    model = hfa.load_model(with_definitions(tmp_path, "center.dml", {}, text))
+    names = ("roll_rate", "pitch_rate", "yaw_rate")
+    turning = [
+        np.array([each.rates_at(STATE, INPUTS)[name] for name in names]) for each in (model, plain)
+    ]
+    Ixx, Iyy, Izz, Ixz = np.array([0.8244, 1.135, 1.759, 0.1204]) / (14.59390294 * _FOOT**2)
+    inertia = np.array([[Ixx, 0.0, -Ixz], [0.0, Iyy, 0.0], [-Ixz, 0.0, Izz]])
+    _, alpha, beta = STATE[:3]
+    elevator, _, rudder, _ = INPUTS
+    lift = 0.28 + 3.45 * alpha - 0.36 * elevator
+    drag = 0.0437 + 0.0232 * lift**2
+    outputs = plain.outputs_at(STATE, INPUTS)
+    force = (
+        outputs["dynamic_pressure"]
+        * outputs["reference_area"]
+        * np.array(
+            [
+                lift * np.sin(alpha) - drag * np.cos(alpha),
+                -0.98 * beta - 0.17 * rudder,
+                -lift * np.cos(alpha) - drag * np.sin(alpha),
+            ]
+        )
+    )
+    apart = inertia @ (turning[0] - turning[1])
+    np.testing.assert_allclose(apart, moment - np.cross(offset, force), rtol=1e-8)
+    assert model.outputs_at(STATE, INPUTS)["pitching_moment"] == pytest.approx(
+        outputs["pitching_moment"] - np.cross(offset, force)[1]
+    )
+
+
+def test_forces_in_body_axes_give_the_aircraft_of_lift_and_drag(tmp_path: Path) -> None:
+    """C_X = C_L sin α - C_D cos α and C_Z = -C_L cos α - C_D sin α give the same motion."""
+
+    def product(factor: str, function: str) -> str:
+        angle = f"<apply><{function}/><ci>alpha_rad</ci></apply>"
+        return f"<apply><times/><cn>-1</cn><ci>{factor}</ci>{angle}</apply>"
+
+    def coefficient(axis: str, operation: str) -> str:
+        body = f"<calculation><math><apply><{operation}</apply></math></calculation><isOutput/>"
+        name = f"aeroBodyForceCoefficient_{axis}"
+        return f'<variableDef name="{name}" varID="C{axis}" units="nd">{body}</variableDef>'
+
+    x = coefficient("X", f"minus/>{product('CD', 'cos')}{product('CL', 'sin')}")
+    z = coefficient("Z", f"plus/>{product('CL', 'cos')}{product('CD', 'sin')}")
+    renamed = {"totalCoefficientOfLift": "own lift", "totalCoefficientOfDrag": "own drag"}
+    path = with_definitions(tmp_path, "body.dml", renamed, x + z)
+    models = hfa.load_model(path), hfa.load_model(str(UAV))
+    rates = [model.rates_at(STATE, INPUTS) for model in models]
+    assert rates[0] == pytest.approx(rates[1], rel=1e-9, abs=1e-12)
+    outputs = [model.outputs_at(STATE, INPUTS) for model in models]
+    assert outputs[0] == pytest.approx(outputs[1], rel=1e-9)
+    with pytest.raises(BadInputError, match="missing outputs: aeroBodyForceCoefficient_X"):
+        hfa.load_model(with_definitions(tmp_path, "none.dml", renamed, z))
+
+
+def test_a_moved_input_has_its_initial_value_and_a_constant_is_a_parameter(tmp_path: Path) -> None:
+    """A deflection with an initial value is an input, another variable with one a parameter."""
+    old = '<variableDef name="elevatorDeflection" varID="de" units="deg"'
+    fuel = '<variableDef name="fuel" varID="f" units="kg" initialValue="2"><isInput/></variableDef>'
+    path = changed(tmp_path, old, f'{fuel}{old} initialValue="-2"')
+    model = hfa.load_model(path)
+    assert model.inputs["elevatorDeflection"].start == pytest.approx(np.radians(-2.0))
+    assert model.parameters["fuel"].start == pytest.approx(2.0 / 14.59390294)
+    limits = (model.inputs["elevatorDeflection"].min, model.inputs["elevatorDeflection"].max)
+    assert limits == pytest.approx((np.radians(-25.0), np.radians(25.0)))
+    assert model.inputs["engineThrust"].max == pytest.approx(60.0 * _NEWTON)
+    alpha = model.states["alpha"]
+    assert (alpha.min, alpha.max) == pytest.approx((np.radians(-10.0), np.radians(10.0)))
+    assert not alpha.assumed
+    assert model.states["beta"].assumed
+
+
+def test_an_output_of_one_file_is_an_input_of_another(tmp_path: Path) -> None:
+    """The mass computed from the wing area of the other file, in ft², gives the same trim."""
+    definition = re.search(r'  <variableDef name="totalMass".*?</variableDef>\n', TEXT, re.S)[0]
+    slug_per_ft2 = 13.5 / 14.59390294 / (0.55 / _FOOT**2)
+    (tmp_path / "aero.dml").write_text(TEXT.replace(definition, ""), encoding="utf-8")
+    (tmp_path / "mass.dml").write_text(
+        '<DAVEfunc><variableDef name="referenceWingArea" varID="S" units="ft2"><isInput/>'
+        '</variableDef><variableDef name="totalMass" varID="m" units="slug"><calculation><math>'
+        f"<apply><times/><ci>S</ci><cn>{slug_per_ft2!r}</cn></apply></math></calculation><isOutput/>"
+        "</variableDef></DAVEfunc>"
+    )
+    joined = hfa.load_model(f"{tmp_path}/aero.dml+{tmp_path}/mass.dml")
+    points = [hfa.trim(model) for model in (joined, hfa.load_model(str(UAV)))]
+    np.testing.assert_allclose(points[0].states, points[1].states, rtol=1e-8)
+
+
 @pytest.mark.parametrize(
     ("pattern", "new", "message"),
     [
@@ -228,24 +351,60 @@ def test_a_faulty_ungridded_table_is_refused(
         surface(points, np.ones(3), tmp_path)
 
 
+#: Operator -> its value for x = 0.3, or for x and -1, or for x, -1 and 2.
+OPERATORS: dict[str, float] = {
+    **{name: function(0.3) for name, function in (
+        ("abs", abs), ("floor", np.floor), ("ceiling", np.ceil), ("exp", np.exp), ("ln", np.log),
+        ("log", np.log10), ("sin", np.sin), ("cos", np.cos), ("tan", np.tan),
+        ("arcsin", np.arcsin), ("arccos", np.arccos), ("arctan", np.arctan), ("sinh", np.sinh),
+        ("cosh", np.cosh), ("tanh", np.tanh), ("root", np.sqrt), ("minus", np.negative),
+    )},
+    **{f"{name} <cn>-1</cn>": function(0.3, -1.0) for name, function in (
+        ("minus", np.subtract), ("divide", np.divide), ("power", np.power), ("lt", np.less),
+        ("gt", np.greater), ("leq", np.less_equal), ("geq", np.greater_equal), ("eq", np.equal),
+        ("neq", np.not_equal), ("<csymbol>atan2</csymbol>", np.arctan2),
+    )},
+    "plus <cn>-1</cn><cn>2</cn>": 1.3,
+    "times <cn>-1</cn><cn>2</cn>": -0.6,
+    "min <cn>-1</cn><cn>2</cn>": -1.0,
+    "max <cn>-1</cn><cn>2</cn>": 2.0,
+    "leq <cn>0.3</cn>": 1.0,
+    "geq <cn>0.3</cn>": 1.0,
+    "eq <cn>0.3</cn>": 1.0,
+    "and <true/>": 1.0,
+    "and <false/>": 0.0,
+    "or <false/>": 1.0,
+    "not": 0.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("operator", OPERATORS)
+def test_operators_have_the_values_of_numpy(operator: str, tmp_path: Path) -> None:
+    """Each operator of a formula has its value, with the arguments in their order."""
+    name, _, others = operator.partition(" ")
+    element = name if name.startswith("<") else f"<{name}/>"
+    found = formula(f"<apply>{element}<ci>x</ci>{others}</apply>", 0.3, tmp_path)
+    assert found == pytest.approx(float(OPERATORS[operator]), rel=1e-14)
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("<apply><minus/><ci>x</ci></apply>", -0.3),
-        ("<apply><power/><ci>x</ci><cn>2</cn></apply>", 0.09),
-        ("<apply><csymbol>atan2</csymbol><ci>x</ci><cn>-1</cn></apply>", np.arctan2(0.3, -1.0)),
-        ("<apply><max/><ci>x</ci><cn>1</cn><cn>2</cn></apply>", 2.0),
+        ("<apply><ci>x</ci></apply>", 0.3),
+        ("<pi/>", np.pi),
+        ("<exponentiale/>", np.e),
         ("<cn type='e-notation'>1.5<sep/>-3</cn>", 1.5e-3),
         (
             "<piecewise><piece><cn>1</cn><apply><lt/><ci>x</ci><cn>0</cn></apply></piece>"
             "<piece><cn>2</cn><apply><lt/><ci>x</ci><cn>1</cn></apply></piece>"
+            "<piece><cn>4</cn><apply><lt/><ci>x</ci><cn>2</cn></apply></piece>"
             "<otherwise><cn>3</cn></otherwise></piecewise>",
             2.0,
         ),
     ],
 )
 def test_formulas_have_their_analytical_values(text: str, expected: float, tmp_path: Path) -> None:
-    """Formulas in MathML have their analytical values."""
+    """Constants, numbers and the first piece that applies have their analytical values."""
     assert formula(text, 0.3, tmp_path) == pytest.approx(expected, rel=1e-14)
 
 

@@ -331,6 +331,43 @@ def test_dimensional_derivatives_give_the_modes_of_their_matrices(form):
             assert np.min(np.abs(found - printed)) < 2e-3 * abs(printed) + 2e-4
 
 
+@pytest.mark.parametrize("axes", ["body", "stability"])
+def test_divided_moments_have_the_inertia_of_their_axes(axes):
+    """Lp = L_p / Ixx: about stability axes Ixx cos² α + Izz sin² α - Ixz sin 2α; N with α + 90 deg.
+
+    Each derivative of the table has its textbook factor, such as q̄ S b² / 2V for L_p.
+    """
+    alpha = math.radians(4.0) if axes == "stability" else 0.0
+    table = {**CHEROKEE, "axes": axes, "Ixz": 300.0, "alpha": alpha}
+    given = from_derivatives(table).parameters
+
+    def inertia(angle):
+        product = 300.0 * math.sin(2.0 * angle)
+        return 3100.0 * math.cos(angle) ** 2 + 1400.0 * math.sin(angle) ** 2 - product
+
+    area, span, chord, speed = 15.0, 9.11, 1.6, 50.0
+    force = 0.5 * float(air_at(1468.0, "si").density) * speed**2 * area
+    roll, yaw = inertia(alpha) / (force * span), inertia(alpha + math.pi / 2.0) / (force * span)
+    rolled, pitched = 2.0 * speed / span, 2.0 * speed / chord
+    pitch = 1700.0 / (force * chord)
+    expected = {
+        "Cl_p": CHEROKEE["Lp"] * roll * rolled, "Cl_r": CHEROKEE["Lr"] * roll * rolled,
+        "Cl_beta": CHEROKEE["Lv"] * roll * speed, "Cl_aileron": CHEROKEE["L_aileron"] * roll,
+        "Cn_r": CHEROKEE["Nr"] * yaw * rolled, "Cn_beta": CHEROKEE["Nv"] * yaw * speed,
+        "Cm_q": CHEROKEE["Mq"] * pitch * pitched, "Cm_alpha": CHEROKEE["Mw"] * pitch * speed,
+        "Cm_alphadot": CHEROKEE["Mwdot"] * pitch * speed * pitched,
+        "CY_beta": CHEROKEE["Yv"] * 1090.0 * speed / force,
+        "CL_q": -CHEROKEE["Zq"] * 1090.0 * pitched / force,
+        "CL_elevator": -CHEROKEE["Z_elevator"] * 1090.0 / force,
+        "CD_u": -CHEROKEE["Xu"] * 1090.0 * speed / force - 2.0 * CHEROKEE["CD_0"],
+        "CL_u": -CHEROKEE["Zu"] * 1090.0 * speed / force - 2.0 * CHEROKEE["CL_0"],
+        "CD_alpha": -CHEROKEE["Xw"] * 1090.0 * speed / force + CHEROKEE["CL_0"],
+        "CL_alpha": -CHEROKEE["Zw"] * 1090.0 * speed / force - CHEROKEE["CD_0"],
+    }  # fmt: skip
+    for name, value in expected.items():
+        assert given[name].start == pytest.approx(value, rel=1e-9), name
+
+
 def half_a_digit(value):
     """Return half a unit of the last printed digit of a number.
 

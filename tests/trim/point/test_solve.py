@@ -16,6 +16,7 @@ from hfa_aircraft.model import Model
 from hfa_model import STATES, Input, State
 from hfa_model.aerodynamics import aircraft_loads
 from hfa_model.dynamics import rates_from_loads
+from hfa_support.linear_table import LinearTable
 from trim import TrimError, release
 from trim.sweeps.points import BEYOND_LIMITS, TRIMMED, trim_points
 
@@ -356,3 +357,25 @@ def test_a_free_variable_without_effect_is_named():
         BadInputError, match="the equations do not depend on push; free another variable"
     ):
         trim(model)
+
+
+def test_an_equilibrium_with_nothing_free_is_its_own_trim() -> None:
+    """A point at which all variables are held is a trim if it is an equilibrium."""
+    model = hfa.Model(
+        "cart",
+        {"x": hfa.Signal("m"), "v": hfa.Signal("m/s")},
+        {"force": hfa.Signal("N")},
+        lambda x, u, p, w: ({"x": x.v, "v": u.force - 2.0 * x.x}, {}),
+    )
+    point = trim(model, TrimCondition(model, {"x": 1.0, "v": 0.0, "force": 2.0}))
+    assert point.ok
+    assert (point["x"], point["force"], point.residual) == (1.0, 2.0, 0.0)
+
+
+def test_a_table_is_evaluated_at_the_scheduling_variable(published_aircraft: Model) -> None:
+    """A condition with a table of alpha over the dihedral angle is trimmed at its own angle."""
+    table = LinearTable([0.1, 0.3], [0.04, 0.06])
+    condition = release(level_flight(0.15), hold={"alpha": table})
+    point = trim(published_aircraft, condition)
+    assert (point["dihedral"], point["alpha"]) == pytest.approx((0.15, 0.045))
+    assert_meets(published_aircraft, condition.at(0.15), point)
