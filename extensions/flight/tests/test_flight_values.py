@@ -37,9 +37,12 @@ def test_steps_of_an_input_give_the_step_response() -> None:
     assert flight.rms_error["speed"] == pytest.approx(np.sqrt(np.mean(late**2)), rel=1e-12)
 
 
-def test_drawn_initial_conditions_are_within_the_nearer_limit() -> None:
+@pytest.mark.parametrize(("lowest", "highest"), [(-1.0, 10.0), (-10.0, 1.0)])
+def test_drawn_initial_conditions_are_within_the_nearer_limit(
+    lowest: float, highest: float
+) -> None:
     """The initial conditions reach 0.9 of the way to the nearer limit, in both directions."""
-    speed = CART.states["speed"]._replace(min=-1.0, max=10.0)
+    speed = CART.states["speed"]._replace(min=lowest, max=highest)
     model = replace(CART, states={**CART.states, "speed": speed})
     problem = flight_problem(model, hfa.trim(model))
     starts = drawn_starts(problem, 200, 0, np.array([1.0, 5.0]))[:, 1]

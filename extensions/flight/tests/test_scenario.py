@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 from member_plans import EVERYTHING, PARAMETERS, with_scenario
 
 from hfa import BadInputError
+from hfa_aircraft.waveform import Harmonic
 from hfa_flight import (
     ActuatorBank,
     ActuatorFault,
@@ -22,6 +24,7 @@ from hfa_flight import (
     Waveform,
 )
 from hfa_flight.scenario import with_errors
+from hfa_flight.signals import CommandedStates
 from hfa_model import LINEAR_STATES, Input, Parameters
 
 ACTUATORS = ActuatorBank(*(Input(*[each] * 5) for each in (0.1, -0.5, 0.4, 1.0)))
@@ -67,6 +70,12 @@ def test_random_factors_have_the_specified_distribution(plan: MonteCarlo) -> Non
     assert set(changed) == set(plan.scenario.uncertainty.errors)
     index = Parameters._fields.index("lift_slope")
     assert parameters[index] == nominal[index] * member.errors["lift_slope"]
+    drawn = plan.scenario.uncertainty.factors(plan.seed, 5)
+    heavy = with_scenario(plan, errors={"panel_mass": 2.0}).member(5)
+    assert list(heavy.errors) == ["panel_mass", "lift_slope", "hinge_stiffness"]
+    np.testing.assert_allclose(list(heavy.errors.values()), drawn * [2.0, 1.0, 1.0])
+    assert member.gust.ticks == member.ticks
+    assert member.gust.interval == member.tick
 
 
 def test_seed_and_member_determine_the_scenario(plan: MonteCarlo) -> None:
@@ -147,6 +156,34 @@ def test_unusable_scenarios_are_refused(make: Callable[[], object], said: str) -
     """Scenarios, gusts, actuators and commands with unusable values are refused."""
     with pytest.raises(BadInputError, match=said):
         make()
+
+
+def test_a_scenario_is_driven_until_its_last_signal_ends() -> None:
+    """Steps end at their last time, gusts with their length, sines and noise never."""
+    steps = CommandedStates(CommandSteps(("speed",), TIMES, np.ones((2, 1))), ("speed", "alpha"))
+    gust = OneMinusCosine(length=400.0, peak=1.0, speed=80.0, begin=2.0)
+    sine = Waveform(np.zeros(1), np.zeros(1), (Harmonic(1.0, np.ones(1), np.ones(1)),))
+    for given, until in (
+        ({}, 0.0),
+        ({"reference": steps}, 4.0),
+        ({"gust": gust}, 7.0),
+        ({"reference": steps, "gust": gust}, 7.0),
+        ({"air": {"rain": sine}}, np.inf),
+        ({"samples": np.zeros((1, 2))}, np.inf),
+        ({"disturbance": Waveform(np.ones(2), np.zeros(2))}, 0.0),
+    ):
+        scenario = Scenario(**given)
+        assert scenario.driven_until == until, given
+        assert scenario.moving_air == bool({"gust", "air"} & set(given))
+    t = np.array([0.0, 0.9, 1.1, 3.9, 4.1, 30.0])
+    late = [np.array(ca.DM(steps.at(each))).ravel() for each in t]
+    assert late[0].tolist() == [0.0, 0.0]
+    assert late[-1].tolist() == pytest.approx([1.0, 0.0], abs=1e-2)
+    sharp = replace(steps, filtered=False)
+    assert [float(ca.DM(sharp.at(each))[0]) for each in t] == [0.0, 0.0, 1.0, 1.0, 1.0, 1.0]
+    data = Scenario(air={"rain": sine}, delay=0.03).to_dict()
+    assert (data["delay"], list(data["air"]), data["gust"]) == (0.03, ["rain"], None)
+    assert Scenario(delay=0.03).delayed_ticks == 3
 
 
 # The 1-cosine gust.

@@ -21,12 +21,16 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.signals import record
 from hfa_aircraft.waveform import Waveform
 from hfa_flight import ActuatorBank, CommandSteps, Scenario, flight_envelope
+from hfa_flight.air.gust_equations import own_disturbances, taken_components
 from hfa_flight.air.names import gust_speed
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
-from hfa_flight.envelope import control_excesses, departure, refuse_start
+from hfa_flight.envelope import Departure, control_excesses, departure, refuse_start
+from hfa_flight.flight import _figures
 from hfa_flight.history import Deviations
 from hfa_flight.initial_box import start_box
 from hfa_flight.limit_cycle import Decay, LimitCycle, duration_for, oscillation
+from hfa_flight.options import actuators_of, gust_at
+from hfa_flight.policies.learned_gains import certified_gains
 from hfa_flight.policies.policy import GainPolicy
 from hfa_flight.problem import flight_problem
 from hfa_flight.simulation import CompiledLoop
@@ -270,6 +274,96 @@ def test_the_largest_excesses_of_inputs_come_first() -> None:
     assert found == [("throttle", 1.5, 1.0), ("elevator", 0.35, 0.25)]
     low = [(e.input, e.value, e.limit) for e in control_excesses(GLIDER, inputs[2:])]
     assert low == [("elevator", -0.2, -0.15)]
+
+
+def test_figures_are_relative_to_a_thousandth_of_the_nominal_values() -> None:
+    """The least cost is that of this deviation for the duration, the least time a tick."""
+    weights = np.diag([3.0, 0.01]), np.eye(3)
+    flight = hfa.fly(GLIDER, POINT, None, 2.0, initial={"speed": -49.9}, weights=weights)
+    figures = _figures(flight)
+    assert figures["the largest deviation of speed"] == (49.9, pytest.approx(0.1))
+    assert figures["the largest deviation of angle_of_attack"][1] == pytest.approx(1e-3)
+    least = (3.0 * 2e-4**2 + 0.01 * 0.1**2) * 2.0
+    assert figures["the cost"] == (flight.cost, pytest.approx(least))
+    assert "the time of the departure" not in figures
+    left = replace(flight, departure=Departure("speed", 0.7, 49.0, 50.0, "ft/s"))
+    assert _figures(left)["the time of the departure"] == (0.7, 0.01)
+
+
+def test_actuators_of_options_move_the_surfaces() -> None:
+    """A rate in deg/s and a fault apply to inputs in rad; limits are those of the model."""
+    bank = actuators_of(GLIDER, (0.1, 60.0, 2.0), (0.2, 0.5, 3.0))
+    assert (bank.order, tuple(bank.lag)) == (2, (0.1, 0.1, 0.1))
+    assert tuple(bank.rate) == (math.radians(60.0), math.inf, math.radians(60.0))
+    assert tuple(bank.lowest) == (-0.15, 0.0, -math.inf)
+    assert tuple(bank.highest) == (0.25, 1.0, math.inf)
+    (fault,) = bank.faults
+    assert (fault.begin, fault.effectiveness, fault.bandwidth) == (3.0, 0.2, 0.5)
+    assert fault.inputs == ("elevator", "flap")
+    early, late = bank.held_inputs(2.99), bank.held_inputs(3.0)
+    np.testing.assert_allclose(early, [10.0] * 3 + [0.7] * 3 + [1.0] * 3)
+    np.testing.assert_allclose(late, [0.5, 10.0, 0.5, *[0.7] * 3, 0.2, 1.0, 0.2])
+    assert actuators_of(GLIDER, None) is None
+    for typed, fault_typed, said in (
+        (None, (0.2, 0.5, 3.0), "--fault requires actuators"),
+        ((0.1, 0.0, 1.0), None, "rate limit of --actuators is 0 deg/s"),
+        ((0.0, 60.0, 1.0), None, "the lag of elevator"),
+        ((0.1, 60.0, 3.0), None, "the order of the actuators is 3"),
+        ((0.1, 60.0, 1.0), (0.2, 0.5, -1.0), "the start time of a fault is -1 s"),
+    ):
+        with pytest.raises(BadInputError, match=said):
+            actuators_of(GLIDER, typed, fault_typed)
+    with pytest.raises(BadInputError, match=r"throttle is 1.5 at trim, outside the limits"):
+        bank.refuse_trim(np.array([0.0, 1.5, 0.0]))
+
+
+def test_gusts_of_options_pass_at_the_speed_of_the_trim() -> None:
+    gust = gust_at((400.0, -5.0, 2.0), POINT, 2.1)
+    assert (gust.length, gust.peak, gust.speed, gust.begin) == (400.0, -5.0, SPEED, 2.0)
+    assert gust_at(None, POINT, 2.1) is None
+    for begin in (-0.1, 2.1):
+        with pytest.raises(BadInputError, match="outside the flight"):
+            gust_at((400.0, 5.0, begin), POINT, 2.1)
+
+
+def test_gusts_act_through_declared_disturbances() -> None:
+    """w is down, a headwind against u; winds to north and east are turned by the heading."""
+
+    def declared(*names: str) -> dict[str, dict[str, float]]:
+        winds = {name: Signal("ft/s") for name in names}
+        return own_disturbances(replace(GLIDER, disturbances=winds, equations=still), 0.3)
+
+    def still(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return dict.fromkeys(GLIDER.states, 0.0 * x.alpha), {"angle_of_attack": x.alpha}
+
+    assert declared("headwind", "updraft") == {"u": {"headwind": -1.0}, "w": {"updraft": -1.0}}
+    assert declared("gust_north", "gust_east") == {
+        "u": {"gust_north": math.cos(0.3), "gust_east": math.sin(0.3)},
+        "v": {"gust_north": -math.sin(0.3), "gust_east": math.cos(0.3)},
+    }
+    assert declared("gust_north") == {}
+    taken = taken_components(GLIDER, 0.0)
+    assert taken == {"w": {"updraft": -1.0}}
+
+
+def test_the_last_certified_gain_flies() -> None:
+    """x' = x + u: P = 3 and 9 are certified, P = .5 does not stabilize, -3 is no value.
+
+    A gain whose mode is faster than the flight resolves is not certified either.
+    """
+    game = hfa.Game(np.eye(1), np.eye(1), np.eye(1), np.eye(1), np.eye(1), math.inf)
+    run = SimpleNamespace(
+        basis="quadratic",
+        time=np.array([0.0, 0.1, 0.25, 0.3, 0.4]),
+        weights=np.array([[0.5], [-3.0], [3.0], [9.0], [0.5]]),
+    )
+    baseline = np.array([[7.0]])
+    gains, first = certified_gains(game, run, 0.1, baseline)
+    assert (gains.ravel().tolist(), first) == ([7.0, 7.0, 7.0, 9.0, 9.0], pytest.approx(0.3))
+    slow, begun = certified_gains(game, run, 0.1, baseline, 5.0)
+    assert (slow.ravel().tolist(), begun) == ([7.0, 7.0, 7.0, 3.0, 3.0], pytest.approx(0.3))
+    none = certified_gains(game, run, 0.1, baseline, 1.0)
+    assert (none[0].ravel().tolist(), none[1]) == ([7.0] * 5, math.inf)
 
 
 def test_initial_boxes_are_nominal_or_a_tenth_or_half_the_room() -> None:

@@ -301,8 +301,37 @@ def test_a_users_turbulence_intensity_is_applied(capsys) -> None:
     found = AirFilter.of(air)
     spread = np.sqrt(np.diag(found.C @ found.covariance @ found.C.T))
     np.testing.assert_allclose(0.3048 * spread[:3], 2.0, rtol=1e-9)
-    with pytest.raises(BadInputError, match="does not depend on altitude; remove the altitude"):
-        Turbulence((2.0, 300.0), 100.0)
+    in_feet = replace(air, turbulence=replace(air.turbulence, span=2.9 / 0.3048), feet=1.0)
+    np.testing.assert_allclose(AirFilter.of(in_feet).C, found.C)
+    np.testing.assert_allclose(AirFilter.of(in_feet).A, found.A)
+    np.testing.assert_allclose(np.diag(air.factors), [*[0.3048] * 2, -0.3048, 1.0, 1.0, 1.0])
+    for make, said in (
+        (lambda: Turbulence((2.0, 300.0), 100.0), "does not depend on altitude; remove"),
+        (lambda: Turbulence("mild", 100.0), "the level of turbulence is 'mild'"),
+        (lambda: Turbulence("light", 100.0, spectrum="own"), "give dryden or karman"),
+        (lambda: Turbulence("light", -100.0), "the altitude of turbulence is -100"),
+        (lambda: Turbulence("light", 100.0, 0.0), "the span of turbulence is 0"),
+        (lambda: Turbulence((0.0, 300.0)), "the intensity of turbulence is 0"),
+        (lambda: Turbulence((2.0, np.nan)), "the scale of turbulence is nan"),
+    ):
+        with pytest.raises(BadInputError, match=said):
+            make()
+
+
+def test_a_level_is_that_of_its_altitude_in_feet() -> None:
+    """Without an altitude, that of the trim applies, unless it is the default of the model."""
+    model = load_model("examples/uav.toml")
+    at_60 = hfa.trim(model, hold={"altitude": 60.0})
+    air = Turbulence("light", span=2.9).air(at_60, 0.02, 10, 0)
+    known = scales_and_intensities("light", 60.0 / 0.3048, "dryden")
+    assert (air.lengths, air.intensities) == (known.lengths, known.intensities)
+    assert air.altitude == air.trimmed_at == pytest.approx(60.0 / 0.3048)
+    assert air.speed == pytest.approx(at_60.states.speed / 0.3048)
+    given = Turbulence("light", 30.0).air(at_60, 0.02, 10, 0)
+    assert given.altitude == pytest.approx(30.0 / 0.3048)
+    assert set(given.taken) == set("uvw")
+    with pytest.raises(BadInputError, match="requires an explicit altitude"):
+        Turbulence("light").air(hfa.trim(model), 0.02, 10, 0)
 
 
 def test_turbulence_uses_the_held_altitude(capsys) -> None:

@@ -3,6 +3,7 @@
 import base64
 import io
 import json
+import math
 import os
 import pickle
 import shutil
@@ -70,6 +71,9 @@ def message_of(folder, text):
     ("typed", "instead", "said"),
     [
         ("[timing]", "[timming]", "unknown table 'timming'; did you mean timing?"),
+        ("[timing]\ndt = 0.02", "", "the table [timing] is missing"),
+        ('normalizer = "ppo_gtm.pkl"', "squash = 1", "policy.squash is 1; give true or false"),
+        ('normalizer = "ppo_gtm.pkl"', "normalizer = 1", "policy.normalizer is"),
         ("dt = 0.02", "dt = 0.0", "timing.dt is 0.0; give a finite number of at least 0.0001, at most 10"),
         ("dt = 0.02", "dt = 0.02\ndelay = 1e9", "timing.delay is 1e+09 s; give at most 2 s (100 samples)"),
         ("dt = 0.02", "delay = 0.02", "timing.dt is missing"),
@@ -349,7 +353,10 @@ def test_settings_stored_in_a_zip_are_read():
     sac = read_zip(FOLDER / "sac_gtm.zip")
     assert (sac.algorithm, sac.squash, sac.activation) == ("SAC", True, "relu")
     assert (sac.low.tolist(), sac.high.tolist()) == ([-2.0, -1.0], [1.5, 1.0])
+    assert math.isinf(sac.clip_mean)
+    assert read_zip(FOLDER / "sac_sde.zip").clip_mean == 2.0
     ppo = read_zip(FOLDER / "ppo_gtm.zip")
+    assert math.isinf(ppo.clip_mean)
     assert (ppo.squash, ppo.layout, ppo.environments) == (False, (16, 16), 4)
 
 
