@@ -171,8 +171,11 @@ def _loaded_from_data(text: str, kind: str) -> Model:
 
 def _loaded_from_python(text: str) -> Model:
     """Return the model that a Python file or module defines, with its source."""
-    _refuse_unnamed(text)
-    where, _, name = text.rpartition(":")
+    if text.endswith(".py"):
+        where, name = text, ""
+    else:
+        _refuse_unnamed(text)
+        where, _, name = text.rpartition(":")
     try:
         module = _executed(where) if where.endswith(".py") else _imported(where)
         sources = hash_of_sources(Path(str(module.__file__)), module.__package__ or "")
@@ -353,8 +356,12 @@ def _imported(name: str) -> types.ModuleType:
 def _no_model_message(module: types.ModuleType, name: str, value: Any) -> str:
     """Return the error message for a name in a Python module that does not refer to a model."""
     # The message lists the models of the module.
-    what = "does not exist" if value is None else f"is {shown(value)}, not a Model"
     models = [other for other, held in vars(module).items() if isinstance(held, Model)]
+    if not name:
+        return (
+            f"no name of a model is given; give {module.__file__}:{' or :'.join(models) or 'NAME'}"
+        )
+    what = "does not exist" if value is None else f"is {shown(value)}, not a Model"
     advice = f"use {', '.join(models)}" if models else "define a Model"
     return f"{name} {what}; {advice}"
 

@@ -10,12 +10,12 @@ import numpy as np
 
 from hfa.learning import Learning
 from hfa.options.aircraft import Aircraft
-from hfa.options.argument_types import whole
+from hfa.options.argument_types import linear_state, whole
 from hfa.options.draws import draws_option, with_draws
 from hfa.options.game import CONTINUOUS, GameGiven, NamedGame
 from hfa.options.output import Output, ProgressLine, picture_option
 from hfa.options.part import OfModel, option, part
-from hfa.options.reference import deviation, reference_option, signal_option, with_tracking
+from hfa.options.reference import reference_option, signal_option, with_tracking
 from hfa.options.request import Request, command
 from hfa.options.trim import Trim
 from hfa_aircraft.waveform import Waveform, stacked
@@ -181,7 +181,7 @@ class LearnRequest(GameRequest):
         "learn in a flight of the linear model that begins with a deviation of a state from the "
         "trim, degrees for angles; repeatable",
         "NAME=VALUE",
-        OfModel(deviation),
+        OfModel(linear_state),
         named=True,
         rare=True,
         package="hfa_flight",

@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError, refuse_unknown, shortened
+from hfa_support.errors import BadInputError, choice_of, refuse_unknown, shortened
 from hfa_support.files import note_read
 from hfa_support.schema import NUMBER, POSITIVE, Number
 from hfa_support.units import conversion
@@ -83,6 +83,31 @@ def _unit(model: Model, name: str) -> str:
     """Return the unit of a signal, "1" for a name without a declared unit."""
     signals = {**model.rates, **model.signals}
     return signals[name].unit if name in signals else "1"
+
+
+def among(names: tuple[str, ...], model: Model, name: str, text: str) -> float:
+    """Return the number typed for a variable, in the model's units.
+
+    names: permitted variables
+    name: the typed variable
+    text: the typed number
+
+    Raises BadInputError if the variable is not permitted.
+    """
+    if name not in names:
+        raise BadInputError(f"is unknown; {choice_of(name, names)}")
+    return quantity(model, name, text)
+
+
+def linear_state(model: Model, name: str, text: str) -> float:
+    """Return the number typed for a state of the linear model, in the model's units.
+
+    name: the typed state
+    text: the typed number
+
+    Raises BadInputError if the name is not a state of the linear model.
+    """
+    return among(model.linear, model, name, text)
 
 
 def breakpoint_value(model: Model, text: str) -> float:

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.tracking import Tracking, tracked
-from hfa.options.argument_types import quantity
+from hfa.options.argument_types import linear_state
 from hfa.options.part import OfModel, option
 from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Waveform, channel, stacked
-from hfa_support.errors import BadInputError, choice_of
+from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result
 
@@ -21,16 +21,9 @@ if TYPE_CHECKING:
     from hfa.options.game import NamedGame
 
 
-def deviation(model: Model, name: str, text: str) -> float:
-    """Return the typed deviation of a state, in the units of the model (typed in degrees)."""
-    if name not in model.linear:
-        raise BadInputError(f"is unknown; {choice_of(name, model.linear)}")
-    return quantity(model, name, text)
-
-
 def _signal(model: Model, name: str, text: str) -> Waveform:
     """Return the signal of a state, (1,), in the units of the model (typed in degrees)."""
-    return channel(text).through(np.array([[deviation(model, name, "1")]]))
+    return channel(text).through(np.array([[linear_state(model, name, "1")]]))
 
 
 def signal_option(about: str, package: str = "") -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +16,7 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown, warn
 from trim.point.condition import TrimCondition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
+from trim.point.problem import TrimProblem
 from trim.point.solve import TrimError, explained, trim
 
 #: Options of the trim condition, without the scheduling variable.
@@ -261,19 +263,26 @@ class Trim(Part):
     def _advised(self, failure: TrimError) -> TrimError:
         """Return the error of a failed trim, with the reason and advice on options added."""
         error = explained(failure, self.aircraft, self.condition)
-        if "alpha" not in self.condition.imposed:
-            return error
-        freed = release(self.condition, free=("alpha",))
-        try:
-            free_point = trim(self.aircraft, freed, self.start_point)
-        except NoSolutionError:
-            return error
-        trimmed = self.model.describe("alpha", free_point.states.alpha)
-        advice = "add --free alpha"
-        if "alpha" in self.hold:
-            advice = "replace --hold alpha by --free alpha"
-        reason = f"{error}; with alpha free, the trim is at {trimmed}: {advice}"
-        return TrimError(reason, error.attempt)
+        advice = self._advice()
+        return TrimError(f"{error}; {advice}", error.attempt) if advice else error
+
+    def _advice(self) -> str:
+        """Return the option that frees alpha if a trim then exists, or otherwise a variable if
+        there are more equations than unknowns, or "".
+        """
+        condition = self.condition
+        if "alpha" in condition.imposed:
+            freed = release(condition, free=("alpha",))
+            with suppress(NoSolutionError):
+                free_point = trim(self.aircraft, freed, self.start_point)
+                trimmed = self.model.describe("alpha", free_point.states.alpha)
+                replaced = "replace --hold alpha by" if "alpha" in self.hold else "add"
+                return f"with alpha free, the trim is at {trimmed}: {replaced} --free alpha"
+        equations, unknowns = TrimProblem(self.aircraft, condition).count
+        held = [name for name in condition.imposed if name in self.model.variables]
+        if equations > unknowns and held:
+            return f"add --free NAME for one of {', '.join(held)}"
+        return ""
 
     def origin(self) -> dict[str, Any]:
         """Return the provenance of the trim condition."""

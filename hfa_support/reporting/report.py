@@ -85,9 +85,10 @@ class Report:
         """
         shown = [_text(part, color, width) for part in self.parts if not isinstance(part, Picture)]
         notes = (f"Note: {note}" for note in self.notes)
-        title, *after = (wrapped(printable(text), width) for text in (self.title, *notes))
-        source = printable(self.source)  # one line, with a path that cannot be wrapped
-        return "\n\n".join(filter(None, [title, *shown, *after, source]))
+        title, *after = (
+            wrapped(printable(text), width) for text in (self.title, *notes, self.source)
+        )
+        return "\n\n".join(filter(None, [title, *shown, *after]))
 
     def markdown(self, level: int = 1) -> str:
         """Return the report as Markdown without pictures.

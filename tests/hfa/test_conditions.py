@@ -14,6 +14,8 @@ from hfa.options.ranges import value_range
 from hfa_aircraft.loading import load_model
 from hfa_support.errors import BadInputError
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
 
 def test_the_held_variable_determines_the_short_period() -> None:
     """At 10 deg and 60 ft/s, the variable that the trim holds determines the short period.
@@ -73,6 +75,13 @@ def test_a_held_alpha_that_prevents_trim_is_named() -> None:
     result = hfa("trim", "--dihedral", "10", "--hold", "speed=50", "--hold", "alpha=2")
     assert result.err.rstrip().endswith("replace --hold alpha by --free alpha")
     assert hfa("trim", "--dihedral", "10", "--hold", "speed=50", "--free", "alpha").code == 0
+    overdetermined = hfa("trim", "--dihedral", "10", "--hold", "load_factor=1.05")
+    assert overdetermined.code == 1
+    _, _, names = overdetermined.err.rstrip().partition("--free NAME for one of ")
+    assert {"alpha", "gamma", "pitch_rate"} < {*names.split(", ")}
+    unnamed = hfa("trim", "--aircraft", str(EXAMPLES / "gtm.py"))
+    assert (unnamed.code, unnamed.err.count("\n")) == (2, 1)
+    assert {f"{EXAMPLES}/gtm.py:GTM", ":UNCERTAIN_GTM"} < {*unnamed.err.split()}
 
 
 GRID = ("--hold", "gamma=-2:2:2", "--dihedral", "0:20:10")

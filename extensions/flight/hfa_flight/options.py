@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa.learning import DEFAULT_LAW, Learning, law_option, setting_option
-from hfa.options.argument_types import input_file, number, positive, quantity, span
+from hfa.options.argument_types import among, input_file, linear_state, number, positive, span
 from hfa.options.critics import READING_SETTINGS, ReadingGiven, critic_path
 from hfa.options.game import GameWeights
 from hfa.options.part import OfModel, Part, option, part
@@ -26,7 +26,7 @@ from hfa_flight.air.names import UPDRAFT, gust_speed
 from hfa_flight.air.turbulence import LEVELS, SPECTRA, Turbulence
 from hfa_flight.envelope import control_limits
 from hfa_flight.scenario import Scenario, Uncertainty
-from hfa_support.errors import BadInputError, NoSolutionError, choice_of, warn
+from hfa_support.errors import BadInputError, NoSolutionError, warn
 from hfa_support.files import MATRIX_FILES
 from trim.linear.linear_model import LinearModel
 from trim.point.linearize import linearize
@@ -64,20 +64,6 @@ _IN_PLACE = {
         "command",
     ),
 }
-
-
-def among(names: tuple[str, ...], model: Model, name: str, text: str) -> float:
-    """Return the number typed for a variable, in the model's units.
-
-    names: permitted variables
-    name: the typed variable
-    text: the typed number
-
-    Raises BadInputError if the variable is not permitted.
-    """
-    if name not in names:
-        raise BadInputError(f"is unknown; {choice_of(name, names)}")
-    return quantity(model, name, text)
 
 
 def _number(_: str, text: str) -> float:
@@ -255,17 +241,6 @@ def _turbulence(text: str) -> Turbulence:
         return Turbulence((intensity, scale), None, spans[0] if spans else None, spectrum)
     altitude, span, *_ = [*(positive(size) if size else None for size in typed), None, None]
     return Turbulence(level, altitude, span, spectrum)
-
-
-def linear_state(model: Model, name: str, text: str) -> float:
-    """Return the number typed for a state of the linear model, in the model's units.
-
-    name: the typed state
-    text: the typed number
-
-    Raises BadInputError if the name is not a state of the linear model.
-    """
-    return among(model.linear, model, name, text)
 
 
 def turbulence_option() -> Any:

@@ -170,6 +170,8 @@ class StartsTable(OfProblem, Result, Reported):
         begin = f"Best flights: {count}"
         if self._bounded:
             begin += f", {bracket_sentence((each, each.best) for each in self._bounded)}"
+        if not self.found:
+            begin += "; no cost ratio without a flight"
         lines = [line_with_ratios(begin, ratios)]
         whose = f"{self.problem.model.title} {self.point.at_scheduled}".strip()
         lines.append(f"to {whose}, from {self.starts} initial conditions")

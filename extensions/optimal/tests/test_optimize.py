@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -104,6 +105,8 @@ def test_an_interrupted_table_contains_the_finished_flights() -> None:
     table = starts_table(search, 0.1 * starts, progress=interrupt)
     assert table.starts == 1
     assert "interrupted; 3 requested" in table.report().text()
+    without = replace(table, flights=(replace(table.flights[0], cost=None),))
+    assert "no cost ratio" in without.report().title.splitlines()[0]
     assert signal.getsignal(signal.SIGINT) is before
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +50,15 @@ def test_markdown_has_headings_and_tables() -> None:
         == "# Title & more\n\nof it\n\nfirst\n\n## Inner\n\n| load | value |\n|---|---|\n| lift <1>"
         " | 2.5 |\n| a\\|b | 10 |\n\nbelow the table\n\nNote: take care"
     )
+
+
+def test_every_line_of_the_provenance_fits_in_80_columns() -> None:
+    """Long provenance is wrapped at blanks, and only a word of its own is longer."""
+    path = "x" * 90
+    lines = (
+        replace(report([]), source=f"version 1, plant {path}, " + "word " * 40).text().split("\n")
+    )
+    assert [line for line in lines if len(line) > 80] == [f"{path},"]
 
 
 def test_html_has_real_tables_and_escapes_every_word() -> None:

@@ -10,14 +10,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa.options.aircraft import Aircraft
-from hfa.options.argument_types import input_file, one_of, positive, quantity, span, whole
+from hfa.options.argument_types import (
+    input_file,
+    linear_state,
+    one_of,
+    positive,
+    quantity,
+    span,
+    whole,
+)
 from hfa.options.critics import critic_path
 from hfa.options.game import GameWeights
 from hfa.options.output import Output, ProgressLine, picture_option
 from hfa.options.part import OfModel, option, part
 from hfa.options.request import Request, command
 from hfa.options.trim import Trim
-from hfa_flight.options import linear_state
 from hfa_support.errors import BadInputError, prefix_errors
 from trim.point.linearize import linearize
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from controller.critic.critic_file import critic_suffixes
 from hfa.options.aircraft import Aircraft, aircraft_help
-from hfa.options.argument_types import input_file, number, span, whole
+from hfa.options.argument_types import input_file, linear_state, number, span, whole
 from hfa.options.draws import draws_option
 from hfa.options.output import Output, ProgressLine, picture_option
 from hfa.options.part import OfModel, option, part
@@ -25,7 +25,6 @@ from hfa_flight.options import (
     at_held_altitude,
     gust_at,
     gust_option,
-    linear_state,
     noise_option,
     turbulence_option,
 )
