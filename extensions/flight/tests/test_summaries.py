@@ -457,6 +457,8 @@ def test_the_largest_lasting_oscillation_is_found() -> None:
     assert found(alpha=0.0019 * sine) is None
     assert isinstance(found(10.0, alpha=0.0021 * sine), LimitCycle)
     assert found(10.1, alpha=0.1 * sine) is None
+    late = found(alpha=np.where(t < 10.0, 5.0, 1.0) * 0.01 * sine)
+    assert late[:2] == ("alpha", pytest.approx(0.01, rel=1e-3))
 
 
 @pytest.mark.parametrize(

@@ -360,6 +360,21 @@ def test_settings_stored_in_a_zip_are_read():
     assert (ppo.squash, ppo.layout, ppo.environments) == (False, (16, 16), 4)
 
 
+@pytest.mark.parametrize(
+    ("name", "activation"), [("ReLU", "relu"), ("ELU", "elu"), ("Tanh", "tanh"), ("Odd", None)]
+)
+def test_the_activation_of_a_zip_is_read_or_refused(folder, name, activation):
+    """`policy_kwargs` with a class of PyTorch, which is not imported; PPO's usual one is tanh."""
+    pickled = f"(dS'activation_fn'\nctorch.nn.modules.activation\n{name}\ns.".encode()
+    entry = {":serialized:": base64.b64encode(pickled).decode()}
+    rewrite_zip(folder, lambda data: data | {"policy_kwargs": entry})
+    if activation is None:
+        with pytest.raises(BadInputError, match=r"activation.*Odd is not supported"):
+            read_zip(folder / "ppo_gtm.zip")
+    else:
+        assert read_zip(folder / "ppo_gtm.zip").activation == activation
+
+
 def test_a_deployment_read_from_files_is_pickled(folder):
     """A deployment whose files were read can be pickled."""
     read = stored_deployment("ppo_gtm")
