@@ -217,8 +217,7 @@ class ScheduleStatement(Statement):
     )
 
     def check_consistent(self) -> None:
-        """Raise Malformed for a single scheduling value, and for rates that are not claimed."""
-        require(self.flight.low < self.flight.high, "range", self.flight.range)
+        """Raise Malformed for rates that are not claimed."""
         hurwitz = any(run.most == 0 for run in self.loop)
         require(hurwitz or self.decay_rate == 0.0, "decay_rate", self.decay_rate)
         if isinstance(self.actuators, UncertainActuators):
