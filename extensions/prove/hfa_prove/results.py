@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -503,39 +503,6 @@ class CheckedValue(ProvedValue):
 
 
 Content = dict[str, Any]
-Found = TypeVar("Found")
-
-
-def joined(runs: Sequence[tuple[float, float, Found]]) -> list[tuple[float, float, Found]]:
-    """Return consecutive intervals with results, in which neighbors with equal results are merged.
-
-    runs: (low, high, result), in ascending order
-    """
-    together: list[tuple[float, float, Found]] = []
-    for low, high, result in runs:
-        if together:
-            begin, end, last = together[-1]
-            if (end, last) == (low, result):
-                together[-1] = (begin, high, result)
-                continue
-        together.append((low, high, result))
-    return together
-
-
-def gaps(runs: Sequence[Run], low: float, high: float) -> list[tuple[float, float]]:
-    """Return the intervals (low, high) between `low` and `high` that no run covers, ascending.
-
-    runs: intervals with results, in any order, which may overlap
-    """
-    empty = []
-    reached = low
-    for run in sorted(runs):
-        if run.low > reached:
-            empty.append((reached, run.low))
-        reached = max(reached, run.high)
-    if reached < high:
-        empty.append((reached, high))
-    return empty
 
 
 def breakpoint_data(model: Model, breakpoints: Any) -> Content:

@@ -12,6 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 from flint import arb
@@ -20,7 +21,7 @@ from controller.schedule.gain_schedule import GainSchedule
 from hfa_prove.check.linear_loop import between, closed_loop
 from hfa_prove.check.modes import check_motion, eigenvalue_signs, least_and_most
 from hfa_prove.check.trims import LinearModelBox, Rejected
-from hfa_prove.results import breakpoint_data, gaps, joined, schedule_data
+from hfa_prove.results import breakpoint_data, schedule_data
 from hfa_prove.search.family import Box, Family, TrimSearch, bisected
 from hfa_prove.search.lines import find_line, lines_near_axis
 from hfa_prove.search.loops import Loop, loop_of_schedule
@@ -35,6 +36,7 @@ from verification.enclosure.ball_function import Undecided
 from verification.enclosure.balls import doubles, is_positive_definite, matrix
 from verification.enclosure.series import TaylorModel
 
+Found = TypeVar("Found")
 #: Widths of the narrowest boxes, in steps of the family; narrower parts remain open. They are
 #: larger with errors of parameters or actuators, which do not decrease with the box.
 NARROWEST = 2.0**-10
@@ -206,7 +208,7 @@ class ScheduleSearch:
         """Prove bounds on the aircraft's number of unstable modes where the number is open."""
         widest = NARROWEST_WITH_ERRORS if self.family.spread else NARROWEST
         counted = [proved.run for proved in self.boxes["modes"]]
-        for low, high in gaps(counted, self.low, self.high):
+        for low, high in _gaps(counted, self.low, self.high):
             pieces = math.ceil((high - low) / (widest * self.family.step))
             for ends in pairwise(np.linspace(low, high, pieces + 1).tolist()):
                 self._bound(Box(*ends))
@@ -321,7 +323,7 @@ class ScheduleSearch:
             least = max((run.least for run in here), default=0)
             most = min((run.most for run in here), default=size)
             runs.append((low, high, (least, most)))
-        return tuple(Run(low, high, *bounds) for low, high, bounds in joined(runs))
+        return tuple(Run(low, high, *bounds) for low, high, bounds in _joined(runs))
 
     def _stated_trims(self) -> tuple[StatedTrim, ...]:
         """Return the trim at the beginning of each contiguous set of boxes, for the statement."""
@@ -486,3 +488,35 @@ def _ends(entries: TaylorModel) -> list[list[list[float]]]:
         ]
         rows.append(outward)
     return rows
+
+
+def _joined(runs: Sequence[tuple[float, float, Found]]) -> list[tuple[float, float, Found]]:
+    """Return consecutive intervals with results, in which neighbors with equal results are merged.
+
+    runs: (low, high, result), in ascending order
+    """
+    together: list[tuple[float, float, Found]] = []
+    for low, high, result in runs:
+        if together:
+            begin, end, last = together[-1]
+            if (end, last) == (low, result):
+                together[-1] = (begin, high, result)
+                continue
+        together.append((low, high, result))
+    return together
+
+
+def _gaps(runs: Sequence[Run], low: float, high: float) -> list[tuple[float, float]]:
+    """Return the intervals (low, high) between `low` and `high` that no run covers, ascending.
+
+    runs: intervals with results, in any order, which may overlap
+    """
+    empty = []
+    reached = low
+    for run in sorted(runs):
+        if run.low > reached:
+            empty.append((reached, run.low))
+        reached = max(reached, run.high)
+    if reached < high:
+        empty.append((reached, high))
+    return empty

@@ -3,39 +3,15 @@
 from __future__ import annotations
 
 import copy
-import json
 from collections.abc import Iterator
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 import pytest
+from stored_certificates import STORED, read, stored
 
-from hfa_aircraft.loading import load_model
-from hfa_aircraft.model import Model
-from hfa_prove.certificate import read_content, read_statement
+from hfa_prove.certificate import read_statement
 from hfa_prove.fields import Malformed
-from hfa_prove.statements.plant import Subject
 from hfa_support.errors import BadInputError
-
-ROOT = Path(__file__).parents[5]
-STORED = ("schedule", "solution", "critic", "region", "region_boxes", "region_disturbed", "cost")
-
-
-@cache
-def stored(name: str) -> dict[str, Any]:
-    path = ROOT / "tests" / "nets" / "certificates" / f"{name}.json"
-    return json.loads(path.read_text(encoding="utf-8"))
-
-
-@cache
-def pendulum() -> Model:
-    return load_model(f"{ROOT / 'examples' / 'pendulum.py'}:PENDULUM")
-
-
-def read(content: dict[str, Any]) -> Any:
-    own = pendulum() if content["kind"] in ("region", "cost") else None
-    return read_content(content, Subject(own))
 
 
 def places(value: Any, path: tuple[Any, ...]) -> Iterator[tuple[tuple[Any, ...], Any]]:

@@ -1,0 +1,192 @@
+"""The numbers of a report are those of the statement, recomputed here by formulas."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from as_proved import as_proved
+from stored_certificates import read, stored
+
+from hfa_prove.report import checked_report
+from hfa_prove.report_cost import checked_bound_report
+from hfa_prove.report_region import checked_report as region_report
+from hfa_prove.results import schedule_data
+from hfa_prove.statements.flight import StatedTrim
+from hfa_prove.statements.region import RegionStatement
+from hfa_prove.statements.schedule import Run
+
+
+def W_at(piece: dict[str, Any], z: np.ndarray) -> np.ndarray:
+    """Return W (N,) at deviations z (N, n), from the stored entries of a piece."""
+    y = z @ np.array(piece["M"]).T
+    return sum(value * np.prod(y ** np.array(powers), axis=1) for value, powers in piece["W"])
+
+
+Z = np.random.default_rng(0).uniform(-1.0, 1.0, (50, 2))
+
+
+@pytest.mark.parametrize(
+    ("name", "prover"),
+    [("region_boxes", "boxes"), ("region", "squares"), ("region_disturbed", "squares")],
+)
+def test_the_report_of_a_region_states_its_numbers(name: str, prover: str) -> None:
+    """V, its level, the gain, the disturbances and the number of boxes or parts are reported.
+
+    The extents of an ellipsoid {z'Pz <= rho} are sqrt(rho P⁻¹_ii), at most 0.2 % wider with boxes.
+    """
+    claim = stored(name)["statement"]
+    statement, witness = read(stored(name))
+    report = region_report(as_proved(statement, witness, sizes=(7, 5)))
+    data = report.data
+    V = sum(value * np.prod(Z ** np.array(powers), axis=1) for value, powers in data["terms"])
+    assert pytest.approx(W_at(claim["piece"], Z), rel=1e-9) == V
+    assert pytest.approx(np.einsum("bi,ij,bj->b", Z, data["P"], Z), rel=1e-9) == V
+    assert (data["rho"], data["degree"]) == (claim["piece"]["c"], 2)
+    assert data["disturbances"] == claim["loop"]["disturbances"]
+    assert data["policy"]["K"] == claim["loop"]["policy"]["K"]
+    assert (data.get("boxes"), data.get("parts")) == (
+        (12, None) if prover == "boxes" else (None, 12)
+    )
+    half = np.sqrt(data["rho"] * np.diag(np.linalg.inv(data["P"])))
+    assert list(data["extents"].values()) == pytest.approx(half, rel=2e-3)
+    assert np.all(np.array(list(data["extents"].values())) >= half * (1.0 - 1e-12))
+    assert ("invariant set" in report.title) == bool(claim["loop"]["disturbances"])
+    text = report.text()
+    assert ("Convergence is not claimed" in text) == bool(claim["loop"]["disturbances"])
+    assert "12 boxes" in text if prover == "boxes" else "12 parts" in text
+
+
+def test_the_extent_of_a_state_is_the_larger_end() -> None:
+    """The extent of a state is its largest absolute deviation, whichever end it is."""
+    statement, witness = read(stored("region_boxes"))
+    ends = {"angle": (-2.0, 1.0), "rate": (-1.0, 3.0)}
+    data = region_report(as_proved(replace(statement, extents=ends), witness)).data
+    assert data["extents"] == {"angle": 2.0, "rate": 3.0}
+
+
+def test_a_region_of_higher_degree_has_no_matrix() -> None:
+    """V = z_1² + z_2⁴ has the degree 4 and no matrix P."""
+    statement, witness = read(stored("region_boxes"))
+    terms = ((1.0, (2, 0)), (1.0, (0, 4)))
+    quartic = RegionStatement.of_terms(statement.loop, terms, 1.0, statement.extents)
+    data = region_report(as_proved(quartic, witness)).data
+    assert data["degree"] == 4
+    assert "P" not in data
+    assert data["terms"] == [[1.0, [2, 0]], [1.0, [0, 4]]]
+
+
+def test_the_report_of_a_bound_states_each_piece() -> None:
+    """Weights, levels, polynomials and numbers of boxes of all pieces are those of the statement.
+
+    The bound is the largest of min(W, c) in |y_i| < 1 and c elsewhere, about the equilibrium.
+    """
+    claim = stored("cost")["statement"]
+    statement, witness = read(stored("cost"))
+    sizes = tuple(range(1, 9))
+    data = checked_bound_report(as_proved(statement, witness, sizes), []).data
+    assert np.array_equal(data["Q"], claim["Q"])
+    assert np.array_equal(data["R"], claim["R"])
+    assert data["equilibrium"] == claim["equilibrium"]
+    expected = []
+    for piece, shown, size in zip(claim["pieces"], data["pieces"], sizes, strict=True):
+        assert (shown["c"], shown["boxes"]) == (piece["c"], size)
+        assert np.array_equal(shown["M"], piece["M"])
+        rows = [[c, p] for c, p in zip(shown["coefficients"], shown["powers"], strict=True)]
+        assert rows == piece["W"]
+        y = Z @ np.array(piece["M"]).T
+        inside = np.all(np.abs(y) < 1.0, axis=1)
+        W = np.minimum(W_at(piece, Z), piece["c"])
+        expected.append(np.where(inside, W, piece["c"]))
+    moved = {name: value + 0.25 for name, value in statement.equilibrium.items()}
+    assert statement.bound(Z) == pytest.approx(np.max(expected, axis=0), rel=1e-9)
+    assert replace(statement, equilibrium=moved).bound(Z + 0.25) == pytest.approx(
+        statement.bound(Z)
+    )
+    assert statement.level == max(piece["c"] for piece in claim["pieces"])
+
+
+LOW, MIDDLE, HIGH = 15.0, 15.125, 15.25
+
+
+def _runs(first: tuple[int, int], last: tuple[int, int]) -> tuple[Run, Run]:
+    return Run(LOW, MIDDLE, *first), Run(MIDDLE, HIGH, *last)
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "proved", "counted", "opened", "refuted"),
+    [
+        ((0, 0), (0, 0), True, [0, 0], 0, 0),
+        ((0, 0), (0, 6), False, [0], 1, 0),
+        ((0, 1), (2, 2), False, [2], 1, 1),
+        ((0, 0), (1, 3), False, [0], 0, 1),
+    ],
+)
+def test_the_report_of_a_schedule_counts_its_ranges(
+    first: tuple[int, int],
+    last: tuple[int, int],
+    proved: bool,
+    counted: list[int],
+    opened: int,
+    refuted: int,
+) -> None:
+    """Stable, open and refuted ranges are told apart by the bounds of the unstable modes."""
+    statement, _ = read(stored("schedule"))
+    data = schedule_data(replace(statement, loop=_runs(first, last)), False)
+    assert data["proved"] is proved
+    assert [row["unstable"] for row in data["loop"]["proved"]] == counted
+    assert len(data["loop"]["open"]) == opened
+    assert len(data["refuted"]) == refuted
+    for row in (*data["loop"]["open"], *data["refuted"]):
+        assert (row["from_deg"], row["to_deg"]) in ((LOW, MIDDLE), (MIDDLE, HIGH))
+    modes = schedule_data(replace(statement, modes=_runs(first, last)), False)["modes"]
+    assert [row["unstable"] for row in modes["proved"]] == counted
+    assert len(modes["open"]) == 2 - len(counted)
+    report = checked_report(as_proved(replace(statement, loop=_runs(first, last))))
+    assert report.title.startswith("Verified, proved") is proved
+
+
+def test_a_schedule_is_proved_on_one_branch_and_with_its_rate() -> None:
+    """A claim with two branches of trims, or without the rate that is asked for, is not proved."""
+    statement, _ = read(stored("schedule"))
+    assert schedule_data(statement, False)["proved"]
+    assert not schedule_data(statement, True)["proved"]
+    assert schedule_data(statement, True)["dihedral_rate_deg_s"] == 0.0
+    moving = schedule_data(replace(statement, scheduled_rate=0.5), True)
+    assert (moving["proved"], moving["dihedral_rate_deg_s"]) == (True, 0.5)
+    (trim,) = statement.flight.trims
+    for trims in ((), (trim, StatedTrim(HIGH, trim.unknowns))):
+        data = schedule_data(
+            replace(statement, flight=replace(statement.flight, trims=trims)), False
+        )
+        assert (data["proved"], data["one_branch"]) == (False, False)
+
+
+@pytest.mark.parametrize(
+    ("loop", "hurwitz", "title"),
+    [
+        ((0, 0), True, "Verified, proved"),
+        ((0, 2), None, "Verified, but whether the gain stabilizes is open"),
+        ((1, 2), False, "Verified, refuted, the gain does not stabilize"),
+    ],
+)
+def test_the_report_of_a_game_states_its_numbers(
+    loop: tuple[int, int], hurwitz: bool | None, title: str
+) -> None:
+    """The bracket of delta_min, the distances, the weights and the modes are the statement's.
+
+    The claim is proved if the loop has no unstable mode, and refuted if it has one.
+    """
+    claim = stored("solution")["statement"]
+    statement, _ = read(stored("solution"))
+    report = checked_report(as_proved(replace(statement, loop=loop), sizes=(3,)))
+    data = report.data
+    assert (data["proved"], data["closed_loop_hurwitz"]) == (hurwitz is True, hurwitz)
+    assert report.title.startswith(f"{title}:")
+    assert [data["delta_min_above"], data["delta_min_at_most"]] == claim["delta_min"]
+    assert data["unstable_modes_between"] == claim["modes"]
+    assert {name: list(ends) for name, ends in data["distances"].items()} == claim["distances"]
+    assert data["game"] == claim["weights"]
+    assert (data["boxes"], data["kind"]) == (3, "game")
