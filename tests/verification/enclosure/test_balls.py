@@ -17,7 +17,17 @@ from random_points import rates_function
 import hfa_model
 from hfa_model import VARIANTS
 from verification.enclosure.ball_function import BallFunction
-from verification.enclosure.balls import is_positive_definite, matrix, pivots
+from verification.enclosure.balls import (
+    doubles,
+    exact,
+    hull,
+    is_positive_definite,
+    lowest_sign,
+    matrix,
+    norm,
+    pivots,
+    symmetric,
+)
 from verification.enclosure.precision import PRECISION
 from verification.enclosure.series import TaylorModel
 
@@ -32,6 +42,49 @@ def test_pivots_equal_those_of_gaussian_elimination(off: float, second: float) -
     assert (found is None) == (second == 0.0)
     assert is_positive_definite(matrix([[2.0, off], [off, 2.0]])) == (second > 0.0)
     assert found is None or [float(each) for each in found] == [2.0, second]
+
+
+def test_norms_and_hulls_contain_every_member() -> None:
+    """A norm contains the norms of all matrices of the balls, and no other far from them."""
+    found = norm([arb(3, 1), arb(-4, 1), arb(0, 2)])
+    assert float(found.lower()) == pytest.approx(np.sqrt(4.0 + 9.0), rel=1e-7)
+    assert float(found.upper()) == pytest.approx(np.sqrt(16.0 + 25.0 + 4.0), rel=1e-7)
+    assert found.contains(arb(13).sqrt())
+    assert found.contains(arb(45).sqrt())
+    assert norm([]) == 0
+    (ball,) = hull(np.array([[-1.5]]), np.array([[0.25]])).entries()
+    assert (float(ball.lower()), float(ball.upper())) == (pytest.approx(-1.5), pytest.approx(0.25))
+    assert ball.contains(-1.5)
+    assert ball.contains(0.25)
+    for value in (arb(-2, 1), -3, 3.0):
+        assert symmetric(value).contains(3)
+        assert symmetric(value).contains(-3)
+        assert not symmetric(value).contains(3.001)
+    assert exact(0.1).rad() == 0
+    assert doubles(matrix([[1.0, 2.0], [3.0, 4.0]])).tolist() == [[1.0, 2.0], [3.0, 4.0]]
+
+
+@pytest.mark.parametrize(
+    ("rows", "sign"),
+    [
+        ([[1.0]], 1),
+        ([[0.0]], 0),
+        ([[-1e-300]], -1),
+        ([[2.0, 2.0], [2.0, 2.0]], 0),
+        ([[2.0, 2.0], [2.0, 2.0 + 2.0**-51]], 1),
+        ([[2.0, 2.0], [2.0, 2.0 - 2.0**-52]], -1),
+        ([[0.0, 0.0], [0.0, 1.0]], 0),
+        ([[0.0, 1.0], [1.0, 1.0]], -1),
+        ([[0.0, 0.0], [0.0, -1.0]], -1),
+        ([[1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 1.0, 2.0]], 0),
+        ([[1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 1.0, 1.9]], -1),
+        ([[1.0, 0.5, 1.0], [0.5, 1.0, 1.0], [1.0, 1.0, 2.0]], 1),
+        ([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0]], -1),
+    ],
+)
+def test_the_lowest_sign_is_exact(rows: list[list[float]], sign: int) -> None:
+    """Definite, semidefinite and indefinite matrices of doubles are told apart exactly."""
+    assert lowest_sign(np.array(rows)) == sign
 
 
 @pytest.mark.parametrize("slope", [-1.75, -0.25, 1.25])

@@ -9,9 +9,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from hfa_support.errors import BadInputError
 from verification.enclosure.program import Program
 from verification.enclosure.relaxation import Relaxation
-from verification.enclosure.slopes import Intervals, jacobian, values_at
+from verification.enclosure.slopes import Intervals, between, jacobian, values_at
 from verification.enclosure.taylor import TaylorProgram, highest, lowest
 
 TABLE = ca.interpolant("table", "linear", [[-1.0, -0.2, 0.0, 0.3]], [0.3, -0.2, 0.0, 0.1])
@@ -284,6 +285,66 @@ def test_functions_that_are_not_inlined_are_read() -> None:
     points = np.random.default_rng(0).uniform(-1.0, 1.0, (20, 2))
     expected = np.array(function(points.T)).T
     assert values_at(Program(function, "f"), points) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("expression", "named"),
+    [
+        (lambda y: y * np.inf, "inf"),
+        (lambda y: ca.atan2(0.0, y), "atan2"),
+        (lambda y: ca.erf(y), "erf"),
+        (lambda y: ca.vertcat(*(ca.sin(k * y) for k in range(1, 7))), "operations"),
+        (lambda y: sum((k * y * y for k in range(1, 11)), y), "operations"),
+    ],
+)
+def test_unsupported_functions_are_refused(
+    expression: Callable[[ca.SX], ca.SX], named: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A function that cannot be enclosed, or that is too large, is refused in one line."""
+    monkeypatch.setattr("verification.enclosure.program.LARGEST", 20)
+    monkeypatch.setattr("verification.enclosure.program.MOST_NODES", 5)
+    y = ca.SX.sym("y")
+    with pytest.raises(BadInputError, match=named):
+        Program(ca.Function("f", [y], [expression(y)]), "f")
+
+
+def test_a_function_that_is_solved_for_is_refused() -> None:
+    """A function that CasADi computes by iteration has no operations to enclose."""
+    y = ca.SX.sym("y")
+    z = ca.SX.sym("z")
+    root = ca.rootfinder("root", "newton", {"x": z, "p": y, "g": z**3 + z - y})
+    x = ca.MX.sym("x")
+    function = ca.Function("f", [x], [root(x0=0.0, p=x)["x"]])
+    with pytest.raises(BadInputError):
+        Program(function, "f")
+
+
+FRACTIONS = [Fraction(each) for each in (-1.0, -0.25, 0.0, 0.5, 1.0)]
+
+
+def _inside(found: Intervals, index: int, value: Fraction) -> bool:
+    return Fraction(float(found.low[index])) <= value <= Fraction(float(found.high[index]))
+
+
+def test_intervals_contain_exact_sums_and_products() -> None:
+    """Sums, products and hulls contain the exact results of all points of their intervals."""
+    rng = np.random.default_rng(8)
+    size = 200
+    scales = 10.0 ** rng.integers(-12, 12, (4, size))
+    m, n = scales[:2] * rng.normal(size=(2, size))
+    r, q = np.abs(scales[2:] * rng.normal(size=(2, size))) * rng.choice([0.0, 1.0], size=(2, size))
+    a, b = Intervals(m, r), Intervals(n, q)
+    both = between(np.minimum(m, n), np.maximum(m, n))
+    products, sums = a.times(b), a.plus(b)
+    for i in range(size):
+        for s in FRACTIONS:
+            x = Fraction(float(m[i])) + s * Fraction(float(r[i]))
+            assert _inside(a, i, x)
+            assert _inside(both, i, (x - x) + Fraction(float((m, n)[s > 0][i])))
+            for t in FRACTIONS:
+                y = Fraction(float(n[i])) + t * Fraction(float(q[i]))
+                assert _inside(products, i, x * y)
+                assert _inside(sums, i, x + y)
 
 
 def test_only_steps_of_opposite_arguments_are_a_slope() -> None:

@@ -94,6 +94,25 @@ def test_a_margin_of_1e13_is_decided_correctly(margin: float) -> None:
         check_cost(cart_bound(1.0 + margin), witness)
 
 
+def test_an_input_that_bends_the_rates_needs_limits() -> None:
+    """A bound is refused if an input without limits enters the rates as a cubic polynomial."""
+    model = replace(PENDULUM, inputs={"torque": Signal("N m")})
+    plant = Plant(model, {}, {"angle": 0.0, "rate": 0.0}, {"torque": 0.0}, {}, {})
+    piece = Piece(np.eye(2), Polynomial(2, ((0.01, (2, 0)), (0.01, (0, 2)))), 0.001)
+    claim = CostStatement(plant, {**plant.trim, **plant.inputs}, np.eye(2), ONE, (piece,))
+    with pytest.raises(BadInputError, match="not affine in torque, which has no limits"):
+        check_cost(claim, CostWitness(("angle", "rate"), (1000,)))
+
+
+@pytest.mark.parametrize("solved", [(), ("angle",), ("angle", "rate", "torque")])
+def test_an_equilibrium_has_as_many_unknowns_as_states(
+    solved: tuple[str, ...], proved: CostBound
+) -> None:
+    """A witness that names fewer or more unknowns than states is refused."""
+    with pytest.raises(NoSolutionError, match="numbers of unknowns"):
+        check_cost(proved.statement, replace(proved.witness, solved=solved))
+
+
 @pytest.fixture(scope="module")
 def proved() -> CostBound:
     """Return the proved bound of a pendulum whose torque acts through a cubic polynomial."""

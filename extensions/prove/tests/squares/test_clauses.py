@@ -421,6 +421,17 @@ def test_an_equilibrium_at_an_input_limit_is_refused() -> None:
             _on_unit_ball(_loop(u=u))
 
 
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_an_equilibrium_with_a_saturated_input_is_refused(side: float) -> None:
+    """x' = x - u with u = ±1 at the limit rests at x = ±1, beyond which the command is ±1.5."""
+    loop = replace(_loop(K=0.5, u=side), trim={"x": 2.0 * side}, inputs={"u": 2.0 * side})
+    terms = ((1.0, (2,)),)
+    statement = RegionStatement.of_terms(loop, terms, 1.0, {"x": (-1.0, 1.0)})
+    statement = replace(statement, equilibrium={"x": side})
+    with pytest.raises(Rejected, match="u is not proved to be within its limits"):
+        LoopOnBall(statement, np.array([[1.0]]), 3)
+
+
 def test_equilibria_that_are_not_isolated_are_refused() -> None:
     """x' = x - u with u = x is refused, because every x is an equilibrium."""
     with pytest.raises((Rejected, ZeroDivisionError)):
