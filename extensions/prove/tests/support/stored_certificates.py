@@ -13,7 +13,10 @@ from hfa_prove.certificate import read_content
 from hfa_prove.statements.plant import Subject
 
 ROOT = Path(__file__).parents[4]
-STORED = ("schedule", "solution", "critic", "region", "region_boxes", "region_disturbed", "cost")
+STORED = (
+    *("schedule", "solution", "critic", "cost", "value"),
+    *("region", "region_boxes", "region_disturbed"),
+)
 
 
 @cache
@@ -29,5 +32,5 @@ def pendulum() -> Model:
 
 
 def read(content: dict[str, Any]) -> Any:
-    own = pendulum() if content["kind"] in ("region", "cost") else None
+    own = pendulum() if content["kind"] in ("region", "cost", "value") else None
     return read_content(content, Subject(own))

@@ -48,21 +48,11 @@ def assert_refused(made: Content, kind: str, path: Path) -> None:
         check_certificate(forge(path, made), model=model_of(kind))
 
 
-def test_some_forgeries_of_every_kind_are_refused(tmp_path: Path) -> None:
-    """A random forgery of each kind is refused."""
-    everything = forgeries()
-    assert len(everything) > 2000
-    rng = np.random.default_rng(7)
-    for kind in PROOFS:
-        of_kind = [forgery for forgery in everything if forgery[0] == kind]
-        forgery = of_kind[rng.integers(len(of_kind))]
-        assert_refused(forged(*forgery), kind, tmp_path / "forged.json")
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", PROOFS)
 def test_no_forgery_is_accepted(kind: str, tmp_path: Path) -> None:
-    """All forgeries of each kind are refused."""
+    """All of more than 2000 forgeries are refused."""
+    assert len(forgeries()) > 2000
     for forgery in forgeries():
         if forgery[0] == kind:
             assert_refused(forged(*forgery), kind, tmp_path / "forged.json")

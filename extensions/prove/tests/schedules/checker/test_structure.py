@@ -118,6 +118,13 @@ DOMAINS: dict[tuple[Any, ...], list[Any]] = {
         *({}, {"torque": [-0.6, 0.7]}, {"torque": [-0.7, 0.6]}, {"torque": [None, None]}),
         {"torque": [-0.7, 0.7], "wind": [0.0, 1.0]},
     ],
+    ("value", "statement", "order"): [0, 1, 2, 4, 6],
+    ("value", "statement", "residual"): [-1e-20, 1.01e-9],
+    ("value", "statement", "plant", "limits"): [{"torque": [-0.7, 0.7]}],
+    ("value", "statement", "weights", "Q"): [[[1.0, 1.5], [1.5, 1.0]]],
+    ("value", "statement", "weights", "R"): [[[0.0]], [[-1.0]]],
+    ("value", "statement", "V"): [[1.0] * 6, [1.0] * 8],
+    ("value", "statement", "u"): [[[1.0] * 4], [[1.0] * 5] * 2],
     ("cost", "witness", "solved"): [["angle", "angle"], ["wind"]],
     ("cost", "witness", "boxes", 0): [1_000_000_001],
 }
