@@ -124,12 +124,3 @@ def test_a_wrong_main_argument_is_named(name: str) -> None:
     function = functions()[name]
     arguments = {each: valid_arguments()[each] for each in main_arguments(function)}
     assert faults(function, arguments) == {}
-
-
-def test_a_function_without_checks_is_detected() -> None:
-    """The test harness reports a function that does not check its arguments."""
-
-    def unchecked(point: Any) -> Any:
-        return point.refuse_other()
-
-    assert "refuse_other" in fault(unchecked, {"point": None})

@@ -293,21 +293,6 @@ def test_docstring_examples_print_the_shown_results() -> None:
     ] == []
 
 
-@pytest.mark.parametrize(
-    ("right", "wrong"),
-    [("2\n", "3\n"), ("a = 2", "a = b"), ("...\n", ""), ("  # exit 2", ""), ("finite", "large")],
-)
-def test_faults_in_a_document_are_reported(right: str, wrong: str) -> None:
-    """A correct document passes, and each planted fault is reported."""
-    sound = (
-        "```python\na = 2\nprint(a)\n```\n```text\n2\n```\n"
-        "```console\n$ hfa --version\n...\n$ hfa trim --dihedral abc  # exit 2\n"
-        "hfa: --dihedral is 'abc'; give a finite number\n```\n"
-    )
-    assert complaints(sound) == []
-    assert len(complaints(sound.replace(right, wrong))) >= 1
-
-
 def test_each_guarantee_names_existing_tests() -> None:
     """Each guarantee of docs/promises.md names tests that exist."""
     rows = [row for row in text_of(ROOT / "docs" / "promises.md").splitlines() if "::" in row]

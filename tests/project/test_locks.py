@@ -99,10 +99,3 @@ def test_every_pin_has_hashes_and_names_no_host(lock: str) -> None:
         assert sorted(map(str.strip, hashes)) == sorted(map(str.strip, whole[name])), name
     text = (ROOT / lock).read_text("utf-8")
     assert not re.search("://|--(extra-)?index-url|--find-links|--trusted-host", text)
-
-
-def test_a_pin_that_needs_a_patch_is_reported() -> None:
-    """A pin that requires a later patch release of Python is reported."""
-    assert without(">=3.11.5") == ["3.11.0"]
-    assert without(">=3.9") == []
-    assert without("<3.14") == ["3.14.0"]

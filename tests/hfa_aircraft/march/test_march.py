@@ -62,12 +62,6 @@ def test_a_sampled_loop_follows_its_exponentials(late: int) -> None:
     np.testing.assert_allclose(history.times, STEP * np.arange(TICKS * STEPS + 1))
 
 
-def test_a_planted_delay_is_seen() -> None:
-    """A loop whose command acts one tick late is not the loop without delay."""
-    history = flown(Sampled(late=1))
-    assert np.abs(history.states[0, ::STEPS] - exact(TICKS)).max() > 0.01
-
-
 def test_values_are_seen_before_each_step_and_at_the_end() -> None:
     """The seen times are those of the steps, and the seen input is that of the tick."""
     history = flown(Sampled(), 3)

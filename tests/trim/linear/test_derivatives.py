@@ -1,7 +1,6 @@
 """A to F of the flexible aircraft, compared with the equations at random states far from a trim.
 
-The comparison uses Taylor remainders and high-order differences, row by row. A wrong entry is
-detected in its row and in no other.
+The comparison uses Taylor remainders and high-order differences, row by row.
 """
 
 from __future__ import annotations
@@ -68,23 +67,17 @@ def blocks(aircraft: Model, z: np.ndarray, *, ground_drag: bool = False) -> np.n
     return np.block([[exact.A, exact.B, exact.E], [exact.C, exact.D, exact.F]]) * SCALES
 
 
-def slopes(
-    aircraft: Model, count: int, planted: tuple[int, int] | None = None, **how: bool
-) -> np.ndarray:
+def slopes(aircraft: Model, count: int, **how: bool) -> np.ndarray:
     """Return the slopes of log |f(z + h d) - f(z) - h J d| over log h, (count, rows).
 
     f are the equations and J is the linear model. The slopes are 2 for an exact J and 1 for a wrong
     one.
-
-    planted: (row, column) of an entry of J that is changed, or None
     """
     rng = np.random.default_rng(3)
     errors = np.full((count, len(ROWS)), 2.0)
     for slope, z in zip(errors, points(count, seed=11), strict=True):
         J = blocks(aircraft, z, **how)
         direction = rng.normal(size=len(COLUMNS))
-        if planted is not None:
-            J[planted] += 0.1 * np.abs(J[planted[0]]).max()
         here = at(aircraft, z, **how)
         change = J @ direction
         moved = np.array([at(aircraft, z + h * direction * SCALES, **how) for h in STEPS])
@@ -106,31 +99,6 @@ def test_each_rows_remainder_is_of_second_order(aircraft: Model, ground_drag: bo
     assert typical.min() >= 1.9, ROWS[typical.argmin()]
     assert typical.max() <= 2.1, ROWS[typical.argmax()]
     assert np.mean(differences >= 1.9) > 0.97
-
-
-@pytest.mark.parametrize(
-    ("row", "column"),
-    [
-        ("pitch_rate", "alpha"),  # A
-        ("dihedral_rate", "aileron_outer"),  # B
-        ("pitch_rate", "headwind_outer"),  # E
-        ("load_factor_outer", "alpha"),  # C
-        ("hinge_moment", "elevator_outer"),  # D
-        ("alpha_air_outer", "updraft_center"),  # F, an entry that should be 0
-        ("lift_outer", "updraft_outer"),
-    ],
-)
-def test_one_wrong_entry_is_detected_in_its_row(
-    published_aircraft: Model, row: str, column: str
-) -> None:
-    """An error planted in one entry of the linear model lowers the remainder's order in its row
-    only.
-    """
-    at_row = ROWS.index(row)
-    at_column = COLUMNS.index(column)
-    typical = np.median(slopes(published_aircraft, 20, (at_row, at_column)), axis=0)
-    assert typical[at_row] < 1.5
-    assert np.delete(typical, at_row).min() >= 1.8
 
 
 @pytest.mark.parametrize("ground_drag", [pytest.param(False, marks=pytest.mark.slow), True])
