@@ -19,7 +19,8 @@ from hfa_aircraft.waveform import Harmonic
 from hfa_flight import ActuatorBank, CommandSteps, Scenario, Waveform, flight_envelope
 from hfa_flight.closed_loop import LinearPlant
 from hfa_flight.flight import Flight
-from hfa_flight.policies.controller import MeasuredOutputs, servo_policy
+from hfa_flight.history import Deviations
+from hfa_flight.policies.controller import MeasuredOutputs, servo_policy, tracked
 from hfa_flight.policies.policy import Measurements
 from hfa_flight.signals import CommandedStates
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Input
@@ -103,6 +104,33 @@ def test_outputs_are_those_of_the_linear_model(
     np.testing.assert_allclose(y, expected, rtol=SAME_FORMULA)
     with pytest.raises(BadInputError, match="controller measures actuator positions"):
         outputs.at(Measurements(ca.SX(x), ca.SX(x), ca.SX(0, 1), ca.SX(0, 1)))
+
+
+def test_tracking_errors_are_those_of_outputs_without_noise(
+    published_aircraft: Model, point: OperatingPoint
+) -> None:
+    """y = C x + D a + F w of random deviations, minus the filtered command, by the linear model."""
+    names = ("load_factor", "dihedral")
+    outputs = MeasuredOutputs(published_aircraft, point, names)
+    follow = CommandSteps(names, np.array([0.2]), np.array([[0.3, -0.1]]))
+    rng = np.random.default_rng(3)
+    t = 0.1 * np.arange(30)
+    x, a, w = rng.normal(size=(30, 7)), rng.normal(size=(30, 5)), rng.normal(size=30)
+    flight = Deviations(t, x, x, a, x[:, :0], x, {"updraft": w})
+    linear = linearize(published_aircraft, point, outputs=("load_factor",))
+    rows = [STATES.index(name) for name in LINEAR_STATES]
+    factor = x[:, rows] @ linear.C[0] + a @ linear.D[0] + w * linear.F[0, 0]
+    for found, output, command in zip(
+        tracked(flight, outputs, follow),
+        (factor, x[:, STATES.index("dihedral")]),
+        follow.sampled(t).T,
+        strict=True,
+    ):
+        np.testing.assert_allclose(found.output, output, rtol=1e-9)
+        np.testing.assert_allclose(found.command, command)
+        miss = output - command
+        assert found.rms == pytest.approx(np.sqrt(np.mean(miss**2)))
+        assert found.largest == pytest.approx(np.abs(miss).max())
 
 
 def test_an_updraft_changes_measured_acceleration(
