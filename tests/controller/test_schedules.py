@@ -91,6 +91,12 @@ def test_units_do_not_change_what_a_controller_does(tmp_path: Path) -> None:
     for beyond in ((1.9, 5.0), (2.0, 5.1)):
         with pytest.raises(BadInputError, match="covers level 2 to 5 ft"):
             english.refuse_other(TANK, *beyond)
+    with pytest.raises(BadInputError, match="an aircraft with other parameters"):
+        controller(parameters="0").refuse_other(TANK, 2.0, 5.0)
+    with pytest.raises(BadInputError, match="designed for pool, but the aircraft is tank"):
+        controller(dynamics="pool").refuse_other(TANK, 2.0, 5.0)
+    title = english.report().title
+    assert title == "Controller small: output feedback, 1 states, 2 places from 2 to 5 ft, tank"
 
 
 @pytest.mark.parametrize(
@@ -150,6 +156,8 @@ def test_gain_files_of_each_layout_are_read(tmp_path: Path) -> None:
                  trim={"level": 0.5}, schedule="level")  # fmt: skip
     found = load_gain_schedule(gains_file(tmp_path, K=square, level=[1.0, 2.0]), both)
     np.testing.assert_array_equal(found.gains, square)  # the value is first if both would fit
+    with_positions = np.ones((2, 1, 3))
+    GainSchedule(np.array([1.0, 2.0]), with_positions, TANK)
     one = load_gain_schedule(gains_file(tmp_path, K=K[0], state_units=["m", "m/s"]), TANK)
     np.testing.assert_allclose(one.gains[0], K[0] * FOOT)
     one.refuse_beyond(-9.0, 9.0)
@@ -174,7 +182,8 @@ def test_gain_files_of_each_layout_are_read(tmp_path: Path) -> None:
         ({"K": np.ones((1, 1, 2)), "level": [1.0]}, "fewer than two values"),
         ({"K": np.ones((2, 1, 2)), "level": [2.0, 1.0]}, "increasing order"),
         ({"K": np.ones((2, 1, 2)), "level": [1.0, np.nan]}, "not finite"),
-        ({"K": np.full((2, 1, 2), np.inf), "level": [1.0, 2.0]}, "not finite"),
+        ({"K": [[[1.0, np.inf]], [[1.0, 2.0]]], "level": [1.0, 2.0]}, "not finite"),
+        ({"K": np.ones((2, 1, 1)), "level": [1.0, 2.0]}, "K has shape (2, 1, 1)"),
         ({"K": np.ones((3, 1, 2)), "level": [1.0, 2.0]}, "K has shape (3, 1, 2)"),
         (
             {"K": np.ones((2, 1, 2)), "level": [1.0, 2.0], "state_units": ["m", "m/s"]},

@@ -11,6 +11,7 @@ from linear_flight import simulate
 import hfa
 from controller.tracking import Tracking, track
 from hfa_aircraft.waveform import zero
+from hfa_support.reporting.text import Table
 
 COMMAND = {"speed": "7+0.01t+2sin(0.5t)", "alpha": 0.1, "dihedral": 0.5}
 
@@ -33,6 +34,19 @@ def test_the_command_of_the_paper_is_no_trim(dihedral_deg: float, needed_deg: fl
     assert together[frozenset({"dihedral"})].is_reachable
     title = str(found.report()).splitlines()[0]
     assert f"no (elevator_center needs {needed_deg}" in title
+    table, note = found.trim_parts()
+    assert isinstance(table, Table)
+    assert table.header[2:] == ("speed", "alpha", "dihedral", "alpha dihedral", "all")
+    reachable = ["yes" if each.is_reachable else "no" for each in found.trims]
+    assert list(table.rows[-1][2:]) == reachable
+    assert {"yes", "no"} == set(reachable)
+    (row,) = (each for each in table.rows if each[0] == "elevator_center")
+    assert row[5] == f"{math.degrees(constant.needed['elevator_center']):.4g}!"
+    assert note == "! beyond its limit"
+    names = [
+        each[0] for each in next(p for p in found.report().parts if not isinstance(p, str)).rows
+    ]
+    assert names == list(found.game.names.states)
 
 
 def test_a_reachable_command_is_said_to_be_reachable() -> None:

@@ -68,6 +68,14 @@ def test_the_papers_game_is_converted_to_meters() -> None:
     assert np.array_equal(np.diag(si.E), [0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
     with pytest.raises(BadInputError, match=r"there is no Q; give Q \(6 x 6\)"):
         load_game("other.npz")
+    for names, more, is_known in (
+        (PlantNames(), {}, True),
+        (PlantNames(), {"Q": np.eye(6)}, True),
+        (PlantNames(), {"Q": np.eye(6), "R": np.eye(5)}, False),
+        (PlantNames(LINEAR_STATES), {"Q": np.eye(6), "R": np.eye(5)}, True),
+        (PlantNames((), ("a", "b", "c", "d", "e")), {}, False),
+    ):
+        assert bool(paper_defaults(MODEL | more, names).values) is is_known
     weights = {"Q": np.eye(6), "R": np.eye(5)}
     stored("weighed.npz", **MODEL, **weights)
     with pytest.warns(UserWarning, match="used: E the identity, delta inf"):

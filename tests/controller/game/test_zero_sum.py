@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from game_files import SMALL
@@ -16,7 +18,7 @@ from tolerances import SAME_FORMULA
 from controller import basis
 from controller.game.basis import BASES, Basis
 from controller.game.zero_sum import is_semidefinite
-from hfa import BadInputError, Game, solve
+from hfa import BadInputError, Game, from_weights, solve
 from hfa.paper import published_game
 from hfa_model import LINEAR_STATES, published_models
 
@@ -62,6 +64,27 @@ def test_a_game_without_disturbance_gives_the_lqr(tmp_path: Path) -> None:
     assert '"P"' in (tmp_path / "solution.json").read_text("utf-8")
     with pytest.raises(BadInputError, match="Q or R is missing"):
         Game([[1.0]], [[1.0]], Q=[1.0])
+
+
+def test_a_game_with_one_cross_weight_is_refused_where_there_are_none() -> None:
+    """One entry of N is enough; a constant of V and the cost of a list of functions are kept."""
+    game = Game(**SMALL)
+    game.refuse_cross_weights("the law")
+    crossed = replace(game, N=0.01 * np.eye(*game.B.shape))
+    with pytest.raises(BadInputError, match="the law has no cross weights"):
+        crossed.refuse_cross_weights("the law")
+    n = len(game.A)
+    z = ca.SX.sym("z", n)
+    squares = ca.Function("psi", [z], [z**2])
+    state = np.arange(1.0, n + 1.0)
+    for critic in (
+        from_weights(game, np.ones(n), squares, constant=3.0),
+        from_weights(game, basis("quadratic", n).weights(np.eye(n)), constant=3.0),
+    ):
+        assert critic.value is not None
+        assert float(critic.value(np.zeros(n))) == 3.0
+        assert float(critic.value(state)) == pytest.approx(3.0 + state @ state)
+        assert critic.u(state) == pytest.approx(-game.gain(np.eye(n)) @ state)
 
 
 def test_gains_are_extremals_of_the_hamiltonian() -> None:

@@ -78,10 +78,16 @@ def test_unusable_games_and_steps_are_refused():
         Steps(steps.states, steps.inputs[:3], steps.disturbances, steps.next_states)
 
 
-def test_random_steps_move_and_cost_no_more_than_the_states():
-    """One input or disturbance moves no state by more than its spread, and costs no more."""
+@pytest.mark.parametrize("price", [1.0, 1e4])
+def test_random_steps_move_and_cost_no_more_than_the_states(price):
+    """One input or disturbance moves no state by more than its spread, and costs no more.
+
+    If inputs are cheap, the spread of the states limits them, otherwise their cost.
+    """
     problem = _problem(1, 5.0)
-    step = problem.step
+    units = np.arange(1.0, 1.0 + len(problem.step.A))  # the spread of the states differs
+    step = replace(problem.step, Q=np.diag(units), R=price * np.eye(2), delta=5.0 * price)
+    problem = replace(problem, step=step)
     steps = random_steps(problem, 3)
     spread = natural_spread(step)
     budget = float(np.diag(step.Q) @ spread**2)

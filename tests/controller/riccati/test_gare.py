@@ -74,6 +74,10 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
     flown = np.linalg.eigvals(game.A - game.B @ solution.K)
     # Eigenvalues of two different matrices: rounding times their condition number, about 1e4.
     np.testing.assert_allclose(np.sort(solution.poles().real), np.sort(flown.real), rtol=1e-9)
+    loop = solution.closed_loop
+    np.testing.assert_array_equal(loop.A, game.A - game.B @ solution.K)
+    np.testing.assert_array_equal(loop.B, game.E)
+    np.testing.assert_array_equal(loop.C, np.eye(6))
     z = np.arange(1.0, 7.0)
     assert solution.cost(z) == pytest.approx(z @ P @ z)
     with pytest.raises(BadInputError, match=r"give an array of shape \(6,\)"):

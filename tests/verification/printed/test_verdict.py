@@ -369,7 +369,7 @@ def test_the_rounding_used_is_that_of_the_planted_plant(tmp_path, shift, used):
     text = """time = "continuous"
 plant_rounded = true
 [plant]
-A = "-1 0.500000; 1 -2"
+A = "-1 0.500000; -1 -2"
 B = "1; 1"
 Q = "2 0; 0 1"
 R = "1"
@@ -441,7 +441,7 @@ def test_derivatives_of_the_answer_equal_differences(name, is_discrete):
     plant = Plant(
         A=0.3 * generator.normal(size=(3, 3)),
         B=generator.normal(size=(3, 2)),
-        E=0.5 * generator.normal(size=(3, 1)),
+        E=0.2 * generator.normal(size=(3, 2)),
         N=0.1 * generator.normal(size=(3, 2)),
         Q=np.diag([1.0, 2.0, 3.0]),
         R=np.diag([1.0, 2.0]),
