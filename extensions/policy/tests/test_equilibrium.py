@@ -5,8 +5,15 @@ import numpy as np
 import pytest
 
 import hfa
+from hfa_aircraft.march.ending import BALL
+from hfa_aircraft.march.march import History
+from hfa_flight.envelope import Departure
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.equilibrium import EquilibriumSearch, whole_turns
+from hfa_policy.flight_costs import Ratios, Returns
+from hfa_policy.flights import SampledFlight
+from hfa_policy.outcomes import PUSHED, Place, PlacedFlights, departure_text, seeded_starts
+from hfa_policy.reach import HORIZON, LONGEST, seconds_to_converge
 
 A = np.array([[-2.0, 0.1], [-10.0, -0.5]])
 B = np.array([[3.0, 0.0], [0.0, 20.0]])
@@ -104,6 +111,80 @@ def test_the_equilibrium_drifts_with_the_altitude_and_lags_behind():
     climb = 50.0 * (found.states[0] - 0.1)
     lag = search.lag(found, drift)
     np.testing.assert_allclose(lag, np.linalg.solve(closed, by_altitude * climb), rtol=1e-6)
+
+
+def test_motion_is_measured_from_the_moving_equilibrium():
+    """In balls about x + lag + dx/dh h: the farther end of a window, and half its range.
+
+    A state that does not decide is not counted, and a flight of numbers that are none is far.
+    """
+    search = search_of(offset_gain)
+    found = found_from_trim(search)
+    box = np.array([0.2, 10.0])
+    drift = search.drift(found)
+    lag = np.array([0.01, -0.5])
+    place = Place(POINT, box, found, stable=True, drift=drift, lag=lag)
+    flight = SampledFlight(search.deployed, 0.02, 0.0, 1)
+    starts = np.tile(np.array(POINT.states), (3, 1))
+    flown = PlacedFlights(flight, [place], np.zeros(3, dtype=int), starts, np.zeros((3, 2)))
+    assert flown._centres == pytest.approx(np.tile(found.states[:2] + lag, (3, 1)))
+    states = np.tile(flown.first[:, None], (1, 4, 1))
+    states[:, -1, 2] += 30.0
+    centre = found.states[:2] + lag + 30.0 * drift[:, 2]
+    states[0, :, :2] = centre + np.outer([0.03, -0.01, 0.0, 0.02], [1.0, 10.0])
+    states[1, :, :2] = centre + np.outer([-0.04, 0.01, 0.0, 0.02], [1.0, 100.0])
+    states[2, :, 0] = np.nan
+    motion = flown.motion(History(0.02, 0, states, states[:, :, :0], np.arange(3)))
+    ball = BALL * box
+    assert motion.distance[:2] == pytest.approx([0.03 / ball[0], 4.0 / ball[1]])
+    assert np.isinf(motion.distance[2])
+    np.testing.assert_allclose(motion.swings[0], [0.02, 0.2] / ball)
+    np.testing.assert_allclose(motion.swings[1], [0.03, 3.0] / ball)
+    np.testing.assert_allclose(flown.swings[1], [0.03, 3.0])
+
+
+def test_initial_conditions_and_pulses_fill_the_box():
+    """A pulse of 1 s would move a state by half a box; the altitude stays."""
+    place = Place(POINT, np.array([0.2, 10.0]), None, stable=False)
+    starts, pushes = seeded_starts(place, 500, 1, pushed=True)
+    off = starts - POINT.states
+    assert not off[:, 2].any()
+    for values, most in ((off[:, :2], place.box), (pushes, 0.5 * place.box / PUSHED)):
+        assert (np.abs(values).max(axis=0) <= most).all()
+        assert (values.max(axis=0) > 0.95 * most).all()
+        assert (values.min(axis=0) < -0.95 * most).all()
+    again, none = seeded_starts(place, 500, 1, pushed=False)
+    np.testing.assert_array_equal(again, starts)
+    assert not none.any()
+
+
+def test_flights_last_four_time_constants():
+    """Within the usual and the longest duration; of a loop that is not stable, the usual one."""
+    for constant in (20.0, 40.0):
+        seconds = seconds_to_converge(np.exp(-0.02 / constant), 0.02)
+        assert seconds == pytest.approx(4.0 * constant)
+    assert seconds_to_converge(np.exp(-0.02 / 1.0), 0.02) == HORIZON
+    assert seconds_to_converge(1.0, 0.02) == HORIZON
+    assert seconds_to_converge(1.0 - 1e-9, 0.02) == LONGEST
+
+
+@pytest.mark.parametrize(
+    ("left", "text"),
+    [
+        (("altitude", 0.02, -1.0, 0.0, "ft", True), "altitude below 0 ft (assumed) at 0.02 s"),
+        (("alpha", 1.5, 0.6, 0.5, "rad"), "alpha above 28.65 deg at 1.5 s"),
+        (("throttle", 1.5, 1.2, 1.0, "1"), "throttle above 1 at 1.5 s"),
+        (("alpha", 1.5, np.nan, 0.5, "rad"), "alpha is not a number at 1.5 s"),
+    ],
+)
+def test_departures_are_written_with_their_side(left, text):
+    assert departure_text(Departure(*left)) == text
+
+
+def test_ratios_and_returns_are_statistics_of_costs():
+    assert Ratios.of([3.0, 1.0, 2.0, 7.0]) == (1.0, 2.5, 7.0)
+    assert Returns.of([1.0, 3.0]) == (-2.0, 1.0, 2)
+    assert Ratios.of([]) is Returns.of([]) is None
 
 
 def test_inputs_that_follow_themselves_have_a_larger_gain():
