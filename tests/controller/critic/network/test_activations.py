@@ -1,4 +1,4 @@
-"""Derivatives of activation functions."""
+"""Values and derivatives of activation functions, and chains of layers on rows."""
 
 from __future__ import annotations
 
@@ -7,8 +7,60 @@ import math
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.special import expit, ndtr
 
-from controller.critic.network.activations import ACTIVATIONS
+from controller.critic.network.activations import ACTIVATIONS, _gelu
+from controller.critic.network.row_network import ROW_ACTIVATIONS, row_network
+
+X = np.array([-50.0, -3.0, -0.5, 0.0, 0.5, 3.0, 50.0])
+ELU = np.where(X > 0.0, X, np.expm1(np.minimum(X, 0.0)))
+#: The definitions of the activations, at X.
+EXACT = {
+    "tanh": np.tanh(X),
+    "relu": X * (X > 0.0),
+    "leaky_relu": np.where(X > 0.0, X, 0.01 * X),
+    "sigmoid": expit(X),
+    "softplus": np.logaddexp(0.0, X),
+    "elu": ELU,
+    "gelu": X * ndtr(X),
+    "silu": X * expit(X),
+    "selu": 1.0507009873554805 * np.where(X > 0.0, X, 1.6732632423543772 * ELU),
+    "sin": np.sin(X),
+}
+
+
+@pytest.mark.parametrize("name", ACTIVATIONS)
+def test_each_activation_has_the_values_of_its_definition(name: str) -> None:
+    """As an expression, and on rows if there is such a version."""
+    x = ca.SX.sym("x", len(X))
+    y = ACTIVATIONS[name](np.array(ca.vertsplit(x), dtype=object))
+    found = np.array(ca.Function("f", [x], [ca.vertcat(*y)])(X)).ravel()
+    assert found == pytest.approx(EXACT[name], rel=1e-13, abs=1e-15)
+    if name in ROW_ACTIVATIONS:
+        assert ROW_ACTIVATIONS[name](X.copy()) == pytest.approx(EXACT[name], rel=1e-13, abs=1e-15)
+
+
+def test_gelu_by_tanh_is_close_to_gelu() -> None:
+    found = np.array([float(_gelu(ca.DM(x), "tanh")) for x in X])
+    assert found == pytest.approx(EXACT["gelu"], abs=5e-4)
+    assert not np.allclose(found, EXACT["gelu"], rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("width", [4, 130])
+def test_a_chain_of_layers_on_many_rows_equals_numpy(width: int) -> None:
+    """More rows than one product takes; a wide layer is computed in single precision."""
+    rng = np.random.default_rng(1)
+    W, c = rng.standard_normal((width, width)) / width, rng.standard_normal(width)
+    V, d = rng.standard_normal((2, width)), rng.standard_normal(2)
+    x = rng.standard_normal((1234, width))
+    chain = row_network([(W, c, "tanh"), (V, d, "")])
+    assert chain is not None
+    found = chain(x)
+    assert (found.shape, found.dtype) == ((1234, 2), np.dtype(float))
+    assert found == pytest.approx(
+        np.tanh(x @ W.T + c) @ V.T + d, abs=1e-12 if width < 128 else 1e-4
+    )
+    assert row_network([(W, c, "gelu")]) is None
 
 
 @pytest.mark.parametrize("name", ["tanh", "sigmoid", "softplus", "gelu"])

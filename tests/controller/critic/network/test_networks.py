@@ -222,6 +222,12 @@ def test_scale_applies_to_the_inputs_of_a_basis(game: Game, basis: str) -> None:
     scaled = from_network(game, path, basis=basis, scale=scale)
     np.testing.assert_allclose(scaled.P, own.P * np.outer(scale, scale), rtol=1e-12)
     assert scaled.P[0, 1] != own.P[0, 1]
+    z = ca.SX.sym("z", 6)
+    squares = ca.Function("squares", [z], [z**2])
+    path = stored("squares.npz", weight=weights[None, :6], bias=np.full(1, 2.0))
+    critic = from_network(game, path, basis=squares, scale=scale)
+    assert critic.value is not None
+    assert float(critic.value(np.ones(6))) == pytest.approx(2.0 + weights[:6] @ scale**2)
 
 
 def test_kind_of_an_npy_file_follows_from_shape(game: Game) -> None:

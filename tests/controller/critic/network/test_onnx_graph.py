@@ -327,6 +327,7 @@ def test_a_graph_with_huge_results_is_refused() -> None:
         ([("Mul", "a b", "h")], tall),
         ([("MatMul", "a b", "h")], tall),
         ([("Gather", "x places", "h", {"axis": 1})], {"places": np.zeros(2**19, int)}),
+        ([("Einsum", "a b", "h", {"equation": "ij,kl->il"})], tall),
     ):
         graph = [*nodes, ("ReduceSum", "h", "y")]
         said = refusal(onnx_file("large.onnx", graph, {"P": np.eye(6)} | constants))
