@@ -41,7 +41,14 @@ from hfa import (
 from hfa.main import BAD_INPUT
 from hfa_model import INPUTS, LINEAR_STATES
 from verification.box import ordinary_box
-from verification.critic_errors import box_errors, disturbance_errors, matrix_errors
+from verification.critic_errors import (
+    SMALL,
+    box_errors,
+    critic_errors,
+    disturbance_errors,
+    matrix_errors,
+    relative_error,
+)
 from verification.figures import verdict_figure
 from verification.scope import LIMIT
 
@@ -388,6 +395,58 @@ def test_a_small_change_of_any_entry_is_detected(game: Game) -> None:
             assert not by_name[f"{name}_entry_error"].ok, (i, j)
         shares = [check.value for check in matrix_errors(game, name, 3.0 * exact, exact, LIMIT)]
         assert shares == pytest.approx([2.0] * 3)
+
+
+def test_errors_are_those_of_their_definitions() -> None:
+    """With an R that is not diagonal: norms, norms in balanced units, entries, and in a box."""
+    rng = np.random.default_rng(8)
+    A, B, E = (rng.standard_normal((3, size)) for size in (3, 2, 1))
+    R = np.array([[4.0, 1.0], [1.0, 9.0]])
+    game = Game(A, B, E, np.diag([1.0, 1e4, 1e-3]), R, 1e3)
+    exact = solved(game)
+    units = NormalForm.of(game).units
+    K = exact.K + 0.1 * rng.standard_normal((2, 3))
+    change = rng.uniform(0.1, 0.2, (3, 3)) * np.abs(exact.P)
+    P = exact.P + change + change.T
+    box = np.array([2.0, 0.5, 3.0])
+
+    def measured(matrix: np.ndarray) -> float:
+        return float(np.sqrt(np.trace(units[:, None] * (matrix.T @ R @ matrix) * units)))
+
+    def entry(difference: np.ndarray, right: np.ndarray) -> float:
+        return float(
+            (np.abs(difference) / np.maximum(np.abs(right), SMALL * np.abs(right).max())).max()
+        )
+
+    both = np.outer(units, units)
+    of_rows = np.sqrt(np.diag(R))[:, None] * units
+    norm = np.linalg.norm
+    expected = {
+        "K_rel_error": norm(K - exact.K) / norm(exact.K),
+        "K_balanced_error": measured(K - exact.K) / measured(exact.K),
+        "K_entry_error": entry((K - exact.K) * of_rows, exact.K * of_rows),
+        "P_rel_error": norm(P - exact.P) / norm(exact.P),
+        "P_balanced_error": norm((P - exact.P) * both) / norm(exact.P * both),
+        "P_entry_error": entry((P - exact.P) * both, exact.P * both),
+        "policy_rel_error": entry(
+            np.sqrt(np.diag(R)) * (np.abs(K - exact.K) @ box),
+            np.sqrt(np.diag(R)) * (np.abs(exact.K) @ box),
+        ),
+        "value_rel_error": (box @ (P - exact.P) @ box) / (box @ np.abs(exact.P) @ box),
+        "gradient_rel_error": entry(box * ((P - exact.P) @ box), box * (np.abs(exact.P) @ box)),
+        "disturbance_rel_error": entry(
+            np.abs(E.T @ (P - exact.P)) @ box, np.abs(E.T @ exact.P) @ box
+        ),
+    }
+    critic = Critic(K, P, "P and K")
+    checks = critic_errors(game, critic, exact, LIMIT, box)
+    checks += disturbance_errors(game, critic, exact, box, LIMIT)
+    assert {check.name: check.value for check in checks} == pytest.approx(expected, rel=1e-9)
+    assert relative_error(np.zeros(2), np.zeros(2)) == 0.0
+    assert relative_error(np.ones(2), np.zeros(2)) == math.inf
+    assert relative_error(np.array([1.0, np.nan]), np.ones(2)) == math.inf
+    with pytest.raises(BadInputError, match="give equal shapes"):
+        relative_error(np.ones(2), np.ones(3))
 
 
 @RICHER
