@@ -148,7 +148,7 @@ def _written(job: MainJob, report: Report, place: Path, provenance: Provenance) 
     numbers = json.dumps(jsonable(report.data), allow_nan=False) + "\n"
     with all_or_none(folder=place):
         for picture in pictures:
-            save(picture.draw(), place / picture.name, report.source)
+            save(picture.figure, place / picture.name, report.source)
         write_text(place / "numbers.json", numbers)
         write_text(place / "report.html", html)
     for name in earlier - {picture.name for picture in pictures}:

@@ -27,11 +27,16 @@ class Picture:
     draw: Callable[[], Figure]
 
     @cached_property
+    def figure(self) -> Figure:
+        """The figure, drawn at the first access."""
+        return self.draw()
+
+    @cached_property
     def png(self) -> bytes:
-        """Content of a PNG file of the figure. The figure is drawn at the first access."""
+        """Content of a PNG file of the figure."""
         from hfa_support.reporting.figure import png_bytes
 
-        return png_bytes(self.draw())
+        return png_bytes(self.figure)
 
     def html(self) -> str:
         """Return the figure as HTML with an embedded PNG and its text as caption."""

@@ -80,6 +80,7 @@ def test_html_has_real_tables_and_escapes_every_word() -> None:
     assert made.html().startswith(
         "<h1>Title &amp; more</h1>\n<p>of it</p>\n<p>first</p>\n<h2>Inner</h2>\n"
     )
+    assert [type(each.figure) for each in made.pictures()] == [Figure]
     assert drawn == ["drawn"]
 
 
