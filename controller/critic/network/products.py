@@ -28,16 +28,20 @@ class Products:
         If one factor contains symbols and the other is a large constant matrix, the result consists
         of new symbols.
         """
-        a_is_constant = a.dtype != object
-        b_is_constant = b.dtype != object
-        if a_is_constant and not b_is_constant and a.ndim == 2 and b.ndim <= 2:
-            return self.times(b.T, a.T).T
-        b_is_large = b.ndim == 2 and b.size > _SCALARS
-        if a.ndim == 1 and not a_is_constant and b_is_constant and not b_is_large:
-            product = ca.mtimes(ca.DM(b.T), _entries(a))
-            return np.fromiter(ca.vertsplit(product), object)
-        if a_is_constant or not (b_is_constant and b_is_large):
+        if _has_symbols(a) == _has_symbols(b):
             return np.asarray(a @ b)
+        if _has_symbols(b):
+            if a.ndim == 2 and b.ndim <= 2:
+                return self.times(b.T, a.T).T
+            return np.asarray(a @ b)
+        if b.ndim == 2 and b.size > _SCALARS:
+            return self._by_new_symbols(a, b)
+        if a.ndim == 1 and b.ndim == 2:
+            return np.fromiter(ca.vertsplit(ca.mtimes(ca.DM(b.T), _entries(a))), object)
+        return np.asarray(a @ b)
+
+    def _by_new_symbols(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Return new symbols for the product of expressions (..., rows) and a constant matrix."""
         rows, columns = b.shape
         shape = (*a.shape[:-1], columns)
         symbols = ca.SX.sym("h", a.size // rows * columns)
@@ -99,6 +103,10 @@ class Products:
                 places.append(place)
         symbols = [self._symbols[place] for place in places]
         return ca.Function("part", symbols, [ca.densify(entries)]), places
+
+
+def _has_symbols(array: np.ndarray) -> bool:
+    return array.dtype == object
 
 
 def _entries(array: np.ndarray) -> ca.SX:

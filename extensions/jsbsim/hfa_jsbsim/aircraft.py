@@ -100,38 +100,18 @@ class Equations:
         self.parts = parts
         self.notes: list[Note] = []
         self.properties = Properties(parts.choices.filters, parts.choices.step)
-        names = [*STATES, *_engine_states(parts)]
-        self.states = {name: ca.SX.sym(name) for name in names}
-        self.inputs = {name: PilotInput(ca.SX.sym(name)) for name in _COMMANDS}
-        for name in self._throttles():
-            self.inputs[name] = PilotInput(ca.SX.sym(name), limits=(0.0, 1.0))
         #: Property that the user made an input -> name of the input.
         self.chosen: dict[str, str] = {}
-        for full_name in parts.choices.inputs:
-            name = identifier(full_name, "input", self.inputs)
-            self.chosen[full_name] = name
-            self.inputs[name] = PilotInput(ca.SX.sym(name), limits=(-math.inf, math.inf))
-        self.parameters = {name: ca.SX.sym(name) for name in self._parameter_names()}
         self.starts: dict[str, float] = {}
         #: Property that a <property> of the files declares -> file and line.
         self.declared: dict[str, str] = {}
         self.cut_throttles: list[str] = []
         self.replaced_commands: list[ca.SX] = []
         self._functions: dict[str, Element] = {}
-        self._time = ca.SX.sym("time")
-        self.properties.define("simulation/sim-time-sec", self._time)
-        self.gusts = {name: ca.SX.sym(name) for name in GUSTS}
+        self._declare_symbols()
         x = SimpleNamespace(**self.states)
         self.motion = motion_of(x, self._winds(gusty))
-        for name, value in state_properties(x, self.motion, parts.wings).items():
-            self.properties.define(name, value)
-        inertial = ca.vertsplit(self.motion.rates + self._planet_rates())
-        for letter, rate in zip("pqr", inertial, strict=True):
-            self.properties.define(f"velocities/{letter}i-rad_sec", rate)
-        self.rate_symbols = [ca.SX.sym("alpha_rate"), ca.SX.sym("beta_rate")]
-        for name, symbol in zip(("alpha", "beta"), self.rate_symbols, strict=True):
-            self.properties.define(f"aero/{name}dot-rad_sec", symbol)
-            self.properties.define(f"aero/{name}dot-deg_sec", symbol * (180.0 / math.pi))
+        self._define_motion(x)
         self._define_commands()
         self._define_winds()
         self._define_loads()
@@ -155,14 +135,7 @@ class Equations:
         self._engines = [self._add_engine(file, self._around) for file in parts.engines]
         self._reach_throttles()
         if section is not None:
-            names = names_read_by(section)
-            given = dict(self.inputs)
-            self.notes += cut_surfaces(names, self.properties, self.inputs)
-            self.replaced_commands = [
-                command.symbol
-                for name, command in given.items()
-                if self.inputs[name] is not command
-            ]
+            self._cut_surfaces(section)
         self.effects = self._effects()
         self.rates: dict[str, Any] = {}
         self.outputs: dict[str, Any] = {}
@@ -176,6 +149,43 @@ class Equations:
         if air_loads.hysteresis is not None and "aero/stall-hyst-norm" in self.properties.asked:
             self.notes.append(air_loads.hysteresis)
         self.notes += self.properties.notes
+
+    def _declare_symbols(self) -> None:
+        """Declare a symbol for each state, input, parameter and gust, and for the time."""
+        names = [*STATES, *_engine_states(self.parts)]
+        self.states = {name: ca.SX.sym(name) for name in names}
+        self.inputs = {name: PilotInput(ca.SX.sym(name)) for name in _COMMANDS}
+        for name in self._throttles():
+            self.inputs[name] = PilotInput(ca.SX.sym(name), limits=(0.0, 1.0))
+        for full_name in self.parts.choices.inputs:
+            name = identifier(full_name, "input", self.inputs)
+            self.chosen[full_name] = name
+            self.inputs[name] = PilotInput(ca.SX.sym(name), limits=(-math.inf, math.inf))
+        self.parameters = {name: ca.SX.sym(name) for name in self._parameter_names()}
+        self.gusts = {name: ca.SX.sym(name) for name in GUSTS}
+        self._time = ca.SX.sym("time")
+        self.rate_symbols = [ca.SX.sym("alpha_rate"), ca.SX.sym("beta_rate")]
+
+    def _define_motion(self, x: SimpleNamespace) -> None:
+        """Define the properties of time, state, angular velocity and rates of alpha and beta."""
+        properties = self.properties
+        properties.define("simulation/sim-time-sec", self._time)
+        for name, value in state_properties(x, self.motion, self.parts.wings).items():
+            properties.define(name, value)
+        inertial = ca.vertsplit(self.motion.rates + self._planet_rates())
+        for letter, rate in zip("pqr", inertial, strict=True):
+            properties.define(f"velocities/{letter}i-rad_sec", rate)
+        for name, symbol in zip(("alpha", "beta"), self.rate_symbols, strict=True):
+            properties.define(f"aero/{name}dot-rad_sec", symbol)
+            properties.define(f"aero/{name}dot-deg_sec", symbol * (180.0 / math.pi))
+
+    def _cut_surfaces(self, section: Element) -> None:
+        """Replace commands by the surface positions that the aerodynamics read in their place."""
+        given = dict(self.inputs)
+        self.notes += cut_surfaces(names_read_by(section), self.properties, self.inputs)
+        self.replaced_commands = [
+            command.symbol for name, command in given.items() if self.inputs[name] is not command
+        ]
 
     def _planet_rates(self) -> Any:
         """Return 0 as the angular velocity of the earth, rad/s. These equations neglect it."""

@@ -369,104 +369,154 @@ class Transcription:
     @cached_property
     def _solver(self) -> ca.Function:
         """IPOPT solver of the nonlinear program, with the exact Jacobian and Hessian."""
-        problem = self.problem
-        k = len(problem.followed)
-        both = k + len(problem.inputs)
-        N = self.intervals
-        points = N * DEGREE
-        chosen = points_of_unknowns(k, both - k, N)
-        w = ca.MX.sym("w", chosen.columns())
-        theta = ca.MX.sym("theta")
-        x = ca.vertcat(w, theta)
-        p = ca.MX.sym("p", k + N + 2)
-        start, lengths, scale, price = ca.vertsplit(p, [0, k, k + N, k + N + 1, k + N + 2])
-        rows = ca.reshape(ca.mtimes(chosen, w), both, points)
-        z = rows[:k, :]
-        begins = ca.horzcat(start, z[:, DEGREE - 1 : points - 1 : DEGREE])
-        derivatives, _, _ = ca.collocation_coeff(collocation_points()[1:].tolist())
-        guessed = ca.reshape(ca.repmat(lengths.T, DEGREE, 1), 1, points)
-        seconds = theta * guessed
-        unit = ca.DM.eye(N)
-        slopes = ca.mtimes(z, ca.kron(unit, derivatives[1:, :]))
-        slopes += ca.mtimes(begins, ca.kron(unit, derivatives[0, :]))
-        equations = self.equations
-        rates = equations.rates.map(points)(rows)
-        g = ca.vec(slopes - ca.repmat(seconds, k, 1) * rates)
-        shares, weight, further = self._objective(chosen, guessed, scale, price)
-        running = ca.dot(ca.repmat(shares, both, 1) * rows, ca.mtimes(weight, rows))
-        objective = running + ca.bilin(further, w, w) + (theta if self.is_of_time else 0.0)
-
-        constant = ca.evalf(_without_symbols(ca.jacobian(ca.vec(slopes), w), [w, p]))
-        along = equations.slopes.map(points)(rows)
-        of_rates = along * ca.repmat(
-            ca.reshape(ca.repmat(seconds, both, 1), 1, points * both), k, 1
-        )
-        of_w = constant - ca.mtimes(_blocks(of_rates, points, k, both), chosen)
-
+        program = _Program(self)
+        x, p, g = program.x, program.p, program.equations
         of_objective = ca.MX.sym("of_objective")
-        of_equations = ca.MX.sym("of_equations", points * k)
-        multipliers = ca.reshape(of_equations, k, points)
-        weighed = multipliers * ca.repmat(seconds, k, 1)
-        bent = 2.0 * of_objective * ca.kron(shares, weight)
-        at_points = _blocks(
-            bent - equations.curvature.map(points)(rows, weighed), points, both, both
-        )
-        of_unknowns = ca.mtimes(chosen.T, ca.mtimes(at_points, chosen))
-        of_unknowns += 2.0 * of_objective * further
-        of_theta = ca.MX(points * k, 1)
-        mixed = ca.MX(chosen.columns(), 1)
-        if self.is_of_time:  # otherwise theta is fixed
-            of_theta = -ca.vec(ca.repmat(guessed, k, 1) * rates)
-            turned = ca.vec(multipliers * ca.repmat(guessed, k, 1))
-            mixed = -ca.mtimes(ca.mtimes(_blocks(along, points, k, both), chosen).T, turned)
-        jacobian = ca.horzcat(of_w, of_theta)
-        whole = ca.blockcat([[of_unknowns, mixed], [mixed.T, ca.MX(1, 1)]])
-
+        of_equations = ca.MX.sym("of_equations", g.numel())
+        hessian = program.hessian(of_objective, of_equations)
         options = {
             **OPTIONS,
-            "ipopt.mu_strategy": "adaptive" if N >= _LARGE else "monotone",
-            "jac_g": ca.Function("jac_g", [x, p], [g, jacobian], ["x", "p"], ["g", "jac:g:x"]),
+            "ipopt.mu_strategy": "adaptive" if self.intervals >= _LARGE else "monotone",
+            "jac_g": ca.Function(
+                "jac_g", [x, p], [g, program.jacobian], ["x", "p"], ["g", "jac:g:x"]
+            ),
             "hess_lag": ca.Function(
                 "hess_lag",
                 [x, p, of_objective, of_equations],
-                [ca.triu(whole)],
+                [ca.triu(hessian)],
                 ["x", "p", "lam:f", "lam:g"],
                 ["triu:hess:gamma:x:x"],
             ),
         }
-        program: dict[str, Any] = {"x": x, "p": p, "f": objective, "g": g}
-        return ca.nlpsol("flight", "ipopt", program, options)
+        parts: dict[str, Any] = {"x": x, "p": p, "f": program.objective, "g": g}
+        return ca.nlpsol("flight", "ipopt", parts, options)
 
-    def _objective(
-        self, chosen: ca.DM, lengths: ca.MX, scale: ca.MX, price: ca.MX
-    ) -> tuple[ca.MX, ca.MX, ca.MX]:
-        """Return shares, W and F of the quadratic part sum_i shares_i r_i'W r_i + w'F w."""
-        # w are the unknowns, and r_i are states and inputs at the collocation point i.
-        problem = self.problem
-        k = len(problem.followed)
-        m = len(problem.inputs)
-        points = self.intervals * DEGREE
+
+class _Program:
+    """Objective, equations and their derivatives as CasADi expressions.
+
+    The equations at collocation point i are g_i = s_i - theta h_i f(r_i) = 0, with states and
+    inputs r_i, slopes s_i of the polynomial of the states, and length h_i of the interval in the
+    guess.
+    """
+
+    def __init__(self, of: Transcription) -> None:
+        """Define the unknowns x = (w, theta), the parameters p, and r at all points."""
+        problem = of.problem
+        self.problem = problem
+        self.is_of_time = of.is_of_time
+        self.at_a_point = of.equations
+        self.k = len(problem.followed)
+        self.m = len(problem.inputs)
+        self.both = self.k + self.m
+        self.intervals = of.intervals
+        self.points = of.intervals * DEGREE
+        self.chosen = points_of_unknowns(self.k, self.m, self.intervals)
+        self.w = ca.MX.sym("w", self.chosen.columns())
+        self.theta = ca.MX.sym("theta")
+        self.x = ca.vertcat(self.w, self.theta)
+        ends = np.cumsum([0, self.k, self.intervals, 1, 1]).tolist()
+        self.p = ca.MX.sym("p", ends[-1])
+        self.start, lengths, self.scale, self.price = ca.vertsplit(self.p, ends)
+        self.r = ca.reshape(ca.mtimes(self.chosen, self.w), self.both, self.points)
+        self.lengths = ca.reshape(ca.repmat(lengths.T, DEGREE, 1), 1, self.points)
+        self.seconds = self.theta * self.lengths
+
+    @cached_property
+    def slopes(self) -> ca.MX:
+        """Slopes s of the states' polynomials at the points, per length of an interval, (k, P)."""
+        z = self.r[: self.k, :]
+        last_of_intervals = z[:, DEGREE - 1 : self.points - 1 : DEGREE]
+        begins = ca.horzcat(self.start, last_of_intervals)
+        derivatives, _, _ = ca.collocation_coeff(collocation_points()[1:].tolist())
+        unit = ca.DM.eye(self.intervals)
+        of_points = ca.mtimes(z, ca.kron(unit, derivatives[1:, :]))
+        return of_points + ca.mtimes(begins, ca.kron(unit, derivatives[0, :]))
+
+    @cached_property
+    def rates(self) -> ca.MX:
+        """Rates f(r) at the points, (k, P)."""
+        return self.at_a_point.rates.map(self.points)(self.r)
+
+    @cached_property
+    def rates_by_r(self) -> ca.MX:
+        """Jacobians ∂f/∂r at the points, side by side, (k, P (k + m))."""
+        return self.at_a_point.slopes.map(self.points)(self.r)
+
+    @property
+    def equations(self) -> ca.MX:
+        """Equations g, (k P,)."""
+        return ca.vec(self.slopes - ca.repmat(self.seconds, self.k, 1) * self.rates)
+
+    @property
+    def objective(self) -> ca.MX:
+        """Objective, quadratic in w, plus theta for least time."""
+        shares, weight, further = self.quadratic
+        running = ca.dot(ca.repmat(shares, self.both, 1) * self.r, ca.mtimes(weight, self.r))
+        return running + ca.bilin(further, self.w, self.w) + (self.theta if self.is_of_time else 0)
+
+    @property
+    def jacobian(self) -> ca.MX:
+        """Jacobian ∂g/∂(w, theta). The slopes are linear in w."""
+        of_slopes = ca.evalf(
+            _without_symbols(ca.jacobian(ca.vec(self.slopes), self.w), [self.w, self.p])
+        )
+        times = ca.reshape(ca.repmat(self.seconds, self.both, 1), 1, self.points * self.both)
+        of_rates = self.rates_by_r * ca.repmat(times, self.k, 1)
+        blocks = _blocks(of_rates, self.points, self.k, self.both)
+        of_w = of_slopes - ca.mtimes(blocks, self.chosen)
+        of_theta = ca.MX(self.points * self.k, 1)  # theta is fixed for least cost
         if self.is_of_time:
-            _, of_inputs = problem.sizes
-            lowest, highest = problem.input_limits
-            ranges = np.where(np.isfinite(highest - lowest), highest - lowest, of_inputs)
-            share = ca.diag(ca.DM((of_inputs / ranges) ** 2))
-            ends = np.array([0, *range(DEGREE - 1, points, DEGREE)]) * (k + m)
-            v = chosen[np.add.outer(ends, np.arange(k, k + m)).ravel().tolist(), :]
-            steps = v[m:, :] - v[:-m, :]
-            smooth = ca.mtimes(steps.T, ca.mtimes(ca.kron(ca.DM.eye(self.intervals), share), steps))
-            weight = ca.diagcat(ca.DM(k, k), _SMALL_INPUTS * share)
-            return (
-                ca.MX(ca.DM.ones(1, points) / points),
-                ca.MX(weight),
-                ca.MX(_SMALL_STEPS * smooth),
-            )
-        Q, R, P = problem.scaled_weights()
+            of_theta = -ca.vec(ca.repmat(self.lengths, self.k, 1) * self.rates)
+        return ca.horzcat(of_w, of_theta)
+
+    def hessian(self, of_objective: ca.MX, of_equations: ca.MX) -> ca.MX:
+        """Return the Hessian of of_objective * objective + of_equations'g by (w, theta)."""
+        shares, weight, further = self.quadratic
+        multipliers = ca.reshape(of_equations, self.k, self.points)
+        weighed = multipliers * ca.repmat(self.seconds, self.k, 1)
+        of_rates = self.at_a_point.curvature.map(self.points)(self.r, weighed)
+        of_r = 2.0 * of_objective * ca.kron(shares, weight) - of_rates
+        at_points = _blocks(of_r, self.points, self.both, self.both)
+        of_w = ca.mtimes(self.chosen.T, ca.mtimes(at_points, self.chosen))
+        of_w += 2.0 * of_objective * further
+        mixed = ca.MX(self.chosen.columns(), 1)  # theta is fixed for least cost
+        if self.is_of_time:
+            blocks = _blocks(self.rates_by_r, self.points, self.k, self.both)
+            turned = ca.vec(multipliers * ca.repmat(self.lengths, self.k, 1))
+            mixed = -ca.mtimes(ca.mtimes(blocks, self.chosen).T, turned)
+        return ca.blockcat([[of_w, mixed], [mixed.T, ca.MX(1, 1)]])
+
+    @cached_property
+    def quadratic(self) -> tuple[ca.MX, ca.MX, ca.MX]:
+        """Shares, W and F of the quadratic objective sum_i shares_i r_i'W r_i + w'F w."""
+        return self._small_inputs() if self.is_of_time else self._cost()
+
+    def _cost(self) -> tuple[ca.MX, ca.MX, ca.MX]:
+        """Return the quadratic objective of least cost: quadrature, and z'Pz at the end."""
+        Q, R, P = self.problem.scaled_weights()
         _, _, quadrature = ca.collocation_coeff(collocation_points()[1:].tolist())
-        shares = scale * lengths * ca.repmat(ca.DM(quadrature).T, 1, self.intervals)
-        before = chosen.columns() - k - m
-        last = ca.diagcat(ca.DM(before, before), ca.DM(P), ca.DM(m, m))
-        return shares, ca.diagcat(ca.DM(Q), price * ca.DM(R)), scale * last
+        of_points = ca.repmat(ca.DM(quadrature).T, 1, self.intervals)
+        shares = self.scale * self.lengths * of_points
+        before = self.chosen.columns() - self.both
+        last = ca.diagcat(ca.DM(before, before), ca.DM(P), ca.DM(self.m, self.m))
+        return shares, ca.diagcat(ca.DM(Q), self.price * ca.DM(R)), self.scale * last
+
+    def _small_inputs(self) -> tuple[ca.MX, ca.MX, ca.MX]:
+        """Return the quadratic objective of least time: small inputs and small steps of them."""
+        _, of_inputs = self.problem.sizes
+        lowest, highest = self.problem.input_limits
+        ranges = np.where(np.isfinite(highest - lowest), highest - lowest, of_inputs)
+        share = ca.diag(ca.DM((of_inputs / ranges) ** 2))
+        ends = np.array([0, *range(DEGREE - 1, self.points, DEGREE)]) * self.both
+        rows = np.add.outer(ends, np.arange(self.k, self.both)).ravel()
+        v = self.chosen[rows.tolist(), :]
+        steps = v[self.m :, :] - v[: -self.m, :]
+        of_steps = ca.kron(ca.DM.eye(self.intervals), share)
+        smooth = ca.mtimes(steps.T, ca.mtimes(of_steps, steps))
+        weight = ca.diagcat(ca.DM(self.k, self.k), _SMALL_INPUTS * share)
+        shares = ca.MX(ca.DM.ones(1, self.points) / self.points)
+        return shares, ca.MX(weight), ca.MX(_SMALL_STEPS * smooth)
 
 
 def _without_symbols(expression: ca.MX, symbols: list[ca.MX]) -> ca.MX:
