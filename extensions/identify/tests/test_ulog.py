@@ -50,72 +50,6 @@ def log(path, topics, begin=5_000_000):
     return Path(path)
 
 
-def written_log(path="flight.ulg", table=TABLE):
-    """Write a log and its table of columns, and return their paths.
-
-    The log lasts 4 s. It has angular rates at 50 Hz, the attitude at 10 Hz, and two servo
-    positions.
-    """
-    stamps = 5_000_000 + 20_000 * np.arange(200)
-    rates = [(stamp, 0.0, 0.01 * place, 0.0) for place, stamp in enumerate(stamps)]
-    half = 0.5 * 0.2
-    attitude = [(stamp + 3_000, np.cos(half), 0.0, np.sin(half), 0.0) for stamp in stamps[::5]]
-    servos = [(5_000_000, 0.0, 0.5), (7_010_000, 0.0, -0.5)]
-    topics = {
-        "vehicle_angular_velocity": (RATES, rates),
-        "vehicle_attitude": (ATTITUDE, attitude),
-        "actuator_servos": (SERVOS, servos),
-    }
-    Path("columns.toml").write_text(table)
-    return log(path, topics), Path("columns.toml")
-
-
-def test_the_columns_of_a_log_are_read(folder):
-    """The columns have the times of the angular rates, and the servo position is held.
-
-    Each attitude sample is assigned to the nearest time.
-    """
-    columns = ulog_columns(*written_log(), hfa.load_model(UAV))
-    np.testing.assert_allclose(columns["time"], 0.02 * np.arange(200), atol=1e-9)
-    np.testing.assert_allclose(columns["pitch_rate"], 0.01 * np.arange(200), rtol=1e-6)
-    present = np.isfinite(columns["pitch"])
-    assert present.nonzero()[0].tolist() == list(range(0, 200, 5))
-    np.testing.assert_allclose(columns["pitch"][present], 0.2, rtol=1e-6)
-    np.testing.assert_allclose(columns["elevator"][[0, 100, 101]], [0.1, 0.1, -0.3])
-
-
-def test_a_part_of_a_log_is_read(folder):
-    """Only the samples between the begin and the end in the table are read."""
-    table = TABLE + "[flight]\nbegin = 1.0\nend = 2.0\n"
-    columns = ulog_columns(*written_log(table=table), hfa.load_model(UAV))
-    assert len(columns["time"]) == 51
-    assert columns["pitch_rate"][0] == pytest.approx(0.5)
-
-
-@pytest.mark.parametrize(
-    ("table", "text"),
-    [
-        ("[columns]\nspin = 'a.b'", "unknown column 'spin'"),
-        ("[columns]\npitch = 'vehicle_attitud.pitch'", "no message 'vehicle_attitud'"),
-        ("[columns]\npitch = 'vehicle_attitude.p'", "no field 'p'"),
-        ("[columns]\npitch = 3", "pitch is 3; write"),
-        ("[columns]\npitch = { field = 'vehicle_attitude.pitch', scale = 'x' }", "scale of pitch"),
-        (
-            "[columns]\nelevator = 'actuator_servos.control[1]'",
-            "state or output; add a column such as",
-        ),
-        (
-            TABLE + "[flight]\nbegin = 9.0",
-            "contains no samples; give times within the log, 0.0 to 4.0 s",
-        ),
-    ],
-)
-def test_a_wrong_table_is_refused(table, text, folder):
-    """Tables with unknown columns, messages, fields or an empty time range are refused."""
-    with pytest.raises(hfa.BadInputError, match=text.replace("[", r"\[")):
-        ulog_columns(*written_log(table=table), hfa.load_model(UAV))
-
-
 def test_the_command_reads_a_log(folder, capsys):
     """From a log with noise, `hfa identify` estimates two parameters within 10 %.
 
@@ -157,7 +91,8 @@ def test_the_command_reads_a_log(folder, capsys):
 
 def test_files_of_other_formats_are_not_logs(folder):
     """A file of another format is refused as a PX4 log."""
-    _, table = written_log()
+    table = Path("columns.toml")
+    table.write_text(TABLE)
     Path("flight.ulg").write_bytes(b"time,alpha")
     with pytest.raises(hfa.BadInputError, match="is not a PX4 log"):
         ulog_columns(Path("flight.ulg"), table, hfa.load_model(UAV))
