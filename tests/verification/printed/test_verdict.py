@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from printed_samples import printed_sample
 
+from controller.critic.critic import from_q_function
+from hfa import from_gain, from_value, from_weights, verify
 from hfa_support.errors import BadInputError, NoSolutionError
 from verification.printed.classes import _by_digits, rounding_used
 from verification.printed.comparison import compare
@@ -423,6 +425,27 @@ def test_an_incomplete_plant_or_asymmetric_value_gives_no_class(verdict_of):
     assert verdict.reason == "Q is one number where 2 x 2 are needed"
 
 
+def test_a_close_answer_costs_what_its_policy_costs(verdict_of):
+    """The cost is that of the printed K, or of the gain of P, W or H."""
+    for is_discrete, names in ((False, ("K", "P", "W")), (True, ("K", "P", "W", "H"))):
+        plant = replace(THIRD, is_discrete=is_discrete)
+        exact = exact_third(is_discrete)
+        game = plant.game()
+        makers = {"K": from_gain, "P": from_value, "W": from_weights, "H": from_q_function}
+        for name in names:
+            wrong = 1.01 * exact[name] if name in "KH" else exact[name] * 1.01
+            if name in "PW":
+                wrong = exact[name] + 0.02 * np.abs(exact[name])
+            text = third_file({name: wrong}, plant, more="learned = true\n")
+            verdict = verdict_of(text)
+            file = verdict.file.answer[name].values
+            given = file.ravel() if name == "W" else (file + file.T) / 2.0 if name == "H" else file
+            assert verdict.classified.name == "close"
+            expected = verify(game, makers[name](game, given)).cost_lost
+            assert verdict.cost_lost == pytest.approx(expected, rel=1e-6)
+            assert verdict.cost_lost > 0.0
+
+
 def test_one_wrong_entry_of_a_learned_answer_must_exceed_the_noise(verdict_of):
     """One entry that is off by less than ten times what the others may hide is noise."""
     gain = exact_third()["K"]
@@ -546,6 +569,15 @@ def test_time_that_fits_every_digit_is_proposed(verdict_of):
             "Q: the diagonal after diag has 401 numbers; give at most 400",
         ),
         ('Q = "1 0; 0 2"', "", "the plant has no Q"),
+        ('Q = "1 0; 0 2"', 'Q = ""', "Q is empty; give the printed numbers"),
+        ('Q = "1 0; 0 2"', 'Q = "diag"', "Q: no numbers follow diag"),
+        ("[printed]", "[other]", "the table [printed] is missing"),
+        ("time =", 'learned = "yes"\ntime =', "learned is 'yes'; give true or false"),
+        ("time =", "parameters = 3\ntime =", "parameters is not a table"),
+        ('R = "1"', 'R = "1"\nE = "1; 0"\ngamma = "1 2"', "gamma is 1 x 2; give one number"),
+        ("[printed]", '[printed]\nH = "1"', "H applies only to discrete time"),
+        ("[printed]", '[printed]\nL = "1 2"', "L is given, but the plant has no E"),
+        ("[printed]", '[printed]\nW = "1 2"', "W, row 1: W has 2 numbers; give 3"),
         ('R = "1"', 'R = "1"\nE = "1; 0"\ngamma = "-2"', "gamma is -2.0; give a positive number"),
     ],
 )
