@@ -5,17 +5,21 @@ The formulas are evaluated in doubles at random points.
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+from dataclasses import replace
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 from hfa_aircraft.model import Model, Signal
-from hfa_prove.check.cost import CostInequality, Guess
+from hfa_prove.check.cost import CostInequality, Guess, _least
 from hfa_prove.check.cover import Boxes
-from hfa_prove.check.equilibrium import Equilibrium
+from hfa_prove.check.equilibrium import Equilibrium, check_near
 from hfa_prove.check.piece import OnPiece
 from hfa_prove.check.region_boxes import Decrease
+from hfa_prove.fields import Rejected
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.plant import Plant
@@ -236,3 +240,130 @@ def test_a_less_accurate_equilibrium_shrinks_the_hole() -> None:
     The policy saturates at a certain distance from the trim.
     """
     assert _decrease(0.0).hole < _decrease(0.2).hole
+
+
+# Rounding, with rational numbers.
+
+
+def _exact(value: Any) -> Fraction:
+    return Fraction(float(np.ravel(value)[0]))
+
+
+def test_the_lowest_value_of_a_parabola_is_not_rounded_up() -> None:
+    """The lower bound of b d + c d² / 2 over low <= d <= high is at most the exact minimum."""
+    rng = np.random.default_rng(12)
+    b, c, first, second = rng.normal(size=(4, 300, 1))
+    low, high = np.minimum(np.abs(first), np.abs(second)), np.maximum(np.abs(first), np.abs(second))
+    high[::10] = low[::10]
+    found = _least(b, c, low, high)
+    assert _least(b, c, high + 1.0, low).tolist() == np.zeros((300, 1)).tolist()
+    for i in range(300):
+        slope, bend, least, most = map(_exact, (b[i], c[i], low[i], high[i]))
+        places = {least, most}
+        if bend and least < -slope / bend < most:
+            places.add(-slope / bend)
+        exact = min(slope * d + bend * d * d / 2 for d in places)
+        assert exact - Fraction(1, 10**13) <= _exact(found[i]) <= exact
+
+
+def _pushed(R: np.ndarray, at: np.ndarray, radius: float, limits: Any) -> CostInequality:
+    """Return the inequality of W = y² / 4, y = x, for x' = 0.1 u + 0.1 v."""
+    inputs = {name: Signal(min=low, max=high) for name, (low, high) in limits.items()}
+
+    def rates(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return {"x": 0.1 * u.u + 0.1 * u.v}, {}
+
+    model = Model("pushed", {"x": Signal()}, inputs, rates, trim={})
+    trim = dict(zip(("u", "v"), at[1:].tolist(), strict=True))
+    plant = Plant(model, {}, {"x": float(at[0])}, trim, {}, dict(limits))
+    piece = Piece(np.eye(1), Polynomial(1, ((0.25, (2,)),)), 0.5)
+    return CostInequality(plant, Equilibrium(at, np.full(3, radius)), piece, np.eye(1), R)
+
+
+def test_the_curvature_is_not_rounded_up() -> None:
+    """The bounds of the curvature are at most 2 R_ii - 2 |R_ij|, of which doubles are not exact."""
+    rng = np.random.default_rng(13)
+    wide = {"u": (-1.0, 1.0), "v": (-1.0, 1.0)}
+    box = Boxes(np.zeros((1, 1)), np.ones((1, 1), dtype=int))
+    for _ in range(5):
+        a, b, cross = rng.uniform(0.1, 1.0, 3)
+        R = np.array([[a, cross], [cross, b]])
+        inequality = _pushed(R, np.zeros(3), 0.0, wide)
+        ends = np.array([[-1.0, -1.0]]), np.array([[1.0, 1.0]])
+        for found, own in zip(inequality._curvature(box, *ends)[0], (a, b), strict=True):
+            exact = 2 * _exact(own) - 2 * _exact(cross)
+            assert exact - Fraction(1, 10**9) <= _exact(found) <= exact
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.05])
+def test_the_ends_of_inputs_are_rounded_outward(radius: float) -> None:
+    """The input deviations contain those from every enclosed equilibrium to both limits.
+
+    An enclosed equilibrium beyond a limit is refused.
+    """
+    rng = np.random.default_rng(14)
+    for _ in range(20):
+        at = rng.uniform(-0.3, 0.3, 3)
+        low, high = -rng.uniform(0.5, 1.0, 2), rng.uniform(0.5, 1.0, 2)
+        limits = {name: (low[i], high[i]) for i, name in enumerate("uv")}
+        ends = _pushed(np.eye(2), at, radius, limits).ends
+        for i in range(2):
+            exact_low = _exact(low[i]) - _exact(at[1 + i]) - _exact(radius)
+            exact_high = _exact(high[i]) - _exact(at[1 + i]) + _exact(radius)
+            assert exact_low - Fraction(1, 10**12) <= _exact(ends[i, 0]) <= exact_low
+            assert exact_high <= _exact(ends[i, 1]) <= exact_high + Fraction(1, 10**12)
+    for side in (-1.0, 1.0):
+        for share, is_within in ((0.99, True), (1.01, False)):
+            at = np.array([0.0, 0.0, side * share * (0.5 - radius)])
+            beyond = _pushed(np.eye(2), at, radius, {"u": (-1.0, 1.0), "v": (-0.5, 0.5)})
+            if is_within:
+                assert np.all(np.isfinite(beyond.ends))
+            else:
+                with pytest.raises(Rejected, match="v is not proved"):
+                    _ = beyond.ends
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize("radius", [0.0, 0.05])
+def test_boxes_that_touch_a_limit_are_not_outside(radius: float, side: float) -> None:
+    """A box is beyond a state limit only if all of its points are, for every equilibrium in it.
+
+    The nearest corner of each box is exactly at the limit, or 1e-9 beyond it.
+    """
+    places = _places(radius, 15)
+    inverse = [[Fraction(x) for x in row] for row in (M * 1.0).tolist()]
+    (p, q), (r, s) = inverse
+    determinant = p * s - q * r
+    N = [[s / determinant, -q / determinant], [-r / determinant, p / determinant]]
+    at = np.array([0.1, -0.2, 0.0, 0.0])
+    plant = _inequality(0.0).plant
+    for centre, half in zip(
+        places.boxes.centres[:100].tolist(), places.boxes.half_widths[:100].tolist(), strict=True
+    ):
+        box = Boxes(np.array([centre]), -np.log2(np.array([half])).astype(int))
+        middle = sum(N[0][k] * Fraction(centre[k]) for k in range(2))
+        reach = sum(abs(N[0][k]) * Fraction(half[k]) for k in range(2)) + _exact(radius)
+        nearest = _exact(at[0]) + middle - Fraction(side) * reach  # the point nearest to the limit
+        for beyond in (0.0, 1e-9):
+            end = float(nearest) - side * beyond
+            limits = {**ENDS, "a": (-9.0, end) if side > 0.0 else (end, 9.0)}
+            if beyond == 0.0 and side * (_exact(end) - nearest) < 0:
+                limits["a"] = tuple(np.nextafter(limits["a"], side * np.inf).tolist())
+            equilibrium = Equilibrium(at, np.full(4, radius))
+            inequality = CostInequality(replace(plant, limits=limits), equilibrium, PIECE, Q, R)
+            assert inequality.is_outside(box).tolist() == [beyond > 0.0]
+
+
+@pytest.mark.parametrize(
+    ("off", "radius", "is_near"),
+    [(0.0, 0.0, True), (0.9e-6, 0.0, True), (0.9e-6, 0.2e-6, False), (-1.1e-6, 0.0, False)],
+)
+def test_an_equilibrium_is_near_with_all_of_its_enclosure(
+    off: float, radius: float, is_near: bool
+) -> None:
+    """The enclosure of an equilibrium is within 1e-6 nominal values, here 2, of the stated one."""
+    states = {"a": Signal(), "b": Signal(nominal=2.0)}
+    plant = replace(_inequality(0.0).plant, model=replace(MODEL, states=states))
+    at = Equilibrium(np.array([0.5, 0.5 + 2.0 * off]), np.array([0.0, 2.0 * radius]))
+    with nullcontext() if is_near else pytest.raises(Rejected, match="b at the equilibrium"):
+        check_near(at, plant, {"a": 0.5, "b": 0.5}, "the stated one")
