@@ -97,19 +97,10 @@ def test_a_game_with_cross_weights_agrees_with_scipy(seed):
 
 
 @pytest.mark.slow
-def test_the_l2_gain_and_the_cost_of_a_policy_contain_the_cross_term():
-    """The gain is that of the output W^(1/2) (z, u), and a policy costs its simulated cost."""
-    game = crossed(7)
-    game = game.with_delta(2.0 * minimum_delta(game).value)
-    exact = solve(game)
-    K = 0.9 * exact.K
-    n = len(game.A)
-    root = np.linalg.cholesky(np.block([[game.Q, game.N], [game.N.T, game.R]])).T
-    C = root @ np.vstack([np.eye(n), -K])
-    loop = control.ss(game.A - game.B @ K, game.E, C, 0)
-    lost = flight_cost(game, exact, K)
-    assert lost.gain == pytest.approx(control.norm(loop, p="inf", tol=1e-9), rel=1e-6)
-    without_gusts = game.with_delta(np.inf)
+def test_the_cost_of_a_policy_contains_the_cross_term():
+    """A policy costs its simulated cost."""
+    without_gusts = crossed(7)
+    n = len(without_gusts.A)
     best = solve(without_gusts)
     K = 0.9 * best.K
     lost = flight_cost(without_gusts, best, K)

@@ -182,6 +182,7 @@ def test_aircraft_without_a_trim_are_counted():
     assert (draws.trimmed, draws.ok) == (1, False)
 
 
+@pytest.mark.slow
 def test_a_deployed_policy_is_assessed_on_drawn_aircraft(folder, capsys):
     """`hfa assess` reports the band of the sampled loop's spectral radius over the drawn aircraft."""
     model = hfa.load_model(written())

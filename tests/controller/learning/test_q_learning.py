@@ -39,23 +39,6 @@ def test_q_learning_finds_the_exact_q_function(seed, margin):
     assert run.settled
 
 
-def test_noise_changes_the_learned_gain_by_little():
-    """Relative noise of 1e-3 in the next states changes the learned K by less than 5 %."""
-    problem = _problem(1)
-    steps = random_steps(problem, 0)
-    noise = 1e-3 * np.random.default_rng(5).standard_normal(steps.next_states.shape)
-    noisy = Steps(
-        steps.states,
-        steps.inputs,
-        steps.disturbances,
-        steps.next_states * (1.0 + noise),
-    )
-    run, _ = learn_steps(problem, steps=noisy)
-    exact = solve_discrete(problem)
-    error = np.linalg.norm(run.K - exact.K) / np.linalg.norm(exact.K)
-    assert 1e-6 < error < 0.05
-
-
 def test_unusable_games_and_steps_are_refused():
     """Games without a solution, and recorded steps without excitation or of unequal number, are
     refused.

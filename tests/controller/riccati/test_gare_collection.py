@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from game_samples import random_game
-from reference_riccati import reference_solution, relative_error
+from reference_riccati import reference_solution
 from scipy.linalg import LinAlgError, block_diag, solve_continuous_are
 
 from controller import minimum_delta
@@ -353,16 +353,3 @@ def test_random_games_are_right_where_scipy_errs(count: int, scaled: bool) -> No
     assert verdicts["refused at the edge"] <= 0.01 * count
     assert min(verdicts["accepted, rightly"], verdicts["refused, rightly"]) >= count // 4
     assert alone[True] >= count // 24
-
-
-def test_the_reference_solves_a_scalar_game() -> None:
-    """The reference solver gives the closed-form solution of a scalar game."""
-    game = Game([[-1.0]], [[2.0]], [[1.0]], [[3.0]], [[4.0]], 2.0)  # S = 1 - 1/4
-    p = (-1.0 + math.sqrt(1.0 + 0.75 * 3.0)) / 0.75
-    reference = reference_solution(game)
-    assert reference.exists
-    assert relative_error(reference.P, np.array([[p]])) < 1e-15
-    assert relative_error(reference.K, np.array([[p / 2.0]])) < 1e-15
-    assert not reference_solution(
-        game.with_delta(0.8)
-    ).exists  # delta_min = 1/sqrt(1 + 1/3) = 0.866

@@ -81,13 +81,6 @@ def test_the_first_line_has_at_most_80_columns(game: Game, name: str) -> None:
         assert ("not stabilizing" in line) == unstable
 
 
-def test_the_l2_gain_is_not_an_error(game: Game) -> None:
-    """For an exact critic, the L2 gain does not count as its largest error."""
-    verdict = verify(game, from_gain(game, gain(game)), limit=game.delta)
-    assert verdict.value_of("l2_gain") > 100.0
-    assert verdict.largest_error < 1e-12
-
-
 def test_rounding_differences_are_reported_as_rounding(game: Game) -> None:
     """For an exact critic, the report states that all entries differ by rounding only."""
     exact = verify(game, from_value(game, value(game)))
