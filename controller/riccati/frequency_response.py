@@ -20,6 +20,8 @@ TOLERANCE = 1e-9
 #: A gain below this fraction of ‖C‖ ‖E‖ / ‖A - B K‖ is rounding: the disturbance does not affect
 #: the output.
 ZERO = 1e-12
+#: Largest number of entries of the matrices that are solved at once: 64 MB.
+_LARGEST = 2**22
 #: A - B K, E and C of a closed loop.
 Triple = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -134,13 +136,19 @@ def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.nd
 
     Raises NoSolutionError if a pole of the loop is on the imaginary axis within rounding.
     """
-    resolvent = 1j * frequencies[:, None, None] * np.eye(len(loop)) - loop
-    try:
-        return np.linalg.solve(resolvent, np.broadcast_to(B, (len(frequencies), *B.shape)))
-    except np.linalg.LinAlgError as error:
-        raise NoSolutionError(
-            "the loop has a pole on the imaginary axis, within rounding; give a stabilizing gain"
-        ) from error
+    x = np.empty((len(frequencies), *B.shape), dtype=complex)
+    several = max(1, _LARGEST // loop.size)
+    for first in range(0, len(frequencies), several):
+        some = frequencies[first : first + several, None, None]
+        resolvent = 1j * some * np.eye(len(loop)) - loop
+        try:
+            x[first : first + several] = np.linalg.solve(resolvent, B)
+        except np.linalg.LinAlgError as error:
+            raise NoSolutionError(
+                "the loop has a pole on the imaginary axis, within rounding; give a stabilizing"
+                " gain"
+            ) from error
+    return x
 
 
 def largest_gains(matrices: np.ndarray, fraction: float) -> np.ndarray:
