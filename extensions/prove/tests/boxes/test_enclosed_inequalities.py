@@ -15,7 +15,7 @@ import pytest
 
 from hfa_aircraft.model import Model, Signal
 from hfa_prove.check.cost import CostInequality, Guess, _least
-from hfa_prove.check.cover import Boxes
+from hfa_prove.check.cover import Boxes, RefutedError
 from hfa_prove.check.equilibrium import Equilibrium, check_near
 from hfa_prove.check.piece import OnPiece
 from hfa_prove.check.region_boxes import Decrease
@@ -240,6 +240,25 @@ def test_a_less_accurate_equilibrium_shrinks_the_hole() -> None:
     The policy saturates at a certain distance from the trim.
     """
     assert _decrease(0.0).hole < _decrease(0.2).hole
+
+
+def _small_box(y: tuple[float, float]) -> Boxes:
+    return Boxes(np.array([y]), np.array([[20, 20]]))
+
+
+@pytest.mark.parametrize("claim", ["region", "cost"])
+def test_a_violated_inequality_is_refuted_at_a_point_of_the_set(claim: str) -> None:
+    """A point of the set where an inequality is violated is returned, and none outside the set."""
+    inside, outside = (0.25, 0.125), (0.75, 0.5)
+    question: Any = _inequality(0.0, share=50.0)
+    if claim == "region":
+        question = replace(_decrease(0.0), extents=np.array([[-0.01, 0.01], [-0.01, 0.01]]))
+    else:
+        question = replace(question, piece=question.piece._replace(c=50.0 * PIECE.c))
+    with pytest.raises(RefutedError) as refuted:
+        question.edges(_small_box(inside))
+    assert refuted.value.place.tolist() == list(inside)
+    question.edges(_small_box(outside))
 
 
 # Rounding, with rational numbers.

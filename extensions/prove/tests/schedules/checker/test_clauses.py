@@ -160,6 +160,11 @@ FORGED: dict[str, tuple[str, Change, str]] = {
         put(_delta_min(1.0 - 1e-9), *CLAIM, "delta_min"),
         _NO_SOLUTION,
     ),
+    "no value at a delta that has one": (
+        "scalar",
+        put(lambda ends: [0.25 * ends[0] + 0.75 * ends[1], ends[1]], *CLAIM, "delta_min"),
+        "imaginary axis",
+    ),
     "value below delta_min": (
         "scalar",
         put(lambda ends: [0.5 * ends[0], 0.9 * ends[0]], *CLAIM, "delta_min"),

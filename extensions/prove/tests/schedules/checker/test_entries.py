@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from fractions import Fraction
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from hfa_prove.fields import Fields, Malformed, stored
+from hfa_prove.statements.game import Plant
 from hfa_prove.subject import Given, _same, close_to, within
 
 Read = Callable[[Fields], Any]
@@ -149,3 +151,13 @@ def test_tolerances_bound_each_difference(sign: float) -> None:
     assert not near({"a": 1.0, "b": 2.0 + 1e-9 * sign}, {"a": 1.0, "b": 2.0})
     assert not near({"a": 1.0}, {"a": 1.0, "b": 2.0})
     assert not near({"a": 1.0, "b": 2.0, "c": 0.0}, {"a": 1.0, "b": 2.0})
+
+
+@pytest.mark.parametrize(
+    ("A", "B"), [([[1.0, 2.0]], [[1.0]]), ([[1.0]], [[]]), ([[1.0]], [[1.0], [2.0]]), ([], [])]
+)
+def test_a_plant_is_square_and_has_an_input(A: Any, B: Any) -> None:
+    """A plant without states or inputs, or whose matrices do not fit, is refused."""
+    Plant.read(Fields("", {"A": [[1.0]], "B": [[1.0, 2.0]]}), SimpleNamespace())
+    with pytest.raises(Malformed):
+        Plant.read(Fields("", {"A": A, "B": B}), SimpleNamespace())

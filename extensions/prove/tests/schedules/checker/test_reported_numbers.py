@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from as_proved import as_proved
-from stored_certificates import read, stored
+from proof_cases import forge
+from stored_certificates import pendulum, read, stored
 
+import hfa
+from hfa import BadInputError, NoSolutionError
+from hfa_flight.problem import flight_problem
+from hfa_prove.bound import lower_bound
 from hfa_prove.report import checked_report
 from hfa_prove.report_cost import checked_bound_report
 from hfa_prove.report_region import checked_report as region_report
@@ -106,6 +113,32 @@ def test_the_report_of_a_bound_states_each_piece() -> None:
         statement.bound(Z)
     )
     assert statement.level == max(piece["c"] for piece in claim["pieces"])
+
+
+def test_a_bound_is_read_for_the_flights_of_a_problem_alone(tmp_path: Path) -> None:
+    """The bound of a certificate is returned if it is proved and about the flights of a problem.
+
+    Other weights, fewer moving inputs and a forged W are refused.
+    """
+    content = copy.deepcopy(stored("cost"))
+    for entries in (content["statement"]["pieces"], content["witness"]["boxes"]):
+        del entries[:-1]
+    path = forge(tmp_path / "cost.json", content)
+    model = pendulum()
+    point = hfa.trim(model)
+    problem = flight_problem(model, point, [1.0, 1.0], [1.0])
+    assert lower_bound(path, problem).level == content["statement"]["pieces"][0]["c"]
+    for other in (
+        flight_problem(model, point, [1.0, 2.0], [1.0]),
+        flight_problem(model, point, [1.0, 1.0], [2.0]),
+        replace(problem, linear=problem.linear.select(inputs=())),
+    ):
+        with pytest.raises(BadInputError):
+            lower_bound(path, other)
+    for term in content["statement"]["pieces"][0]["W"]:
+        term[0] *= 4.0
+    with pytest.raises(NoSolutionError):
+        lower_bound(forge(tmp_path / "forged.json", content), problem)
 
 
 LOW, MIDDLE, HIGH = 15.0, 15.125, 15.25
