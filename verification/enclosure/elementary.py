@@ -37,6 +37,12 @@ _ODD = [(-1.0) ** k / factorial(2 * k + 1) for k in range(10, -1, -1)]
 _EVEN = [(-1.0) ** k / factorial(2 * k) for k in range(10, -1, -1)]
 #: Relative error of a few roundings of a number.
 ROUNDING = 1e-15
+#: Unit of rounding.
+UNIT = 2.0**-53
+#: Factor that rounds upward the sum of at most some hundred nonnegative terms.
+UPWARD = 1.0 + 1e-12
+#: Upper bound of the underflow of one operation.
+TINY = 1e-290
 
 
 def exp(t: np.ndarray) -> np.ndarray:

@@ -12,15 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from verification.enclosure.elementary import TINY, UNIT, UPWARD
 from verification.enclosure.lines import enclosed
 from verification.enclosure.program import Argument, Kind, Program
 
-#: Unit of rounding.
-_U = 2.0**-53
-#: Factor that rounds radii upward.
-_UPWARD = 1.0 + 1e-12
-#: Upper bound of the underflow of one operation.
-_TINY = 1e-290
 #: Number of points at a time, whose values fit in the cache of a processor.
 _TOGETHER = 4000
 
@@ -39,25 +34,25 @@ class Intervals(NamedTuple):
     @property
     def low(self) -> np.ndarray:
         """Lower ends, rounded downward."""
-        return self.middle - self.radius * _UPWARD - 4.0 * _U * np.abs(self.middle)
+        return self.middle - self.radius * UPWARD - 4.0 * UNIT * np.abs(self.middle)
 
     @property
     def high(self) -> np.ndarray:
         """Upper ends, rounded upward."""
-        return self.middle + self.radius * _UPWARD + 4.0 * _U * np.abs(self.middle)
+        return self.middle + self.radius * UPWARD + 4.0 * UNIT * np.abs(self.middle)
 
     def times(self, other: Intervals) -> Intervals:
         """Return enclosures of the products, entry by entry."""
         middle = self.middle * other.middle
         radius = np.abs(self.middle) * other.radius + np.abs(other.middle) * self.radius
-        radius = radius + self.radius * other.radius + 4.0 * _U * np.abs(middle)
-        return Intervals(middle, radius * _UPWARD + _TINY)
+        radius = radius + self.radius * other.radius + 4.0 * UNIT * np.abs(middle)
+        return Intervals(middle, radius * UPWARD + TINY)
 
     def plus(self, other: Intervals) -> Intervals:
         """Return enclosures of the sums, entry by entry."""
         middle = self.middle + other.middle
-        radius = self.radius + other.radius + 2.0 * _U * np.abs(middle)
-        return Intervals(middle, radius * _UPWARD)
+        radius = self.radius + other.radius + 2.0 * UNIT * np.abs(middle)
+        return Intervals(middle, radius * UPWARD)
 
 
 class Jacobian(NamedTuple):
@@ -74,8 +69,8 @@ class Jacobian(NamedTuple):
 def between(low: np.ndarray, high: np.ndarray) -> Intervals:
     """Return intervals that contain [low, high], entry by entry."""
     middle = 0.5 * (low + high)
-    radius = np.maximum(high - middle, middle - low) * _UPWARD
-    return Intervals(middle, radius + 2.0 * _U * np.abs(middle))
+    radius = np.maximum(high - middle, middle - low) * UPWARD
+    return Intervals(middle, radius + 2.0 * UNIT * np.abs(middle))
 
 
 def jacobian(program: Program, box: Intervals) -> Jacobian:
@@ -141,8 +136,8 @@ def _rows(argument: Argument, known: list[Jacobian]) -> Jacobian:
             radius = radius + weights @ part.radius
             size = size + weights @ (np.abs(part.middle) + part.radius)
             terms += block.shape[1] + 1
-        rounding = 4.0 * terms * _U * size
-        parts.append(Intervals(np.asarray(middle), np.asarray((radius + rounding) * _UPWARD)))
+        rounding = 4.0 * terms * UNIT * size
+        parts.append(Intervals(np.asarray(middle), np.asarray((radius + rounding) * UPWARD)))
     return Jacobian(*parts)
 
 
@@ -157,10 +152,10 @@ def _result(kind: Kind, arguments: list[Jacobian]) -> Jacobian:
     function = enclosed(kind)
     ends = function.slopes(low, high)
     steepness = between(ends.low, ends.high)
-    reach = np.maximum(high - a.values.middle, a.values.middle - low) * _UPWARD
+    reach = np.maximum(high - a.values.middle, a.values.middle - low) * UPWARD
     parabola = function.nearest((a.values.middle, low, high), reach**2)
     radius = parabola.rest + reach * (np.abs(parabola.slope) + reach * np.abs(parabola.bend))
-    radius = (radius + 4.0 * _U * np.abs(parabola.value)) * _UPWARD + _TINY
+    radius = (radius + 4.0 * UNIT * np.abs(parabola.value)) * UPWARD + TINY
     return Jacobian(Intervals(parabola.value, radius), _scaled(a.slopes, steepness))
 
 

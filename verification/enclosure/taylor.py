@@ -21,18 +21,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from verification.enclosure.elementary import TINY, UNIT, UPWARD
 from verification.enclosure.lines import Parabola, Ranges, enclosed
 from verification.enclosure.program import Argument, Group, Kind, Program
 
-#: Unit of rounding.
-_U = 2.0**-53
 #: Largest error of a coefficient of a product, or of a function of one variable, relative to the
 #: sizes: at most 8 terms, twice.
-_PRODUCT = 16.0 * _U
-#: Factor that rounds radii upward, which are sums of at most some hundred terms.
-_UPWARD = 1.0 + 1e-12
-#: Upper bound of the underflow of one operation.
-_TINY = 1e-290
+_PRODUCT = 16.0 * UNIT
 #: Approximate number of entries in the arrays of a batch.
 _NUMBERS = 2**18
 #: Largest number of boxes of a batch.
@@ -143,7 +138,7 @@ def _sizes(models: Models, n: int) -> _Sizes:
     sizes = np.abs(models.c)
     linear = sizes[:, 1 : n + 1].sum(axis=1)
     square = sizes[:, n + 1 :].sum(axis=1)
-    whole = (sizes[:, 0] + linear + square + models.radius) * _UPWARD
+    whole = (sizes[:, 0] + linear + square + models.radius) * UPWARD
     return _Sizes(linear, square, whole)
 
 
@@ -159,7 +154,7 @@ class TaylorProgram:
         self.n = n
         self._pairs = pairs_of(self.n)
         terms = sum(program.widths) + len(program.widths) + 20
-        self._row = 1.01 * terms * _U
+        self._row = 1.01 * terms * UNIT
         coefficients = 1 + self.n + len(self._pairs.first)
         numbers = coefficients * max(program.widths)
         self.at_once = int(np.clip(_NUMBERS // numbers, 16, _MOST_BOXES))
@@ -233,7 +228,7 @@ class TaylorProgram:
             total, causes = self._errors(traced, which, boxes)
             model = traced.outputs.part(which, boxes)
             # rounding of the weights is relative to sizes that the radius includes
-            bound = (total + 4.0 * self._row * model.radius) * _UPWARD + _TINY
+            bound = (total + 4.0 * self._row * model.radius) * UPWARD + TINY
             model = model._replace(radius=np.fmin(bound, model.radius))
             return Sharpened(lowest(model, n)[0], (amounts_by_edge(model, n)[0] + causes).T)
 
@@ -295,8 +290,8 @@ class TaylorProgram:
         if isinstance(c, float):  # a row without terms
             zero = np.zeros_like(known[0].radius[:1])
             return Models(np.zeros_like(known[0].c[:1]), zero, zero)
-        own = np.asarray(self._row * size) * _UPWARD + _TINY
-        return Models(c, (radius + own) * _UPWARD, own)
+        own = np.asarray(self._row * size) * UPWARD + TINY
+        return Models(c, (radius + own) * UPWARD, own)
 
     def _product(self, a: Models, b: Models) -> Step:
         n = self.n
@@ -315,8 +310,8 @@ class TaylorProgram:
         size_b = np.abs(b.value)
         own = of_a.linear * of_b.square + of_a.square * of_b.linear + of_a.square * of_b.square
         own += (of_a.whole - size_a) * b.radius + (of_b.whole - size_b) * a.radius
-        own = (own + _PRODUCT * of_a.whole * of_b.whole) * _UPWARD + _TINY
-        radius = (own + size_a * b.radius + size_b * a.radius) * _UPWARD
+        own = (own + _PRODUCT * of_a.whole * of_b.whole) * UPWARD + TINY
+        radius = (own + size_a * b.radius + size_b * a.radius) * UPWARD
         return Step((a, b), (b.value, a.value), Models(c, radius, own))
 
     def _function(self, kind: Kind, a: Models) -> Step:
@@ -331,8 +326,8 @@ class TaylorProgram:
         n = self.n
         sizes = _sizes(a, n)
         centre = a.value
-        deviation = (sizes.linear + sizes.square + a.radius) * _UPWARD
-        slack = deviation + 4.0 * _U * np.abs(centre)
+        deviation = (sizes.linear + sizes.square + a.radius) * UPWARD
+        slack = deviation + 4.0 * UNIT * np.abs(centre)
         ranges: Ranges = (centre, centre - slack, centre + slack)
         beyond_linear = sizes.square + a.radius
         # bound of d² - (Σ c_i s_i)²
@@ -352,8 +347,8 @@ class TaylorProgram:
         a1 = a.c[:, 1 : n + 1]
         c[:, n + 1 :] += parabola.bend[:, None] * (factor * (a1[:, i] * a1[:, j]))
         size = np.abs(parabola.value) + deviation * (slope + bend * deviation)
-        own = (parabola.rest + bend * of_square + _PRODUCT * size) * _UPWARD + _TINY
-        radius = (own + slope * a.radius) * _UPWARD
+        own = (parabola.rest + bend * of_square + _PRODUCT * size) * UPWARD + TINY
+        radius = (own + slope * a.radius) * UPWARD
         return Step((a,), (parabola.slope,), Models(c, radius, own))
 
 
@@ -371,7 +366,7 @@ def _caused(errors: np.ndarray, linear: np.ndarray) -> np.ndarray:
     linear: coefficients of the arguments, (values, n, boxes)
     """
     sizes = np.abs(linear)
-    shares = errors / (sizes.sum(axis=1) + _TINY)
+    shares = errors / (sizes.sum(axis=1) + TINY)
     return np.asarray(np.einsum("vnb,vb->nb", sizes, shares))
 
 
@@ -393,7 +388,7 @@ def lowest(models: Models, n: int) -> np.ndarray:
         other = _lowest_parabolas(linear, squares - shares).sum(axis=1)
         size = np.abs(c).sum(axis=1) + models.radius
         bound = c[:, 0] + np.maximum(one, other) - models.radius
-        return np.asarray(bound - 8.0 * (len(i) + n + 10) * _U * size - _TINY)
+        return np.asarray(bound - 8.0 * (len(i) + n + 10) * UNIT * size - TINY)
 
 
 def highest(models: Models, n: int) -> np.ndarray:

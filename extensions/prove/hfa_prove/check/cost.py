@@ -29,10 +29,9 @@ from hfa_support.errors import BadInputError
 from hfa_support.native.bound import RowFunction
 from hfa_support.progress import Progress
 from verification.enclosure.balls import hull, is_positive_definite
+from verification.enclosure.elementary import TINY
 from verification.enclosure.taylor import Models, TaylorProgram, highest, lowest
 
-#: Upper bound of the underflow of one operation.
-_TINY = 1e-290
 #: Newton steps that improve an estimate of the best inputs, on which no proof depends.
 _STEPS = 12
 #: Largest k for which the hole |y_i| <= 2^-k is tried.
@@ -303,7 +302,7 @@ class CostInequality(OnPiece):
         above = _least(b_low, curvature, np.maximum(from_guess[0], 0.0), from_guess[1])
         below = _least(-b_high, curvature, np.maximum(-from_guess[1], 0.0), -from_guess[0])
         loss = -np.minimum(np.minimum(above, below), 0.0).sum(axis=1)
-        return np.asarray(loss * (1.0 + ROUNDING) + _TINY)
+        return np.asarray(loss * (1.0 + ROUNDING) + TINY)
 
     def _curvature(self, boxes: Boxes, least: np.ndarray, most: np.ndarray) -> np.ndarray:
         """Return bounds λ, (boxes, m), with Σ λ_i d_i² <= d'H d for every d.

@@ -39,9 +39,8 @@ from hfa_prove.statements.region import (
 from hfa_support.progress import Progress, with_progress
 from verification.enclosure.balls import exact, matrix, norm
 from verification.enclosure.polynomial import Polynomial, power_of_length
+from verification.enclosure.precision import PRECISION
 
-#: Bits of a midpoint.
-PRECISION = 192
 #: Command interval of an input that is free or at a limit, with 0 its lowest and 1 its highest
 #: value.
 _ENDS = {LOWEST: (-1.0, 0.0), FREE: (0.0, 1.0), HIGHEST: (1.0, 2.0), ANY: (-1.0, 2.0)}
@@ -180,11 +179,7 @@ def _named(part: Part) -> str:
     return ", ".join(part.inputs.values())
 
 
-#: Bits of a midpoint.
-_PRECISION = 192
-
-
-@ctx.workprec(_PRECISION)
+@ctx.workprec(PRECISION)
 def extents_of(statement: RegionStatement, T: np.ndarray) -> dict[str, tuple[float, float]]:
     """Return state -> lowest and highest deviation in a proved set, rounded outward.
 
