@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import control
 import numpy as np
 import pytest
 from project import ROOT
@@ -17,6 +18,9 @@ from project import ROOT
 import hfa
 from hfa import BadInputError, Model, Signal, TrimCondition
 from hfa.paper import default_parameters, level_flight
+from hfa_aircraft import from_control
+from hfa_aircraft.loading import reloaded
+from hfa_aircraft.waveform import Waveform, constant
 from trim import InterpolatedModel, entry_bands, modes_of, release, trim_points
 from trim.linear.linear_model import LinearModel
 
@@ -48,6 +52,18 @@ def loaded_with(tmp_path: Path, **entries: Any) -> LinearModel:
     path = tmp_path / "linear.json"
     path.write_text(json.dumps(point().linearize().to_dict() | entries))
     return LinearModel.load(path)
+
+
+def squared(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    return {"x": x.v, "v": u.force}, {"ratio": x.v**2}
+
+
+def plant(folder: Path, **entries: Any) -> str:
+    """Return the path of a JSON file with a plant of two states."""
+    content = {"A": [[0.0, 1.0], [-2.0, -0.3]], "B": [[0.0], [1.0]], **entries}
+    path = folder / "plant.json"
+    path.write_text(json.dumps({k: v for k, v in content.items() if v is not None}))
+    return str(path)
 
 
 CALLS: dict[str, Callable[[Path], Any]] = {
@@ -97,6 +113,27 @@ CALLS: dict[str, Callable[[Path], Any]] = {
     "parameter gravity is nan": lambda _: hfa.aircraft(
         parameters=default_parameters().values._replace(gravity=math.nan)
     ),
+    "a parameter; set the parameter by --hold panel_mass=VALUE": lambda _: release(
+        level_flight(0.2), hold={"panel_mass": 1.0}
+    ),
+    "ratio replaces v and must depend affinely on v": lambda _: hfa.trim(
+        replace(cart(), equations=squared, replaced={"v": "ratio"})
+    ),
+    "has no update function": lambda _: from_control(control.tf([1.0], [1.0, 1.0]), {}),
+    "takes no mass": lambda _: hfa.load_model(f"{ROOT}/examples/uav.toml", mass="glider.toml"),
+    "is not an aircraft; give": lambda _: hfa.load_model("examples.gtm"),
+    "NONE does not exist; use GTM": lambda _: hfa.load_model(f"{ROOT}/examples/gtm.py:NONE"),
+    "has changed since the run began": lambda _: reloaded(f"{ROOT}/examples/uav.toml", "0", {}),
+    "the parts of a waveform have shapes": lambda _: Waveform(np.zeros(2), np.zeros(3)),
+    "a waveform has an entry that is not finite": lambda _: constant(np.array([np.inf])),
+    "time is sampled": lambda path: hfa.load_model(plant(path, time="sampled")),
+    "the plant is in discrete time": lambda path: hfa.load_model(plant(path, time="discrete")),
+    "A or B is empty": lambda path: hfa.load_model(plant(path, A=[[]], B=[[]])),
+    "A is 1 x 2; give a square matrix": lambda path: hfa.load_model(plant(path, A=[[1.0, 2.0]])),
+    "B is 3 x 1; give 2 x 1": lambda path: hfa.load_model(plant(path, B=[[1.0]] * 3)),
+    "dt = 0.1 denotes discrete time": lambda path: hfa.load_model(plant(path, dt=0.1)),
+    "there is no A": lambda path: hfa.load_model(plant(path, A=None)),
+    "states contains": lambda path: hfa.load_model(plant(path, states=["\x1b", "b"])),
     "panel_span is -1; give a number of at least 0": lambda _: hfa.aircraft(
         parameters=default_parameters().values._replace(panel_span=-1.0)
     ),
@@ -110,3 +147,10 @@ def test_unanswerable_calls_are_refused(message: str, tmp_path: Path) -> None:
         CALLS[message](tmp_path)
     assert message in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def test_a_plant_in_continuous_time_is_read(tmp_path: Path) -> None:
+    """`time` may say so, and states with names keep them."""
+    model = hfa.load_model(plant(tmp_path, time="continuous", dt=0, states=["q", "v"]))
+    assert tuple(model.states) == ("q", "v")
+    assert model.rates_at([1.0, 2.0], [3.0]) == pytest.approx({"q": 2.0, "v": 0.4})
