@@ -27,12 +27,9 @@ IN_FILES = needs(
 )
 
 
-#: Kinds of inputs that are tried in the fast tests.
-FAST = ("command line", "condition.toml", "plant.json", "critic.npz", "sealed game.json")
-
-
 def marks_of(way: str) -> list[pytest.MarkDecorator]:
-    return [IN_FILES] * bool(WAYS[way]) + [pytest.mark.slow] * (way not in FAST)
+    """Return the marks of a kind of inputs. Those in files are slow: the files are made first."""
+    return [IN_FILES, pytest.mark.slow] * bool(WAYS[way])
 
 
 @pytest.mark.parametrize("way", [pytest.param(way, marks=marks_of(way)) for way in WAYS])

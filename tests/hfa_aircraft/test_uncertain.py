@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from project import ROOT
 
 import hfa
 from hfa import BadInputError
+from hfa.paper import default_parameters
 from hfa_aircraft.uncertain import ParameterSpread, spread_of, spread_of_file
 from hfa_aircraft.units import in_si
 
@@ -82,3 +84,16 @@ def test_held_parameters_are_left_out_and_units_are_those_of_the_model(folder: P
     assert metric.values["CL_alpha"] == native.values["CL_alpha"]
     expected = [[4.0 * slug**2, 0.02 * slug], [0.02 * slug, 0.04]]
     np.testing.assert_allclose(metric.covariance, expected)
+
+
+def test_parameters_of_the_flexible_aircraft_have_spread_logarithms() -> None:
+    """The set's covariance is that of its identified parameters; without one it is refused."""
+    known = default_parameters()
+    spread = spread_of(hfa.aircraft(), known, ("lift_slope",))
+    assert spread.of_logarithms
+    assert {*spread.values} == {*known.identified} - {"lift_slope"}
+    place = known.identified.index("panel_mass")
+    own = [*spread.values].index("panel_mass")
+    assert spread.covariance[own, own] == known.covariance[place, place]
+    with pytest.raises(BadInputError, match="requires the covariance of the parameters"):
+        spread_of(hfa.aircraft(), replace(known, covariance=np.zeros((0, 0))), ())

@@ -28,11 +28,9 @@ CAR = Model(
 """
 
 
-def alpha(*words: str) -> float:
-    """Return the angle of attack, rad, of the trim that `hfa trim` finds."""
-    result = hfa("trim", *words, "--json")
-    assert result.code == 0, result.err
-    return float(json.loads(result.out)["operating_point"]["states"]["alpha"])
+def alpha(path: Path | str) -> float:
+    """Return the angle of attack, rad, of the trim of an aircraft file."""
+    return tool.trim(tool.load_model(str(path)))["alpha"]
 
 
 @pytest.fixture
@@ -51,9 +49,9 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_other_aircraft_is_found_beside_the_file(folders: Path) -> None:
     """`aircraft = "uav.toml"` is the file in the folder of the TOML, not in the working folder."""
     (folders / "found.toml").write_text('aircraft = "uav.toml"\n[parameters]\nCL_alpha = 3.45\n')
-    found = alpha("--aircraft", str(folders / "found.toml"))
-    assert found == pytest.approx(alpha("--aircraft", str(folders / "uav.toml")), abs=1e-9)
-    assert abs(found - alpha("--aircraft", "uav.toml")) > 0.01
+    found = alpha(folders / "found.toml")
+    assert found == pytest.approx(alpha(folders / "uav.toml"), abs=1e-9)
+    assert abs(found - alpha("uav.toml")) > 0.01
 
 
 def test_a_changed_aircraft_is_refused(folders: Path) -> None:
@@ -62,7 +60,7 @@ def test_a_changed_aircraft_is_refused(folders: Path) -> None:
     text = f'aircraft = "uav.toml"\nsha256 = "{digest}"\n[parameters]\nCL_alpha = 4.0\n'
     (folders / "found.toml").write_text(text)
     Path("found.toml").write_text(text)
-    alpha("--aircraft", str(folders / "found.toml"))
+    alpha(folders / "found.toml")
     assert_refused(hfa("trim", "--aircraft", "found.toml"), 2, "found.toml", "SHA-256", "sha256")
 
 
@@ -75,9 +73,7 @@ def test_files_that_name_each_other_are_refused(folders: Path) -> None:
         result = hfa("trim", "--aircraft", str(folders / name))
         assert_refused(result, 2, "name each other", name)
     (folders / "two.toml").write_text('aircraft = "uav.toml"\n[parameters]\nCL_0 = 0.10\n')
-    assert alpha("--aircraft", str(folders / "one.toml")) == pytest.approx(
-        alpha("--aircraft", "uav.toml"), abs=1e-9
-    )
+    assert alpha(folders / "one.toml") == pytest.approx(alpha("uav.toml"), abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_model import choice
 from trim import release, trim_report
+from trim.point.status import Status
 
 BASE = level_flight(float(np.radians(10.0)))
 
@@ -71,7 +72,8 @@ def test_each_equation_has_a_tolerance_and_verdict(published_aircraft: Model) ->
         tolerance = 1e-10 * getattr(RATE_SCALES, name)
         assert report.data["equations"][name]["tolerance"] == pytest.approx(tolerance)
         for factor, verdict in ((1.01, "FAIL"), (-1.01, "FAIL"), (0.99, "PASS")):
-            planted = replace(point, residuals=point.residuals | {name: factor * tolerance})
+            residuals = point.residuals | {name: factor * tolerance}
+            planted = replace(point, residuals=residuals, status=Status.FAILED)  # without figures
             checked_report = trim_report(published_aircraft, BASE, planted)
             row = re.search(rf"^rate of {name} .* {verdict}$", checked_report.text(), re.M)
             assert (row is not None) == (verdict == "FAIL")
@@ -104,14 +106,11 @@ def test_the_report_contains_loads_of_each_panel(
 def test_a_failed_trim_has_json_data(command: str) -> None:
     """The JSON of a failed trim contains the nearest point within limits, the limit and the cause.
 
-    The limit is the one that prevents the trim. The exit code is 1, and the message of the JSON
-    output equals that of the text output.
+    The limit is the one that prevents the trim. The exit code is 1.
     """
     words = (command, "--dihedral", "10", "--limit", "throttle=0:30")
     result = hfa(*words, "--json")
-    plain = hfa(*words)
-    assert (result.code, plain.code, plain.out) == (1, 1, "")
-    assert result.err == plain.err
+    assert (result.code, result.err.count("\n")) == (1, 1)
     data = json.loads(result.out)
     assert (data["status"], data["binding"]) == ("failed", ["throttle"])
     assert result.err.startswith(f"hfa: {data['reason'][:60]}")
