@@ -14,9 +14,8 @@ from hfa_support.errors import BadInputError
 
 if TYPE_CHECKING:
     from hfa_prove.check import Proved
-    from hfa_prove.commands.cost import CostRequest
     from hfa_prove.commands.policies import GivenPolicy
-    from hfa_prove.commands.request import RegionRequest
+    from hfa_prove.commands.request import CostRequest, RegionRequest
     from hfa_prove.subject import Given
     from hfa_support.reporting.report import Report
 

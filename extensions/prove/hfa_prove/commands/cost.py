@@ -2,92 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hfa.options.aircraft import Aircraft
-from hfa.options.argument_types import input_file, number, one_of, positive, span
-from hfa.options.game import GameGiven, GameWeights
 from hfa.options.output import ProgressLine
-from hfa.options.part import OfModel, option, part
-from hfa.options.request import Request, command
-from hfa.options.trim import Trim
+from hfa.options.request import command
 from hfa_prove.commands.check import check
 from hfa_prove.commands.options import refuse_no_certificate
-from hfa_support.errors import BadInputError
+from hfa_prove.commands.request import CostRequest
 from hfa_support.files import forget_read
-from trim.point.linearize import linearize
 
 if TYPE_CHECKING:
     from hfa_flight.problem import FlightProblem
     from hfa_prove.check import Proved
     from hfa_prove.search.cost import CostBound
-
-_DEGREES = ("2", "4", "6", "8", "10", "12")
-
-
-def _part(text: str) -> float:
-    """Return the fraction in the text of an option.
-
-    Raises BadInputError unless the text is a number from 0.0001 to 0.99.
-    """
-    part = number(text)
-    if not 1e-4 <= part <= 0.99:
-        raise BadInputError(f"is {text}; give a number from 0.0001 to 0.99")
-    return part
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CostRequest(Request):
-    """Arguments of `hfa prove cost`."""
-
-    aircraft: Aircraft = part(Aircraft, without=("units",))
-    trim: Trim = part(Trim, without=("limit", "start"))
-    game: GameGiven = part(
-        GameGiven, without=("plant",), weights=part(GameWeights, without=("N", "delta"))
-    )
-    degree: int = option(
-        "degree of the polynomial W: 2, 4, 6, 8, 10 or 12; default 4",
-        "N",
-        lambda text: int(one_of(*_DEGREES)(text)),
-        default=4,
-    )
-    margin: float = option(
-        "relative distance of W below the linear quadratic cost; a smaller distance requires more "
-        "time; default 0.02",
-        "PART",
-        _part,
-        default=0.02,
-    )
-    seconds: float = option(
-        "limit of processor time for the proof, s; default 120",
-        "S",
-        positive,
-        default=120.0,
-    )
-    limits: Mapping[str, tuple[float, float]] = option(
-        "limits of a state, instead of the limits of the flight envelope, degrees for angles; "
-        "repeatable",
-        "NAME=LOW:HIGH",
-        OfModel(span),
-        names="--limit",
-        named=True,
-    )
-    resume: bool = option("resume the proof of the unfinished certificate given by -o", rare=True)
-    check: Path | None = option(
-        "verify this certificate instead of proving a bound", "FILE", input_file(".json")
-    )
-
-    def problem(self) -> FlightProblem:
-        """Return the optimal control problem of the flights to the trim."""
-        from hfa_flight.problem import flight_problem
-
-        aircraft = self.trim.aircraft
-        point = self.trim.point()
-        game = self.game.weights.game(linearize(aircraft, point))
-        return flight_problem(aircraft, point, game.Q, game.R, limits=self.limits)
 
 
 @command(CostRequest)

@@ -22,8 +22,7 @@ from hfa_prove.subject import Given
 from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 
 if TYPE_CHECKING:
-    from hfa_prove.commands.cost import CostRequest
-    from hfa_prove.commands.request import CheckRequest, RegionRequest
+    from hfa_prove.commands.request import CheckRequest, CostRequest, RegionRequest
     from hfa_prove.search.loops import Intervals
     from hfa_prove.statements.cost import CostStatement
     from hfa_prove.statements.value import ValueStatement
