@@ -29,6 +29,35 @@ def assert_as_onnx_runtime(path: str, **tolerance: float) -> None:
         assert np.array(found(x)).ravel() == pytest.approx(theirs, **tolerance)
 
 
+def test_a_wide_graph_equals_onnxruntime_at_one_state_and_on_rows() -> None:
+    """Large products, of rows and of several vectors, are not expanded; branches meet again."""
+    rng = np.random.default_rng(9)
+    sizes = {"W": (6, 90), "V": (90, 90), "U": (45, 100), "B": (200, 3), "c": (1, 90)}
+    constants = {
+        name: (rng.normal(size=shape) / np.sqrt(shape[0])).astype("float32")
+        for name, shape in sizes.items()
+    }
+    constants |= {"pairs": np.array([1, 2, 45]), "row": np.array([1, 200])}
+    nodes: list[tuple[Any, ...]] = [
+        ("MatMul", "x W", "a"),
+        ("Tanh", "a", "h"),
+        ("Gemm", "h V c", "g", {"transB": 1, "alpha": 0.5, "beta": 2.0}),
+        ("Mul", "g h", "m"),
+        ("Reshape", "m pairs", "p"),
+        ("MatMul", "p U", "q"),
+        ("Sin", "q", "s"),
+        ("Reshape", "s row", "r"),
+        ("MatMul", "r B", "y"),
+    ]
+    path = onnx_file("wide.onnx", nodes, constants, 3)
+    assert_as_onnx_runtime(path, rel=1e-4, abs=1e-4)
+    read = network_in(path, 6)
+    (function,), (rows,) = read.functions.values(), read.rows.values()
+    assert function.is_a("MXFunction")
+    expected = np.array(function(X.T.astype(float))).T
+    assert rows(X.astype(float)) == pytest.approx(expected, rel=1e-9)
+
+
 def test_normalizations_and_clamps_equal_onnxruntime() -> None:
     """Operators of LayerNorm, BatchNorm, Softplus, SELU and clamps give onnxruntime's results."""
     rng = np.random.default_rng(5)
