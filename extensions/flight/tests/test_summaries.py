@@ -25,13 +25,15 @@ from hfa_flight.air.gust_equations import own_disturbances, taken_components
 from hfa_flight.air.names import gust_speed
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
 from hfa_flight.envelope import Departure, control_excesses, departure, refuse_start
+from hfa_flight.export.c_text import braced, displaced_state
 from hfa_flight.flight import _figures
 from hfa_flight.history import Deviations
 from hfa_flight.initial_box import start_box
 from hfa_flight.limit_cycle import Decay, LimitCycle, duration_for, oscillation
 from hfa_flight.options import actuators_of, gust_at
+from hfa_flight.policies.critic_policy import CriticPolicy
 from hfa_flight.policies.learned_gains import certified_gains
-from hfa_flight.policies.policy import GainPolicy
+from hfa_flight.policies.policy import GainPolicy, function_policy, open_loop
 from hfa_flight.problem import flight_problem
 from hfa_flight.simulation import CompiledLoop
 
@@ -344,6 +346,47 @@ def test_gusts_act_through_declared_disturbances() -> None:
     assert declared("gust_north") == {}
     taken = taken_components(GLIDER, 0.0)
     assert taken == {"w": {"updraft": -1.0}}
+
+
+def test_a_function_is_saturated_and_has_a_gain() -> None:
+    """u = sat(pi(z)) within the limits about the trim; K is the negative slope at 0."""
+    z = ca.SX.sym("z", 2)
+    pi = ca.Function("pi", [z], [ca.vertcat(ca.sin(2.0 * z[0]) + z[1] ** 2, -3.0 * z[1], z[0])])
+    policy = function_policy("pi", pi, POINT)
+    np.testing.assert_allclose(policy.gain, [[-2.0, 0.0], [0.0, 3.0], [-1.0, 0.0]])
+    for at, u in (
+        ([0.03, 0.1], [math.sin(0.06) + 0.01, -0.3, 0.03]),
+        ([0.5, -1.0], [0.2, 0.5, 0.5]),
+        ([-0.5, 1.0], [math.sin(-1.0) + 1.0, -0.5, -0.5]),
+    ):
+        np.testing.assert_allclose(np.array(policy.limited(at)).ravel(), u)
+
+
+def test_steps_of_inputs_begin_at_the_next_tick() -> None:
+    steps = CommandSteps(
+        ("flap", "elevator"), np.array([0.1, 0.21]), np.array([[1.0, 0.0], [2.0, 3.0]])
+    )
+    law = open_loop(steps, ("elevator", "throttle", "flap"), 0.1, 5)
+    expected = [[0.0, 0.0, 0.0], *[[0.0, 0.0, 1.0]] * 2, *[[3.0, 0.0, 2.0]] * 2]
+    np.testing.assert_array_equal(law.held, expected)
+
+
+def test_results_of_a_flight_are_absolute_in_datasets_and_in_c() -> None:
+    data = hfa.fly(GLIDER, POINT, {"elevator": [(0.0, 0.01)]}, 0.1).to_xarray()
+    for name in ("alpha", "speed"):
+        np.testing.assert_allclose(data[name], data[f"{name}_linear"], rtol=1e-9)
+    assert float(data["speed_linear"][0]) == SPEED
+    assert data["throttle"].attrs["units"] == "1"
+    assert braced([1.5, [math.inf, -math.inf]]) == "{1.5, {HUGE_VAL, -HUGE_VAL}}"
+    assert displaced_state(GLIDER) == ("speed", 1.0)
+    tank = SimpleNamespace(states={"level": Signal("ft", nominal=5.0)}, linear=("level",))
+    assert displaced_state(tank) == ("level", 0.05)
+
+
+def test_a_law_that_evaluates_its_samples_again_does_not_fly() -> None:
+    law = SimpleNamespace(settings=SimpleNamespace(stack_policies="current"))
+    with pytest.raises(BadInputError, match="the stack's policies are re-evaluated"):
+        CriticPolicy("critic", law=law, forcing=Waveform(np.zeros(1), np.zeros(1)))
 
 
 def test_the_last_certified_gain_flies() -> None:

@@ -1,6 +1,7 @@
 """Errors in deployment files, and files that are read without executing their code."""
 
 import base64
+import dataclasses
 import io
 import json
 import math
@@ -15,6 +16,7 @@ import pytest
 from policy_cases import FOLDER, GTM, aircraft, gtm_deployment, model_of, stored_deployment
 from tolerances import FEW_ROUNDINGS
 
+import hfa
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.inert_pickle import inert
@@ -428,6 +430,46 @@ def test_a_pickle_cannot_change_a_stored_class_name(folder):
     """A pickle cannot change the class name that is stored for an object."""
     stored = inert(b"\x80\x02cgymnasium.spaces.box\nBox\n)\x81}X\x07\0\0\0made_ofX\x01\0\0\0ysb.")
     assert stored.made_of == "gymnasium.spaces.box.Box"
+
+
+@pytest.mark.parametrize(
+    ("policy", "said"),
+    [
+        ({"file": 5}, "policy.file is 5"),
+        (
+            {"file": ca.Function("f", [ca.SX.sym("o", 3)], [ca.SX.zeros(2)])},
+            "requires 3 observations",
+        ),
+        ({"file": ca.Function("f", [ca.SX.sym("o", 4)], [ca.SX.zeros(3)])}, "returns 3 actions"),
+        ({"file": "flat.npz"}, "is not a matrix of finite numbers"),
+        ({"file": "text.npz"}, "text.npz"),
+        ({}, "policy.file is missing"),
+    ],
+)
+def test_policies_that_do_not_fit_are_refused(tmp_path, policy, said):
+    np.savez(tmp_path / "flat.npz", K=np.ones(4))
+    (tmp_path / "text.npz").write_text("K")
+    deployment = gtm_deployment({**policy, "squash": False})
+    with pytest.raises(BadInputError, match=said):
+        _ = dataclasses.replace(deployment, folder=tmp_path).actor
+
+
+def test_squashed_actions_need_a_box_and_reach_its_ends():
+    """a = low + (tanh + 1) / 2 (high - low); actions that are no numbers are refused at the trim."""
+    o = ca.SX.sym("o", 4)
+    policy = {"file": ca.Function("f", [o], [o[:2]]), "squash": True}
+    with pytest.raises(BadInputError, match="squashed actions requires a box for each action"):
+        _ = gtm_deployment(policy).box
+    action = {"elevator": {"box": [-1, 3]}, "throttle": {"box": [0, 5]}}
+    act = Deployed(gtm_deployment(policy, action=action), model_of(GTM)).act
+    for raw in (-0.3, 0.0, 2.0):
+        share = 0.5 * (np.tanh(raw) + 1.0)
+        found = np.array(act([raw, raw, 0.0, 0.0])).ravel()
+        np.testing.assert_allclose(found, [-1.0 + 4.0 * share, 5.0 * share], atol=1e-12)
+    nan = {"file": ca.Function("f", [o], [ca.log(o[:2] - 1.0)])}
+    deployed = Deployed(gtm_deployment(nan), model_of(GTM))
+    with pytest.raises(BadInputError, match="not finite at the trim"):
+        deployed.refuse_undefined_at([hfa.trim(model_of(GTM))])
 
 
 def test_policies_for_frame_stacks_are_refused():

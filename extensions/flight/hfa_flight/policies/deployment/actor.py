@@ -165,7 +165,9 @@ def stored_gain(path: Path) -> np.ndarray | None:
     with prefix_errors(path), file_faults(path):
         try:
             arrays = tensors_in(regular_file(path).read_bytes(), ".npz")
-        except ValueError as error:
+        except (OSError, BadInputError):
+            raise
+        except Exception as error:  # a damaged file may cause any exception
             raise BadInputError(
                 f"the file is not an .npz file of numbers ({error}); save the arrays with "
                 "numpy.savez"
