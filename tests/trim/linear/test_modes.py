@@ -12,7 +12,7 @@ import hfa
 from hfa import Model, OperatingPoint, TrimCondition, linearize, trim
 from trim import modes_of
 from trim.linear.handling_qualities import handling_qualities
-from trim.linear.modes import modes_table
+from trim.linear.modes import fastest_first, modes_table
 
 
 @pytest.mark.parametrize("damping", [0.1, 0.7, -0.2])
@@ -148,3 +148,10 @@ def test_handling_qualities_follow_from_the_modes(model: Model) -> None:
     assert qualities["spiral time to half"] == pytest.approx(
         -math.log(2) / roots["spiral"].real, rel=1e-12
     )
+
+
+def test_eigenvalues_are_sorted_by_size_real_and_imaginary_part() -> None:
+    """Equal sizes are sorted by increasing real part, a pair with the positive one first."""
+    given = np.array([[1.0 - 2.0j, -3.0, 1.0 + 2.0j, 3.0, 0.5]])
+    expected = [-3.0, 3.0, 1.0 + 2.0j, 1.0 - 2.0j, 0.5]
+    assert fastest_first(given).tolist() == [expected]

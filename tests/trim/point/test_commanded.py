@@ -1,0 +1,53 @@
+"""Trims at commands within and beyond the limits of a spring with a limited force."""
+
+from __future__ import annotations
+
+import pytest
+
+import hfa
+from trim.point.commanded import commanded_trim
+
+#: x'' = force - 2 x, with a force from -3 to 5 N.
+SPRING = hfa.Model(
+    "spring",
+    {"x": hfa.Signal("m"), "v": hfa.Signal("m/s")},
+    {"force": hfa.Signal("N", 1.0, -3.0, 5.0)},
+    lambda x, u, p, w: ({"x": x.v, "v": u.force - 2.0 * x.x}, {}),
+    trim={"x": 0.5},
+)
+
+
+@pytest.mark.parametrize(
+    ("command", "force", "limit"),
+    [(1.0, 3.0, None), (2.0, 5.0, None), (3.0, 7.0, 5.0), (-2.0, -3.0, None), (-3.0, -5.0, -3.0)],
+)
+def test_a_command_needs_its_force(command: float, force: float, limit: float | None) -> None:
+    """The command is a deviation from the trim; a force beyond its limit is compared with it."""
+    found = commanded_trim(hfa.trim(SPRING), {"x": command})
+    assert found.needed["force"] == pytest.approx(force)
+    assert found.beyond == ({} if limit is None else {"force": limit})
+    assert found.is_reachable == (limit is None)
+    if limit is not None:
+        assert found.excess("force") == pytest.approx(abs(force - limit) / 8.0)
+
+
+def test_a_command_without_equilibrium_has_a_reason() -> None:
+    """A speed of the spring is no equilibrium, whatever the force."""
+    found = commanded_trim(hfa.trim(SPRING), {"v": 1.0})
+    assert not found.is_reachable
+    assert "x by 1 m/s" in found.reason
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        (3.5, "v by -2 m/s^2 (active limits: force at maximum 5 N, 7 N required)"),
+        (-2.0, "v by 1 m/s^2 (active limits: force at minimum -3 N, -4 N required)"),
+    ],
+)
+def test_a_failed_trim_states_the_residual_and_the_force_required(place: float, words: str) -> None:
+    """The force is at its limit, and what is missing has the sign of the rate."""
+    with pytest.raises(hfa.NoSolutionError) as refused:
+        hfa.trim(SPRING, x=place)
+    assert words in str(refused.value)
+    assert refused.value.attempt["force"] == (5.0 if place > 0.0 else -3.0)
