@@ -66,8 +66,6 @@ OPERATIONS: Mapping[int, str] = {
 LARGEST = 100_000
 #: Largest number of its nonlinear operations.
 MOST_NODES = 4_000
-#: Largest whole power that is a product.
-_LARGEST_POWER = 12
 #: Largest share of entries other than 0 in a matrix that is stored as a sparse one.
 _SPARSE = 0.5
 _ONE = Fraction(1)
@@ -416,12 +414,6 @@ class Program:
             self.widths.append(len(indices))
         self.outputs = self._argument(rows)
 
-    @property
-    def has_kinks(self) -> bool:
-        """Whether a node is a maximum, a switch or a table."""
-        kinds = {group.kind for group in self.groups}
-        return bool(kinds & {"relu", "step"}) or any(isinstance(kind, Spline) for kind in kinds)
-
     def _argument(self, rows: Sequence[Row]) -> Argument:
         blocks: dict[int, np.ndarray] = {}
         for index, row in enumerate(rows):
@@ -495,20 +487,6 @@ class _Rows(Arithmetic):
         if self._has_both_sides(a, b):
             return a  # slope of max: [t >= 0] / ([t >= 0] + [t <= 0]), which is 1/2 at 0
         return self.multiply(a, self.inverse(b))
-
-    def power(self, a: Row, b: Row) -> Row:
-        power = b.get(0, Fraction(0))
-        if _is_constant(b) and power.denominator == 1 and 0 < abs(power) <= _LARGEST_POWER:
-            whole = self._whole_power(a, int(abs(power)))
-            return whole if power > 0 else self.inverse(whole)
-        return super().power(a, b)
-
-    def _whole_power(self, row: Row, power: int) -> Row:
-        if power == 1:
-            return row
-        half = self._whole_power(row, power // 2)
-        square = self.square(half)
-        return self.multiply(square, row) if power % 2 else square
 
     inverse = _function("inverse")
     sqrt = _function("sqrt")

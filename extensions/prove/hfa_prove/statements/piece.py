@@ -104,11 +104,6 @@ class Piece(NamedTuple):
         rows = rows_of(self.W.terms)
         return {"M": self.M.tolist(), "W": rows, "c": self.c, "whole": self.whole}
 
-    def contains(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of the state deviations z (N, n) in the set, in double precision."""
-        y = z @ self.M.T
-        return np.asarray(np.all(np.abs(y) < 1.0, axis=1) & (self.W.at(y) <= self.c))
-
     def bound(self, z: np.ndarray) -> np.ndarray:
         """Return lower bounds (N,) of the cost from state deviations z (N, n), in double precision.
 

@@ -41,7 +41,7 @@ from hfa_prove.statements.schedule import (
     Piece,
     UncertainActuators,
 )
-from verification.enclosure.balls import doubles
+from verification.enclosure.balls import doubles, matrix
 from verification.enclosure.series import TaylorModel
 
 _NO_SOLUTION = "a root|eigenvalue|Hurwitz"
@@ -379,6 +379,43 @@ def test_each_actuator_has_its_own_parameters() -> None:
         [-3.0 * 5.0 * 0.4, 0.0, -5.0, -2.0 * 0.3 * 5.0],
     ]
     np.testing.assert_allclose(doubles(found.range()), expected, rtol=1e-14)
+
+
+def test_a_controller_with_states_is_closed_without_actuators() -> None:
+    """The loop of x' = A x + B u and x_c' = A_c x_c + B_c y, u = C_c x_c + D_c y is assembled.
+
+    The controller measures the second state of two, and its tables are linear in between.
+    """
+    model = Model(
+        "two states",
+        {"x": Signal(), "v": Signal()},
+        {"u": Signal(), "w": Signal()},
+        lambda x, u, p, w: ({"x": x.v, "v": u.u + u.w}, {}),
+        trim={},
+    )
+    rng = np.random.default_rng(5)
+    tables = [rng.normal(size=(2, *sides)) for sides in ((3, 3), (3, 1), (1, 3), (1, 1))]
+    controller = Controller(
+        breakpoints=np.array([1.0, 3.0]),
+        inputs=("w",),
+        measurements=("v",),
+        **dict(zip("ABCD", tables, strict=True)),
+    )
+    A, B = rng.normal(size=(2, 2)), rng.normal(size=(2, 2))
+    linear = SimpleNamespace(
+        trim=SimpleNamespace(low=1.5, high=1.5),
+        A=TaylorModel(matrix(A)),
+        B=TaylorModel(matrix(B)),
+    )
+    found = closed_loop(linear, model, controller, None)
+    A_c, B_c, C_c, D_c = (0.75 * first + 0.25 * last for first, last in tables)
+    y = np.array([[0.0, 1.0]])
+    b = B[:, 1:]
+    expected = np.block([[A + b @ D_c @ y, b @ C_c], [B_c @ y, A_c]])
+    np.testing.assert_allclose(doubles(found.range()), expected, rtol=1e-12)
+    other = replace(controller, measurements=("w_position",))
+    with pytest.raises(Rejected, match="is not a state"):
+        closed_loop(linear, model, other, None)
 
 
 def test_the_delay_acts_on_the_commands_that_arrive() -> None:

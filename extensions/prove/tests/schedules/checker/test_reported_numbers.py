@@ -24,6 +24,7 @@ from hfa_prove.results import schedule_data
 from hfa_prove.statements.flight import StatedTrim
 from hfa_prove.statements.region import RegionStatement
 from hfa_prove.statements.schedule import Run
+from hfa_prove.words import at_least, at_most
 
 
 def W_at(piece: dict[str, Any], z: np.ndarray) -> np.ndarray:
@@ -139,6 +140,15 @@ def test_a_bound_is_read_for_the_flights_of_a_problem_alone(tmp_path: Path) -> N
         term[0] *= 4.0
     with pytest.raises(NoSolutionError):
         lower_bound(forge(tmp_path / "forged.json", content), problem)
+
+
+@pytest.mark.parametrize("value", [0.123456789, -0.123456789, 987654.321, 3.0])
+@pytest.mark.parametrize("digits", [2, 4, 6])
+def test_bounds_are_printed_rounded_to_their_side(value: float, digits: int) -> None:
+    """A printed lower bound is at most the value, and an upper bound at least, within a digit."""
+    low, high = float(at_least(value, digits)), float(at_most(value, digits))
+    assert low <= value <= high
+    assert high - low <= 10.0 ** (1 - digits) * abs(value)
 
 
 LOW, MIDDLE, HIGH = 15.0, 15.125, 15.25
