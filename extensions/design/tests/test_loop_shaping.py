@@ -147,10 +147,10 @@ def servo(dynamics: str, degrees: tuple[float, ...] = ()) -> ScheduledController
     )
 
 
-@pytest.mark.parametrize("angles", [(20,), pytest.param(range(21), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("angles", [(20,), pytest.param(range(0, 21, 4), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("dynamics", ["published", pytest.param("newton", marks=pytest.mark.slow)])
 def test_every_servo_loop_has_the_required_margins(dynamics: str, angles: Sequence[int]) -> None:
-    """At every integer angle, each loop of the servo has margins of at least 6 dB and 45 deg.
+    """At angles from 0 to 20 deg, each loop of the servo has margins of at least 6 dB and 45 deg.
 
     All loops tolerate 20 ms of delay, also in all inputs at once.
     """

@@ -337,7 +337,7 @@ def test_a_monte_carlo_command_stores_and_summarizes(tmp_path: Path) -> None:
 
 # Gains over the dihedral.
 
-SCHEDULE = ("fly", "--dihedral", "5", "--command", "dihedral=1:6", "--duration", "6")
+SCHEDULE = ("fly", "--dihedral", "5", "--command", "dihedral=1:6", "--duration", "3")
 
 
 @pytest.mark.slow
@@ -356,7 +356,7 @@ def test_scheduled_gains_of_three_formats_fly_equally() -> None:
     for name in ("paper.npz", "gains.json", "stacked.mat", "one.json"):
         result = hfa(*SCHEDULE, "--controller", name, "-o", "flown.json")
         assert (result.code, result.err) == (0, "wrote flown.json\n")
-        assert result.out.startswith("PASS: 6 s")
+        assert result.out.startswith("PASS: 3 s")
         assert f"law gains of {name}\n" in result.out
         data = json.loads(Path("flown.json").read_text("utf-8"))
         finals[name] = np.array(data["history"]["states"][-1])

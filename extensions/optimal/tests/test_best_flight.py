@@ -169,16 +169,6 @@ def test_a_cart_too_fast_to_stop_is_refused() -> None:
         best_of_cart({"position": 15.0, "velocity": 6.0})
 
 
-@pytest.mark.slow
-def test_infeasible_flights_raise_nosolutionerror() -> None:
-    """If no flight within the limits is found, NoSolutionError is raised."""
-    model = hfa.load_model(GTM)
-    point = hfa.trim(model)
-    start = {"speed": -20.0, "pitch": 0.9, "alpha": 0.3}
-    with pytest.raises(hfa.NoSolutionError, match="finds no flight within the limits"):
-        hfa.optimize(model, point, start)
-
-
 def test_wrong_words_of_optimize_are_refused() -> None:
     """An unknown quantity, an unknown argument and a missing initial condition are refused."""
     model = cart()
