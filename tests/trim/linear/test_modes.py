@@ -155,3 +155,13 @@ def test_eigenvalues_are_sorted_by_size_real_and_imaginary_part() -> None:
     given = np.array([[1.0 - 2.0j, -3.0, 1.0 + 2.0j, 3.0, 0.5]])
     expected = [-3.0, 3.0, 1.0 + 2.0j, 1.0 - 2.0j, 0.5]
     assert fastest_first(given).tolist() == [expected]
+
+
+def test_the_table_names_the_states_with_the_largest_shares() -> None:
+    """The row of a mode has its two largest participations, the largest first."""
+    linear = linearize(NAVION, trimmed(NAVION))
+    for mode, row in zip(linear.modes, modes_table(linear.modes).rows, strict=True):
+        ranked = sorted(mode.participation, key=mode.participation.__getitem__, reverse=True)
+        first, second = row[-1].split(", ")
+        assert first == f"{ranked[0]} {mode.participation[ranked[0]]:.0%}"
+        assert second.split()[0] == ranked[1]

@@ -56,6 +56,9 @@ def test_every_variable_has_limits_and_a_margin(
             rf"^{name} +{margin.value * factor:.5f} +\S+ +{role}{limits}{last}$", shown, re.M
         ), name
     assert re.search(r"^alpha +3\.18040 +deg +free +-20\* +20\* +16\.81960$", shown, re.M)
+    assert re.search(
+        r"^gamma +0\.0+ +deg +imposed +-63\.1804\* +56\.8196\* +56\.81960$", shown, re.M
+    )
     assert re.search(r"^pitch +3\.18040 +deg +follows +-60\* +60\* +56\.81960$", shown, re.M)
     assert re.search(r"^aileron_outer +0\.00000 +deg +imposed +-20\* +20\* +0\.0 %", shown, re.M)
 
