@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -597,16 +598,18 @@ def test_loops_stable_for_doubles_only_are_refused() -> None:
         check(decimals=True)
 
 
-def test_gains_of_critics_are_checked_against_values() -> None:
-    """K = R⁻¹ B'P is accepted for P = 2 and W = 2 z², and refused if either is 2.1."""
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_gains_of_critics_are_checked_against_values(size: float) -> None:
+    """K = R⁻¹ B'P with R = 4 and B = 2 is accepted within 1e-9, and refused for another P or W."""
     one = np.eye(1)
-    weights = Weights(one, one, one, np.inf)
-    B = TaylorModel(arb_mat([[1]]))
-    check_gain(weights, B, {"K": 2.0 * one, "P": 2.0 * one, "W": 2.0 * one})
-    for other in ("P", "W"):
-        critic = {"K": 2.0 * one, "P": 2.0 * one, "W": 2.0 * one, other: 2.1 * one}
-        with pytest.raises(Rejected, match="K is not the gain"):
-            check_gain(weights, B, critic)
+    weights = Weights(one, 4.0 * one, one, np.inf)
+    B = TaylorModel(arb_mat([[2]]))
+    for off, is_same in ((0.0, True), (5e-10, True), (2e-9, False), (-2e-9, False)):
+        for part in ("P", "W"):
+            critic = {"K": 0.5 * size * one, "P": size * one, "W": size * one}
+            critic[part] = size * (1.0 + off) * one
+            with nullcontext() if is_same else pytest.raises(Rejected, match="K is not the gain"):
+                check_gain(weights, B, critic)
 
 
 def test_trims_are_identified_for_all_parameter_errors() -> None:
