@@ -127,21 +127,7 @@ class Episodes:
         self._trims = np.array([deployed.trim_vector(point) for point in points])
         self._linear = deployed.model.state_places(deployed.model.linear)
         self.owners = np.zeros(count, dtype=int)
-
-        X, memory, _ = self._flight.slices
-        actions, trim, push = self._flight.held_slices
-        n, m = len(deployed.model.states), len(deployed.model.inputs)
-        self._state = np.zeros((count, memory.stop + 1))
-        self._held = np.zeros((count, push.stop + 2 * n))
-        self.states = self._state[:, X]
-        self.inputs = self._state[:, memory.stop - m : memory.stop]
-        self._left = self._state[:, memory.stop]
-        self._actions = self._held[:, actions]
-        self.parameters = self._held[:, trim][:, n + m :]
-        self._winds = self._held[:, push.stop - len(self._flight.winds) : push.stop]
-        names = list(deployed.model.parameters)
-        self._drawn = [n + m + names.index(name) for name in self.varied]
-
+        self._allocate(count)
         self._observe = row_code(self._observation())
         self._observed = np.zeros((count, deployed.observe.numel_out(0)))
         self._has_past = deployed.past > 0
@@ -150,6 +136,27 @@ class Episodes:
             self.frames = np.zeros((count, deployed.deployment.width))
         self.outcomes = np.zeros((count, 3))
         self._fly = self._compiled()
+
+    def _allocate(self, count: int) -> None:
+        """Allocate a row of states and of held values for each episode, and name their parts."""
+        # A row of the states contains state, memory, and the number of remaining samples. A row of
+        # the held values contains actions, trim, push, and the lowest and the highest state. The
+        # trim ends with the parameters, the memory with the inputs, and the push with the winds.
+        flight = self._flight
+        model = self.deployed.model
+        n, m = len(model.states), len(model.inputs)
+        X, memory, _ = flight.slices
+        actions, trim, push = flight.held_slices
+        self._state = np.zeros((count, memory.stop + 1))
+        self._held = np.zeros((count, push.stop + 2 * n))
+        self.states = self._state[:, X]
+        self.inputs = self._state[:, memory.stop - m : memory.stop]
+        self._left = self._state[:, memory.stop]
+        self._actions = self._held[:, actions]
+        self.parameters = self._held[:, trim][:, n + m :]
+        self._winds = self._held[:, push.stop - len(flight.winds) : push.stop]
+        names = list(model.parameters)
+        self._drawn = [n + m + names.index(name) for name in self.varied]
 
     @property
     def done(self) -> np.ndarray:
