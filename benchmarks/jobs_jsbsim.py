@@ -48,22 +48,18 @@ def _sweeps(quick: bool) -> list[Row]:
     condition = release(usual_condition(model), hold=held)
     peer = f16_peer(condition)
     peer_speeds = np.linspace(460.0, 640.0, peer_count).tolist()
-    comparisons = []
-    for compiled, to_reach in ((False, 20.0), (True, 120.0)):
-        timing = in_turn(
-            partial(_sweep, model, grid, compiled),
-            partial(peer, "speed", peer_speeds),
-            len(grid),
-            peer_count,
-            repeats=1 if quick else 3,
-        )
-        flights = np.column_stack([np.linspace(460.0, 640.0, len(grid)), grid[:, 1]])
-        limit = evaluations(model, ("speed", "altitude"), flights, condition, compiled)
-        job = f"{len(grid)} points of the 737 of JSBSim, kcas x altitude"
-        how = "generated C" if compiled else "no compiler"
-        by = "python-control (hybr, from the neighbour) + linearize"
-        comparisons.append(Row(f"{job}, {how}", by, timing, to_reach, limit=limit))
-    return comparisons
+    timing = in_turn(
+        partial(_sweep, model, grid),
+        partial(peer, "speed", peer_speeds),
+        len(grid),
+        peer_count,
+        repeats=1 if quick else 3,
+    )
+    flights = np.column_stack([np.linspace(460.0, 640.0, len(grid)), grid[:, 1]])
+    limit = evaluations(model, ("speed", "altitude"), flights, condition)
+    job = f"{len(grid)} points of the 737 of JSBSim, kcas x altitude"
+    by = "python-control (hybr, from the neighbour) + linearize"
+    return [Row(job, by, timing, 20.0, limit=limit)]
 
 
 def _environments(quick: bool) -> list[Row]:
@@ -136,9 +132,9 @@ def _environment(frames: int, count: int, target: float, quick: bool) -> Row:
     return Row(job, f"FGFDMExec.run of JSBSim, {frames} a step", timing, target, limit=limit)
 
 
-def _sweep(model: Model, grid: np.ndarray, compiled: bool) -> None:
+def _sweep(model: Model, grid: np.ndarray) -> None:
     """Trim and linearize a model at all points, and assert that each point is trimmed."""
-    points = trim_points(model, ("kcas", "altitude"), grid, compile_code=compiled)
+    points = trim_points(model, ("kcas", "altitude"), grid)
     assert (points.status == TRIMMED).all()
 
 

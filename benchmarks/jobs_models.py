@@ -30,13 +30,11 @@ from hfa_model import LINEAR_STATES, STATES, Parameters
 from hfa_model.atmosphere import density
 from hfa_model.choice import aircraft
 from hfa_support.native.bound import BoundFunction, RowFunction
-from hfa_support.native.machine_code import c_compiler
 from trim.hfa.level_flight import level_flight
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.linearize import linearize
 from trim.point.solve import level_model, trim
 from trim.point.system import TrimSystem
-from trim.sweeps.machine import compiled_trim
 from trim.sweeps.mode_tracking import track_modes
 from trim.sweeps.points import TRIMMED, trim_points
 from trim.sweeps.shared import SharedSystem, without_shared
@@ -262,7 +260,6 @@ def evaluations(
     variables: tuple[str, ...],
     values: np.ndarray,
     condition: TrimCondition | None,
-    compile_code: bool,
 ) -> Limit:
     """Return the least time of a trim with its linear model, as a limit for a sweep.
 
@@ -273,7 +270,6 @@ def evaluations(
     variables: names of the variables of the sweep
     values: values of the variables, (points, variables)
     condition: trim condition, or None for the usual one
-    compile_code: whether the evaluations are machine code
     """
     condition = usual_condition(model) if condition is None else condition
     system = SharedSystem(model, condition.freed_for(variables), variables)
@@ -284,24 +280,13 @@ def evaluations(
     equations = system.equations
     parts: Sequence[Callable[..., Any]] = (equations.residual_rows, equations.linear_rows)
     functions = (equations.residual_rows.function, equations.linear_rows.function)
-    if compile_code:
-        parts = [_compiled(functions[0], function) for function in functions]
-    elif not system.is_quick:
+    if not system.is_quick:
         shared, *parts = map(RowFunction, without_shared(*functions))
         seconds += shortest(partial(shared, c), len(values), repeats=3)
         (c,) = shared(c)
     for evaluate in parts:
         seconds += shortest(partial(evaluate, z, c), len(values), repeats=3)
     return Limit(seconds, "two evaluations of the derivatives")
-
-
-def _compiled(residual: ca.Function, function: ca.Function) -> Callable[..., Any]:
-    """Return a function in machine code that evaluates a CasADi function (z, c) at many points."""
-    flat = ca.vertcat(*(ca.vec(part) for part in function.call([*function.sx_in()])))
-    one = ca.Function("one", function.sx_in(), [ca.densify(flat)])
-    machine = compiled_trim(residual, one)
-    assert machine is not None
-    return machine.linear
 
 
 def _trim(quick: bool) -> list[Row]:
@@ -331,7 +316,7 @@ def _trim(quick: bool) -> list[Row]:
             timing,
             4.0,
             f"largest error of the peer's entries {error:.1e}, of ours rounding",
-            limit=evaluations(flexible, ("dihedral",), angle, None, False),
+            limit=evaluations(flexible, ("dihedral",), angle, None),
         )
     ]
 
@@ -343,8 +328,8 @@ def _angles(quick: bool) -> list[Row]:
     system = peer_system()
     angles = np.radians(np.linspace(0.0, 20.0, count))
 
-    def ours(compile_code: bool, modes: bool = False) -> None:
-        flights = trim_points(flexible, ("dihedral",), angles[:, None], compile_code=compile_code)
+    def ours(modes: bool = False) -> None:
+        flights = trim_points(flexible, ("dihedral",), angles[:, None])
         assert (flights.status == TRIMMED).all()
         if modes:
             rows = [STATES.index(name) for name in LINEAR_STATES]
@@ -357,16 +342,12 @@ def _angles(quick: bool) -> list[Row]:
     job = f"{count} dihedral angles"
     name = "python-control, point by point"
     units = (count, peer_count)
-    rows = []
-    for compiled, how, target in ((False, "no compiler", 60.0), (True, "generated C", 400.0)):
-        if compiled <= (c_compiler() is not None):
-            limit = evaluations(flexible, ("dihedral",), angles[:, None], None, compiled)
-            timing = in_turn(partial(ours, compiled), peer, *units)
-            rows.append(Row(f"{job}, {how}", name, timing, target, limit=limit))
+    limit = evaluations(flexible, ("dihedral",), angles[:, None], None)
+    alone = Row(job, name, in_turn(ours, peer, *units), 60.0, limit=limit)
     job += " with tracked modes, every residual and limit checked"
-    timing = in_turn(partial(ours, True, modes=True), peer, *units, repeats=3)
+    timing = in_turn(partial(ours, modes=True), peer, *units, repeats=3)
     limit = _with_modes(flexible, angles, limit)
-    return [*rows, Row(job, f"{name} (trim, A, B only)", timing, 20.0, limit=limit)]
+    return [alone, Row(job, f"{name} (trim, A, B only)", timing, 20.0, limit=limit)]
 
 
 def _with_modes(flexible: Model, angles: np.ndarray, limit: Limit) -> Limit:
@@ -414,7 +395,6 @@ def f16_peer(condition: TrimCondition) -> Callable[[str, Sequence[float]], list[
 
     condition: trim condition of the aircraft
     """
-    import casadi as ca
     import control
 
     model = condition.model
@@ -485,30 +465,16 @@ def _f16_flights(turning: bool, count: int, peer_count: int) -> list[Row]:
     values = np.linspace(low, high, count)
     peer = f16_peer(condition)
 
-    def ours(compile_code: bool) -> None:
-        points = trim_points(
-            condition.model, (name,), values[:, None], condition, compile_code=compile_code
-        )
+    def ours() -> None:
+        points = trim_points(condition.model, (name,), values[:, None], condition)
         assert (points.status == TRIMMED).all()
 
     job = f"{count} points of an F-16 with {len(condition.free)} unknowns"
     by = "python-control (hybr, from the neighbour) + linearize"
-    rows = []
-    for compiled, target in (
-        ((False, 12.0), (True, 150.0))
-        if turning
-        else (
-            (False, 30.0),
-            (True, 400.0),
-        )
-    ):
-        if compiled <= (c_compiler() is not None):
-            every = values[:: count // peer_count].tolist()
-            timing = in_turn(partial(ours, compiled), partial(peer, name, every), count, peer_count)
-            limit = evaluations(condition.model, (name,), values[:, None], condition, compiled)
-            how = "generated C" if compiled else "no compiler"
-            rows.append(Row(f"{job}, {how}", by, timing, target, limit=limit))
-    return rows
+    every = values[:: count // peer_count].tolist()
+    timing = in_turn(ours, partial(peer, name, every), count, peer_count)
+    limit = evaluations(condition.model, (name,), values[:, None], condition)
+    return [Row(job, by, timing, 12.0 if turning else 30.0, limit=limit)]
 
 
 JOBS = {

@@ -26,18 +26,11 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 from trim.point.status import BALANCE, Status
 from trim.point.system import TrimSystem
-from trim.sweeps.machine import CompiledSystem
 from trim.sweeps.shared import SharedSystem
 
 #: Possible statuses of a point.
 STATUS = (Status.TRIMMED, Status.BEYOND_LIMITS, Status.NO_TRIM)
 TRIMMED, BEYOND_LIMITS, NO_TRIM = range(len(STATUS))
-#: Number of points above which compiled machine code saves time, for any model: the time to compile
-#: and the time saved per point both grow with the number of instructions. Measured: 560,000 points
-#: of the F-16 with 5 unknowns, 770,000 with 12, and 1,000,000 of the HFA. The number is fixed,
-#: because machine code gives the same numbers only up to rounding, and a sweep must be reproducible
-#: bit for bit.
-COMPILE_FROM = 1_000_000
 #: Width of the cells at whose centers the search for points with free states begins, in nominal
 #: values: for a single variable, and for several variables, which have many more cells.
 _FINE_CELL = 0.01
@@ -79,7 +72,6 @@ def trim_points(
     condition: TrimCondition | None = None,
     *,
     start: OperatingPoint | None = None,
-    compile_code: bool | None = None,
     progress: Progress | None = None,
 ) -> Points:
     """Return the trims and linear models at N points, one for each row of `values`.
@@ -94,7 +86,6 @@ def trim_points(
     values: (N, number of variables)
     condition: by default the trim that the model declares
     start: initial point of the search at each point, or None for the default
-    compile_code: whether machine code is used; by default from `COMPILE_FROM` points on
     progress: called with (finished points, all points), or None
 
     Raises BadInputError for values of a wrong shape, and for an unknown name.
@@ -113,10 +104,8 @@ def trim_points(
     if condition is None:
         condition = usual_condition(model)
     refuse_unfit(condition, model)
-    if compile_code is None:
-        compile_code = len(values) >= COMPILE_FROM
     variables, values, condition = _resolved(variables, values, condition)
-    system = _system(model, condition, variables, start, compile_code)
+    system = _system(model, condition, variables, start)
     points = _settled_together(system, variables, values)
     slow = np.flatnonzero(points.one_by_one).tolist()
     for done, i in enumerate(slow, start=len(values) - len(slow) + 1):
@@ -207,12 +196,11 @@ def _system(*request: Any) -> SharedSystem:
     last = _last_system
     if last is not None and all(a is b for a, b in zip(request, last[0], strict=True)):
         return last[1]
-    model, condition, variables, start, compile_code = request
+    model, condition, variables, start = request
     for name in variables:
         model.refuse_unheld("cannot sweep", name, tuple(model.parameters))
     begin = None if start is None else start.values
-    make = CompiledSystem if compile_code else SharedSystem
-    system = make(model, condition.freed_for(variables), variables, begin)
+    system = SharedSystem(model, condition.freed_for(variables), variables, begin)
     _last_system = (request, system)
     return system
 

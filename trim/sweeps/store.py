@@ -154,7 +154,7 @@ def _template(plan: SweepPlan) -> Any:
         "flag_values": list(range(len(STATUS))),
         "flag_meanings": " ".join(word.replace(" ", "_") for word in STATUS),
     }
-    kinks = {"long_name": "entries of A and B at a kink, -1 where not determined"}
+    kinks = {"long_name": "entries of A and B at a kink"}
     slow = {
         "long_name": "1 where the point was trimmed separately, which is a thousand times slower"
     }

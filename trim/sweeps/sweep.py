@@ -57,8 +57,6 @@ if TYPE_CHECKING:
 
 #: Largest number of points of a sweep in memory.
 MOST_POINTS = 1_000_000
-#: Number of points of a task at which kinks are searched for if the sweep runs as machine code.
-LOOKED_AT = 2_000
 #: Width and height of the root locus, inches.
 _LOCUS_INCHES = (10.0, 5.2)
 #: A mode is slow if its eigenvalue is always below this fraction of the fastest.
@@ -81,7 +79,6 @@ def run_points(
     values: np.ndarray,
     condition: TrimCondition,
     start: OperatingPoint | None,
-    compile_code: bool,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Return the results of a sweep for some of its points, name -> array.
@@ -91,29 +88,17 @@ def run_points(
 
     The arguments are those of `trim_points`.
     """
-    points = trim_points(
-        model,
-        variables,
-        values,
-        condition,
-        start=start,
-        compile_code=compile_code,
-        progress=progress,
-    )
-    # Machine code trims a point as fast as kinks are searched for.
-    few = slice(0, LOOKED_AT if compile_code else len(values))
+    points = trim_points(model, variables, values, condition, start=start, progress=progress)
     smoothed = with_means_at_kinks(
         model,
-        points.states[few],
-        points.inputs[few],
-        parameters_at(model, variables, values[few]),
-        points.A[few],
-        points.B[few],
+        points.states,
+        points.inputs,
+        parameters_at(model, variables, values),
+        points.A,
+        points.B,
     )
-    points.A[few] = smoothed.A
-    points.B[few] = smoothed.B
-    kinks = np.full(len(values), -1)
-    kinks[few] = 0
+    points = points._replace(A=smoothed.A, B=smoothed.B)
+    kinks = np.zeros(len(values), dtype=int)
     for point, notes in smoothed.notes.items():
         kinks[point] = len(notes)
     trimmed = points.status == TRIMMED

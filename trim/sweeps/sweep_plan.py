@@ -16,7 +16,7 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, numbers_in, shown
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.operating_point import OperatingPoint, beyond_range
-from trim.sweeps.points import COMPILE_FROM, condition_at
+from trim.sweeps.points import condition_at
 
 #: Largest number of points of a grid, which is never stored as a whole.
 MOST_POINTS = 1_000_000_000
@@ -201,8 +201,7 @@ class SweepPlan:
 
     def task(
         self, start: int, stop: int
-    ) -> tuple[Model, tuple[str, ...], np.ndarray, TrimCondition, OperatingPoint | None, bool]:
+    ) -> tuple[Model, tuple[str, ...], np.ndarray, TrimCondition, OperatingPoint | None]:
         """Return the arguments with which `run_points` computes the points start .. stop - 1."""
         values = self.values(start, stop)
-        compiled = self.count >= COMPILE_FROM
-        return self.model, self.variables, values, self.condition, self.start, compiled
+        return self.model, self.variables, values, self.condition, self.start

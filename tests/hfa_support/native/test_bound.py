@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from threads import Rows, differing
 
 import hfa
@@ -11,8 +10,7 @@ from trim.hfa.level_flight import LEVEL_FLIGHT
 from trim.sweeps.sweep import run_points
 
 
-@pytest.mark.parametrize("compile_code", [False, True])
-def test_concurrent_sweeps_equal_sequential_sweeps(compile_code: bool) -> None:
+def test_concurrent_sweeps_equal_sequential_sweeps() -> None:
     """Five sweeps computed in concurrent threads equal those computed one after the other."""
 
     def chunk(number: int) -> Rows:
@@ -20,9 +18,7 @@ def test_concurrent_sweeps_equal_sequential_sweeps(compile_code: bool) -> None:
         values = np.column_stack(
             [np.radians(rng.uniform(0.0, 20.0, 200)), rng.uniform(25.0, 75.0, 200)]
         )
-        rows = run_points(
-            hfa.aircraft(), ("dihedral", "speed"), values, LEVEL_FLIGHT, None, compile_code
-        )
+        rows = run_points(hfa.aircraft(), ("dihedral", "speed"), values, LEVEL_FLIGHT, None)
         return {name: rows[name] for name in ("states", "inputs", "A", "B", "eigenvalues")}
 
     assert differing(chunk, range(5)) == []

@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from own_models import F16
 
 from hfa import Model, Signal
-from hfa_support.native.machine_code import c_compiler
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.halving import newton, newton_step
 from trim.point.system import TrimSystem
-from trim.sweeps.machine import CompiledSystem
 
 SPEEDS = np.linspace(150.0, 700.0, 40)
 
 
-def f16_system(kind: type[TrimSystem] = TrimSystem) -> TrimSystem:
-    """Return the equations of a straight trim of the F-16 with 12 unknowns and a given speed.
-
-    kind: class of the system, interpreted or compiled
-    """
-    return kind(F16, usual_condition(F16), ("speed",))
+def f16_system() -> TrimSystem:
+    """Return the equations of a straight trim of the F-16 with 12 unknowns and a given speed."""
+    return TrimSystem(F16, usual_condition(F16), ("speed",))
 
 
 def circle(scale: float) -> tuple[Model, TrimCondition]:
@@ -38,19 +32,9 @@ def circle(scale: float) -> tuple[Model, TrimCondition]:
     return model, usual_condition(model)
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [
-        TrimSystem,
-        pytest.param(
-            CompiledSystem,
-            marks=pytest.mark.skipif(c_compiler() is None, reason="no C compiler here"),
-        ),
-    ],
-)
-def test_points_alone_and_together_give_equal_results(kind: type[TrimSystem]) -> None:
+def test_points_alone_and_together_give_equal_results() -> None:
     """Newton's method gives the same result for a point alone and among forty points."""
-    system = f16_system(kind)
+    system = f16_system()
     c = system.constants(len(SPEEDS), {"speed": SPEEDS})
     start = np.tile(system.start, (len(SPEEDS), 1))
     together, settled = newton(system, start, c)
@@ -85,24 +69,3 @@ def test_a_singular_step_has_the_least_norm() -> None:
     steps = newton_step(jacobians, np.array([[2.0, 4.0], [3.0, 4.0], [1.0, 1.0]]))
     np.testing.assert_allclose(steps[:2], [[-1.0, -1.0], [-3.0, -2.0]], rtol=1e-12)
     assert np.isnan(steps[2]).all()
-
-
-@pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")
-def test_c_code_reports_a_singular_jacobian() -> None:
-    """The C code reports a singular Jacobian, and Python then takes the step of least norm.
-
-    The Jacobian is singular at x = -y.
-    """
-    system = CompiledSystem(*circle(1.0))
-    assert system.machine is not None
-    starts = np.array([[0.1, 3.0], [1.0, -1.0], [2.0, 0.5]])
-    constants = np.repeat(system.constants(), len(starts), axis=0)
-    _, settled, singular = system.machine.newton(starts, constants)
-    assert (settled.tolist(), singular.tolist()) == ([True, False, True], [False, True, False])
-    in_c, all_settled = newton(system, starts, constants)
-    slow, slow_settled = newton(TrimSystem(*circle(1.0)), starts, constants)
-    assert all_settled.tolist() == slow_settled.tolist()
-    np.testing.assert_allclose(in_c[all_settled], slow[all_settled], rtol=1e-12)
-    jammed = np.repeat(starts[1:2], 2, axis=0)
-    _, settled_there, singular_there = system.machine.newton(jammed, constants[:2])
-    assert (settled_there.any(), singular_there.all()) == (False, True)

@@ -309,7 +309,7 @@ def test_each_point_has_the_expected_status(aircraft: Model) -> None:
     within = ((at >= limits[:, 0]) & (at <= limits[:, 1])).all(axis=1)
     assert within.tolist() == [status == TRIMMED for status in statuses.values()][:5]
     # The store also contains the eigenvalues of A, fastest first.
-    rows = run_points(aircraft, ("speed", "gamma", "alpha"), values, LEVEL_FLIGHT, None, False)
+    rows = run_points(aircraft, ("speed", "gamma", "alpha"), values, LEVEL_FLIGHT, None)
     assert np.all(np.diff(np.abs(rows["eigenvalues"][4])) <= 1e-9)
     assert np.prod(rows["eigenvalues"][4]) == pytest.approx(np.linalg.det(points.A[4]), abs=1e-9)
     assert np.isnan(rows["eigenvalues"][:4]).all()
