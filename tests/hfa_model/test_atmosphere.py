@@ -50,28 +50,6 @@ def test_the_atmosphere_agrees_with_ambiance(
     )  # square root of the molar mass
 
 
-@pytest.mark.parametrize(
-    ("metres", "thick", "half_unit", "kelvin", "sound"),
-    # U.S. Standard Atmosphere, 1976, Tables I and III: density in kg/m^3, temperature in K, speed
-    # of sound in m/s at geometric altitudes.
-    [
-        (0, 1.2250, 5e-5, 288.150, 340.29),
-        (1_000, 1.1117, 5e-5, 281.651, 336.43),
-        (5_000, 0.73643, 5e-6, 255.676, 320.55),
-        (10_000, 0.41351, 5e-6, 223.252, 299.53),
-        (15_000, 0.19476, 5e-6, 216.650, 295.07),
-    ],
-)
-def test_the_atmosphere_agrees_with_printed_tables(
-    metres: int, thick: float, half_unit: float, kelvin: float, sound: float
-) -> None:
-    """Density, temperature and speed of sound agree with the printed tables to their last digit."""
-    altitude = metres / METRE_PER_FOOT
-    assert abs(density(altitude) * KG_PER_M3 - thick) <= half_unit
-    assert abs(temperature(altitude) - kelvin) <= 5.0001e-4
-    assert abs(speed_of_sound(altitude) * METRE_PER_FOOT - sound) <= 5e-3
-
-
 def test_the_density_derivative_is_hydrostatic() -> None:
     """The derivative of the density is dρ/dH = -ρ (g/R - λ) / T, with dH/dh = (r / (r + h))²."""
     h = ca.SX.sym("h")

@@ -206,16 +206,11 @@ def sears(k: np.ndarray) -> np.ndarray:
 
 
 def test_lags_approximate_theodorsens_function() -> None:
-    """Jones's two lags approximate Theodorsen's C(k) within 0.015 and 2.4 % from k = 0.05 to 2.
-
-    A planted error in the shares is detected.
-    """
+    """Jones's two lags approximate Theodorsen's C(k) within 0.015 and 2.4 % from k = 0.05 to 2."""
     k = np.linspace(0.05, 2.0, 400)
     error = np.abs(response("lag", WAGNER, k) - theodorsen(k))
     assert error.max() < 0.015
     assert (error / np.abs(theodorsen(k))).max() < 0.024
-    planted = WAGNER._replace(shares=(0.185, 0.315))
-    assert np.abs(response("lag", planted, k) - theodorsen(k)).max() > 0.02
 
 
 def step(of: Callable[[np.ndarray], np.ndarray], end: float, s: np.ndarray) -> np.ndarray:
@@ -242,19 +237,11 @@ def step(of: Callable[[np.ndarray], np.ndarray], end: float, s: np.ndarray) -> n
 def test_step_responses_approximate_theodorsen_and_sears(
     of: Callable[[np.ndarray], np.ndarray], end: float, lag: Lag, most: float
 ) -> None:
-    """The step responses of the lags approximate those of Theodorsen and Sears.
-
-    If the first rate is doubled (planted error), the difference exceeds the limit.
-    """
+    """The step responses of the lags approximate those of Theodorsen and Sears."""
     s = np.array([0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0])
     exact = step(of, end, s)
-
-    def off(lag: Lag) -> float:
-        approximation = 1 - sum(a * np.exp(-b * s) for a, b in zip(*lag, strict=True))
-        return float(np.abs(approximation - exact).max())
-
-    assert off(lag) < most
-    assert off(lag._replace(rates=(2 * lag.rates[0], lag.rates[1]))) > most
+    approximation = 1 - sum(a * np.exp(-b * s) for a, b in zip(*lag, strict=True))
+    assert np.abs(approximation - exact).max() < most
 
 
 @pytest.mark.parametrize("degrees", [0.0, 11.0, 20.0])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cli import answer, hfa
+from cli import answer
 
 from hfa_model import LINEAR_STATES
 from hfa_model.unsteady import LAG_STATES, UNSTEADY
@@ -29,11 +29,6 @@ def test_trims_models_and_games_contain_the_lag_states() -> None:
     assert game["certificate"]["ok"]
     assert game["delta_min"] == pytest.approx(141.95, abs=0.01)
     assert game["states"] == model["states"]
-
-
-def test_the_help_lists_unsteady_dynamics() -> None:
-    """The help of `hfa trim` lists the unsteady dynamics."""
-    assert "the same air loads), unsteady" in " ".join(hfa("trim", "--help").out.split())
 
 
 def test_unsteady_effects_can_be_set_and_swept() -> None:
