@@ -497,6 +497,27 @@ def load_factor(rates, x):
     return -(w_rate + p * v - q * u - weight) / gravity
 
 
+@pytest.mark.parametrize("units", ["english", "si"])
+def test_limits_are_those_of_the_table_or_assumed(units):
+    """The table states the limits of inputs; those of states are multiples of its condition."""
+    table = {**NAVION, "units": units, "alpha": 0.05}
+    foot = 1.0 if units == "english" else 0.3048
+    model = from_derivatives(table)
+    limits = {name: (signal.min, signal.max) for name, signal in model.signals.items()}
+    expected = {
+        "speed": (0.3 * 176.0, 5.0 * 176.0), "alpha": (0.05 - 0.3, 0.05 + 0.3),
+        "beta": (-0.3, 0.3), "roll": (-3.1, 3.1), "pitch": (-1.5, 1.5),
+        "altitude": (-1000.0 * foot, 150000.0 * foot), "thrust": (0.0, 1500.0),
+        "elevator": (-math.radians(23.0), math.radians(23.0)),
+    }  # fmt: skip
+    for name, ends in expected.items():
+        assert limits[name] == pytest.approx(ends), name
+        assert model.signals[name].assumed == (name not in ("thrust", "elevator"))
+    weight = NAVION["mass"]["mass"] * (32.17405 if units == "english" else 9.80665)
+    assert model.inputs["thrust"].nominal == pytest.approx(0.1 * weight)
+    assert model.trim["speed"] == 176.0
+
+
 def test_rate_of_alpha_and_its_lift_are_consistent():
     """The rate α' and the lift that α' causes through CL_alphadot satisfy both equations.
 

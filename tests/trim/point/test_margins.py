@@ -6,7 +6,6 @@ import math
 
 import pytest
 
-from hfa_aircraft.limits import NEAR
 from trim.point.margins import Margin
 
 
@@ -48,9 +47,9 @@ def test_margins_follow_from_the_limits(value: float, lowest: float, highest: fl
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_a_variable_is_at_its_limit_within_a_tolerance(side: float) -> None:
-    """The tolerance is `NEAR` of nominal size plus limit; beyond the limit it is at the limit."""
+    """The tolerance is 1e-6 of nominal size plus limit; beyond the limit it is at the limit."""
     limits = (-40.0, 40.0)
-    slack = NEAR * (2.0 + 40.0)
+    slack = 1e-6 * (2.0 + 40.0)
     for inward, expected in ((0.99 * slack, True), (1.01 * slack, False), (-1.0, True)):
         margin = Margin("x", side * (40.0 - inward), "free", *limits, "m", 2.0)
         assert margin.at_limit == expected
