@@ -73,7 +73,7 @@ def peak_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level:
     ]
     frequencies = np.unique(np.concatenate(points))
     frequencies = np.concatenate([frequencies, (frequencies[1:] + frequencies[:-1]) / 2.0])
-    return float(largest_gains(C @ responses(A, B, frequencies) + D, 1.0).max())
+    return float(gains_at(A, B, C, D, frequencies, 1.0).max())
 
 
 @checks_arguments
@@ -126,6 +126,35 @@ def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> f
     return level if level > 10.0 * ZERO * typical else 0.0
 
 
+def gains_at(
+    A: np.ndarray,
+    B: np.ndarray,
+    C: np.ndarray,
+    D: np.ndarray,
+    frequencies: np.ndarray,
+    fraction: float,
+) -> np.ndarray:
+    """Return the largest singular values of C (jω I - A)⁻¹ B + D at N frequencies, (N,).
+
+    frequencies: ω, (N,), rad/s
+    fraction: as in `largest_gains`, of the largest of the frequencies that are evaluated together
+
+    Raises NoSolutionError as `responses` does.
+    """
+    together = _together(max(B.size, D.size))
+    return np.concatenate(
+        [
+            largest_gains(C @ responses(A, B, some) + D, fraction)
+            for some in np.split(frequencies, range(together, len(frequencies), together))
+        ]
+    )
+
+
+def _together(size: int) -> int:
+    """Return how many matrices of so many entries are in memory at once."""
+    return max(1, _LARGEST // max(size, 1))
+
+
 def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
     """Return the response of the states to the inputs, (jω I - loop)⁻¹ B, (N, n, m), at N
     frequencies.
@@ -137,7 +166,7 @@ def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.nd
     Raises NoSolutionError if a pole of the loop is on the imaginary axis within rounding.
     """
     x = np.empty((len(frequencies), *B.shape), dtype=complex)
-    several = max(1, _LARGEST // loop.size)
+    several = _together(loop.size)
     for first in range(0, len(frequencies), several):
         some = frequencies[first : first + several, None, None]
         resolvent = 1j * some * np.eye(len(loop)) - loop

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.riccati.balancing import spectrum
-from controller.riccati.frequency_response import largest_gains, responses
+from controller.riccati.frequency_response import gains_at
 
 GRID_PER_DECADE = 60
 #: Points near a resonance: their spacing grows with the distance from the pole, up to a hundred of
@@ -64,13 +64,15 @@ def swept_gain(loop: np.ndarray, E: np.ndarray, C: np.ndarray) -> SweptGain:
     if len(C) > len(loop):
         C = np.linalg.qr(C).R  # the same gain by fewer outputs
 
-    def gains_at(frequencies: np.ndarray, fraction: float) -> np.ndarray:
-        return largest_gains(C @ responses(loop, E, frequencies), fraction)
+    D = np.zeros((len(C), E.shape[1]))
+
+    def gains(frequencies: np.ndarray, fraction: float) -> np.ndarray:
+        return gains_at(loop, E, C, D, frequencies, fraction)
 
     rival = RIVAL
-    peaks = _peaks(gains_at, _sweep_grid(poles.eigenvalues))
+    peaks = _peaks(gains, _sweep_grid(poles.eigenvalues))
     for _ in range(REFINEMENTS):
-        finer = [peak.finer(gains_at) for peak in peaks]
+        finer = [peak.finer(gains) for peak in peaks]
         rival /= 10.0
         highest = max(peak.gain for peak in finer)
         peaks = [peak for peak in finer if peak.gain >= (1.0 - rival) * highest]

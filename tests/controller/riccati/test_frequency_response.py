@@ -12,6 +12,7 @@ from game_samples import failed_names, game_models
 from tolerances import TWO_GAINS
 
 from controller import bounded_real_gain
+from controller.riccati import frequency_response
 from controller.riccati.frequency_response import (
     closed_loop,
     largest_gains,
@@ -92,6 +93,21 @@ def test_largest_gains_are_largest_singular_values(shape: tuple[int, int]) -> No
     assert gains[is_large] == pytest.approx(exact[is_large], rel=1e-13)
     assert (gains >= exact * (1.0 - 1e-13)).all()
     assert (gains[~is_large] < exact.max()).all()
+
+
+def test_a_large_loop_is_swept_in_parts(
+    first: tuple[Game, np.ndarray], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Gains at many frequencies do not depend on how many matrices are in memory at once."""
+    game, P = first
+    loop, E, C = closed_loop(game, game.gain(P))
+    D = np.ones((len(C), E.shape[1]))
+    frequencies = np.geomspace(1e-2, 1e2, 50)
+    whole = C @ np.linalg.inv(1j * frequencies[:, None, None] * np.eye(len(loop)) - loop) @ E + D
+    for most in (2**22, 3 * loop.size, 1):
+        monkeypatch.setattr(frequency_response, "_LARGEST", most)
+        gains = frequency_response.gains_at(loop, E, C, D, frequencies, 0.0)
+        np.testing.assert_allclose(gains, np.linalg.norm(whole, 2, axis=(1, 2)), rtol=1e-12)
 
 
 def test_gain_of_an_unstable_loop_is_infinite(first: tuple[Game, np.ndarray]) -> None:
