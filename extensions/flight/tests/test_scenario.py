@@ -137,6 +137,14 @@ def test_noise_and_turbulence_have_specified_deviations(plan: MonteCarlo) -> Non
             lambda: replace(ACTUATORS, highest=Input(1.0, 1.0, 1.0, -0.5, 1.0)),
             "position limits of elevator_center",
         ),
+        (
+            lambda: replace(ACTUATORS, rate=Input(1.0, 0.0, 1.0, 1.0, 1.0)),
+            "the rate limit of aileron_center is 0.0; give a positive rate",
+        ),
+        (
+            lambda: replace(ACTUATORS, rate=Input(1.0, 1.0, np.nan, 1.0, 1.0)),
+            "the rate limit of aileron_outer is nan",
+        ),
         (lambda: replace(ACTUATORS, order=3), "the order of the actuators is 3"),
         (lambda: ActuatorFault(damping=np.nan), "damping after a fault is nan"),
         (lambda: replace(ACTUATORS, faults=(ActuatorFault(inputs=("flap",)),)), "no input 'flap'"),

@@ -31,7 +31,7 @@ from hfa_flight.history import Deviations
 from hfa_flight.initial_box import start_box
 from hfa_flight.limit_cycle import Decay, LimitCycle, duration_for, oscillation
 from hfa_flight.options import actuators_of, gust_at
-from hfa_flight.policies.critic_policy import CriticPolicy
+from hfa_flight.policies.critic_policy import CriticPolicy, powers
 from hfa_flight.policies.learned_gains import certified_gains
 from hfa_flight.policies.policy import GainPolicy, function_policy, open_loop
 from hfa_flight.problem import flight_problem
@@ -381,6 +381,14 @@ def test_results_of_a_flight_are_absolute_in_datasets_and_in_c() -> None:
     assert displaced_state(GLIDER) == ("speed", 1.0)
     tank = SimpleNamespace(states={"level": Signal("ft", nominal=5.0)}, linear=("level",))
     assert displaced_state(tank) == ("level", 0.05)
+
+
+def test_powers_of_residuals_keep_their_sign() -> None:
+    """(a1 + 1) |e|^(1 - eta) + (a2 + 1) |e|^(1 + eta), with the sign of e, and 0 at 0."""
+    residuals = np.array([-8.0, -0.5, 0.0, 0.25, 3.0])
+    found = np.array(ca.DM(powers(ca.DM(residuals), 2.0, 4.0, 0.3))).ravel()
+    size = np.abs(residuals)
+    np.testing.assert_allclose(found, np.sign(residuals) * (3.0 * size**0.7 + 5.0 * size**1.3))
 
 
 def test_a_law_that_evaluates_its_samples_again_does_not_fly() -> None:

@@ -154,6 +154,9 @@ def test_scales_and_intensities_equal_the_specification() -> None:
     assert middle.lengths == (1375.0,) * 3
     at_2000 = np.interp(2000.0, [1750.0, 3750.0], [6.9, 7.4])
     assert middle.intensities == pytest.approx((0.5 * (2.53172 + at_2000),) * 3, rel=1e-5)
+    for altitude, severe in ((30e3, 18.0), (40e3, 15.55), (50e3, 13.6), (70e3, 7.05)):
+        found = scales_and_intensities("severe", altitude, "dryden")
+        assert found == ((1750.0,) * 3, pytest.approx((severe,) * 3))
     for altitude, said in (
         (5.0, "covers only 10 to 80000"),
         (9e4, "covers only"),
