@@ -24,6 +24,7 @@ from studies.identification.parameters import IDENTIFIED
 from trim import compare, entry_bands, regenerate
 from trim.hfa.printed import (
     Bands,
+    EntryRow,
     eigenvalue_errors,
     has_bands,
 )
@@ -307,3 +308,23 @@ def test_times_that_are_no_times_are_refused(time: object) -> None:
             respond(time)
     assert linear.step(5.0).time[-1] == pytest.approx(5.0)
     np.testing.assert_allclose(linear.step([0.0, 1.0]).outputs[0, 0], [0.0, 1.0 - np.exp(-1.0)])
+
+
+@pytest.mark.parametrize(
+    ("printed", "computed", "half_units", "percent", "is_zero"),
+    [
+        (2.0, 2.1, 2.0, 5.0, False),
+        (-2.0, -2.1, -2.0, -5.0, False),
+        (0.0, 1e-9, 2e-8, math.nan, True),
+        (0.0, 0.1, 2.0, math.nan, False),
+        (2.0, 2.0, 0.0, 0.0, False),
+    ],
+)
+def test_an_entry_is_compared_in_half_units_and_percent(
+    printed: float, computed: float, half_units: float, percent: float, is_zero: bool
+) -> None:
+    """Half a unit of 0.05 is the last digit's; only an entry printed as 0 can be zero."""
+    entry = EntryRow("A", "alpha", "speed", printed, computed, 0.05)
+    assert entry.half_units == pytest.approx(half_units)
+    assert entry.percent == pytest.approx(percent, nan_ok=True)
+    assert (entry.is_zero, entry.name) == (is_zero, "A(alpha, speed)")
