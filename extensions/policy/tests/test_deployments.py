@@ -18,8 +18,9 @@ from tolerances import FEW_ROUNDINGS
 
 import hfa
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_flight.policies.deployment.deployment import Deployment, sampled_gain
 from hfa_flight.policies.deployment.inert_pickle import inert
+from hfa_flight.policies.deployment.normalizer import Normalizer
 from hfa_flight.policies.deployment.stable_baselines import read_zip
 from hfa_policy.assess import assess
 from hfa_policy.environment import environment, vector_environment
@@ -452,6 +453,61 @@ def test_policies_that_do_not_fit_are_refused(tmp_path, policy, said):
     deployment = gtm_deployment({**policy, "squash": False})
     with pytest.raises(BadInputError, match=said):
         _ = dataclasses.replace(deployment, folder=tmp_path).actor
+
+
+def test_the_usual_deployment_moves_inputs_by_half_their_range():
+    """From the trim by a in [-1, 1]; by the nominal value of an input without limits."""
+    model = dataclasses.replace(
+        model_of(GTM),
+        inputs={
+            **model_of(GTM).inputs,
+            "throttle": hfa.Signal("%", nominal=7.0),
+        },
+    )
+    deployment = Deployment.usual(model, 0.05)
+    assert deployment.dt == 0.05
+    entries = deployment.observation
+    assert {name: each["scale"] for name, each in entries.items()} == {
+        name: model.states[name].nominal for name in model.linear
+    }
+    assert deployment.action["elevator"]["map"] == f"trim + {(0.35 + 0.5) / 2!r} * a"
+    assert deployment.action["throttle"] == {"box": [-1.0, 1.0], "map": "trim + 7.0 * a"}
+
+
+def test_a_sampled_gain_acts_on_all_states_and_inputs(tmp_path):
+    model = model_of(GTM)
+    K = np.arange(8.0).reshape(2, 4)
+    np.savez(tmp_path / "K.npz", K=K)
+    np.savez(tmp_path / "none.npz", L=K)
+    np.savez(tmp_path / "turned.npz", K=K.T)
+    deployment = sampled_gain(tmp_path / "K.npz", model, 0.03)
+    assert (deployment.dt, list(deployment.observation)) == (0.03, list(model.linear))
+    o = np.array([0.1, -0.2, 0.3, 0.4])
+    np.testing.assert_allclose(np.array(Deployed(deployment, model).act(o)).ravel(), -K @ o)
+    for name, said in (
+        ("none", "the file contains no K"),
+        ("turned", "K is 4 x 2; give a K of 2 x 4"),
+    ):
+        with pytest.raises(BadInputError, match=said):
+            sampled_gain(tmp_path / f"{name}.npz", model, 0.03)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"mean": [[0.0, 1.0]]}, "mean of the normalizer is not a list of finite numbers"),
+        ({"variance": [1.0, np.inf]}, "variance of the normalizer is not a list"),
+        ({"mean": [0.0]}, "the normalizer has 1 means and 2 variances"),
+        ({"epsilon": np.nan}, "epsilon of the normalizer is nan"),
+        ({"variance": [1.0, -1.0]}, "epsilon of the normalizer is 1e-08"),
+        ({"variance": [1.0, 0.0], "epsilon": 0.0}, "epsilon of the normalizer is 0.0"),
+        ({"clip": 0.0}, "clip of the normalizer is 0.0"),
+    ],
+)
+def test_numbers_that_define_no_normalizer_are_refused(changes, said):
+    numbers = {"mean": [0.0, 1.0], "variance": [1.0, 2.0], **changes}
+    with pytest.raises(BadInputError, match=said):
+        Normalizer(**numbers)
 
 
 def test_squashed_actions_need_a_box_and_reach_its_ends():
