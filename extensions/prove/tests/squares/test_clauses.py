@@ -240,18 +240,7 @@ def _put(value: Any, *path: Any) -> Callable[[Content], None]:
     return change
 
 
-def _lower_order(content: Content) -> None:
-    """Change the certificate to Taylor polynomials of order 1, for a V of degree 2."""
-    content["witness"]["order"] = 1
-
-
-def _thirteen(content: Content) -> None:
-    """Change the proof that the ball contains the set to monomials up to degree 13."""
-    content["witness"]["inside"] |= _square(0, 13, [1e-9] * 105)
-
-
 _INSIDE = ("witness", "inside")
-_PART = ("witness", "parts", 0)
 
 #: Name of the forgery -> change of the certificate, and message of the clause that refuses it.
 FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
@@ -296,29 +285,6 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     ),
     "a set said to be empty": (_empty_set_claimed, "empty"),
     "no part": (_put([], "witness", "parts"), "do not cover"),
-    "an order below V": (_lower_order, "order"),
-    "rho of 0": (_put(0.0, "statement", "piece", "c"), "c"),
-    "lowest degree not whole": (_put([0.5, 1], *_INSIDE, "degrees"), r"invalid entry: .*inside"),
-    "highest degree not whole": (_put([0, 1.5], *_INSIDE, "degrees"), r"invalid entry: .*inside"),
-    "monomials of degree 13": (_thirteen, r"invalid entry: .*inside"),
-    "a part of an input too many": (_put(["free"], *_PART, "inputs"), r"invalid entry: .*inputs"),
-    "an unknown multiplier": (
-        _put(_square(0, 0, [1.0]), *_INSIDE, "multipliers", "level"),
-        "multipliers: unknown entry",
-    ),
-    "extents of no state": (_put({}, "witness", "extents", "z"), "extents: unknown entry"),
-}
-#: Objects of a certificate in which an unknown entry is refused.
-OBJECTS: dict[str, tuple[Any, ...]] = {
-    "witness": ("witness",),
-    "evidence": _INSIDE,
-    "multiplier": (*_INSIDE, "multipliers", "outside"),
-    "part": _PART,
-    "pair of extents": ("witness", "extents", "x"),
-}
-FORGED |= {
-    f"an unread entry of a {name}": (_put(1.0, *path, "note"), "unknown entry")
-    for name, path in OBJECTS.items()
 }
 
 

@@ -52,11 +52,6 @@ def _exchanged(content: Content, generator: np.random.Generator) -> None:
         term[0] = coefficient
 
 
-def _linear_term(content: Content, generator: np.random.Generator) -> None:
-    n = len(content["statement"]["piece"]["M"])
-    content["statement"]["piece"]["W"].append([float(generator.normal()), [1] + [0] * (n - 1)])
-
-
 def _gain(content: Content, generator: np.random.Generator) -> None:
     K = content["statement"]["loop"]["policy"]["K"]
     if not K:
@@ -124,14 +119,6 @@ def _some_gram(content: Content, generator: np.random.Generator) -> Content:
     return squares[generator.integers(len(squares))]
 
 
-def _gram_missing(content: Content, generator: np.random.Generator) -> None:
-    _some_gram(content, generator)["gram"] = []
-
-
-def _gram_gone(content: Content, generator: np.random.Generator) -> None:
-    del _some_gram(content, generator)["gram"]
-
-
 def _gram_negated(content: Content, generator: np.random.Generator) -> None:
     """Negate the Gram matrix of a random multiplier in a certificate.
 
@@ -190,16 +177,6 @@ def _flat_ball(content: Content, generator: np.random.Generator) -> None:
 
 def _low_order(content: Content, generator: np.random.Generator) -> None:
     content["witness"]["order"] = int(generator.integers(0, 3))
-
-
-def _not_a_number(content: Content, generator: np.random.Generator) -> None:
-    value = [float("nan"), float("inf"), "1", None, True][generator.integers(5)]
-    content["statement"]["piece"]["c"] = value
-
-
-def _unknown_entry(content: Content, generator: np.random.Generator) -> None:
-    place = ["statement", "witness"][generator.integers(2)]
-    content[place]["note"] = "true"
 
 
 def _disturbance_larger(content: Content, generator: np.random.Generator) -> None:
@@ -268,14 +245,11 @@ KINDS: dict[str, Forgery] = {
     "V scaled": _scaled,
     "V shifted": _shifted,
     "V exchanged": _exchanged,
-    "V with a slope at 0": _linear_term,
     "another gain": _gain,
     "limits widened": _widened,
     "a limit left out": _limit_left_out,
     "trim moved": _trim_moved,
     "extents smaller": _extent,
-    "Gram matrix empty": _gram_missing,
-    "Gram matrix gone": _gram_gone,
     "Gram matrix negated": _gram_negated,
     "Gram matrix permuted": _gram_permuted,
     "multipliers larger": _gram_scaled,
@@ -286,6 +260,4 @@ KINDS: dict[str, Forgery] = {
     "ball too small": _small_ball,
     "ball flat": _flat_ball,
     "order too low": _low_order,
-    "not a number": _not_a_number,
-    "unknown entry": _unknown_entry,
 }

@@ -143,16 +143,6 @@ FORGED: dict[str, tuple[str, Change, str]] = {
         put([1.7, 9.0], *FLIGHT, "limits", "x"),
         "x is not proved to be",
     ),
-    "a limit wider than the model's": (
-        "rate",
-        put([0.0, 300.0], *FLIGHT, "limits", "throttle"),
-        "throttle beyond the model's",
-    ),
-    "a lower limit wider than the model's": (
-        "rate",
-        put([-1.0, 200.0], *FLIGHT, "limits", "throttle"),
-        "throttle beyond the model's",
-    ),
     "a distance too large": ("plant", _distance_too_large, "distance of K"),
     "a distance too small": ("plant", _distance_too_small, "distance of K"),
     "K that does not follow": ("plant", put(True, *CLAIM, "gain_of_value"), "K is not the gain"),
@@ -221,15 +211,6 @@ FORGED: dict[str, tuple[str, Change, str]] = {
 }
 
 
-def _ends_early(runs: Any) -> Any:
-    """Return the intervals of a statement. The last interval is cut at its middle.
-
-    Nothing is claimed above the cut.
-    """
-    *others, (low, high, least, most) = runs
-    return [*others, [low, 0.5 * (low + high), least, most]]
-
-
 FORGED |= {
     "an imposed value above its limit": (
         "two trims",
@@ -240,27 +221,6 @@ FORGED |= {
         "two trims",
         put([0.5, 1.0], *FLIGHT, "limits", "u"),
         "u beyond its limits",
-    ),
-    "scheduling values above a limit": (
-        "rate",
-        put([0.0, 0.246], *FLIGHT, "limits", "dihedral"),
-        "dihedral beyond its limits",
-    ),
-    "scheduling values below a limit": (
-        "rate",
-        put([0.246, 1.0], *FLIGHT, "limits", "dihedral"),
-        "dihedral beyond its limits",
-    ),
-    "runs that end early": ("two trims", put(_ends_early, *CLAIM, "loop"), "loop"),
-    "a rate behind uncertain actuators": (
-        "actuators",
-        put(0.1, *CLAIM, "scheduled_rate"),
-        "decay_rate",
-    ),
-    "delta_min below 0": (
-        "scalar",
-        put(lambda ends: [-ends[0], ends[1]], *CLAIM, "delta_min"),
-        "delta_min",
     ),
     "effectiveness that varies more": (
         "actuators",
@@ -276,11 +236,6 @@ FORGED |= {
         "memory",
         put(array(lambda share: 1e-6 * share), *CLAIM, "actuators", "effectiveness"),
         "not proved positive definite",
-    ),
-    "actuators without bandwidth": (
-        "actuators",
-        put([0.0, 10.0], *CLAIM, "actuators", "bandwidth"),
-        "bandwidth",
     ),
     "a longer delay": (
         "actuators",
