@@ -29,7 +29,7 @@ from hfa_aircraft.model import Model
 from hfa_model import LINEAR_STATES, STATES, Parameters
 from hfa_model.atmosphere import density
 from hfa_model.choice import aircraft
-from hfa_support.native.bound import BoundFunction, RowFunction
+from hfa_support.native.bound import BoundFunction
 from trim.hfa.level_flight import level_flight
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.linearize import linearize
@@ -37,7 +37,6 @@ from trim.point.solve import level_model, trim
 from trim.point.system import TrimSystem
 from trim.sweeps.mode_tracking import track_modes
 from trim.sweeps.points import TRIMMED, trim_points
-from trim.sweeps.shared import SharedSystem, without_shared
 
 # python-control counts imposed states as constraints and warns of too many.
 warnings.filterwarnings("ignore", "number of constraints", UserWarning)
@@ -272,20 +271,12 @@ def evaluations(
     condition: trim condition, or None for the usual one
     """
     condition = usual_condition(model) if condition is None else condition
-    system = SharedSystem(model, condition.freed_for(variables), variables)
+    system = TrimSystem(model, condition.freed_for(variables), variables)
     columns = dict(zip(variables, values.T, strict=True))
-    c = TrimSystem.constants(system, len(values), columns)
+    c = system.constants(len(values), columns)
     z = np.tile(system.start, (len(values), 1))
-    seconds = 0.0
-    equations = system.equations
-    parts: Sequence[Callable[..., Any]] = (equations.residual_rows, equations.linear_rows)
-    functions = (equations.residual_rows.function, equations.linear_rows.function)
-    if not system.is_quick:
-        shared, *parts = map(RowFunction, without_shared(*functions))
-        seconds += shortest(partial(shared, c), len(values), repeats=3)
-        (c,) = shared(c)
-    for evaluate in parts:
-        seconds += shortest(partial(evaluate, z, c), len(values), repeats=3)
+    parts = (system.equations.residual_rows, system.equations.linear_rows)
+    seconds = sum(shortest(partial(each, z, c), len(values), repeats=3) for each in parts)
     return Limit(seconds, "two evaluations of the derivatives")
 
 

@@ -7,7 +7,7 @@ differ between points.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
@@ -29,8 +29,6 @@ NEARLY = 1e-7
 _STEPS, _STEPS_OF_MANY = 4, 2
 _FEW = 6
 _UNLIMITED = (-math.inf, math.inf)
-#: Function of unknowns z (N, k) and constants c (N, ..) -> results, row by row.
-RowsOf = Callable[[np.ndarray, np.ndarray], Sequence[np.ndarray]]
 #: Unit -> half-width of the usual range of an angle without limits.
 _USUAL = {"rad": math.pi / 2, "deg": 90.0}
 
@@ -389,19 +387,32 @@ class TrimSystem:
         turn = np.where(np.isfinite(self.usual), 4.0 * self.usual, 1.0)
         return np.where(self.far_out(z), z - turn * np.round(z / turn), z)
 
-    @property
-    def residual_rows(self) -> RowsOf:
-        """Function of rows (z, c) that returns the residuals r (e,) and their Jacobian J (m, k)."""
-        return self.equations.residual_rows
-
     def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the residuals r (N, e) and their Jacobian J (N, m, k).
 
         z: (N, k), scaled unknowns
         c: (N, ..), constants that differ between the points
         """
-        residual, jacobian = self.residual_rows(z, c)
+        residual, jacobian = self.equations.residual_rows(z, c)
         return residual, jacobian.reshape(len(z), self.moved, z.shape[1])
+
+    def linear(
+        self, z: np.ndarray, c: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return the trims, linear models and residuals of N points.
+
+        The result consists of x, u and the w watched signals (N, n + m + w), A (N, n, n), B (N, n,
+        m) and the residuals r (N, e).
+
+        z: (N, k), scaled unknowns
+        c: (N, ..), constants that differ between the points
+        """
+        (flat,) = self.equations.linear_rows(z, c)
+        n = len(self.model.states)
+        m = len(self.model.inputs)
+        ends = np.cumsum([n + m + len(self.structure.watched), n * n, n * m])
+        point, A, B, residual = np.split(flat, ends, axis=1)
+        return point, A.reshape(len(z), n, n), B.reshape(len(z), n, m), residual
 
     def quick_steps(
         self, z: np.ndarray, c: np.ndarray

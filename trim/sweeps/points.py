@@ -26,7 +26,6 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 from trim.point.status import BALANCE, Status
 from trim.point.system import TrimSystem
-from trim.sweeps.shared import SharedSystem
 
 #: Possible statuses of a point.
 STATUS = (Status.TRIMMED, Status.BEYOND_LIMITS, Status.NO_TRIM)
@@ -185,10 +184,10 @@ def parameters_at(model: Model, variables: tuple[str, ...], values: np.ndarray) 
 
 
 #: Arguments and result of the last call of `_system`.
-_last_system: tuple[tuple[Any, ...], SharedSystem] | None = None
+_last_system: tuple[tuple[Any, ...], TrimSystem] | None = None
 
 
-def _system(*request: Any) -> SharedSystem:
+def _system(*request: Any) -> TrimSystem:
     """Return the equations of a trim at many points."""
     # The last result is returned again for identical arguments, such as in many calls with one
     # point each.
@@ -200,14 +199,12 @@ def _system(*request: Any) -> SharedSystem:
     for name in variables:
         model.refuse_unheld("cannot sweep", name, tuple(model.parameters))
     begin = None if start is None else start.values
-    system = SharedSystem(model, condition.freed_for(variables), variables, begin)
+    system = TrimSystem(model, condition.freed_for(variables), variables, begin)
     _last_system = (request, system)
     return system
 
 
-def _settled_together(
-    system: SharedSystem, variables: tuple[str, ...], values: np.ndarray
-) -> Points:
+def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> Points:
     """Return the trims and linear models that Newton's method finds for all points together."""
     # - TRIMMED: the equations balance within the limits.
     # - BEYOND_LIMITS: the equations balance only beyond the limits, and all unknowns are inputs.
