@@ -246,14 +246,6 @@ def test_a_property_never_set_is_zero_and_listed(tmp_path):
     [
         (
             (
-                '<aerosurface_scale name="e"> <input>fcs/elevator-cmd-norm</input> <range>'
-                " <min>-0.4</min> <max>0.2</max> </range> <output>fcs/elevator-pos-rad</output>"
-                " </aerosurface_scale>"
-            ),
-            {-1.0: -0.4, -0.5: -0.2, 0.0: 0.0, 0.5: 0.1, 1.0: 0.2},
-        ),
-        (
-            (
                 '<summer name="e"> <input>-fcs/elevator-cmd-norm</input> <bias>0.1</bias> <clipto>'
                 " <min>-0.3</min> <max>0.5</max> </clipto> <output>fcs/elevator-pos-rad</output>"
                 " </summer>"
@@ -268,28 +260,6 @@ def test_a_property_never_set_is_zero_and_listed(tmp_path):
                 " <output>fcs/elevator-pos-deg</output> </kinematic>"
             ),
             {-1.0: 0.0, 0.5: np.radians(10.0), 1.0: np.radians(20.0)},
-        ),
-        (
-            (
-                '<deadband name="e"> <input>fcs/elevator-cmd-norm</input> <width>0.5</width> '
-                "<gain>0.5</gain> <output>fcs/elevator-pos-rad</output> </deadband>"
-            ),
-            {-1.0: -0.375, 0.1: 0.0, 0.75: 0.25},
-        ),
-        (
-            (
-                '<switch name="e"> <default value="0.1"/> <test logic="AND"'
-                ' value="fcs/elevator-cmd-norm"> fcs/elevator-cmd-norm gt 0.5 </test>'
-                " <output>fcs/elevator-pos-rad</output> </switch>"
-            ),
-            {0.4: 0.1, 0.6: 0.6},
-        ),
-        (
-            (
-                '<lag_filter name="e"> <input>fcs/elevator-cmd-norm</input> <c1>10</c1> '
-                "<output>fcs/elevator-pos-rad</output> </lag_filter>"
-            ),
-            {-1.0: -1.0, 0.25: 0.25},
         ),
     ],
 )

@@ -338,6 +338,12 @@ def test_a_kinematic_travels_from_detent_to_detent():
         ("<summer name='s'><input>a</input><input>-b</input><bias>2</bias></summer>",
          lambda a, b: a - b + 2.0),
         ("<pure_gain name='s'><input>a</input><gain>b</gain></pure_gain>", lambda a, b: a * b),
+        ("<deadband name='s'><input>a</input><width>1</width><gain>3</gain></deadband>",
+         lambda a, b: 3.0 * math.copysign(max(abs(a) - 0.5, 0.0), a)),
+        ("<kinematic name='s'><input>a</input><traverse><setting><position>-1</position><time>0</time>"
+         "</setting><setting><position>4</position><time>0</time></setting></traverse></kinematic>",
+         lambda a, b: min(max(4.0 * a, -1.0), 4.0)),
+        ("<lag_filter name='s'><input>a</input><c1>10</c1></lag_filter>", lambda a, b: a),
         ("<scheduled_gain name='s'><input>a</input><gain>3</gain>"
          + table("<tableData>\n0 1\n2 5\n</tableData>", "b") + "</scheduled_gain>",
          lambda a, b: 3.0 * a * np.interp(b, [0.0, 2.0], [1.0, 5.0])),

@@ -5,7 +5,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import ROOT, aircraft, flown_samples, gtm_deployment, stored_deployment, trims
+from policy_cases import ROOT, aircraft, flown_samples, stored_deployment, trims
 
 import hfa
 from hfa_aircraft.loading import load_model
@@ -14,7 +14,6 @@ from hfa_aircraft.march.march import History, Rows, march
 from hfa_flight.envelope import flight_envelope
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
-from hfa_flight.policies.deployment.equilibrium import EquilibriumSearch
 from hfa_policy.assessor import Assessor
 from hfa_policy.flights import SampledRows
 from hfa_policy.outcomes import (
@@ -88,28 +87,6 @@ def test_a_flight_that_has_converged_stays(stays):
     assert is_early.sum() > 20
     _, farthest, _ = _to_the_end(flown, samples)
     assert (farthest[is_early] <= 1.0).all() == stays
-
-
-def test_the_equilibrium_follows_the_altitude():
-    """The derivative of the equilibrium with respect to altitude equals a finite difference.
-
-    The difference is between equilibria 100 m apart.
-    """
-    model = load_model(f"{ROOT}/examples/uav.toml")
-    deployment = gtm_deployment({"file": ca.Function("none", [ca.SX(4, 1)], [ca.SX(2, 1)])})
-    deployment = deployment.changed(action={"elevator": {}, "rudder": {}})
-    (point,) = trims_of(model, None)
-    search = EquilibriumSearch(Deployed(deployment, model), point)
-    states, inputs = np.array(point.states), np.array(point.inputs)
-    slopes = search.drift(search.from_point(states, inputs))
-    altitude = list(model.states).index("altitude")
-    ends = []
-    for step in (-50.0, 50.0):
-        search.base[altitude] = states[altitude] + step
-        ends.append(search.from_point(states, inputs).states[search.rows])
-    expected = (ends[1] - ends[0]) / 100.0
-    assert abs(expected[0]) > 1e-4
-    np.testing.assert_allclose(slopes[:, altitude], expected, rtol=1e-3, atol=1e-9)
 
 
 def _to_the_end(flown, samples):
