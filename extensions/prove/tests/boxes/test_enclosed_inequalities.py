@@ -373,6 +373,22 @@ def test_boxes_that_touch_a_limit_are_not_outside(radius: float, side: float) ->
             assert inequality.is_outside(box).tolist() == [beyond > 0.0]
 
 
+def test_the_error_of_the_inverse_is_included() -> None:
+    """A box 0.004 beyond a limit is not outside if entries of M⁻¹ = I are known within 0.01.
+
+    Its models of z then contain all deviations. The error is planted, as the true one is 1e-15.
+    """
+    inequality = replace(_inequality(0.0), piece=PIECE._replace(M=np.eye(2)))
+    box = Boxes(np.array([[0.5, 0.5]]), np.array([[2, 2]]))  # y_1 from 0.25 to 0.75
+    beyond = replace(inequality.plant, limits={**ENDS, "a": (-1.0, 0.246)})
+    inequality = replace(inequality, plant=beyond)
+    assert inequality.is_outside(box).tolist() == [True]
+    vars(inequality)["inverse"] = (np.eye(2), np.full((2, 2), 0.01))
+    assert inequality.is_outside(box).tolist() == [False]
+    _, radius = inequality.symbols_on(box)
+    assert np.all(radius[2:4] >= 0.01 * 1.5)
+
+
 @pytest.mark.parametrize(
     ("off", "radius", "is_near"),
     [(0.0, 0.0, True), (0.9e-6, 0.0, True), (0.9e-6, 0.2e-6, False), (-1.1e-6, 0.0, False)],
