@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from hfa_prove.fields import Fields, Malformed, stored
+from hfa_prove.problem import _not_narrower
 from hfa_prove.statements.game import Plant
 from hfa_prove.subject import Given, _same, close_to, within
 
@@ -151,6 +152,24 @@ def test_tolerances_bound_each_difference(sign: float) -> None:
     assert not near({"a": 1.0, "b": 2.0 + 1e-9 * sign}, {"a": 1.0, "b": 2.0})
     assert not near({"a": 1.0}, {"a": 1.0, "b": 2.0})
     assert not near({"a": 1.0, "b": 2.0, "c": 0.0}, {"a": 1.0, "b": 2.0})
+
+
+@pytest.mark.parametrize(
+    ("stated", "agrees"),
+    [
+        ((-1.0, 2.0), True),
+        ((-1.5, 2.5), True),
+        ((None, None), True),
+        ((-0.9, 2.0), False),
+        ((-1.0, 1.9), False),
+        ((None, 1.9), False),
+        ((-0.9, None), False),
+    ],
+)
+def test_the_limits_of_a_bound_contain_the_users(stated: Any, agrees: bool) -> None:
+    """A bound of the cost is about the user's flights if its limits are not narrower."""
+    assert _not_narrower({"a": stated}, {"a": (-1.0, 2.0)}) is agrees
+    assert _not_narrower({"a": stated}, {}) is (stated == (None, None))
 
 
 @pytest.mark.parametrize(
