@@ -20,9 +20,10 @@ from hfa import BadInputError, Model, Signal
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.signals import record
 from hfa_aircraft.waveform import Waveform
-from hfa_flight import ActuatorBank, CommandSteps, Scenario, flight_envelope
+from hfa_flight import ActuatorBank, CommandSteps, MonteCarlo, Scenario, flight_envelope
 from hfa_flight.air.gust_equations import own_disturbances, taken_components
 from hfa_flight.air.names import gust_speed
+from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
 from hfa_flight.envelope import Departure, control_excesses, departure, refuse_start
 from hfa_flight.export.c_text import braced, displaced_state
@@ -30,11 +31,12 @@ from hfa_flight.flight import _figures
 from hfa_flight.history import Deviations
 from hfa_flight.initial_box import start_box
 from hfa_flight.limit_cycle import Decay, LimitCycle, duration_for, oscillation
-from hfa_flight.options import actuators_of, gust_at
+from hfa_flight.options import _turbulence, actuators_of, at_held_altitude, gust_at
 from hfa_flight.policies.critic_policy import CriticPolicy, powers
 from hfa_flight.policies.learned_gains import certified_gains
 from hfa_flight.policies.policy import GainPolicy, function_policy, open_loop
 from hfa_flight.problem import flight_problem
+from hfa_flight.samples.report import member_report, summary
 from hfa_flight.simulation import CompiledLoop
 
 #: Trim: alpha .1 rad, speed 100 ft/s, altitude 1000 ft, elevator .05 rad, throttle .5, flap 0.
@@ -381,6 +383,80 @@ def test_results_of_a_flight_are_absolute_in_datasets_and_in_c() -> None:
     assert displaced_state(GLIDER) == ("speed", 1.0)
     tank = SimpleNamespace(states={"level": Signal("ft", nominal=5.0)}, linear=("level",))
     assert displaced_state(tank) == ("level", 0.05)
+
+
+def test_members_are_counted_by_their_outcomes() -> None:
+    """Six members: one leaves by alpha, two by speed, one exceeds the throttle, one oscillates.
+
+    Quantiles are those of the members inside the envelope.
+    """
+    plan = MonteCarlo(
+        6, 3, GLIDER, POINT, GainPolicy("none", np.zeros((3, 2))), Scenario(2.0, 0.1, 0.1), ENVELOPE
+    )
+    held = np.array([3, 4, 5])
+    lowest = np.tile([0.0, 0.2, -9.0], (6, 1))
+    highest = np.tile([0.1, 0.9, 9.0], (6, 1))
+    highest[4, 1] = 1.2
+    lowest[0, 0] = -0.3
+    rows = np.arange(12.0).reshape(6, 2)
+    results = {
+        "left": np.array([0, 1, 1, -1, -1, -1]),
+        "cycle": np.array([-1, -1, -1, -1, -1, 4]),
+        "flown": np.array([1.5, 0.4, 0.9, 2.0, 2.0, 2.0]),
+        "lowest_input": lowest,
+        "highest_input": highest,
+        "rms_error": rows,
+        "peak_error": 2.0 * rows,
+        "effort": np.arange(18.0).reshape(6, 3),
+        "final": np.arange(24.0).reshape(6, 4),
+        "peak_angle_of_attack": np.arange(6.0),
+    }
+    found = summary(plan, results.__getitem__)
+    assert (found.members, found.seed, found.duration, found.law) == (6, 3, 2.0, "none")
+    assert (found.held, found.within_limits, found.first_left) == (3, 1, 0.4)
+    assert found.left == {"alpha": 1, "speed": 2, "altitude": 0, "distance": 0}
+    assert found.exceeded == {"elevator": 1, "throttle": 1, "flap": 0}
+    assert {name for name, count in found.limit_cycle.items() if count} == {"speed"}
+    for name, values in (("rms_error", rows), ("peak_error", 2.0 * rows)):
+        known = np.quantile(values[held], found.quantiles, axis=0)
+        np.testing.assert_allclose(np.transpose(list(getattr(found, name).values())), known)
+    report = member_report(plan, results.__getitem__)
+    assert report.title.startswith("PASS: 1 of 6 members stayed within limits")
+    for said in (
+        "left the envelope (members by first state): alpha 1, speed 2; the earliest after 0.4 s",
+        "exceeded control limits: elevator 1, throttle 1",
+        "limit cycle that does not decay: speed 1",
+    ):
+        assert said in report.title
+    failed = results | {"cycle": np.full(6, 4)}
+    assert member_report(plan, failed.__getitem__).title.startswith("FAIL: 0 of 6")
+    outside = results | {"left": np.zeros(6, dtype=int)}
+    assert summary(plan, outside.__getitem__).rms_error == {"alpha": None, "speed": None}
+
+
+@pytest.mark.parametrize(
+    ("typed", "turbulence"),
+    [
+        ("light", Turbulence("light")),
+        ("severe:500", Turbulence("severe", 500.0)),
+        ("moderate:500:30", Turbulence("moderate", 500.0, 30.0)),
+        ("karman-light::30", Turbulence("light", None, 30.0, "karman")),
+        ("dryden-light:500", Turbulence("light", 500.0)),
+        ("own:2:300", Turbulence((2.0, 300.0))),
+        ("karman-own:2:300:30", Turbulence((2.0, 300.0), None, 30.0, "karman")),
+    ],
+)
+def test_turbulence_is_typed_in_words_and_numbers(typed: str, turbulence: Turbulence) -> None:
+    assert _turbulence(typed) == turbulence
+    held = at_held_altitude(_turbulence(typed), {"altitude": 77.0})
+    is_open = typed in ("light", "karman-light::30")
+    assert held == (replace(turbulence, altitude=77.0) if is_open else turbulence)
+
+
+@pytest.mark.parametrize("typed", ["own:2", "own:2:300:30:4", "light:1:2:3", "odd-light", "calm:5"])
+def test_other_turbulence_is_refused(typed: str) -> None:
+    with pytest.raises(BadInputError, match="give LEVEL"):
+        _turbulence(typed)
 
 
 def test_powers_of_residuals_keep_their_sign() -> None:
