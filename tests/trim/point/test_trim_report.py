@@ -23,6 +23,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_model import choice
 from trim import release, trim_report
+from trim.point.operating_point import beyond_range
 from trim.point.status import Status
 
 BASE = level_flight(float(np.radians(10.0)))
@@ -212,3 +213,23 @@ def test_imposed_rates_are_balanced_and_shown(published_aircraft: Model) -> None
     again = release(condition, free=("speed_dot", "throttle"), hold={"alpha": 0.05})
     assert "speed" not in again.rates
     assert "speed_dot free" in again.in_words()
+
+
+@pytest.mark.parametrize(
+    ("degrees", "ends_at"),
+    [
+        (-16.0, "-15 deg"),
+        (-15.001, "-15 deg"),
+        (-15.0, ""),
+        (-3.0, ""),
+        (15.0, ""),
+        (16.0, "15 deg"),
+    ],
+)
+def test_a_value_beyond_the_range_of_validity_is_noted(
+    published_aircraft: Model, degrees: float, ends_at: str
+) -> None:
+    """The note has the end of the range on the side of the value, and there is none within it."""
+    notes = beyond_range(published_aircraft, {"dihedral": math.radians(degrees)})
+    assert len(notes) == bool(ends_at)
+    assert all(note.endswith(f"which ends at {ends_at}") for note in notes)
