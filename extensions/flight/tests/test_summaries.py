@@ -13,11 +13,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from matplotlib import pyplot
 from scipy.linalg import expm
 
 import hfa
 from hfa import BadInputError, Model, Signal
 from hfa_aircraft.limits import Limits
+from hfa_aircraft.march.refinement import IntegrationError
 from hfa_aircraft.signals import record
 from hfa_aircraft.waveform import Waveform
 from hfa_flight import ActuatorBank, CommandSteps, MonteCarlo, Scenario, flight_envelope
@@ -457,6 +459,36 @@ def test_turbulence_is_typed_in_words_and_numbers(typed: str, turbulence: Turbul
 def test_other_turbulence_is_refused(typed: str) -> None:
     with pytest.raises(BadInputError, match="give LEVEL"):
         _turbulence(typed)
+
+
+def test_a_title_names_decay_cycle_and_integration_error() -> None:
+    flight = hfa.fly(GLIDER, POINT, None, 0.2, initial={"speed": 1.0}, predict=False)
+    assert flight.title().startswith("PASS: 0.2 s inside the envelope and the control limits")
+    decay = replace(flight, decay=Decay("alpha", 20.0, 4.0))
+    assert "alpha oscillates at 4 rad/s and decays: half in 20 s" in decay.title()
+    assert (decay.ok, decay.held) == (True, True)
+    cycle = replace(flight, cycle=LimitCycle("alpha", math.radians(2.0), 5.0, "rad"))
+    assert cycle.title().startswith("FAIL: limit cycle: alpha ±2 deg at 5 rad/s; the flight has")
+    assert (cycle.ok, cycle.held) == (False, False)
+    coarse = replace(flight, integration=IntegrationError(0.1, 0.5, "the cost"))
+    assert "Not resolved: with half the integration step of 100 ms" in coarse.title()
+    assert "Not resolved" not in flight.title()
+    axes = flight.plot("alpha", "speed")
+    assert [each.get_ylabel() for each in axes] == ["alpha, deg", "speed, ft/s"]
+    pyplot.close()
+    assert flight.to_pandas().index[-1] == pytest.approx(0.2)
+
+
+def test_an_angle_of_attack_that_depends_on_an_input_is_refused() -> None:
+    model = replace(
+        GLIDER,
+        equations=lambda x, u, p, w: (glide(x, u, p, w)[0], {"angle_of_attack": x.alpha + u.flap}),
+    )
+    point = hfa.trim(model)
+    air = {"updraft": Waveform(np.zeros(1), np.zeros(1))}
+    with pytest.raises(BadInputError, match="angle_of_attack depends on an input"):
+        hfa.fly(model, point, None, scenario=Scenario(1.0, air=air))
+    assert hfa.fly(model, point, None, 0.1, predict=False).departure is None
 
 
 def test_powers_of_residuals_keep_their_sign() -> None:
