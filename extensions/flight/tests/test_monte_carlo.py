@@ -279,6 +279,7 @@ def test_chunks_and_workers_do_not_change_results(
             np.testing.assert_array_equal(dataset[name], values)
     assert dataset.peak_error.sel(error_state="alpha").attrs["units_of"] == "error_state_unit"
     assert dataset.factors.error.values.tolist() == list(plan.scenario.uncertainty.errors)
+    assert "error_unit" not in dataset.coords
 
 
 def test_the_report_counts_members_beyond_control_limits(

@@ -79,7 +79,7 @@ def gain_with_slopes(
     with np.errstate(all="ignore"):  # results that are not finite raise an error
         try:
             K, whiten, variances = _steady(*matrices(rows), interval)
-        except np.linalg.LinAlgError:
+        except (np.linalg.LinAlgError, ValueError, OverflowError):
             raise FloatingPointError("the filter gain is not finite") from None
     if not (np.isfinite(K).all() and np.isfinite(variances).all() and (variances > 0.0).all()):
         raise FloatingPointError("the filter gain is not finite")
