@@ -326,14 +326,14 @@ def test_the_curvature_is_not_rounded_up() -> None:
     rng = np.random.default_rng(13)
     wide = {"u": (-1.0, 1.0), "v": (-1.0, 1.0)}
     box = Boxes(np.zeros((1, 1)), np.ones((1, 1), dtype=int))
-    for _ in range(5):
-        a, b, cross = rng.uniform(0.1, 1.0, 3)
+    for scale in (1.0, 1e2, 1e4, 1e6, 1e8):
+        a, b, cross = scale * rng.uniform(0.1, 1.0, 3)
         R = np.array([[a, cross], [cross, b]])
         inequality = _pushed(R, np.zeros(3), 0.0, wide)
         ends = np.array([[-1.0, -1.0]]), np.array([[1.0, 1.0]])
         for found, own in zip(inequality._curvature(box, *ends)[0], (a, b), strict=True):
             exact = 2 * _exact(own) - 2 * _exact(cross)
-            assert exact - Fraction(1, 10**9) <= _exact(found) <= exact
+            assert exact - Fraction(scale) / 10**9 <= _exact(found) <= exact
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.05])
