@@ -233,18 +233,16 @@ def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> D
     )
 
 
-def minimum_delta_discrete(problem: DiscreteGame, progress: Progress | None = None) -> DeltaMin:
+def minimum_delta_discrete(problem: DiscreteGame) -> DeltaMin:
     """Return the smallest δ for which a discrete-time game has a solution.
 
     The δ stored in the game has no effect.
-
-    progress: called during the search, or None
 
     Raises NoSolutionError if no solution exists for any δ.
     """
     form = StepForm.of_problem(problem)
     _refuse_unreached(problem, form)
-    return _smallest_delta(form, progress)
+    return _smallest_delta(form)
 
 
 def quick_discrete(problem: DiscreteGame) -> tuple[np.ndarray, np.ndarray]:
@@ -368,7 +366,7 @@ def _mode_text(value: complex) -> str:
     return f"{text} ± {abs(value.imag):.4g}i" if value.imag else text
 
 
-def _smallest_delta(form: StepForm, progress: Progress | None) -> DeltaMin:
+def _smallest_delta(form: StepForm, progress: Progress | None = None) -> DeltaMin:
     """Return the smallest δ for which a game has a value, found by bisection of log δ."""
     without = form.with_delta(math.inf)
     try:

@@ -207,14 +207,14 @@ def solve(game: Game, progress: Progress | None = None) -> Solution:
     return replace(solution_of(form, solved, game), meaning=meaning)
 
 
-def unconfirmed_solution(game: Game, progress: Progress | None = None) -> Solution:
+def unconfirmed_solution(game: Game) -> Solution:
     """Return the certified solution of a game without the checks of its cost and L2 gain.
 
     For searches and sweeps that solve many games. The arguments and errors are those of `solve`.
     """
     need(game, Game, "unconfirmed_solution: game", "a game: hfa.game(linear, Q, R, delta)")
     form = NormalForm.of(game)
-    return solution_of(form, certified(form, progress), game)
+    return solution_of(form, certified(form), game)
 
 
 def certified(form: NormalForm, progress: Progress | None = None) -> Certified:

@@ -92,14 +92,12 @@ class DeltaMin(NamedTuple):
 
 
 @checks_arguments
-def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
+def minimum_delta(game: Game) -> DeltaMin:
     """Return bounds of the smallest δ for which a game has a value.
 
     The bounds differ by 1e-6 relative, or by more if rounding hides the minimum.
 
     The delta of the game itself does not affect the result.
-
-    progress: called during the search, or None
 
     Raises NoSolutionError if no δ has a solution. The message names the responsible mode if one is
     found.
@@ -111,7 +109,7 @@ def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
     1.0
     """
     need(game, Game, "minimum_delta: game", "a game: hfa.game(linear, Q, R, delta)")
-    return smallest_delta_of(NormalForm.of(game), progress)
+    return smallest_delta_of(NormalForm.of(game))
 
 
 def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> DeltaMin:
@@ -181,7 +179,7 @@ def _some_solution(form: NormalForm) -> Certified:
     """Return the certified solution of the game for delta = inf, or otherwise for its own delta."""
     (reached,) = reach_checks(form)
     if not reached.ok:
-        raise _without_solution(form, reached.reason)
+        raise lqr_failure(form, reached.reason)
     inside = form.turned()
     try:
         return certified_solution(inside.with_delta(math.inf), form.with_delta(math.inf))
@@ -189,22 +187,17 @@ def _some_solution(form: NormalForm) -> Certified:
         try:
             return certified_solution(inside, form)
         except NoSolutionError:
-            raise _without_solution(form, str(error)) from error
+            raise lqr_failure(form, str(error)) from error
 
 
-def lqr_obstacle(form: NormalForm, failure: str) -> str:
-    """Return the reason why A'P + P A + Q - P B R⁻¹ B' P = 0 has no certified stabilizing solution.
+def lqr_failure(form: NormalForm, failure: str) -> NoSolutionError:
+    """Return why A'P + P A + Q - P B R⁻¹ B' P = 0 has no certified stabilizing solution.
 
-    The reason is one line of text with the change to make, if one is known.
+    The error is a `ModeError` if a mode is the reason.
 
     form: normal form of the game
     failure: text of the failed test of the certificate, for the case that no other reason is found
     """
-    return str(_without_solution(form, failure))
-
-
-def _without_solution(form: NormalForm, failure: str) -> NoSolutionError:
-    """Return the error of `lqr_obstacle`: a `ModeError` if a mode is the reason."""
     unreached = (
         "within rounding (A, B) is not stabilizable: no input reaches the {}; change B or leave"
         " that mode out of A"

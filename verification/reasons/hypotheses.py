@@ -209,7 +209,7 @@ def of_matrix(game: Game, view: View) -> Iterator[Hypothesis]:
         beside = np.where(np.eye(len(view.judged), dtype=bool), 1.0, 0.5)
         says = "the entries of P off the diagonal are twice too large: they must be W / 2"
         yield Hypothesis(says, view.judged * beside)
-        yield from of_sides(view, "state")
+        yield from of_sides(view)
     else:
         K = view.judged
         yield from _factors(view, "gain", "the policy is u = -K z")
@@ -303,13 +303,12 @@ def of_columns(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
         yield mistake._replace(undo=mistake.undo.T)
 
 
-def of_sides(view: View, noun: str) -> Iterator[Hypothesis]:
+def of_sides(view: View) -> Iterator[Hypothesis]:
     """Yield hypotheses of mistakes of the states in a symmetric matrix.
 
     The mistakes are order, signs, degrees and scales.
-
-    noun: noun for the quantity of a row and its column, "state"
     """
+    noun = "state"
     size = len(view.judged)
     with np.errstate(all="ignore"):
         rows = np.sort(view.judged)[:, None]

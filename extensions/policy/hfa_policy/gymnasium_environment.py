@@ -73,16 +73,6 @@ class AircraftEnvironment(gymnasium.Env):
         """Longest duration of an episode, s."""
         return self.episodes.samples * self.dt
 
-    @property
-    def observation_names(self) -> tuple[str, ...]:
-        """Names or formulas of the observations of one sample, in order."""
-        return tuple(self.episodes.deployed.deployment.observation)
-
-    @property
-    def action_names(self) -> tuple[str, ...]:
-        """Names of the inputs that the actions move, in order."""
-        return tuple(self.episodes.deployed.deployment.action)
-
     @checks_arguments
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None

@@ -61,8 +61,8 @@ def test_an_environment_needs_no_deployment() -> None:
     """
     model = aircraft("ppo_gtm")
     env = environment(model)
-    assert env.observation_names == model.linear
-    assert env.action_names == tuple(model.inputs)
+    assert tuple(env.episodes.deployed.deployment.observation) == model.linear
+    assert tuple(env.episodes.deployed.deployment.action) == tuple(model.inputs)
     observation, info = env.reset(seed=1)
     assert env.point == trims_of(model, None)[0]
     assert list(env.state.values()) == info["X"].tolist()

@@ -21,7 +21,7 @@ from scipy.linalg import LinAlgError, block_diag, solve_continuous_are
 
 from controller import minimum_delta
 from controller.riccati.normal_form import NormalForm
-from controller.riccati.smallest_delta import lqr_obstacle
+from controller.riccati.smallest_delta import lqr_failure
 from hfa import Game, NoSolutionError, solve
 
 #: A game may be refused if it has no solution for a delta smaller by this fraction.
@@ -233,7 +233,7 @@ def _verdict(sample: Sample, worst: float = WORST_ERROR) -> str:
         P = solve(game).P
     except NoSolutionError:
         if _exists(game, math.inf):
-            assert "is not certified" in lqr_obstacle(NormalForm.of(game), "why"), (
+            assert "is not certified" in str(lqr_failure(NormalForm.of(game), "why")), (
                 f"{label}: a cause that is none"
             )
         if not reference.exists:
