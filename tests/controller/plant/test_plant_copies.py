@@ -92,15 +92,6 @@ def agree(one: DeltaMin, other: DeltaMin) -> bool:
     return max(one.refused, other.refused) <= most
 
 
-@pytest.mark.slow
-def test_the_smallest_delta_agrees_with_slycot() -> None:
-    """For a plant with poles from 0.1 to 8,400 rad/s, delta_min agrees with slycot."""
-    plant = mixed_sensitivity(98)
-    smallest = plant.minimum_delta()
-    assert smallest.refused < smallest.value <= smallest.refused * (1.0 + AGREES)
-    assert of_slycot(plant)[0] == pytest.approx(smallest.value, rel=AGREES)
-
-
 def turned(plant: GeneralizedPlant, seed: int) -> GeneralizedPlant:
     """Return a plant in rotated coordinates."""
     return in_coordinates(plant, turn(plant.A, seed))

@@ -55,11 +55,3 @@ def test_inputs_of_the_nonlinear_plant_end_at_their_limits() -> None:
     limits = Limits.of(linear.point.model, linear.inputs)
     np.testing.assert_allclose(plant.lowest + linear.point.u, limits.lowest, atol=1e-12)
     np.testing.assert_allclose(plant.highest + linear.point.u, limits.highest, atol=1e-12)
-
-
-def test_inputs_in_degrees_are_named_as_the_reason() -> None:
-    """A gain of which one input is in degrees fails, and the reason names this input."""
-    game = game_at(15.0)
-    K = solve(game).K.copy()
-    K[2] *= 180.0 / math.pi
-    assert verify(game, hfa.from_gain(game, K)).reason == "input 3 is in degrees"

@@ -58,60 +58,6 @@ def test_a_wide_graph_equals_onnxruntime_at_one_state_and_on_rows() -> None:
     assert rows(X.astype(float)) == pytest.approx(expected, rel=1e-9)
 
 
-def test_normalizations_and_clamps_equal_onnxruntime() -> None:
-    """Operators of LayerNorm, BatchNorm, Softplus, SELU and clamps give onnxruntime's results."""
-    rng = np.random.default_rng(5)
-    shapes = {"W": (6, 8), "scale": (8,), "bias": (8,), "mean": (8,), "rest": (8, 1)}
-    constants = {name: rng.normal(size=shape).astype("float32") for name, shape in shapes.items()}
-    constants["spread"] = rng.uniform(0.5, 2.0, 8).astype("float32")
-    for name, number in {"one": 1.0, "bound": 1.5, "lower": -1.0}.items():
-        constants[name] = np.array(number, "float32")
-    constants["none"] = np.zeros(0, "int64")
-    nodes: list[tuple[Any, ...]] = [
-        ("MatMul", "x W", "h"),
-        ("LayerNormalization", "h scale bias", "l", {"epsilon": 1e-4}),
-        ("BatchNormalization", "l scale bias mean spread", "b"),
-        ("Exp", "b", "e"),
-        ("Add", "e one", "e1"),
-        ("Log", "e1", "s"),
-        ("Greater", "b bound", "large"),
-        ("Where", "large b s", "w"),
-        ("Selu", "w", "u"),
-        ("Min", "u bound", "low"),
-        ("Max", "low lower l", "high"),
-        ("ReduceSum", "high none", "same", {"noop_with_empty_axes": 1}),
-        ("MatMul", "same rest", "y"),
-    ]
-    assert_as_onnx_runtime(onnx_file("norms.onnx", nodes, constants), rel=1e-5, abs=1e-5)
-
-
-def test_triangles_and_comparisons_equal_onnxruntime() -> None:
-    """Operators of tril, eye, where and expand give onnxruntime's results."""
-    rng = np.random.default_rng(6)
-    shapes = {"W": (6, 9), "slope": (9,), "rest": (9, 1), "flat": ()}
-    constants = {name: rng.normal(size=shape).astype("float32") for name, shape in shapes.items()}
-    constants |= {"square": np.array([1, 3, 3]), "row": np.array([1, 9]), "sizes": np.array([3, 3])}
-    nodes: list[tuple[Any, ...]] = [
-        ("MatMul", "x W", "m"),
-        ("PRelu", "m slope", "p"),
-        ("Reshape", "p square", "s"),
-        ("Trilu", "s", "t", {"upper": 0}),
-        ("ConstantOfShape", "sizes", "zeros"),
-        ("EyeLike", "zeros", "eye"),
-        ("Equal", "eye zeros", "off"),
-        ("Where", "off t s", "w"),
-        ("GreaterOrEqual", "w s", "same"),
-        ("Where", "same w eye", "v"),
-        ("LessOrEqual", "v flat", "below"),
-        ("Where", "below t v", "k"),
-        ("Expand", "flat square", "e"),
-        ("Add", "k e", "a"),
-        ("Reshape", "a row", "r"),
-        ("MatMul", "r rest", "y"),
-    ]
-    assert_as_onnx_runtime(onnx_file("square.onnx", nodes, constants), rel=1e-5, abs=1e-5)
-
-
 @pytest.mark.parametrize("opset", [9, 11, 13, 20])
 def test_old_and_new_operator_sets_equal_onnxruntime(opset: int) -> None:
     """Graphs of old and of new operator sets give the results of onnxruntime."""
@@ -335,6 +281,36 @@ GRAPHS: dict[str, tuple[list[tuple[Any, ...]], dict[str, Any], int]] = {
     ),
     "EyeLike": ([("EyeLike", "W", "e", {"k": 1}), ("MatMul", "x e", "y")], {"W": _WEIGHTS}, 4),
     "Clip": ([("Clip", "x low high", "y")], {"low": np.float32(-0.5), "high": np.float32(1.5)}, 6),
+    "LayerNormalization": (
+        [("LayerNormalization", "x c two_c", "y", {"epsilon": 1e-4})],
+        {"c": _FIRST["c"][0], "two_c": 2.0 * _FIRST["c"][0]},
+        6,
+    ),
+    "BatchNormalization": (
+        [("BatchNormalization", "x c c two_c spread", "y")],
+        {"c": X[0], "two_c": 2.0 * X[1], "spread": X[2] ** 2 + np.float32(0.5)},
+        6,
+    ),
+    "ReduceSum of none": (
+        [("ReduceSum", "x none", "y", {"noop_with_empty_axes": 1})],
+        {"none": np.zeros(0, "int64")},
+        6,
+    ),
+    "ConstantOfShape": (
+        [("ConstantOfShape", "sizes", "zeros"), ("Equal", "x zeros", "b"), ("Where", "b x c", "y")],
+        _FIRST | {"sizes": np.array([1, 6])},
+        6,
+    ),
+    "Expand": (
+        [("Expand", "two sizes", "e"), ("Mul", "x e", "y")],
+        {"two": np.float32(2), "sizes": np.array([1, 6])},
+        6,
+    ),
+    "Trilu below": (
+        [("Reshape", "x sizes", "s"), ("Trilu", "s", "h", {"upper": 0}), _FLAT],
+        {"sizes": np.array([1, 2, 3]), "flat": np.array([1, 6])},
+        6,
+    ),
     "Clip above": ([("Clip", "x low", "y")], {"low": np.float32(-0.5)}, 6),
     "Sign": ([("Sign", "x", "y")], {}, 6),
     "Atan": ([("Atan", "x", "y")], {}, 6),
