@@ -11,6 +11,7 @@ from cli import hfa as run
 from project import ROOT
 
 import hfa
+from hfa.options.argument_types import quantity
 from hfa_identify.faults import _UNITS
 from hfa_identify.records import read_record
 from hfa_support.units import conversion
@@ -38,13 +39,15 @@ def test_units_of_an_entry_of_a_table(old: str, new: str, tmp_path: Path) -> Non
     np.testing.assert_allclose(found, hfa.trim(hfa.load_model(UAV)).states, rtol=1e-4, atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    "typed",
-    ["58.3153kt", "58.3153 knots", "108km/h", "5905.51ft/min", "3e1", "+30.", "3.0E+1 m/s", ".3e2"],
-)
-def test_units_of_a_held_value(typed: str) -> None:
+def test_units_of_a_held_value() -> None:
     """--hold accepts a value with a unit: each text is 30 m/s."""
-    result = run("trim", "--aircraft", UAV, "--hold", f"speed={typed}", "--json")
+    model = hfa.load_model(UAV)
+    for typed in (
+        *("58.3153kt", "58.3153 knots", "108km/h", "5905.51ft/min"),
+        *("3e1", "+30.", "3.0E+1 m/s", ".3e2"),
+    ):
+        assert quantity(model, "speed", typed) == pytest.approx(30.0, rel=1e-4), typed
+    result = run("trim", "--aircraft", UAV, "--hold", "speed=58.3153kt", "--json")
     assert result.code == 0, result.err
     states = json.loads(result.out)["operating_point"]["states"]
     assert states["speed"] == pytest.approx(30.0, rel=1e-4)
