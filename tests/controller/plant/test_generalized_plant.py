@@ -466,6 +466,8 @@ def test_rounding_does_not_make_an_integrator_controllable() -> None:
         ({"B1": None}, "B1 is missing"),
         ({"A": 5.0}, "the number of dimensions of A is 0"),
         ({"C2": None}, "without C2"),
+        ({"C2": None, "D21": None, "D22": [[1.0]]}, "without C2"),
+        ({"C2": None, "D22": None}, "without C2"),
         ({"A": [[0.0, math.nan], [0.0, 0.0]]}, r"A\[0\]\[1\] is nan"),
     ],
 )

@@ -31,6 +31,7 @@ from hfa.paper import level_flight
 from hfa_model import choice
 from hfa_support.reporting.checks import at_most
 from verification import Scope
+from verification.axis import DECAY, SLOWEST
 from verification.box import ordinary_box
 from verification.critic.in_steps import InSteps
 from verification.critic.in_time import InTime
@@ -212,6 +213,10 @@ def test_loops_and_costs_of_a_verdict_are_those_of_numpy() -> None:
     assert in_time.cost(z, u) == pytest.approx(paid)
     assert in_time.is_stable(in_time.exact.K)
     assert not in_time.is_stable(-in_time.exact.K)
+    by_exact = -np.linalg.eigvals(A - B @ in_time.exact.K).real.max()
+    for rate in (9.0 * by_exact, 0.5 * by_exact, 1e-9 * by_exact):
+        slowest = max(min(rate, by_exact), by_exact / SLOWEST)
+        assert in_time.duration(-rate * np.eye(3)) == pytest.approx(DECAY / slowest, rel=1e-9)
     problem = DiscreteGame(step, 0.8)
     in_steps = InSteps(problem)
     K, L = problem.policies(P)
