@@ -46,6 +46,7 @@ from verification.critic_errors import (
     box_errors,
     critic_errors,
     disturbance_errors,
+    entry_error,
     relative_error,
 )
 from verification.figures import verdict_figure
@@ -431,6 +432,9 @@ def test_errors_are_those_of_their_definitions() -> None:
     assert relative_error(np.zeros(2), np.zeros(2)) == 0.0
     assert relative_error(np.ones(2), np.zeros(2)) == math.inf
     assert relative_error(np.array([1.0, np.nan]), np.ones(2)) == math.inf
+    assert entry_error(np.array([np.nan, 0.0]), np.ones(2)) == math.inf
+    assert entry_error(np.array([1.0, 0.0]), np.zeros(2)) == math.inf
+    assert entry_error(np.zeros(2), np.zeros(2)) == 0.0
     with pytest.raises(BadInputError, match="give equal shapes"):
         relative_error(np.ones(2), np.ones(3))
 

@@ -191,6 +191,12 @@ def test_each_kind_of_check_has_its_grade(
     assert verdict.grade_text(0.5) == ("PASS" if holds else "FAIL")
     assert verdict.largest_error == (off if kind == "error" else 0.0)
     assert verdict.data(0.5)["graded"]["ok"] is holds
+    text = str(replace(verdict, cost_lost=cost_lost or 0.3))
+    assert f"{cost_lost or 0.3:.2g} % above the optimum" in text
+    assert ("not stabilizing" in text) is (kind == "stability")
+    assert "stabilizing" in text
+    assert "L2 gain 0 (delta 0)" in text or kind == "gain"
+    assert "cost without bound" in str(replace(verdict, cost_lost=math.inf))
     title = verdicts_report({"a": verdict, "b": verdict}, "a plant", 0.5).title
     assert title.startswith(f"{'PASS' if holds else 'FAIL'}: {2 * holds} of 2 critics pass")
 
