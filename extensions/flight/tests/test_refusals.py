@@ -37,6 +37,7 @@ from hfa.main import BAD_INPUT
             "fly --dihedral 15 --samples 2 --picture a.png",
             "--picture applies only to a single flight or --draws",
         ),
+        ("export -o 1st.m", "1st.m: the file name is not a name of a function"),
         ("export ", "the following arguments are required: --output"),
         (
             "export -o aircraft.zip",
@@ -56,6 +57,13 @@ def test_wrong_options_of_fly_and_export_are_refused(folder: Path, words: str, n
     """Wrong options of `hfa fly` and `hfa export` are refused in one line, and no file is written."""
     assert_refused(hfa(*words.split()), BAD_INPUT, named)
     assert list(folder.iterdir()) == []
+
+
+def test_the_matlab_function_is_written_under_its_name(folder: Path) -> None:
+    result = hfa("export", "-o", "models.m")
+    assert (result.code, result.err) == (0, "")
+    assert "models.m" in result.out
+    assert (folder / "models.m").read_text().lstrip().startswith("function")
 
 
 def test_an_export_does_not_replace_a_fifo(folder: Path) -> None:

@@ -378,6 +378,22 @@ def test_the_activation_of_a_zip_is_read_or_refused(folder, name, activation):
         assert read_zip(folder / "ppo_gtm.zip").activation == activation
 
 
+def test_spaces_that_are_no_flat_box_are_refused(folder):
+    """Another kind of space, a box of two axes, and limits in the wrong order."""
+    spaces = pytest.importorskip("gymnasium").spaces
+    turned = spaces.Box(-1.0, 1.0, (2,))
+    turned.low = np.array([2.0, -1.0])
+    for space, said in (
+        (spaces.Discrete(3), "is a Discrete, but only a Box is supported"),
+        (spaces.Box(-1.0, 1.0, (2, 2)), "the Box of the actions has 2 axes"),
+        (turned, "the Box of the actions has a lower limit above the upper limit"),
+    ):
+        stored = {":serialized:": base64.b64encode(pickle.dumps(space)).decode()}
+        shutil.copy(FOLDER / "ppo_gtm.zip", folder)
+        rewrite_zip(folder, lambda data, stored=stored: data | {"action_space": stored})
+        assert said in message_of(folder, DEPLOYMENT)
+
+
 def test_a_deployment_read_from_files_is_pickled(folder):
     """A deployment whose files were read can be pickled."""
     read = stored_deployment("ppo_gtm")
