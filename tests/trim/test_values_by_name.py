@@ -213,10 +213,13 @@ def test_a_sweep_is_a_table_and_draws_curves() -> None:
 
 
 def test_a_plot_of_point_shows_its_limits() -> None:
-    """`point.plot` draws a row for the throttle, labeled with its name."""
+    """`point.plot` draws each variable, labeled with its name, at its share of its range."""
     axes = trim(MODEL).plot()
     labels = [label.get_text() for label in axes.get_yticklabels()]
-    assert any(label.startswith("throttle") for label in labels)
+    row = next(row for row, label in enumerate(labels) if label.startswith("elevator_outer"))
+    margin = trim(MODEL).margins["elevator_outer"]
+    share = 100.0 * (margin.value - margin.lowest) / (margin.highest - margin.lowest)
+    assert axes.collections[-1].get_offsets()[row].tolist() == pytest.approx([share, row])
     pyplot.close("all")
 
 

@@ -78,6 +78,8 @@ def test_each_equation_has_a_tolerance_and_verdict(published_aircraft: Model) ->
         for factor, verdict in ((1.01, "FAIL"), (-1.01, "FAIL"), (0.99, "PASS")):
             residuals = point.residuals | {name: factor * tolerance}
             planted = replace(point, residuals=residuals, status=Status.FAILED)  # without figures
+            assert planted.scaled_residuals[name] == pytest.approx(1e-10 * factor)
+            assert planted.residual == pytest.approx(1e-10 * abs(factor), rel=1e-3)
             checked_report = trim_report(published_aircraft, BASE, planted)
             row = re.search(rf"^rate of {name} .* {verdict}$", checked_report.text(), re.M)
             assert (row is not None) == (verdict == "FAIL")
