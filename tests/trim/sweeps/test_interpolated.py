@@ -94,3 +94,11 @@ def test_interpolation_outside_the_sweep_is_refused(model: InterpolatedModel) ->
         BadInputError, match="the sweep has no trim at dihedral 0 deg, speed 5 ft/s"
     ):
         InterpolatedModel(sweep(hfa.aircraft(), {"dihedral": [0.0, 0.1], "speed": [5.0, 68.0]}))
+
+
+def test_values_are_given_by_name_in_any_order() -> None:
+    """The order of the arguments of `at` does not matter."""
+    model = InterpolatedModel(hfa.sweep(hfa.aircraft(), dihedral=[0.1, 0.2], speed=[68.0, 70.0]))
+    one = model.at(dihedral=0.15, speed=69.0)
+    other = model.at(speed=69.0, dihedral=0.15)
+    assert np.array_equal(one.A, other.A)
