@@ -22,6 +22,7 @@ from benchmarks.report import FOLDER, Limit, Row, in_turn
 from controller.game.basis import basis
 from controller.hfa_files import published_game
 from controller.learning.published import PublishedSettings, published_law
+from controller.learning.recording import natural_spread
 from controller.riccati.gare import unconfirmed_solution
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.waveform import Harmonic, Waveform, zero
@@ -74,6 +75,7 @@ class FlightCase:
         )
         settings = PublishedSettings(
             samples=50,
+            box=tuple(natural_spread(game).tolist()),
             coordinates="scaled",
             normalisation="root",
             gains=(100.0, 100.0),
