@@ -89,6 +89,9 @@ def test_a_missing_degree_and_a_linear_term_are_found() -> None:
         hfa.from_weights(game, few, basis=psi), linear, expansion.solution, LIMIT
     )
     assert {each.degree for each in found.errors if each.error > LIMIT} == {3, 4}
+    worst = max(found.errors, key=lambda each: each.error)
+    assert found.sentence.startswith(f"V wrong in degree 3, 4 (worst: {worst.worst}, off by")
+    assert found.radius is None
     tilted = hfa.from_weights(
         game, [exact[2, 0], exact[1, 1], exact[0, 2], 0.1, 0.0], basis="quadratic+linear"
     )
