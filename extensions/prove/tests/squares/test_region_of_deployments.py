@@ -49,9 +49,9 @@ def test_a_deployment_file_is_proved(tmp_path: Path, capsys: pytest.CaptureFixtu
     words = options_of_deployment(tmp_path)
     proof = str(tmp_path / "proof.json")
     assert main([*words, "--seconds", "3", "-o", proof]) == 0
-    first, second, *_ = capsys.readouterr().out.splitlines()
-    assert first.endswith("of pendulum")
-    assert second == "without sampling (0.02 s), delay (0.04 s), actuators, disturbances"
+    title = " ".join(capsys.readouterr().out.split("\n\n")[0].split())
+    left_out = "without sampling (0.02 s), delay (0.04 s), actuators, disturbances"
+    assert title.endswith(f"of pendulum, {left_out}")
     assert main([*words, "--check", proof]) == 0
     assert main([*options_of_deployment(tmp_path, gain=-0.99), "--check", proof]) == 2
 
