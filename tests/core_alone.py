@@ -16,7 +16,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 _DEFAULT = ("-m", "not slow", "tests")
 #: Folders of tests that are about the core and its extensions together.
-_OF_ALL = ("project", "studies")
+_OF_ALL = ("project", "studies", "nets")
 #: The folder itself is left out: `pip install .` leaves the names of the extensions in it.
 _PATHS = ("-o", "pythonpath=tests/support")
 METADATA = "Metadata-Version: 2.1\nName: hfa-toolchain\nVersion: 0\n"

@@ -8,6 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
+pytest.importorskip("hfa_flight")
+
 from game_samples import INITIAL, game_models
 from linear_flight import LinearFlight, simulate
 

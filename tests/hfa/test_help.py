@@ -25,6 +25,7 @@ def test_help_is_short_and_ends_with_an_example(name: str) -> None:
 
     No line of the long help exceeds 80 columns.
     """
+    pytest.importorskip("hfa_flight")
     text = hfa(*name.split(), "--help").out
     *_, last = text.splitlines()
     assert last.removeprefix("example: ") == commands()[name].example
@@ -40,6 +41,7 @@ def test_help_for_users_aircraft_omits_the_hfa(name: str) -> None:
     """The help of a command for the user's aircraft mentions neither the HFA, its dynamics, nor the
     paper.
     """
+    pytest.importorskip("hfa_flight")
     if "--aircraft" not in hfa(*name.split(), "--help").out:
         return
     own = f"{ROOT / 'examples' / 'navion.py'}:NAVION"

@@ -36,6 +36,7 @@ def marks_of(way: str) -> list[pytest.MarkDecorator]:
 @given(data=st.data())
 def test_a_hostile_input_gives_a_result_or_error(way: str, data: st.DataObject) -> None:
     """Every hostile variant of one kind of input gives a result, or an error of one line."""
+    pytest.importorskip("hfa_flight")
     words, files = data.draw(hostile_case(way))
     assert attempt(words, files) is None
 

@@ -189,6 +189,7 @@ def test_bad_requests_are_refused_in_one_line(command: str, words: str, named: s
 )
 def test_unknown_commands_and_options_are_refused(words: str, named: str) -> None:
     """An unknown command or option is refused, and the message suggests the nearest name."""
+    pytest.importorskip("hfa_flight")
     assert_refused(hfa(*words.split()), BAD_INPUT, named)
 
 

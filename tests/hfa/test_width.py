@@ -26,6 +26,7 @@ COMMANDS = [
 
 def test_no_default_text_exceeds_the_width(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No line of a text of the three uses has more than 80 characters."""
+    pytest.importorskip("hfa_flight")
     from project import ROOT
 
     monkeypatch.chdir(tmp_path)

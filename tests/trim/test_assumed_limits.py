@@ -19,6 +19,7 @@ from trim.point.trim_report import trim_report
 @pytest.mark.parametrize("name", [f"{ROOT}/examples/uav.toml", "jsbsim:c172p"])
 def test_assumed_limits_are_marked_and_ranked_last(name: str) -> None:
     """Among the nearest limits, declared ones come before assumed ones, which are marked."""
+    pytest.importorskip("hfa_jsbsim")
     model = hfa.load_model(name)
     condition = usual_condition(model)
     point = hfa.trim(model, condition)
@@ -56,6 +57,7 @@ def test_limits_of_the_flexible_aircraft_are_assumed() -> None:
 
 def test_flights_name_an_assumed_limit() -> None:
     """The table of a flight and its departure mark assumed limits."""
+    pytest.importorskip("hfa_flight")
     model = hfa.load_model(f"{ROOT}/examples/uav.toml")
     point = hfa.trim(model)
     calm = hfa.fly(model, point, None, 0.1)

@@ -281,6 +281,7 @@ def test_drawn_aircraft_are_simulated_from_the_nominal_trim(folder, capsys):
     The largest pitch error agrees with flights of `hfa.fly`. With very wide bands the exit code is
     1.
     """
+    pytest.importorskip("hfa_flight")
     words = ("fly", "--law", "none", "--draws", "3", "--json", "--duration")
     assert main([*words, "2", "--aircraft", written()]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -313,6 +314,7 @@ def test_unstable_loops_of_random_aircraft_fail(folder, capsys):
     A gain and a network with the same slope are tested. With a delay, the linear loop is not
     reported.
     """
+    pytest.importorskip("hfa_flight")
     model = hfa.load_model(written())
     linear = hfa.linearize(model, hfa.trim(model))
     K = -hfa.solve(hfa.game(linear, np.ones(8), np.ones(4))).K

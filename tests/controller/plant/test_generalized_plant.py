@@ -14,6 +14,9 @@ from typing import Any
 import control
 import numpy as np
 import pytest
+
+pytest.importorskip("hfa_design")
+
 from cli import hfa
 from known_models import model_at
 from pages import printed_matrices

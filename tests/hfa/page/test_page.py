@@ -19,6 +19,8 @@ import pytest
 from plotly.graph_objects import Figure
 from project import ROOT
 
+pytest.importorskip("hfa_flight")
+
 import hfa_model
 from hfa import BadInputError, NoSolutionError, sweep
 from hfa.page.claims import Claims, claims_section, load_claims

@@ -12,6 +12,8 @@ import pytest
 from cli import Result, assert_refused, hfa
 from project import ROOT
 
+pytest.importorskip("hfa_flight")
+
 from hfa.main import BAD_INPUT, DONE, FAILED
 from hfa.page.job_report import plotly_script
 from hfa.page.main_job import MOST_SWEPT

@@ -36,6 +36,7 @@ def trimmed(name: str) -> tuple[hfa.OperatingPoint, dict[str, Any]]:
 @pytest.mark.parametrize("name", AIRCRAFT)
 def test_lift_drag_and_thrust_balance_the_weight(name: str) -> None:
     """In level flight L + T sin α = W and D = T cos α; the thrust of the 737 also pitches."""
+    pytest.importorskip("hfa_jsbsim")
     point, data = trimmed(name)
     figures = data["performance"]
     thrust = figures.get("thrust_force", figures.get("thrust"))
@@ -63,6 +64,7 @@ def test_the_static_margin_is_that_of_the_table() -> None:
 @pytest.mark.parametrize("name", AIRCRAFT)
 def test_the_static_margin_is_that_of_differences(name: str) -> None:
     """Central differences of lift and moment about alpha give the margin of the report."""
+    pytest.importorskip("hfa_jsbsim")
     point, data = trimmed(name)
     names = ("lift", "pitching_moment")
     step = 1e-4
@@ -96,6 +98,7 @@ def test_a_center_of_gravity_at_the_neutral_point_has_no_margin() -> None:
 )
 def test_control_per_g_is_that_of_nonlinear_pull_ups(name: str, control: str) -> None:
     """The nonlinear model is trimmed in pull-ups of 1 ± 0.002 g with all other states held."""
+    pytest.importorskip("hfa_jsbsim")
     point, data = trimmed(name)
     model = point.model
     holding = {**point.states._asdict(), **point.inputs._asdict()}
@@ -143,6 +146,7 @@ def test_elevator_per_knot_of_a_table_is_the_textbook_formula() -> None:
 
 def test_thrust_available_is_that_of_full_throttle() -> None:
     """The thrust at full throttle of the 737 and of the flexible aircraft is the available one."""
+    pytest.importorskip("hfa_jsbsim")
     point, data = trimmed("jsbsim:737")
     full = point.model.outputs_at(point.states, point.inputs._replace(throttle=1.0), ("thrust",))
     assert data["performance"]["thrust_available"] == pytest.approx(full["thrust"])
@@ -164,6 +168,7 @@ def test_thrust_of_a_propeller_whose_speed_is_a_state_is_not_invented() -> None:
 
 def test_the_stall_margin_is_that_of_the_peak_of_the_lift() -> None:
     """At the speed ratio of the report, the largest lift over alpha carries the same lift."""
+    pytest.importorskip("hfa_jsbsim")
     point, data = trimmed("jsbsim:737")
     figures = data["performance"]
     angles = np.radians(np.linspace(5.0, 30.0, 101))

@@ -9,6 +9,9 @@ import casadi as ca
 import flint
 import numpy as np
 import pytest
+
+pytest.importorskip("hfa_prove")
+
 from flint import arb, arb_series
 from proof_cases import family, model_at
 from random_points import rates_function

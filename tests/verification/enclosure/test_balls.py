@@ -9,6 +9,9 @@ import casadi as ca
 import flint
 import numpy as np
 import pytest
+
+pytest.importorskip("hfa_prove")
+
 from flint import arb
 from known_models import model_at
 from proof_cases import family

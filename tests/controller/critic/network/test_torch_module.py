@@ -122,6 +122,7 @@ def test_a_sequential_is_simulated_as_a_policy() -> None:
 
     A network with a wrong number of outputs is refused.
     """
+    pytest.importorskip("hfa_flight")
     model = hfa.aircraft()
     point = hfa.trim(model)
     game = hfa.game(hfa.linearize(model, point), np.eye(6), np.eye(5))
