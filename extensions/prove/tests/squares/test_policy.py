@@ -109,8 +109,14 @@ def test_the_checker_evaluates_the_stated_policy(
             powers = [*exponents_of(key), 0, 0][:2]
             total += float(coefficient) * float(np.prod(y ** np.array(powers)))
         assert total == pytest.approx(float(policy(witness.T @ y)), rel=1e-9)
-    assert main(["prove", "--aircraft", PENDULUM, "--check", str(certificate)]) == 0
+    words = ["prove", "--aircraft", PENDULUM, "--check", str(certificate)]
+    assert main(words) == 0
     assert LINE in " ".join(capsys.readouterr().out.split())
+    own = certificate.parent / "without the cube of the rate.json"
+    own.write_text(json.dumps({"W": WEIGHTS[:-1]}))
+    basis = BASIS.removesuffix(", x2**4")
+    assert main([*words, "--weights", str(own), "--basis", basis]) == 1
+    assert "policy" in capsys.readouterr().err
 
 
 def test_forged_policies_are_refused(certificate: Path, model: Model) -> None:

@@ -18,6 +18,7 @@ from controller.critic.critic import from_gain, from_parts
 from controller.critic.network.critic import from_network
 from controller.riccati.smallest_delta import DeltaMin
 from hfa import BadInputError, Game, NoSolutionError, prove_critic, prove_solution, solve
+from hfa.main import main
 from hfa_prove import check_certificate
 from hfa_prove.check.game import solution_on
 from hfa_prove.fields import Rejected
@@ -206,6 +207,7 @@ def test_a_destabilizing_gain_is_certified_as_unstable(
     assert (checked.data["closed_loop_hurwitz"], checked.data["proved"]) == (None, False)
     assert checked.title.startswith("Verified, but whether the gain stabilizes is open")
     assert "open: whether A - B K with the critic's K is Hurwitz" in checked.text()
+    assert main(["prove", "--check", str(tmp_path / "critic.json")]) == 1
 
 
 def test_a_game_whose_disturbance_costs_nothing_has_no_bracket() -> None:
