@@ -10,6 +10,7 @@ from tolerances import SAME_FORMULA
 
 from controller.critic.network.tensors import tensors_in
 from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_support.errors import BadInputError
 
 SLOPES = json.loads((FOLDER / "slopes.json").read_text())
 
@@ -70,3 +71,5 @@ def test_an_onnx_deployment_equals_its_zip(tmp_path):
     for entry in SLOPES["ppo_gtm"]:
         action = np.array(act(np.array(entry["observation"]))).ravel()
         np.testing.assert_allclose(action, entry["action"], rtol=0, atol=1e-12)
+    with pytest.raises(BadInputError, match="contains the activations"):
+        _ = zipped.changed(policy=policy | {"activation": "tanh"}).actor
