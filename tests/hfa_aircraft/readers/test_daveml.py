@@ -4,6 +4,7 @@ from a table of derivatives.
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -18,6 +19,7 @@ import hfa
 from hfa_aircraft.readers.daveml.check_cases import checked_document
 from hfa_aircraft.readers.daveml.document import read_document
 from hfa_aircraft.readers.daveml.functions import Expressions
+from hfa_aircraft.readers.daveml.names import model_unit
 from hfa_aircraft.rigid.tables import Interpolator
 from hfa_support.errors import BadInputError
 
@@ -600,3 +602,28 @@ def test_a_faulty_function_of_points_is_refused(
     path.write_text(_ONE.format("", re.sub(rf"(?<!in){old}", new, _POINTS)))
     with pytest.raises(BadInputError, match=message):
         value_at(path, 0.0, 0.0)
+
+
+def test_units_of_a_file_are_converted():
+    """Each unit, as it is spelled in files, has the factor to the model's unit by its definition."""
+    lbf = 0.45359237 * 9.80665
+    slug = lbf / 0.3048
+    for spelling, unit, factor in (
+        ("deg", "rad", math.pi / 180.0),
+        ("deg_s", "rad/s", math.pi / 180.0),
+        ("rad_s", "rad/s", 1.0),
+        ("m", "ft", 1.0 / 0.3048),
+        ("f", "ft", 1.0),
+        ("f_s", "ft/s", 1.0),
+        ("m_s", "ft/s", 1.0 / 0.3048),
+        ("nmi_h", "ft/s", 1852.0 / 3600.0 / 0.3048),
+        ("m2", "ft^2", 1.0 / 0.3048**2),
+        ("kg", "slug", 1.0 / slug),
+        ("kgm2", "slug ft^2", 1.0 / (slug * 0.3048**2)),
+        ("N", "lbf", 1.0 / lbf),
+        ("Nm", "ft lbf", 1.0 / (lbf * 0.3048)),
+        ("lbf_ft2", "lbf/ft^2", 1.0),
+        ("fracMAC", "", 1.0),
+    ):
+        assert model_unit(spelling) == (unit, pytest.approx(factor, rel=1e-12)), spelling
+    assert model_unit("stone") is None

@@ -113,9 +113,9 @@ def test_each_point_equals_its_single_trim(aircraft: Model, name: str) -> None:
             "speed has masked entries",
         ),
         (
-            {"panel_mass": [-1.0]},
+            {"panel_mass": [-1.0, 10.0]},
             LEVEL_FLIGHT,
-            "panel_mass is -1 slug in the sweep; give values between 0 slug",
+            "panel_mass is -1 slug to 10 slug in the sweep; give values between 0 slug",
         ),
         ({}, LEVEL_FLIGHT, "no variable is swept"),
         ({"speed": []}, LEVEL_FLIGHT, "give a list of numbers"),

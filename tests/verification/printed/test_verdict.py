@@ -206,6 +206,7 @@ def test_a_learned_answer_is_close(verdict_of):
     assert 0.0 < verdict.cost_lost < 0.01
     assert not verdict.ok
     assert replace(verdict, limit_cost=0.01).ok
+    assert not replace(verdict, limit_cost=verdict.cost_lost / 2.0).ok
 
 
 def test_a_rounded_plant_leaves_the_class_undecided(verdict_of):
