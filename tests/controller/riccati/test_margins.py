@@ -12,6 +12,7 @@ from game_samples import game_models
 from strategies import in_coordinates
 from tolerances import SAME_FORMULA, TWO_BRACKETS, TWO_GAINS
 
+import hfa
 from controller import bounded_real_gain, disk_margin, minimum_delta
 from controller.riccati.frequency_response import responses
 from controller.riccati.loop_margins import LoopMargin, loop_margins, margin_of, named_margins
@@ -211,3 +212,16 @@ def test_the_disk_margin_of_a_common_factor_agrees_with_a_grid() -> None:
         sizes = np.abs([*loci(FREQUENCIES), np.linalg.eigvals(loop.D)])
         margin = margin_of(loci, FREQUENCIES)
         assert margin.disk == pytest.approx(min(1.0 / sizes[:-1].max(), 2.0), rel=1e-9)
+
+
+def test_a_delay_turns_a_leading_loop_by_more_than_half_a_turn() -> None:
+    """The loop 2.02 s / (s + 1)² leads at its first crossover: a delay turns it by π + phase there.
+
+    Crossovers are the roots of ω² - 2.02 ω + 1, the phase is π/2 - 2 atan ω.
+    """
+    gain = 2.02
+    linear = hfa.LinearModel.of([[0.0, 1.0], [-1.0, -2.0]], [[0.0], [1.0]])
+    crossovers = np.roots([1.0, -gain, 1.0])
+    turns = np.pi + np.pi / 2.0 - 2.0 * np.arctan(crossovers)
+    found = hfa.margins(linear, [[0.0, gain]])["u1"]
+    assert found.delay == pytest.approx((turns / crossovers).min(), rel=1e-6)
