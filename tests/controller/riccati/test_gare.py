@@ -82,7 +82,11 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
     assert solution.cost(z) == pytest.approx(z @ P @ z)
     with pytest.raises(BadInputError, match=r"give an array of shape \(6,\)"):
         solution.cost(z[:2])
-    assert solution.worst_case_eigenvalues.real.max() < 0.0
+    worst = np.linalg.eigvals(loop.A + game.E @ solution.disturbance_gain)
+    np.testing.assert_allclose(
+        np.sort(solution.worst_case_eigenvalues.real), np.sort(worst.real), rtol=1e-9
+    )
+    assert worst.real.max() < 0.0
     content = json.loads(json.dumps(solution.to_dict(), allow_nan=False))
     assert np.array_equal(np.array(content["P"]), P)
     assert (content["delta"], content["certificate"]["ok"]) == (game.delta, True)
