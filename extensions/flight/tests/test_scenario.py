@@ -74,6 +74,10 @@ def test_random_factors_have_the_specified_distribution(plan: MonteCarlo) -> Non
     heavy = with_scenario(plan, errors={"panel_mass": 2.0}).member(5)
     assert list(heavy.errors) == ["panel_mass", "lift_slope", "hinge_stiffness"]
     np.testing.assert_allclose(list(heavy.errors.values()), drawn * [2.0, 1.0, 1.0])
+    wide = replace(plan.scenario.uncertainty, errors={"panel_mass": 3.0})
+    logarithms = np.log([wide.factors(0, number)[0] for number in range(400)])
+    # The mean ratio is 1. The mean of 400 logarithms has the deviation .08.
+    assert logarithms.mean() == pytest.approx(-np.log(10.0) / 2.0, abs=0.3)
     assert member.gust.ticks == member.ticks
     assert member.gust.interval == member.tick
 

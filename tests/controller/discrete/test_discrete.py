@@ -78,6 +78,14 @@ def test_p_of_a_scalar_game_solves_a_quadratic():
     assert solution.disturbance_gain[0, 0] == 0.0
 
 
+def test_a_discounted_gain_that_does_not_stabilize_is_named():
+    """With expensive control, the gain of a discounted game leaves an eigenvalue at 1.2."""
+    game = Game([[1.2]], [[1.0]], [[1.0]], [[1.0]], [[1e6]], np.inf)
+    solution = solve_discrete(DiscreteGame(game, 0.5))
+    assert solution.radius == pytest.approx(1.2, rel=1e-3)
+    assert "does NOT stabilize" in str(solution.report())
+
+
 def test_sampled_double_integrator_equals_the_textbook():
     """A sampled double integrator has the textbook A and B, weights times dt, and delta times
     √dt.
