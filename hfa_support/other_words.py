@@ -12,6 +12,7 @@ angle: dihedral
 --mach: --hold
 --speed: --hold
 --theta: --hold
+--velocity: --hold
 aoa: alpha
 bank: phi roll
 derivatives: rates_at
@@ -68,7 +69,7 @@ success: ok
 converged: ok
 """
 #: Name -> what it means here, where it is mistaken for something else.
-NOTES = {"initial": "deviation from the trim"}
+NOTES = {"initial": "deviation from the trim", "--hold": "such as --hold speed=70"}
 #: Word of another tool -> names in this project that it may mean.
 MEANINGS = {
     word: names.split()

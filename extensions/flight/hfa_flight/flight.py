@@ -518,6 +518,8 @@ class Flight(StatesAndInputs, Result, Reported):
             outcome = f"inside the envelope for {duration}, but not within the control limits"
         else:
             outcome = f"{duration} inside the envelope and the control limits"
+            if np.allclose(self.states, self.point.states, rtol=1e-9, atol=1e-9):
+                outcome += "; nothing moved it"
         lines = [f"{verdict_text(self.ok)}: {outcome}", flight]
         if self.decay is not None:
             lines.append(self.decay.text())

@@ -463,7 +463,9 @@ def test_other_turbulence_is_refused(typed: str) -> None:
 
 def test_a_title_names_decay_cycle_and_integration_error() -> None:
     flight = hfa.fly(GLIDER, POINT, None, 0.2, initial={"speed": 1.0}, predict=False)
-    assert flight.title().startswith("PASS: 0.2 s inside the envelope and the control limits")
+    assert flight.title().startswith("PASS: 0.2 s inside the envelope and the control limits\n")
+    at_rest = hfa.fly(GLIDER, POINT, None, 0.2, predict=False)
+    assert "nothing moved it" in at_rest.title().splitlines()[0]
     decay = replace(flight, decay=Decay("alpha", 20.0, 4.0))
     assert "alpha oscillates at 4 rad/s and decays: half in 20 s" in decay.title()
     assert (decay.ok, decay.held) == (True, True)
