@@ -205,8 +205,8 @@ def _terms(critic: Critic, widths: np.ndarray) -> tuple[str, dict[int, np.ndarra
 
 def _terms_of_weights(critic: Critic) -> dict[int, np.ndarray]:
     """Return the weights of a polynomial, degree -> (1, M) of all monomials of the degree."""
-    assert critic.weights is not None
-    assert critic.basis is not None
+    assert critic.weights is not None  # the caller found them
+    assert critic.basis is not None  # as above
     n = critic.basis.states
     exponents = [tuple(row) for row in critic.basis.exponents.tolist()]
     given = dict(zip(exponents, critic.weights.tolist(), strict=True))

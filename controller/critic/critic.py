@@ -332,7 +332,7 @@ def symbols_for(functions: Iterable[ca.Function], n: int) -> ca.SX:
     """
     if all(function.is_a("SXFunction") for function in functions):
         return ca.SX.sym("z", n)
-    return ca.MX.sym("z", n)  # type: ignore[return-value]
+    return ca.MX.sym("z", n)  # type: ignore[return-value]  # has the same operators
 
 
 def from_functions(

@@ -135,7 +135,7 @@ def learn_steps(
         for _ in range(2**pause):
             H = learner.value_iteration(H)
         iterations += 2**pause
-        assert H is not None
+        assert H is not None  # at least one iteration was made
         before = H
         rows.append((iterations, H))
         with suppress(BadInputError, np.linalg.LinAlgError):

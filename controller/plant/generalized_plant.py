@@ -307,7 +307,8 @@ def stored_plant(
             set(stored) - {*names, "delta", "states", "inputs", "state_units", "input_units"}
         )
         notes += [f"not used: {shortened(', '.join(unused), 200)}"] if unused else []
-        plant = GeneralizedPlant(**{name: stored.get(name) for name in names})  # type: ignore[arg-type]
+        entries: dict[str, Any] = {name: stored.get(name) for name in names}
+        plant = GeneralizedPlant(**entries)
         delta = one_number("delta", stored["delta"]) if "delta" in stored else None
         if delta is not None and delta != math.inf:
             refuse_unless_positive("delta", delta)

@@ -53,7 +53,7 @@ def commanded_trim(point: OperatingPoint, command: Mapping[str, float]) -> Comma
     point: the trim; its problem is known
     command: state -> deviation from the trim, in the units of the model
     """
-    assert point.problem is not None
+    assert point.problem is not None  # required by the docstring
     held = {name: point[name] + value for name, value in command.items()}
     unlimited = (-math.inf, math.inf)
     try:

@@ -295,7 +295,7 @@ def design_of(name: str, data: Mapping[str, Any], model: Model) -> Design:
     """
     breakpoints = f"{model.schedule}s"
     form: dict[str, Any] = {**_FILE}
-    form["shaping"] = {**_FILE["shaping"], f"{breakpoints}*": [NUMBER]}  # type: ignore[dict-item]
+    form["shaping"] = {**_FILE["shaping"], f"{breakpoints}*": [NUMBER]}  # type: ignore[dict-item]  # a table
     variants = {key: data[key] for key in model.about.variants if key in data}
     entries = {key: value for key, value in data.items() if key not in variants}
     entries = checked(name, entries, form)

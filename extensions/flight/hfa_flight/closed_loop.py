@@ -137,7 +137,7 @@ class NonlinearPlant(Plant):
         self.point.refuse_other(self.model)
 
     @property
-    def parameters_size(self) -> int:  # type: ignore[override]
+    def parameters_size(self) -> int:  # type: ignore[override]  # computed
         """Number of parameters that differ between flights."""
         return len(self.model.parameters) if self.uncertain else 0
 

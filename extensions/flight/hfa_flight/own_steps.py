@@ -75,7 +75,7 @@ def in_own_steps(loop: ClosedLoop) -> CompiledLoop:
     These are not supported.
     """
     model: Model = loop.plant.point.model
-    make: Callable[[float], Any] = model.equations.jsbsim_steps  # type: ignore[attr-defined]
+    make: Callable[[float], Any] = model.equations.jsbsim_steps  # type: ignore[attr-defined]  # of JSBSim's
     scenario = loop.scenario
     extra = {
         "--actuators": scenario.actuators is not None,

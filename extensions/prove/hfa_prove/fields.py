@@ -318,7 +318,7 @@ class Stated:
         """
         known = SimpleNamespace(**vars(known))
         values = {}
-        for each in fields(cls):  # type: ignore[arg-type]
+        for each in fields(cls):  # type: ignore[arg-type]  # a dataclass
             declared: Entry = each.metadata["entry"]
             values[each.name] = declared.read(file, each.name, known)
             setattr(known, each.name, values[each.name])
@@ -333,7 +333,7 @@ class Stated:
     def content(self) -> dict[str, Any]:
         """Return the object in the form that is stored in a file and that `read` accepts."""
         content = {}
-        for each in fields(self):  # type: ignore[arg-type]
+        for each in fields(self):  # type: ignore[arg-type]  # a dataclass
             value = getattr(self, each.name)
             if value is not None:
                 content[each.name] = each.metadata["entry"].store(value)
@@ -344,7 +344,7 @@ class Stated:
 
         before: beginning of every path, such as "flight."
         """
-        for each in fields(self):  # type: ignore[arg-type]
+        for each in fields(self):  # type: ignore[arg-type]  # a dataclass
             declared: Entry = each.metadata["entry"]
             path = f"{before}{each.name}"
             value = getattr(self, each.name)

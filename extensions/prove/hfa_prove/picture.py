@@ -86,7 +86,7 @@ def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
 
     The section shows levels of V and initial conditions that do not converge.
     """
-    assert region.obstacles is not None
+    assert region.obstacles is not None  # of a search
     states = region.statement.loop.states
     x_unit, y_unit = region.statement.loop.model.units((states[i], states[j]))
     levels = [("proved", region.set.rho, "C0", "-")]

@@ -42,7 +42,7 @@ def region_report(region: Region, policy: str = "", timing: str = _WITHOUT) -> R
     policy: description of the policy, or ""
     timing: effects other than disturbances that the proof neglects, for the first line
     """
-    assert region.obstacles is not None
+    assert region.obstacles is not None  # of a search
     statement = region.statement
     starts = region.obstacles.starts
     found = FoundRegion(
@@ -213,7 +213,7 @@ def _obstacles(region: Region) -> Table:
     """Return a table of the lowest levels of V at which a larger set meets an obstacle."""
     from hfa_prove.search.obstacles import NOT_RETURNED
 
-    assert region.obstacles is not None
+    assert region.obstacles is not None  # of a search
     rho = region.statement.rho
     rows = [("proved", at_least(rho, 6), "1", "")]
     nowhere = (np.inf, None)
@@ -292,5 +292,5 @@ def _place(
     if found is None or found[1] is None:
         return None
     level, place = found
-    assert place is not None
+    assert place is not None  # as found above
     return Place(level, dict(zip(statement.loop.states, place.tolist(), strict=True)))

@@ -283,12 +283,12 @@ class TurbulentAir(Gust):
     trimmed_at: float | None = None
 
     @property
-    def names(self) -> tuple[str, ...]:  # type: ignore[override]
+    def names(self) -> tuple[str, ...]:  # type: ignore[override]  # computed
         """Names of the model's disturbances that the turbulence sets."""
         return tuple(dict.fromkeys(name for factors in self.taken.values() for name in factors))
 
     @property
-    def held_size(self) -> int:  # type: ignore[override]
+    def held_size(self) -> int:  # type: ignore[override]  # computed
         """Number of held inputs: time, values and slopes at the start of a tick."""
         return 1 + 2 * len(self.names)
 

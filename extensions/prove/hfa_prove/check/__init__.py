@@ -98,7 +98,7 @@ def _sizes(statement: Any, witness: Any, progress: Progress | None) -> tuple[int
         from hfa_prove.check.value import check_value
 
         return (check_value(statement, witness),)
-    assert isinstance(witness, CostWitness)
+    assert isinstance(witness, CostWitness)  # the only other kind
     from hfa_prove.check.cost import check_cost
 
     return check_cost(statement, witness, progress)

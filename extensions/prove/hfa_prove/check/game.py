@@ -241,11 +241,11 @@ def check_game(statement: GameStatement, witness: GameWitness) -> int:
     check_runs("loop", [Run(0.0, 0.0, *statement.loop)], _line_bounds(loop, witness.loop), n)
     if statement.delta_min is None:
         return 1
-    assert statement.modes is not None
+    assert statement.modes is not None  # read with delta_min
     A, B = doubles
     check_runs("modes", [Run(0.0, 0.0, *statement.modes)], _line_bounds(A, witness.modes), n)
     refused, value = statement.delta_min
-    assert witness.value is not None
+    assert witness.value is not None  # as above
     solution_on(replace(weights, delta=value), A, B, witness.value, lowest=1)
     below = replace(weights, delta=refused)
     if isinstance(witness.refused, SolutionBox):
@@ -269,7 +269,7 @@ def _plant(
     plant = statement.plant
     if isinstance(plant, Plant):
         return TaylorModel(matrix(plant.A)), TaylorModel(matrix(plant.B))
-    assert witness.trim is not None
+    assert witness.trim is not None  # read with a flight
     radii = witness.trim.wide_radii if decimals else witness.trim.radii
     trim = TrimBox(plant.low, plant.high, witness.trim.center, radii)
     linear = linear_model_on(plant, trim, decimals=decimals)

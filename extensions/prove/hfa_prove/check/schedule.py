@@ -50,7 +50,7 @@ def check_schedule(
         if name == "loop":
             least, most = _loop_bounds(statement, linear, box)
         else:
-            assert isinstance(box.proof, Line)
+            assert isinstance(box.proof, Line)  # as the witness was read
             least, most = least_and_most(linear.A, box.proof)
         bounds[name].append(Run(box.trim.low, box.trim.high, least, most))
         linear_models.append(linear)
@@ -81,11 +81,11 @@ def _loop_bounds(
     """
     model = statement.flight.model
     if isinstance(statement.actuators, UncertainActuators):
-        assert isinstance(box.proof, list)
+        assert isinstance(box.proof, list)  # as the witness was read
         loop = actuated_loop(linear, model, statement.controller, statement.actuators)
         check_pieces(loop, statement.actuators, box.proof)
         return 0, 0
-    assert isinstance(box.proof, Line)
+    assert isinstance(box.proof, Line)  # as above
     A = closed_loop(linear, model, statement.controller, statement.actuators)
     least, most = least_and_most(A, box.proof)
     if most == 0 and box.proof.rate < statement.decay_rate:

@@ -79,7 +79,7 @@ def _earlier(request: CostRequest, problem: FlightProblem) -> Proved | None:
 
     if not request.resume:
         return None
-    assert request.output.file is not None
+    assert request.output.file is not None  # --resume requires -o
     path = request.output.file
     given = given_of(problem, "this command", {"Q": problem.Q, "R": problem.R})
     certificate = read_certificate(path, Subject(problem.model))

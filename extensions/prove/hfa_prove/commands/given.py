@@ -82,7 +82,7 @@ def given_for(
     """
     flight = getattr(statement, "flight", getattr(statement, "plant", None))
     if not isinstance(flight, Flight):
-        assert isinstance(statement, GameStatement)
+        assert isinstance(statement, GameStatement)  # the only kind without a flight
         return _given_plant(statement, request)
     if request.game.plant is not None:
         raise BadInputError(
@@ -259,7 +259,7 @@ def _given_controller(statement: ScheduleStatement, request: CheckRequest) -> di
 
     Raises BadInputError if either the given loop or the statement has no actuators, but not both.
     """
-    assert request.weights is not None
+    assert request.weights is not None  # the caller found it
     option = f"--weights {request.weights}"
     model = statement.flight.model
     loop = loop_of_file(request.weights, request.design, model, _stated_intervals(statement))

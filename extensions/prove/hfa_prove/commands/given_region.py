@@ -15,6 +15,7 @@ from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.plant import SAME_TRIM, facts, limits_hold, model_limits
 from hfa_prove.statements.region import RegionStatement
 from hfa_prove.subject import Given, close_to, within
+from hfa_support.errors import BadInputError
 
 if TYPE_CHECKING:
     from hfa_aircraft.model import Model
@@ -45,7 +46,12 @@ def given_for(
     kind of policy.
     """
     loop = statement.loop
-    if own is not None and not isinstance(loop.policy, Gain):
+    if own is not None:
+        if isinstance(loop.policy, Gain):
+            raise BadInputError(
+                "the certificate is about a polynomial policy, not a network or a deployed policy; "
+                "give the file of the proved gain or critic as --weights"
+            )
         return given_by(own.problem.loop, "the user")
     request.refuse(
         ("policy", "reading.network", "set"),
@@ -140,7 +146,7 @@ def _given_policy(request: CheckRequest | RegionRequest) -> dict[str, Given]:
     """Return the entries `policy.K` and `policy.terms`, of the user's policy."""
 
     gain = given_policy(request).gain
-    assert gain is not None
+    assert gain is not None  # the caller found no function
     option = "the game" if request.weights is None else f"--weights {request.weights}"
     rows = {name: rows_of(terms) for name, terms in gain.terms.items()}
     return {

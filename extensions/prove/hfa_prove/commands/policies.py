@@ -95,7 +95,7 @@ def given_policy(request: CheckRequest | RegionRequest) -> GivenPolicy:
         none = Gain(np.zeros((0, len(free.states))), {})
         return GivenPolicy.of_gain(free, none, "no inputs", None)
     named = request.game.game(request.aircraft, request.trim)
-    assert named.linear is not None
+    assert named.linear is not None  # of an aircraft
     linear = named.linear
     if request.policy is not None:
         known = [("P of the game", unconfirmed_solution(named.game).P)]

@@ -144,7 +144,7 @@ def _earlier(request: RegionRequest, problem: RegionProblem) -> Region | None:
     if not request.resume:
         return None
     path = request.output.file
-    assert path is not None
+    assert path is not None  # --resume requires -o
     policy = problem.loop.function
     own = request.model if request.aircraft.own else None
     proved = check_certificate(path, ProgressLine("check"), own, policy)

@@ -43,7 +43,7 @@ def value(request: ValueRequest) -> int:
     flint_or_refusal()
     refuse_no_certificate(request.output.file)
     named = request.game.game(request.aircraft, request.trim)
-    assert named.linear is not None
+    assert named.linear is not None  # of an aircraft
     progress = ProgressLine("prove")
     expansion = expand(named.linear, solve(named.game, progress), request.order)
     progress(0.5, 1.0, "enclosing the coefficients")

@@ -541,7 +541,7 @@ def accepted(tried: LevelSearch) -> ProvedLevel | None:
     if evidence is None:
         return None
     witness = read_region_witness(Fields("witness", evidence), tried.statement)
-    assert isinstance(witness, SquaresWitness)
+    assert isinstance(witness, SquaresWitness)  # evidence of this search
     try:
         parts = check_region(tried.statement, witness)
     except NoSolutionError:

@@ -31,7 +31,7 @@ def find_pieces(linear: LinearModelBox, model: Model, loop: Loop) -> list[Piece]
     The list is empty if none are found.
     """
     actuators = loop.actuators
-    assert isinstance(actuators, UncertainActuators)
+    assert isinstance(actuators, UncertainActuators)  # the caller found them
     box = actuated_loop(linear, model, loop.controller, actuators)
     return _pieces(box, actuators, actuators.bandwidth, _HALVINGS)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from flint import arb
 
 from hfa_prove.fields import Fields, Rejected, require
 from verification.enclosure.balls import is_positive_definite, matrix
-from verification.enclosure.polynomial import Polynomial, monomials
+from verification.enclosure.polynomial import Key, Polynomial, monomials
 
 #: Highest degree of the monomials of a Gram matrix.
 _HIGHEST = 12
@@ -60,14 +60,14 @@ class Square:
         degrees = _degrees(variables, self.low, self.high)
         rows = self.Q.tolist()
 
-        def terms() -> object:
+        def terms() -> Iterator[tuple[Key, int, arb]]:
             for i, key in enumerate(keys):
                 row = rows[i]
                 yield 2 * key, 2 * degrees[i], arb(row[i])
                 for j in range(i):
                     yield key + keys[j], degrees[i] + degrees[j], arb(2.0 * row[j])
 
-        return Polynomial.of_terms(terms())  # type: ignore[arg-type]
+        return Polynomial.of_terms(terms())
 
 
 @dataclass(frozen=True, eq=False)

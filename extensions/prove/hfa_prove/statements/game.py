@@ -281,7 +281,7 @@ class GameWitness(Witness):
         if isinstance(statement.plant, Flight):
             trim = PointTrim.read(entries.fields("trim"), statement.plant)
         else:
-            assert isinstance(statement.plant, Plant)
+            assert isinstance(statement.plant, Plant)  # the only other kind
         solution = _closed_solution(entries.fields("solution"), n)
         loop = _lines(entries, "loop", n)
         if statement.delta_min is None:

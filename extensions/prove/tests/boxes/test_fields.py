@@ -231,6 +231,14 @@ def test_region_fields_are_compared_or_printed(degree: int, aircraft: str, cart:
     assert_walked(statement, given, CHANGES, read, text_of)
 
 
+def test_a_network_is_not_compared_with_a_polynomial_policy(aircraft: str, cart: Model) -> None:
+    request = CheckRequest.parsed(cart, {"aircraft.source": aircraft, "weights": Path("net.onnx")})
+    linear = linearize(cart, trim(cart))
+    own = GivenPolicy(linear, ca.Function("u", [], []), None, "network", [])
+    with pytest.raises(BadInputError, match="polynomial policy"):
+        given_for(region(cart, 2), request, own=own)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "is_same"),
     [
