@@ -138,15 +138,22 @@ def nearest(name: str, known: Iterable[str]) -> list[str]:
         longer = longer or [each for key, each in by_key.items() if wanted in key]
         if longer:
             return longer[:_MOST_MEANT]
-    near = difflib.get_close_matches(wanted, by_key, n=_MOST_MEANT, cutoff=0.75)
-    likeness = {key: difflib.SequenceMatcher(a=wanted, b=key).ratio() for key in near}
+    of_letters = difflib.SequenceMatcher(b=wanted.lstrip("_"))  # dashes make no options alike
+    likeness = {}
+    for key in by_key:
+        of_letters.set_seq1(key.lstrip("_"))
+        likeness[key] = of_letters.ratio()
     best = max(likeness.values(), default=0.0)
-    return [each for key, each in by_key.items() if likeness.get(key) == best]
+    if best < _LEAST_LIKENESS:
+        return []
+    return [each for key, each in by_key.items() if likeness[key] == best][:_MOST_MEANT]
 
 
 #: Least number of letters that are completed to a longer name, and largest number of suggestions.
 _SHORTEST_BEGINNING = 3
 _MOST_MEANT = 4
+#: Least share of equal letters of two similar names.
+_LEAST_LIKENESS = 0.75
 
 
 def is_finite(value: object) -> bool:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from hfa_support.errors import choice_of
+from hfa_support.errors import choice_of, nearest
 from hfa_support.other_words import MEANINGS
 
 
@@ -24,6 +24,11 @@ def test_similar_names_are_suggested(name, known, meant):
     A name that differs only in case is suggested alone.
     """
     assert choice_of(name, known).startswith(f"did you mean {meant}? choose from")
+
+
+def test_dashes_make_no_options_alike():
+    assert nearest("--dt", ("--at", "--delta")) == []
+    assert nearest("--detla", ("--at", "--delta")) == ["--delta"]
 
 
 def test_synonyms_are_lower_case_and_not_their_meaning():
