@@ -52,7 +52,7 @@ REFUSED = {
         ("--dihedral", "--dihedral expected one argument"),
         ("--dihedrl 15", "unknown option --dihedrl; did you mean --dihedral?"),
         ("--angle 15", "unknown option --angle; did you mean --dihedral?"),
-        ("--alt 500", "unknown option --alt; did you mean --hold?"),
+        ("--alt 500", "unknown option --alt; did you mean --hold (such as"),
         (
             "--dihedral 15 --hold Sped=68",
             "unknown trim variable 'Sped'; did you mean speed? choose from",
