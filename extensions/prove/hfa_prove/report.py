@@ -83,7 +83,9 @@ def schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) ->
     parts.append(_not_covered(statement))
     for name, runs in (("loop", statement.loop), ("aircraft A", statement.modes)):
         heading = (f"{name}: {variable}, {unit}", "unstable modes")
-        parts.append(Table(heading, [(_span(run), count_text(run)) for run in runs]))
+        parts.append(
+            Table(heading, [(_span(run), _count_text(run.least, run.most)) for run in runs])
+        )
     return parts
 
 
@@ -99,7 +101,7 @@ def _loop_sentences(statement: ScheduleStatement, stable: bool, data: Content) -
     lines = []
     for run in statement.loop:
         if run.least > 0:
-            modes = f"{count_text(run)} unstable modes"
+            modes = f"{_count_text(run.least, run.most)} unstable modes"
             lines.append(f"the loop has {modes} at every {every} from {_span(run)} {unit}")
     for run in statement.loop:
         if run.least == 0 < run.most:
@@ -150,12 +152,12 @@ def _span(run: Run) -> str:
     return f"{run.low:.10g} to {run.high:.10g}"
 
 
-def count_text(run: Run) -> str:
+def _count_text(least: int, most: int) -> str:
     """Return the number of unstable modes as text, such as "2" or "0 to 2".
 
     The second form is used if only bounds are proved.
     """
-    return str(run.least) if run.least == run.most else f"{run.least} to {run.most}"
+    return str(least) if least == most else f"{least} to {most}"
 
 
 def game_report(
@@ -207,7 +209,6 @@ def _solution_parts(data: Content, states: tuple[str, ...]) -> list[Part]:
         bracket = f"above {at_least(above, 10)}, at most {at_most(most, 10)}"
     width = "" if above is None else f"{(most - above) / most:.2g}"
     words = {True: "proved", False: "refuted", None: "open"}
-    least_modes, most_modes = data["unstable_modes_between"]
     statements = [
         ("the stabilizing solution exists and is unique", words[data["worst_case_hurwitz"]]),
         ("P is positive definite", words[data["positive_definite"]]),
@@ -216,7 +217,7 @@ def _solution_parts(data: Content, states: tuple[str, ...]) -> list[Part]:
         ("relative radius about the printed P", at_most(data["relative_radius"], 3)),
         ("delta_min", bracket),
         ("relative width of the bracket", width),
-        ("unstable modes of A", count_text(Run(0.0, 0.0, least_modes, most_modes))),
+        ("unstable modes of A", _count_text(*data["unstable_modes_between"])),
     ]
     states = states or numbered("z", len(data["P"]))
     return [
@@ -387,8 +388,7 @@ def _game_parts(statement: GameStatement, data: Content) -> list[Part]:
         (name, at_least(low, 6), at_most(high, 6))
         for name, (low, high) in statement.distances.items()
     ]
-    least, most = statement.loop
-    count = count_text(Run(0.0, 0.0, least, most))
+    count = _count_text(*statement.loop)
     lines = ["open: whether A - B K with the critic's K is Hurwitz"]
     if statement.hurwitz:
         lines = ["A - B K with the critic's K is Hurwitz"]
@@ -407,9 +407,9 @@ def _game_parts(statement: GameStatement, data: Content) -> list[Part]:
         data["delta_min_at_most"] = value
         data["unstable_modes_between"] = list(statement.modes)
         lines.append(f"delta_min is above {at_least(above, 10)}, at most {at_most(value, 10)}")
-        modes = Run(0.0, 0.0, *statement.modes)
-        count = "" if modes.least == modes.most else "open: the number between them; "
-        lines.append(f"{count}A has {count_text(modes)} unstable modes")
+        least, most = statement.modes
+        is_open = "" if least == most else "open: the number between them; "
+        lines.append(f"{is_open}A has {_count_text(least, most)} unstable modes")
     if statement.decimals:
         lines.append("the distances are valid for every number that rounds to the stored doubles")
     if isinstance(statement.plant, Plant):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -15,7 +16,10 @@ from stored_certificates import read, stored
 from hfa_aircraft.about import Source
 from hfa_aircraft.march.ending import Outcome
 from hfa_aircraft.model import Model, Signal
+from hfa_flight.problem import flight_problem
+from hfa_prove.check.region_squares import extents_of
 from hfa_prove.monomials import PolynomialFunction
+from hfa_prove.problem import given_plant, plant_of, unknowns_of
 from hfa_prove.report import (
     checked_report as checked_by_modes,
     game_report,
@@ -39,6 +43,7 @@ from hfa_prove.statements.schedule import FixedActuators, Run, UncertainActuator
 from hfa_prove.statements.value import ValueStatement
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
+from trim.point.solve import trim
 
 CRAFT = Model(
     "craft",
@@ -258,11 +263,55 @@ def test_a_set_in_other_coordinates_is_printed_with_them(whole: bool) -> None:
     assert ("|y_i| < 1" in text) is not whole
 
 
+def test_a_trim_of_the_user_agrees_within_a_tolerance() -> None:
+    """Values may differ by 1e-6 of their nominal values, in each part of the trim."""
+    plant = bound_of().plant
+    stated = Plant(**{**vars(plant), "trim": TRIM, "limits": {}})
+    given = given_plant(plant, "--aircraft")
+    for part, name in (("trim", "pitch"), ("trim", "place"), ("inputs", "flap")):
+        for factor, agrees in ((0.9, True), (-0.9, True), (1.1, False), (-1.1, False)):
+            moved = factor * 1e-6 * CRAFT.signals[name].nominal
+            values = dict(getattr(stated, part))
+            other = replace(stated, **{part: {**values, name: values[name] + moved}})
+            assert given[f"plant.{part}"].same(getattr(other, part), values) is agrees
+
+
+@pytest.mark.parametrize(
+    ("A", "B", "nominal", "unknowns"),
+    [
+        ([[1.0, 1e9], [0.0, 1.0]], [[1.0], [1.0]], (1e9, 1.0, 1.0), (0, 1)),
+        ([[1.0, 1e-9], [0.0, 1.0]], [[1.0], [1.0]], (1e-9, 1.0, 1.0), (0, 1)),
+        ([[0.0, 0.0], [0.0, 2.0]], [[3.0], [0.0]], (1.0, 1.0, 1.0), (1, 2)),
+        ([[0.0, 2.0], [0.0, 0.0]], [[0.0], [3.0]], (1.0, 1.0, 1.0), (1, 2)),
+    ],
+)
+def test_unknowns_of_an_equilibrium_are_well_conditioned(
+    A: Any, B: Any, nominal: tuple[float, ...], unknowns: tuple[int, ...]
+) -> None:
+    """In nominal values, the states are the unknowns unless their Jacobian is singular."""
+    linear = SimpleNamespace(A=np.array(A), B=np.array(B))
+    plant = SimpleNamespace(states=("a", "b"), nominal=np.array(nominal))
+    assert unknowns_of(cast(Any, SimpleNamespace(linear=linear)), cast(Any, plant)) == unknowns
+
+
+def test_limits_on_one_side_are_kept() -> None:
+    """The limits of a bound contain those of the envelope and the inputs, if one end is finite."""
+    model = Model(
+        "half", {"x": Signal(max=1.5), "y": Signal()}, {"u": Signal(min=-2.5), "v": Signal()},
+        lambda x, u, p, w: ({"x": u.u - x.x, "y": u.v - x.y}, {}), trim={"x": 0.0, "y": 0.0},
+    )  # fmt: skip
+    plant = plant_of(flight_problem(model, trim(model)))
+    assert plant.limits == {"x": (-np.inf, 1.5), "u": (-2.5, np.inf)}
+
+
 def test_extents_of_squares_are_those_of_the_checked_coordinates() -> None:
     """With T = diag(t), the extents are ±t, in place of those that the statement lists."""
     T = np.diag([2.0, 3.0, 5.0])
     witness = SquaresWitness(T, 4, cast(Any, None), (), (), ())
     report = checked_report(as_proved(statement_of(), witness))
+    checked = extents_of(statement_of(), T)
+    ends = [max(-low, high) for low, high in checked.values()]
+    assert list(report.data["extents"].values()) == ends
     assert report.data["parts"] == 1
     assert "--prover squares" in words(report)
     ends = np.array(list(report.data["extents"].values()))
@@ -272,7 +321,8 @@ def test_extents_of_squares_are_those_of_the_checked_coordinates() -> None:
 def bound_of() -> CostStatement:
     plant = Plant(CRAFT, PARAMETERS, TRIM, INPUTS, HELD, LIMITS)
     still = {name: value + 0.25 for name, value in {**TRIM, **INPUTS}.items() if name != "pitch"}
-    pieces = tuple(Piece(factor * M, Polynomial(3, TERMS), factor) for factor in (1.0, 2.25))
+    levels = (1.23456789, 2.25)
+    pieces = tuple(Piece(level * M, Polynomial(3, TERMS), level) for level in levels)
     Q = np.diag([1.5, 2.5, 3.5])
     R = np.array([[4.0, 0.5], [0.5, 6.0]])
     return CostStatement(plant, {**still, "pitch": TRIM["pitch"]}, Q, R, pieces)
@@ -287,15 +337,16 @@ def test_bounds_of_the_cost_are_reported() -> None:
     )  # fmt: skip
     report = found_bound_report(found)
     assert list(tables(report)["level"].rows) == [
-        ("1", "25.0%", "0.75", "11", "0.5 s", "1.5 s"),
+        ("1.23456", "25.0%", "0.75", "11", "0.5 s", "1.5 s"),
         ("2.25", "0.0%", "-", "13", "2.5 s", "3.5 s"),
     ]
+    assert "Share of the box: default initial conditions at which W is below" in words(report)
     assert "Further pieces: the time ended." in words(report)
     assert report.data["covered"] == [0.25, 0.0]
     assert [piece["boxes"] for piece in report.data["pieces"]] == [11, 13]
     assert "Further pieces" not in words(found_bound_report(replace(found, stopped="")))
     checked = checked_bound_report(as_proved(statement, sizes=(11, 13)), ["weights"])
-    assert list(tables(checked)["level"].rows) == [("1", "11"), ("2.25", "13")]
+    assert list(tables(checked)["level"].rows) == [("1.23456", "11"), ("2.25", "13")]
     at = {
         "place": "4.75 m", "pitch": "3 deg", "turn": "14.8239 deg/s", "force": "1.5 N",
         "flap": "12.3239 deg", "slope": "7 deg",
@@ -346,8 +397,8 @@ def test_the_sentences_of_a_schedule_follow_from_its_numbers(
 ) -> None:
     """Each sentence on a loop is present if, and only if, the numbers of the statement imply it."""
     original, _ = read(stored("schedule"))
-    (trim,) = original.flight.trims
-    trims = (trim, StatedTrim(HIGH, trim.unknowns))[:branches]
+    (stated,) = original.flight.trims
+    trims = (stated, StatedTrim(HIGH, stated.unknowns))[:branches]
     statement = replace(
         original,
         flight=replace(original.flight, trims=trims, range=(LOW, HIGH)),
@@ -368,6 +419,7 @@ def test_the_sentences_of_a_schedule_follow_from_its_numbers(
     verdict = "Refuted" if refuted else "Proved" if whole else "Left open"
     assert report.title.startswith(f"{verdict}: every dihedral from 15 to 15.25 deg")
     assert data["proved"] is whole
+    assert data["dihedral_deg"] == [LOW, HIGH]
     counted = "2" if first == (2, 2) else "1 to 3"
     for sentence, expected in (
         (f"the loop has {counted} unstable modes at every angle {LAST}", refuted),
@@ -378,6 +430,7 @@ def test_the_sentences_of_a_schedule_follow_from_its_numbers(
         ("the loop through the actuators is stable", stable and actuators is not None),
         ("open: whether the trims from", branches != 1),
         ("decay rate where the loop is Hurwitz: 0.0123456 1/s", not uncertain),
+        ("0 unstable modes at every", False),
         ("boxes: 7 for the loop, 9 for the aircraft's modes", True),
         ("for every actuator bandwidth from 2 to 9 rad/s", uncertain),
         ("effectiveness from 0.25 to 0.75 and delay up to 0.125 s", uncertain),
@@ -508,3 +561,54 @@ def test_a_critic_is_reported(hurwitz: bool | None, title: str, line: str) -> No
     assert report.title.splitlines()[0] == title
     assert list(tables(report)["|X - X*| / |X*|"].rows) == [("P", "0.1234567", "0.9876544")]
     assert f"A - B K with this gain: {line}" in words(report)
+
+
+def test_the_aircraft_of_a_schedule_is_described() -> None:
+    """The report of a check states trims, limits, errors of parameters and the controller."""
+    original, _ = read(stored("schedule"))
+    (stated,) = original.flight.trims
+    trims = tuple(StatedTrim(LOW + i / 8, stated.unknowns) for i in range(6))
+    model = original.flight.model
+    about = replace(model.about, names_schedule=False)
+    model = replace(model, about=about, source=Source("", "4" * 64))
+    eye = np.tile(np.eye(2), (2, 1, 1))
+    controller = replace(
+        original.controller,
+        breakpoints=np.array([LOW, HIGH]),
+        A=-eye,
+        B=np.ones((2, 2, 6)),
+        C=np.ones((2, 5, 2)),
+        D=np.ones((2, 5, 6)),
+    )
+    parameters = dict(original.flight.parameters)
+    first, second = list(parameters)[:2]
+    flight = replace(original.flight, trims=trims, spread={first: 0.125, second: 0.5})
+    for of_file in (False, True):
+        flown = replace(flight, model=model, parameters={first: 0.25}) if of_file else flight
+        statement = replace(original, flight=flown, controller=controller, actuators=FIXED)
+        report = checked_by_modes(as_proved(statement, sizes=(2, 5)))
+        text = words(report)
+        describe = original.flight.model.describe
+        for each in trims:
+            listed = ", ".join(f"{name} {describe(name, v)}" for name, v in each.unknowns.items())
+            assert f"trim at {each.breakpoint:.10g} deg: {listed}" in text
+        assert "open: whether the trims from 15, 15.125, 15.25, 15.375 on are" in text
+        assert "for all values of 2 parameters within these half-widths:" in text
+        assert f"{first} {describe(first, 0.125)}, {second} {describe(second, 0.5)}" in text
+        for name, (low, high) in flown.limits.items():
+            assert f"{name} {describe(name, low)} to {describe(name, high)}" in text
+        assert "controller: 2 breakpoints, 2 states, SHA-256" in text
+        assert "actuators: order 2 2 2 2 2, damping 0.5 0.5 0.5 0.5 0.5, bandwidth 30" in text
+        assert "boxes: 7" in text
+        assert report.data["scheduled" if of_file else "dihedral_deg"] == (
+            {"dihedral": [LOW, HIGH]} if of_file else [LOW, HIGH]
+        )
+        assert (f"files of SHA-256 {'4' * 16}, {first} 0.25" in text) is of_file
+        assert ("published dynamics, parameters identified (" in text) is not of_file
+        assert isinstance(report.data["parameters"], dict) is of_file
+        assert ("parameter_hash" in report.data) is not of_file
+        assert report.data["spread"] == {first: 0.125, second: 0.5}
+        assert "measurements: " + ", ".join(controller.measurements) in text
+    stable = replace(original, controller=controller, loop=(Run(LOW, HIGH, 0, 0),))
+    data = schedule_data(stable, False)
+    assert "the loop of aircraft and controller is stable" in words(proof_report(stable, data))

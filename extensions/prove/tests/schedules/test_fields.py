@@ -177,6 +177,8 @@ def test_the_error_ignores_tolerated_differences() -> None:
     )
     with pytest.raises(NoSolutionError, match="speed in the certificate differs from the value"):
         compare(stated, {"A": own})
+    with pytest.raises(NoSolutionError, match="A in the certificate differs"):
+        compare(stated, {"A": Given("a digest", "--weights")})
     missing = own._replace(value={"alpha": 0.1, "speed": 50.0})
     with pytest.raises(NoSolutionError, match="altitude in the certificate differs"):
         compare(stated, {"A": missing})

@@ -75,6 +75,9 @@ def test_the_picture_shows_set_limits_and_box(region: Region) -> None:
     assert corners == {(np.degrees(1.0), np.degrees(8.0))}
     assert axes.get_xlim()[1] > np.degrees(1.0)
     assert axes.get_ylim()[1] > np.degrees(8.0)
+    assert axes.get_subplotspec().get_geometry()[:2] == (1, 1)
+    assert len(axes.patches) == 1
+    assert any(np.array_equal(line.get_xydata(), [[0.0, 0.0]]) for line in axes.get_lines())
     assert axes.get_xlabel() == "angle, deg"
     assert axes.get_ylabel() == "rate, deg/s"
     lost = np.radians(np.column_stack(shown[starts].get_data()))

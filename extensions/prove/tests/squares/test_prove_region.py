@@ -7,6 +7,7 @@ from typing import Any, NoReturn
 import numpy as np
 import pytest
 from nominal import nominal_game
+from pendulum_regions import VAN_DER_POL
 
 import hfa
 from hfa_aircraft.model import Model
@@ -37,5 +38,9 @@ def test_python_and_the_command_report_equal_regions(
     assert repr(region).startswith("Proved: region of attraction of pendulum")
     with pytest.raises(hfa.BadInputError, match=r"give \(1, 2\)"):
         hfa.prove_region(model, point, np.ones((2, 2)))
+    other = hfa.load_model(VAN_DER_POL)
+    for wrong in (("pendulum", point), (model, "a trim"), (other, point)):
+        with pytest.raises(hfa.BadInputError):
+            hfa.prove_region(*wrong, solution)  # type: ignore[arg-type]
     with pytest.raises(hfa.NoSolutionError, match="not Hurwitz"):
         hfa.prove_region(model, point, -solution.K)
