@@ -429,6 +429,23 @@ def test_errors_are_those_of_their_definitions() -> None:
     checks = critic_errors(game, critic, exact, LIMIT, box)
     checks += disturbance_errors(game, critic, exact, box, LIMIT)
     assert {check.name: check.value for check in checks} == pytest.approx(expected, rel=1e-9)
+    quartic = basis("quadratic+quartic", 3)
+    weights = quartic.weights(exact.P)
+    weights[-1] = 1e-3  # of the last state to the fourth
+    critic = from_weights(game, weights, quartic)
+    slopes = 4e-3 * 3.0**3 * 10.0**2 * np.eye(3)[2]  # in a box ten times as large, over its size
+    over_the_box = box_errors(game, critic, exact, box, LIMIT)
+    over_the_box += disturbance_errors(game, critic, exact, box, LIMIT)
+    expected = {
+        "policy_rel_error": entry(
+            np.sqrt(np.diag(R)) * np.abs(np.linalg.solve(R, B.T) @ slopes) / 2.0,
+            np.sqrt(np.diag(R)) * (np.abs(exact.K) @ box),
+        ),
+        "value_rel_error": 0.1 * 3.0**4 / (box @ np.abs(exact.P) @ box),
+        "gradient_rel_error": entry(box * slopes, 2.0 * box * (np.abs(exact.P) @ box)),
+        "disturbance_rel_error": entry(np.abs(E.T @ slopes) / 2.0, np.abs(E.T @ exact.P) @ box),
+    }
+    assert {check.name: check.value for check in over_the_box} == pytest.approx(expected, rel=1e-9)
     assert relative_error(np.zeros(2), np.zeros(2)) == 0.0
     assert relative_error(np.ones(2), np.zeros(2)) == math.inf
     assert relative_error(np.array([1.0, np.nan]), np.ones(2)) == math.inf
