@@ -77,6 +77,29 @@ def test_contradicting_options_are_refused(index: int, folder: Path) -> None:
     assert_refused(hfa("prove", *words), 2, named)
 
 
+def test_each_command_requires_ball_arithmetic(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without python-flint, each command ends in one line before it computes anything."""
+    np.savez(folder / "K.npz", K=np.ones((5, 6)))
+
+    def refuse() -> None:
+        raise BadInputError("python-flint is missing")
+
+    monkeypatch.setattr("verification.enclosure.precision.flint_or_refusal", refuse)
+    checked = ("--check", str(CERTIFICATES / "solution.json"))
+    for words in (
+        ("schedule", "--dihedral", "14:15"),
+        ("solution", "--dihedral", "14"),
+        ("critic", "--dihedral", "14", "K.npz"),
+        ("region", *PENDULUM),
+        ("cost", *PENDULUM),
+        ("value", *PENDULUM),
+        checked,
+    ):
+        assert_refused(hfa("prove", *words), 2, "python-flint is missing")
+
+
 @pytest.mark.parametrize("stated", [True, False])
 def test_actuators_are_given_and_stated_or_neither(
     stated: bool, monkeypatch: pytest.MonkeyPatch

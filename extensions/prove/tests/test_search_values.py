@@ -1,0 +1,274 @@
+"""Computations of the searches, compared with closed forms and brute force."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any, cast
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from hfa_aircraft.march.ending import FAR, Outcome
+from hfa_aircraft.model import Model, Signal
+from hfa_prove.check.equilibrium import Equilibrium
+from hfa_prove.monomials import PolynomialFunction
+from hfa_prove.search import obstacles
+from hfa_prove.search.clock import Clock, OutOfTimeError
+from hfa_prove.search.flights import Inputs, flight_costs
+from hfa_prove.search.loop_values import LoopValues
+from hfa_prove.search.obstacles import (
+    LevelSet,
+    first_obstacle,
+    obstacles_around,
+    rises,
+    starts_by_outcome,
+)
+from hfa_prove.search.region_search import lyapunov_matrices, refuse_unstable
+from hfa_prove.statements.loop import Gain, Loop
+from hfa_prove.statements.plant import Limits, Plant
+from hfa_support.errors import NoSolutionError
+
+P = np.array([[2.0, 0.5], [0.5, 1.0]])
+V = PolynomialFunction.quadratic(P)
+T = np.diag([1.5, 2.0])
+
+
+@pytest.mark.parametrize(("values", "binds"), [
+    ((-0.96, 1.0), False), ((-0.98, 1.0), True), ((-0.5, 1.93), False), ((-0.5, 1.95), True),
+])  # fmt: skip
+def test_a_limit_that_the_set_touches_at_either_end_binds(
+    values: tuple[float, float], binds: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A limit binds if the set reaches 97 % of the distance to its lowest or highest value."""
+    signals = {"far": (np.array([-0.1, 0.1]), -1.0, 2.0), "x": (np.array(values), -1.0, 2.0)}
+    loop = cast(Any, SimpleNamespace(limited_signals=lambda edge: signals))
+    far, near = np.array([1.0, 1.0]), np.array([0.5, 1.0])
+    starts = {Outcome.LEFT: np.array([far, near, 2.0 * far])}
+    monkeypatch.setattr(obstacles, "starts_by_outcome", lambda *arguments: starts)
+    proved = LevelSet(V, 1.0, T)
+    found = obstacles_around(loop, proved, (0.5, near), Clock(60.0))
+    assert found.limits == (("x",) if binds else ())
+    assert (found.rises[0], found.simulated) == (0.5, True)
+    level, place = found.starts[Outcome.LEFT]
+    assert level == V(near[None])[0]
+    assert np.array_equal(place, near)
+
+
+def test_an_obstacle_simulation_may_end_early(monkeypatch: pytest.MonkeyPatch) -> None:
+    def ended(*arguments: Any) -> Any:
+        raise OutOfTimeError("flights", 0.0)
+
+    monkeypatch.setattr(obstacles, "starts_by_outcome", ended)
+    loop = cast(Any, SimpleNamespace(limited_signals=lambda edge: {}))
+    found = obstacles_around(loop, LevelSet(V, 1.0, T), (np.inf, None), Clock(60.0))
+    assert (found.simulated, found.starts) == (False, {})
+
+
+@pytest.mark.parametrize("quick", [False, True])
+def test_the_first_obstacle_is_the_lowest_point_of_v(quick: bool) -> None:
+    """On the half-plane a'z >= 1, z'P z is lowest at z = P⁻¹a / (a'P⁻¹a), with 1 / (a'P⁻¹a)."""
+    a = np.array([0.9, 0.7])
+    lowest = 1.0 / (a @ np.linalg.solve(P, a))
+    level, place = first_obstacle(lambda z: z @ a >= 1.0, V, 2.0 * T, quick=quick)
+    assert place is not None
+    assert lowest <= level == pytest.approx(lowest, rel=2e-3)
+    assert level == V(place[None])[0]
+    assert 1.0 <= a @ place < 1.001
+    assert first_obstacle(lambda z: z @ a >= 50.0, V, T, quick=quick) == (np.inf, None)
+
+
+def test_the_first_obstacle_of_each_ray_is_found() -> None:
+    """The factor is that of the nearest boundary, within the bisections, or inf without any."""
+    rays = np.array([[1.0, 0.0], [0.0, 1.0], [2.0, 0.0], [0.0, 0.03]])
+    radii = np.linspace(0.1, 1.0, 10)
+
+    def is_obstacle(z: np.ndarray) -> np.ndarray:
+        return np.asarray((z[:, 0] >= 0.73) & (z[:, 0] < 1.3) | (z[:, 1] >= 0.02))
+
+    found = obstacles._along(is_obstacle, rays, radii)
+    assert found == pytest.approx([0.73, 0.02, 0.365, 0.02 / 0.03], abs=0.1 / 2**11)
+    assert np.all(is_obstacle(found[:, None] * rays))
+    none = obstacles._along(lambda z: np.zeros(len(z), bool), rays, radii)
+    assert np.all(none == np.inf)
+
+
+def test_a_set_has_its_volume_and_its_points() -> None:
+    """The size is that of the ellipsoid; only points within level and unit ball are contained."""
+    proved = LevelSet(V, 0.7, T)
+    assert proved.size == pytest.approx((0.7**2 / np.linalg.det(P)) ** 0.25, rel=0.02)
+    assert LevelSet(V, 1e9, T).size == 0.0
+    z = np.random.default_rng(0).uniform(-2.0, 2.0, (500, 2))
+    inside = (np.einsum("ki,ij,kj->k", z, P, z) <= 0.7) & (np.sum((z / [1.5, 2.0]) ** 2, 1) <= 1.0)
+    assert np.array_equal(proved.contains(z), inside)
+    assert np.array_equal(LevelSet(V, 0.7, 0.2 * T).contains(z), inside & (
+        np.sum((z / [0.3, 0.4]) ** 2, axis=1) <= 1.0
+    ))  # fmt: skip
+    wave = PolynomialFunction.of_terms([(4.0, (2,)), (-1.0, (4,))])  # highest, 4, at z² = 2
+    line = LevelSet(wave, 1.0, np.eye(1))
+    assert line.level(np.array([[1.0], [2.0]])) == pytest.approx([3.0, 4.0], rel=2e-3)
+
+
+def cubic(limits: Limits) -> LoopValues:
+    """Return x' = -x + x³, which converges for |x| < 1 alone."""
+    model = Model(
+        "cubic", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": x.x**3 - x.x}, {}), trim={}
+    )
+    return LoopValues(Loop(model, {}, {"x": 0.0}, {}, {}, limits, Gain(np.zeros((0, 1)))))
+
+
+def test_the_nearest_diverging_and_leaving_starts_are_found() -> None:
+    """x' = -x + x³ diverges from |x| > 1 and leaves the limit 0.8 before."""
+    square = PolynomialFunction.quadratic(np.eye(1))
+    proved = LevelSet(square, 0.25, 0.5 * np.eye(1))
+    rays = np.array([[0.5], [-0.5]])
+    found = starts_by_outcome(cubic({"x": (-np.inf, 0.8)}), proved, rays, Clock(60.0))
+    ((left,),) = found[Outcome.LEFT]
+    ((lost,),) = found[Outcome.DIVERGED]
+    assert 0.8 < left < 0.85
+    assert -1.06 < lost < -1.0
+    assert set(found) == {Outcome.LEFT, Outcome.DIVERGED}
+    with pytest.raises(OutOfTimeError):
+        starts_by_outcome(cubic({}), proved, rays, Clock(-1.0))
+
+
+def test_v_rises_where_its_derivative_is_not_negative() -> None:
+    """V' = 2 x (x³ - x) is negative for 0 < |x| < 1, and an undefined V' counts as a rise."""
+    square = PolynomialFunction.quadratic(np.eye(1))
+    z = np.array([[0.0], [0.5], [-0.999], [1.001], [-2.0], [np.nan]])
+    rising = rises(cubic({}), square.slope)(z)
+    assert rising.tolist() == [True, False, False, True, True, True]
+
+
+def limited_loop() -> LoopValues:
+    """Return a loop at x = (1, 2) with limits of one state and of the output y = a² + 3 b."""
+    model = Model(
+        "limited", {"a": Signal(nominal=2.0), "b": Signal(nominal=3.0), "c": Signal()}, {},
+        lambda x, u, p, w: ({"a": -x.a, "b": x.a - 2.0 * x.b, "c": -x.c}, {"y": x.a**2 + 3.0 * x.b}),
+        outputs={"y": Signal()}, linear=("a", "b"), trim={},
+    )  # fmt: skip
+    limits = {"b": (-1.0, 4.0), "y": (-np.inf, 11.0)}
+    return LoopValues(
+        Loop(model, {}, {"a": 1.0, "b": 2.0}, {}, {"c": 0.0}, limits, Gain(np.zeros((0, 2))))
+    )
+
+
+def test_limited_signals_are_deviations_from_the_equilibrium() -> None:
+    values = limited_loop()
+    z = np.array([[0.0, 0.0], [1.0, 1.0], [0.0, 2.5], [-1.0, -3.5], [0.5, 0.5]])
+    assert values.limited == ("b", "y")
+    assert np.array_equal(values.permitted_deviations, [[-3.0, 2.0], [-np.inf, 4.0]])
+    signals = values.limited_signals(z)
+    b, low, high = signals["b"]
+    assert np.array_equal(b, z[:, 1])
+    assert (low, high) == (-3.0, 2.0)
+    y = (1.0 + z[:, 0]) ** 2 + 3.0 * (2.0 + z[:, 1]) - 7.0
+    assert signals["y"][0] == pytest.approx(y)
+    assert values.beyond(z).tolist() == [False, True, True, True, False]
+    assert np.allclose(values.J, [[-1.0, 0.0], [1.0, -2.0]])
+    assert np.allclose(values.limited_rows, [[0.0, 1.0], [2.0, 3.0]])
+    assert np.allclose(
+        values.rates(z), np.column_stack([-1.0 - z[:, 0], z[:, 0] - 3.0 - 2.0 * z[:, 1]])
+    )
+    assert values.nominal.tolist() == [2.0, 3.0]
+    far = np.array([[-1.01 * FAR * 2.0, -1.0], [-0.99 * FAR * 2.0, -1e9], [np.nan, 0.0]])
+    free = LoopValues(Loop(**{**vars(values.loop), "limits": {}}))
+    assert free.away(far).tolist() == [True, True, True]
+    assert free.away(np.array([[-0.99 * FAR * 2.0, 0.0]])).tolist() == [False]
+    assert values.away(z).tolist() == values.beyond(z).tolist()
+
+
+def test_weights_give_their_lyapunov_matrices() -> None:
+    """J'P + P J = -diag(w²), first with w = 1 / nominal and then within a factor of 10."""
+    J = np.array([[-1.0, 2.0], [0.0, -3.0]])
+    nominal = np.array([2.0, 0.5])
+    first, *others = lyapunov_matrices(J, nominal, 20)
+    assert np.allclose(J.T @ first + first @ J, -np.diag([0.25, 4.0]))
+    assert len(others) == 19
+    for each in others:
+        weights = np.sqrt(-np.diag(J.T @ each + each @ J)) * nominal
+        assert np.all((weights > 0.1) & (weights < 10.0))
+    assert list(lyapunov_matrices(-J, nominal, 3)) == []
+
+
+@pytest.mark.parametrize("mode", [0.0, 0.5])
+def test_a_linearization_on_or_right_of_the_axis_is_refused(mode: float) -> None:
+    refuse_unstable(-np.eye(2))
+    with pytest.raises(NoSolutionError, match=f"{mode:.3g}"):
+        refuse_unstable(np.diag([-1.0, mode]))
+
+
+def plant_of(equations: Any, low: float, high: float) -> tuple[Plant, Equilibrium]:
+    """Return a plant with two states and one limited input about 0."""
+    model = Model("plant", {"a": Signal(), "b": Signal()}, {"u": Signal()}, equations, trim={})
+    plant = Plant(model, {}, {"a": 0.0, "b": 0.0}, {"u": 0.0}, {}, {"u": (low, high)})
+    at = cast(Any, SimpleNamespace(x=np.zeros(3)))
+    return plant, at
+
+
+def test_inputs_of_a_flight_minimize_the_hamiltonian() -> None:
+    """No input within the limits has a lower p · f(z, v) + v'R v."""
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return {"a": x.b, "b": u.u + 0.2 * u.u**2 - ca.sin(x.a)}, {}
+
+    plant, at = plant_of(equations, -0.5, 0.7)
+    inputs = Inputs(plant, at, np.array([[1.5]]))
+    random = np.random.default_rng(0)
+    z = random.uniform(-1.0, 1.0, (60, 2))
+    p = random.uniform(-4.0, 4.0, (60, 2))
+    v = inputs.best(z, p)
+    assert np.all((v >= -0.5) & (v <= 0.7))
+    assert {-0.5, 0.7} < set(v.ravel().tolist())
+    grid = np.linspace(-0.5, 0.7, 1201)
+    price = p[:, 1:] * (grid + 0.2 * grid**2) + 1.5 * grid**2
+    found = p[:, 1] * (v + 0.2 * v**2).ravel() + 1.5 * v.ravel() ** 2
+    assert np.all(found <= price.min(axis=1) + 1e-6)
+    assert np.allclose(inputs.rates(z, v)[:, 1], (v + 0.2 * v**2).ravel() - np.sin(z[:, 0]))
+    assert np.allclose(inputs.linear(), [[0.0, 1.0, 0.0], [-1.0, 0.0, 1.0]])
+
+
+def test_flights_of_a_linear_plant_cost_the_quadratic_value() -> None:
+    """Without active limits, the flights of the LQR cost z'P z. A flight that leaves costs inf."""
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return {"a": x.b, "b": u.u}, {}
+
+    plant, at = plant_of(equations, -np.inf, np.inf)
+    Q, R = np.diag([1.0, 2.0]), np.array([[0.5]])
+    half = math.sqrt(0.5)
+    b = math.sqrt(2.0 + 2.0 * half)  # of K = [1 / r, b / r] with r² = R
+    K = np.array([[1.0 / half, b / half]])
+    value = np.array([[b, half], [half, b * half]])
+    J = np.array([[0.0, 1.0], [-K[0, 0], -K[0, 1]]])
+    assert np.allclose(J.T @ value + value @ J + Q + K.T @ R @ K, 0.0)
+    z = np.array([[1.0, 0.0], [0.0, 1.0], [-0.5, 1.5], [3.0, 0.0]])
+    costs = flight_costs(
+        Inputs(plant, at, R), (Q, R, value), lambda z: 2.0 * z @ value,
+        lambda z: np.abs(z[:, 0]) < 2.0, z, Clock(60.0),
+    )  # fmt: skip
+    exact = np.einsum("ki,ij,kj->k", z, value, z)[:3]
+    assert np.all((costs[:3] > exact) & (costs[:3] < 1.03 * exact))  # inputs are held in each step
+    assert costs[3] == np.inf
+
+
+def test_a_clock_divides_the_time_that_is_left() -> None:
+    """A step gets its share of the time that is left, and the whole is left after it."""
+    clock = Clock(100.0)
+    with clock.step(0.25):
+        assert clock.left == pytest.approx(25.0, abs=1.0)
+        with clock.step(0.5):
+            assert clock.left == pytest.approx(12.5, abs=1.0)
+    assert clock.left == pytest.approx(100.0, abs=1.0)
+    assert 0.0 <= clock.used < 1.0
+    with pytest.raises(OutOfTimeError, match=r"after fitting, 0\.75 of the cube undecided"):
+        Clock(-1.0)(1.0, 4.0, "fitting")
+
+    def interrupted(done: float, total: float, what: str = "") -> None:
+        raise KeyboardInterrupt
+
+    stopped = Clock(100.0, interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        stopped(0.0, 1.0)
+    assert stopped.interrupted
