@@ -22,8 +22,8 @@ _TWO_ARGUMENTS = {ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE
 _ROUNDING = {ca.OP_FLOOR, ca.OP_CEIL}
 #: Step for the slopes, as a fraction of the nominal value.
 STEP = 1e-6
-#: Largest number of points near a switch at which slopes are compared.
-_MOST = 1_000
+#: Number of points near a switch at which slopes are compared together.
+_AT_ONCE = 1_000
 #: Largest difference of equal slopes, as a fraction of 1 + |derivative|, in scaled units.
 _APART = 1e-4
 #: Fraction of this difference that is significant in a column with a kink in another entry.
@@ -65,13 +65,13 @@ def with_means_at_kinks(
     if not near.size:
         return Smoothed(A, B, {})
     jacobian = np.concatenate([A, B], axis=2)
-    z = np.concatenate([x[near], u[near]], axis=1)
-    notes = {}
-    around = _slopes_around(model, z, p[near], columns)
-    for place, (point, slopes) in enumerate(zip(near.tolist(), around, strict=True)):
-        words = _correct(model, z[place], p[point], slopes, jacobian[point], columns)
-        if words:
-            notes[point] = words
+    z = np.concatenate([x, u], axis=1)
+    notes: dict[int, tuple[str, ...]] = {}
+    for first in range(0, len(near), _AT_ONCE):
+        points = near[first : first + _AT_ONCE]
+        means, words = _means(model, z[points], p[points], jacobian[points], columns)
+        jacobian[points] = means
+        notes |= {point: said for point, said in zip(points.tolist(), words, strict=True) if said}
     n = len(model.states)
     return Smoothed(jacobian[:, :, :n], jacobian[:, :, n:], notes)
 
@@ -107,12 +107,12 @@ def near_switches(
     switch.
 
     A point is near a switch if finite-difference steps of the states and inputs may reach the
-    switch. At most `_MOST` points are returned. There are two special cases:
+    switch. There are two special cases:
 
     - If a switch depends on states and inputs in second order only, all states and inputs are
       returned.
-    - If the equations call functions, the first `_MOST` finite points and all states and inputs are
-      returned. The operations in these functions are not visible.
+    - If the equations call functions, all finite points and all states and inputs are returned. The
+      operations in these functions are not visible.
 
     x: (N, n), states
     u: (N, m), inputs
@@ -123,12 +123,12 @@ def near_switches(
     if switches is None:
         if not _calls_functions(model.layout):
             return _NOWHERE
-        return np.flatnonzero(np.isfinite(x).all(axis=1))[:_MOST], np.arange(len(steps))
+        return np.flatnonzero(np.isfinite(x).all(axis=1)), np.arange(len(steps))
     distances, moves = switches(x, u, p)
     near = distances <= 0.0
     if not near.any():
         return _NOWHERE
-    points = np.flatnonzero(near.any(axis=1))[:_MOST]
+    points = np.flatnonzero(near.any(axis=1))
     moving = moves.reshape(*distances.shape, -1)[near]
     if not moving.any(axis=1).all():  # a switch that depends on z in second order only
         return points, np.arange(len(steps))
@@ -220,108 +220,109 @@ def _slopes_around(model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarr
     offsets = np.arange(-3, 4)[:, None, None] * np.diag(steps)[columns]
     places = (z[:, None, None, :] + offsets).reshape(-1, size)
     parameters = np.repeat(p, 7 * len(columns), axis=0)
-    rates = np.array(rates_of(model.layout)(places[:, :n].T, places[:, n:].T, parameters.T))
-    by_place = rates.reshape(n, count, 7, len(columns)).transpose(1, 2, 0, 3)
+    (rates,) = _rate_rows(model.layout)(places[:, :n], places[:, n:], parameters)
+    by_place = rates.reshape(count, 7, len(columns), n).swapaxes(2, 3)
     return np.diff(by_place, axis=1) / steps[columns]
+
+
+@lru_cache(maxsize=16)
+def _rate_rows(layout: Layout) -> RowFunction:
+    """Return `rates_of(layout)` as a function of many rows."""
+    vectors = layout.symbols("x", "u", "p")
+    return RowFunction(ca.Function("rows", vectors, [ca.densify(rates_of(layout)(*vectors))]))
 
 
 def _exact_sides(
     model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the exact derivatives of the rates just below and just above a kink, (n, columns)
-    each.
+    """Return the exact derivatives of the rates just below and just above N kinks, (N, n) each.
 
     The derivatives are extrapolated by 15 J(2 h) - 24 J(2.5 h) + 10 J(3 h) from exact derivatives J
     at multiples of a step h from the point. A kink may be up to one step from the point.
     The error is of the order of h³ J'''.
 
-    z: (n + m,), state and input
-    p: (k,), parameters
-    columns: indices of the states and inputs at a kink
+    z: (N, n + m), states and inputs
+    p: (N, k), parameters
+    columns: (N,), index of the state or input at a kink
     """
     n = len(model.states)
-    steps = np.array(steps_of(model))
-    jacobian = _jacobian_of(model.layout)
+    directions = np.eye(z.shape[1])[columns]
+    steps = directions * steps_of(model)
+    derivative = _derivative_of(model.layout)
 
-    def extrapolated(column: int, step: float) -> np.ndarray:
-        """Return the derivatives with respect to one state or input on one side of the point, (n,).
+    def extrapolated(steps: np.ndarray) -> np.ndarray:
+        """Return the derivatives on the side of the points to which the steps lead, (N, n)."""
+        near, middle, far = (
+            derivative(at[:, :n], at[:, n:], p, directions)[0]
+            for at in (z + 2.0 * steps, z + 2.5 * steps, z + 3.0 * steps)
+        )
+        return 15.0 * near - 24.0 * middle + 10.0 * far
 
-        column: index of the state or input
-        step: step away from the point, whose sign selects the side
-        """
-        slopes = []
-        for count in (2.0, 2.5, 3.0):
-            place = z.copy()
-            place[column] += count * step
-            slopes.append(np.array(jacobian(place[:n], place[n:], p))[:, column])
-        return 15.0 * slopes[0] - 24.0 * slopes[1] + 10.0 * slopes[2]
-
-    below = [extrapolated(column, -steps[column]) for column in columns.tolist()]
-    above = [extrapolated(column, steps[column]) for column in columns.tolist()]
-    return np.stack(below, axis=1), np.stack(above, axis=1)
+    return extrapolated(-steps), extrapolated(steps)
 
 
 @lru_cache(maxsize=16)
-def _jacobian_of(layout: Layout) -> ca.Function:
-    """Return the Function (x, u, p) -> Jacobian of the rates by (x, u), (n, n + m)."""
+def _derivative_of(layout: Layout) -> RowFunction:
+    """Return the function (x, u, p, direction) -> derivatives of the rates along it, (N, n)."""
     rates = rates_of(layout)
     x, u, p = rates.sx_in()
-    derivatives = ca.jacobian(rates(x, u, p), ca.vertcat(x, u))
-    return ca.Function("slopes", [x, u, p], [derivatives])
+    z = ca.vertcat(x, u)
+    direction = ca.SX.sym("direction", z.numel())
+    along = ca.densify(ca.jtimes(rates(x, u, p), z, direction))
+    return RowFunction(ca.Function("along", [x, u, p, direction], [along]))
 
 
-def _correct(
-    model: Model,
-    z: np.ndarray,
-    p: np.ndarray,
-    slopes: np.ndarray,
-    jacobian: np.ndarray,
-    columns: np.ndarray,
-) -> tuple[str, ...]:
-    """Replace the entries of a Jacobian at a kink by the means of both slopes, and return notes.
+def _means(
+    model: Model, z: np.ndarray, p: np.ndarray, jacobian: np.ndarray, columns: np.ndarray
+) -> tuple[np.ndarray, list[tuple[str, ...]]]:
+    """Return the Jacobians of N points with means of both slopes in the entries at a kink, and the
+    notes of each point.
 
     Each note is a sentence on one entry at a kink. An entry at which the rate jumps also gets a
     note, but is not replaced.
 
-    z: (n + m,), state and input
-    p: (k,), parameters
-    slopes: (6, n, columns), from `_slopes_around`, which distinguish a kink from a jump
-    jacobian: (n, n + m), changed in place
-    columns: indices of the states and inputs at a kink
+    z: (N, n + m), states and inputs
+    p: (N, k), parameters
+    jacobian: (N, n, n + m)
+    columns: indices of the states and inputs that affect a switch
     """
     n = len(model.states)
     names = (*model.states, *model.inputs)
-    derivative = jacobian[:, columns]
-    below = 2.5 * slopes[1] - 1.5 * slopes[0]
-    above = 2.5 * slopes[4] - 1.5 * slopes[5]
+    slopes = _slopes_around(model, z, p, columns)
+    derivative = jacobian[:, :, columns]
+    below = 2.5 * slopes[:, 1] - 1.5 * slopes[:, 0]
+    above = 2.5 * slopes[:, 4] - 1.5 * slopes[:, 5]
     nominal = np.array(steps_of(model))[columns] / STEP
     scale = nominal / np.array([[model.rate_scale(name)] for name in model.states])
     allowed = _APART * (1 + np.abs(derivative) * scale) / scale
-    smooth_below = np.abs(slopes[1] - slopes[0]) <= allowed
-    smooth_above = np.abs(slopes[5] - slopes[4]) <= allowed
+    smooth_below = np.abs(slopes[:, 1] - slopes[:, 0]) <= allowed
+    smooth_above = np.abs(slopes[:, 5] - slopes[:, 4]) <= allowed
     differs = np.maximum(np.abs(below - derivative), np.abs(above - derivative)) > allowed
     # Across a kink, the two middle slopes are between the outer ones, or mixtures of them.
-    across = np.abs(slopes[2] + slopes[3] - below - above)
+    across = np.abs(slopes[:, 2] + slopes[:, 3] - below - above)
     jumps = smooth_below & smooth_above & (across > 2 * np.abs(above - below) + allowed)
     kinks = smooth_below & smooth_above & differs & ~jumps
     # A kink in one rate is also one in other rates, even if its effect on them is small.
     felt = np.abs(above - below) > _FELT * allowed
-    kinks |= kinks.any(axis=0) & smooth_below & smooth_above & felt & ~jumps
-    if kinks.any():
-        below, above = _exact_sides(model, z, p, columns)
-    notes = []
-    for j, i in np.argwhere((kinks | jumps).T).tolist():
+    kinks |= kinks.any(axis=1, keepdims=True) & smooth_below & smooth_above & felt & ~jumps
+    point, place = np.nonzero(kinks.any(axis=1))
+    if point.size:
+        sides = _exact_sides(model, z[point], p[point], columns[place])
+        below[point, :, place], above[point, :, place] = sides
+    means = jacobian.copy()
+    notes: list[list[str]] = [[] for _ in z]
+    for k, j, i in np.argwhere((kinks | jumps).swapaxes(1, 2)).tolist():
         column = int(columns[j])
         entry = f"{'A' if column < n else 'B'}({names[i]}, {names[column]})"
-        if jumps[i, j]:
-            notes.append(
+        if jumps[k, i, j]:
+            notes[k].append(
                 f"jump: the rate of {names[i]} jumps as {names[column]} passes its value; {entry} "
-                f"is {jacobian[i, column] + 0.0:.5g}, without the jump"
+                f"is {jacobian[k, i, column] + 0.0:.5g}, without the jump"
             )
         else:
-            jacobian[i, column] = (below[i, j] + above[i, j]) / 2
-            notes.append(
-                f"kink: {entry} is {jacobian[i, column] + 0.0:.5g}, the mean of the slopes below "
-                f"and above, {below[i, j]:.5g} and {above[i, j]:.5g}"
+            means[k, i, column] = (below[k, i, j] + above[k, i, j]) / 2
+            notes[k].append(
+                f"kink: {entry} is {means[k, i, column] + 0.0:.5g}, the mean of the slopes below "
+                f"and above, {below[k, i, j]:.5g} and {above[k, i, j]:.5g}"
             )
-    return tuple(notes)
+    return means, [tuple(words) for words in notes]

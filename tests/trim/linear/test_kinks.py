@@ -86,17 +86,19 @@ def test_a_jump_is_named_and_keeps_its_slope() -> None:
 
 
 def test_sweeps_and_stores_name_their_mean_slopes(tmp_path: Path) -> None:
-    """A sweep uses the mean slope at a kink and names the kink. Its store counts the kinks."""
-    result = sweep(cart(TABLE), {"x": [-0.5, 0.0, 0.5]})
-    assert result.A[:, 1, 0] == pytest.approx([-1.0, 1.0, 3.0], abs=1e-8)
+    """A sweep uses the mean slope at each kink and names the first. Its store counts the kinks."""
+    kinks = 1001
+    result = sweep(cart(TABLE), {"x": [-0.5, *[0.0] * kinks, 0.5]})
+    assert result.A[:, 1, 0] == pytest.approx([-1.0, *[1.0] * kinks, 3.0], abs=1e-8)
     np.testing.assert_allclose(result.eigenvalues[1] ** 2, 1.0, atol=1e-8)
-    assert list(result.kinks) == [1]
+    assert list(result.kinks) == list(range(1, kinks + 1))
     (note,) = result.report().notes
-    assert note.endswith("(1 of 3 points, the first at 0)")
+    assert note.endswith("(1001 of 1003 points, the first at 0)")
     dataset = stores.stream_sweep(result.plan, tmp_path / "a.zarr")
-    assert dataset.kinks.values.tolist() == [0, 1, 0]
+    assert dataset.kinks.values.tolist() == [0, *[1] * kinks, 0]
     np.testing.assert_array_equal(dataset.A, result.A)
-    assert "kinks at 1 points" in stores.stored_sweep(result.plan, dataset, tmp_path).warnings[0]
+    summary = stores.stored_sweep(result.plan, dataset, tmp_path)
+    assert "kinks at 1001 points" in summary.warnings[0]
 
 
 def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Model) -> None:
