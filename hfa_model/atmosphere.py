@@ -1,4 +1,8 @@
-"""Density, temperature and speed of sound of the US Standard Atmosphere 1976, for CasADi."""
+"""Density, temperature and speed of sound of the US Standard Atmosphere 1976, for CasADi.
+
+The constants are the standard's: the identified parameters depend on them. Those of
+`hfa_aircraft.rigid.atmosphere` are JSBSim's, which differ by up to 2e-5.
+"""
 
 from __future__ import annotations
 

@@ -11,6 +11,7 @@ import pytest
 from ambiance import Atmosphere
 
 from hfa import BadInputError
+from hfa_aircraft.rigid.atmosphere import air_at
 from hfa_model.atmosphere import HIGHEST_ALTITUDE, density, speed_of_sound, temperature
 
 METRE_PER_FOOT = 0.3048
@@ -48,6 +49,8 @@ def test_the_atmosphere_agrees_with_ambiance(
     np.testing.assert_allclose(
         sound * METRE_PER_FOOT, expected.speed_of_sound, rtol=1e-6
     )  # square root of the molar mass
+    rigid = [float(air_at(height).density) for height in altitudes.tolist()]
+    np.testing.assert_allclose(thick, rigid, rtol=2e-5)
 
 
 def test_the_density_derivative_is_hydrostatic() -> None:

@@ -102,8 +102,9 @@ class Fields:
         return value
 
     def same(self, name: str, expected: Any) -> None:
-        """Raise Malformed unless an entry equals `expected`."""
-        value = self.value(name)
+        """Raise Malformed unless an entry equals `expected`; no number equals true or false."""
+        are_numbers = np.asarray(expected).dtype.kind in "if"
+        value = self.array(name, *np.shape(expected)).tolist() if are_numbers else self.value(name)
         require(value == expected, self._called(name), value)
 
     def fields(self, name: str) -> Fields:

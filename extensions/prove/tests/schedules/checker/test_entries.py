@@ -75,7 +75,7 @@ READERS: list[tuple[Read, list[Any], list[Any]]] = [
     ),
     (lambda file: file.fields("x").close(), [], [{"y": 1.0}, [], 1.0]),
     (lambda file: file.items("x")[0].value("a"), [], [{}, [1.0], [{"b": 1.0}]]),
-    (lambda file: file.same("x", 1.0), [], [2.0, None]),
+    (lambda file: file.same("x", 1.0), [], [2.0, None, True]),
 ]
 
 
