@@ -11,7 +11,7 @@ import numpy as np
 import scipy.linalg
 
 from hfa_prove.statements.loop import Gain, Loop
-from hfa_prove.statements.plant import SAME_TRIM, Plant, facts, model_limits
+from hfa_prove.statements.plant import SAME_TRIM, Plant, model_limits
 from hfa_prove.subject import Given, within
 from hfa_support.errors import BadInputError
 
@@ -95,25 +95,26 @@ def given_of(problem: FlightProblem, option: str, weights: Mapping[str, Any]) ->
     Raises BadInputError if derivatives depend on a state that the cost omits.
     """
     plant = plant_of(problem)
-    given = given_plant(plant, option)
+    given = given_plant(plant, option, "plant.")
     given["plant.limits"] = Given(dict(plant.limits), option, _not_narrower)
     return given | {name: Given(value, f"--{name}") for name, value in weights.items()}
 
 
-def given_plant(plant: Plant, option: str) -> dict[str, Given]:
-    """Return the model, the parameters and the trim that a certificate must state, by path.
+def given_plant(plant: Plant, option: str, before: str = "") -> dict[str, Given]:
+    """Return path of an entry -> the user's value, for every entry on the user's plant or loop.
 
-    option: option that selects the aircraft, for messages
+    The values of its trim are compared within `SAME_TRIM` nominal values.
+
+    option: the option that defined the plant, for messages
+    before: beginning of every path, such as "plant."
     """
-    signals = plant.model.signals
-    names = (*plant.states, *plant.inputs, *plant.held)
-    by_name = {name: SAME_TRIM * signals[name].nominal for name in names}
-    given = {
-        "plant.model": Given(facts(plant.model), option),
-        "plant.parameters": Given(dict(plant.parameters), option),
-    }
-    for name in ("trim", "inputs", "held"):
-        given[f"plant.{name}"] = Given(dict(getattr(plant, name)), option, within(by_name))
+    widths = {name: SAME_TRIM * signal.nominal for name, signal in plant.model.signals.items()}
+    given = {}
+    for path, declared, value in plant.entries(before):
+        if declared.subject == "trim":
+            given[path] = Given(value, option, within(widths))
+        elif declared.subject:
+            given[path] = Given(value, option)
     return given
 
 

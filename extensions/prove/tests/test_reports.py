@@ -267,7 +267,7 @@ def test_a_trim_of_the_user_agrees_within_a_tolerance() -> None:
     """Values may differ by 1e-6 of their nominal values, in each part of the trim."""
     plant = bound_of().plant
     stated = Plant(**{**vars(plant), "trim": TRIM, "limits": {}})
-    given = given_plant(plant, "--aircraft")
+    given = given_plant(plant, "--aircraft", "plant.")
     for part, name in (("trim", "pitch"), ("trim", "place"), ("inputs", "flap")):
         for factor, agrees in ((0.9, True), (-0.9, True), (1.1, False), (-1.1, False)):
             moved = factor * 1e-6 * CRAFT.signals[name].nominal

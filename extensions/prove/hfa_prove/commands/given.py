@@ -171,10 +171,10 @@ def given_value(statement: ValueStatement, request: CheckRequest) -> dict[str, G
         f"weights.{name}": Given(value, f"--{name}")
         for name, value in request.game.weights.changed.items()
     }
-    given["plant.limits"] = Given({}, "a value, which has no limits,")
     if request.trim.at or names_aircraft(request):
         own = plant_at(at_one_value(request).trim.point())
-        given |= given_plant(own, aircraft_option(request))
+        given |= given_plant(own, aircraft_option(request), "plant.")
+    given["plant.limits"] = Given({}, "a value, which has no limits,")
     if request.weights is not None:
         option_named = f"--weights {request.weights}"
         entries = entries_in(request.weights)

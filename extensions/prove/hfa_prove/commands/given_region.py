@@ -10,15 +10,15 @@ import numpy as np
 from hfa_prove.commands.given import aircraft_option, at_one_value, names_aircraft
 from hfa_prove.commands.policies import GivenPolicy, given_policy
 from hfa_prove.fields import rows_of
+from hfa_prove.problem import given_plant, plant_at
 from hfa_prove.statements.game import SAME_GAIN
 from hfa_prove.statements.loop import Gain, Loop
-from hfa_prove.statements.plant import SAME_TRIM, facts, limits_hold, model_limits
+from hfa_prove.statements.plant import facts, limits_hold, model_limits
 from hfa_prove.statements.region import RegionStatement
-from hfa_prove.subject import Given, close_to, within
+from hfa_prove.subject import Given, close_to
 from hfa_support.errors import BadInputError
 
 if TYPE_CHECKING:
-    from hfa_aircraft.model import Model
     from hfa_prove.commands.request import CheckRequest, RegionRequest
 
 #: Options that define a policy.
@@ -52,7 +52,7 @@ def given_for(
                 "the certificate is about a polynomial policy, not a network or a deployed policy; "
                 "give the file of the proved gain or critic as --weights"
             )
-        return given_by(own.problem.loop, "the user")
+        return given_plant(own.problem.loop, "the user", "loop.")
     request.refuse(
         ("policy", "reading.network", "set"),
         "applies to a policy in a file, but the certificate is about a polynomial policy; "
@@ -73,21 +73,6 @@ def given_for(
     if sizes:
         given["disturbances"] = Given(dict(sizes), "--disturbance")
     return {f"loop.{path}": value for path, value in given.items()}
-
-
-def given_by(loop: Loop, option: str) -> dict[str, Given]:
-    """Return path of an entry -> the user's value, for every entry that describes a user's loop.
-
-    option: the option that defined the loop, for messages
-    """
-    widths = {name: SAME_TRIM * signal.nominal for name, signal in loop.model.signals.items()}
-    given = {}
-    for path, declared, value in loop.entries("loop."):
-        if declared.subject == "trim":
-            given[path] = Given(value, option, within(widths))
-        elif declared.subject:
-            given[path] = Given(value, option)
-    return given
 
 
 def _given_aircraft(loop: Loop, request: CheckRequest | RegionRequest) -> dict[str, Given]:
@@ -129,17 +114,8 @@ def _ends(pair: Any) -> tuple[float, float]:
 
 def _given_trim(request: CheckRequest | RegionRequest) -> dict[str, Given]:
     """Return the entries on the trim that the options define, to be compared within `SAME_TRIM`."""
-    model: Model = request.trim.aircraft
-    point = request.trim.point()
-    option = aircraft_option(request)
-    values = {name: float(value) for name, value in point.states._asdict().items()}
-    parts = {
-        "trim": {name: values[name] for name in model.linear},
-        "held": {name: values[name] for name in model.states if name not in model.linear},
-        "inputs": {name: float(value) for name, value in point.inputs._asdict().items()},
-    }
-    widths = {name: SAME_TRIM * signal.nominal for name, signal in model.signals.items()}
-    return {name: Given(part, option, within(widths)) for name, part in parts.items()}
+    given = given_plant(plant_at(request.trim.point()), aircraft_option(request))
+    return {name: given[name] for name in ("trim", "inputs", "held")}
 
 
 def _given_policy(request: CheckRequest | RegionRequest) -> dict[str, Given]:

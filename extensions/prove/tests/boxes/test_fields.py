@@ -17,11 +17,11 @@ from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model, Signal
 from hfa_flight.problem import flight_problem
 from hfa_prove.certificate import read_statement
-from hfa_prove.commands.given_region import _same_policy, given_by, given_for
+from hfa_prove.commands.given_region import _same_policy, given_for
 from hfa_prove.commands.policies import GivenPolicy
 from hfa_prove.commands.request import CheckRequest
 from hfa_prove.fields import Stated
-from hfa_prove.problem import given_of
+from hfa_prove.problem import given_of, given_plant
 from hfa_prove.report_cost import checked_bound_report
 from hfa_prove.report_region import checked_report
 from hfa_prove.statements.cost import CostStatement
@@ -314,9 +314,9 @@ def test_the_digest_of_a_network_is_compared(cart: Model) -> None:
         dict.fromkeys(("place", "speed"), (-1.0, 1.0)),
     )
     content = statement.content()
-    assert compare(statement, given_by(loops[0], "the user")) == []
+    assert compare(statement, given_plant(loops[0], "the user", "loop.")) == []
     with pytest.raises(NoSolutionError, match="policy in the certificate differs"):
-        compare(statement, given_by(loops[1], "the user"))
+        compare(statement, given_plant(loops[1], "the user", "loop."))
     with pytest.raises(BadInputError, match="another policy"):
         read_statement("region", content, Subject(cart, loops[1].function))
     with pytest.raises(BadInputError, match="is about a policy in a file"):

@@ -23,7 +23,7 @@ from hfa_prove import check_certificate
 from hfa_prove.check.game import solution_on
 from hfa_prove.fields import Rejected
 from hfa_prove.report import checked_report
-from hfa_prove.search.game import ExactGame, prove_delta_min
+from hfa_prove.search.game import ExactGame, prove_delta_min, weights_of
 from verification.enclosure.balls import matrix, norm
 from verification.enclosure.series import TaylorModel
 
@@ -128,11 +128,17 @@ def test_a_plant_with_integrators_is_proved(A: list[list[float]], tmp_path: Path
 
 
 def test_q_that_is_not_quite_semidefinite_is_refused() -> None:
-    """A Q with a slightly negative eigenvalue is refused."""
+    """A Q with a slightly negative eigenvalue is refused, and an R with one."""
     game = Game(A=-np.eye(2), B=np.eye(2), E=np.eye(2), Q=np.eye(2), R=np.eye(2), delta=5.0)
     slightly = replace(game, Q=np.array([[1.0, 1.0], [1.0, np.nextafter(1.0, 0.0)]]))
     with pytest.raises(NoSolutionError, match="Q has a negative eigenvalue in exact arithmetic"):
         prove_solution(slightly)
+    for below in (0.0, 1.0):  # negative, and 0
+        almost = replace(game)
+        R = np.array([[1.0, 1.0], [1.0, np.nextafter(1.0, below)]])
+        object.__setattr__(almost, "R", R)  # that its eigenvalues in doubles do not refuse
+        with pytest.raises(NoSolutionError, match="R is not positive definite in exact"):
+            weights_of(almost)
 
 
 def test_the_search_reports_its_progress() -> None:
