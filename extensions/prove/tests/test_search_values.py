@@ -32,7 +32,7 @@ from hfa_support.errors import NoSolutionError
 
 P = np.array([[2.0, 0.5], [0.5, 1.0]])
 V = PolynomialFunction.quadratic(P)
-T = np.diag([1.5, 2.0])
+T = np.array([[1.5, 0.9], [0.0, 2.0]])
 
 
 @pytest.mark.parametrize(("values", "binds"), [
@@ -43,11 +43,21 @@ def test_a_limit_that_the_set_touches_at_either_end_binds(
 ) -> None:
     """A limit binds if the set reaches 97 % of the distance to its lowest or highest value."""
     signals = {"far": (np.array([-0.1, 0.1]), -1.0, 2.0), "x": (np.array(values), -1.0, 2.0)}
-    loop = cast(Any, SimpleNamespace(limited_signals=lambda edge: signals))
+
+    def signals_at(edge: np.ndarray) -> Any:
+        assert V(edge) == pytest.approx(0.5)
+        return signals
+
+    loop = cast(Any, SimpleNamespace(limited_signals=signals_at))
     far, near = np.array([1.0, 1.0]), np.array([0.5, 1.0])
     starts = {Outcome.LEFT: np.array([far, near, 2.0 * far])}
-    monkeypatch.setattr(obstacles, "starts_by_outcome", lambda *arguments: starts)
-    proved = LevelSet(V, 1.0, T)
+
+    def flown(loop: Any, proved: Any, rays: np.ndarray, clock: Any) -> Any:
+        assert np.linalg.norm(np.linalg.solve(T, rays.T), axis=0) == pytest.approx(1.0)
+        return starts
+
+    monkeypatch.setattr(obstacles, "starts_by_outcome", flown)
+    proved = LevelSet(V, 0.5, T)
     found = obstacles_around(loop, proved, (0.5, near), Clock(60.0))
     assert found.limits == (("x",) if binds else ())
     assert (found.rises[0], found.simulated) == (0.5, True)
@@ -100,11 +110,11 @@ def test_a_set_has_its_volume_and_its_points() -> None:
     assert proved.size == pytest.approx((0.7**2 / np.linalg.det(P)) ** 0.25, rel=0.02)
     assert LevelSet(V, 1e9, T).size == 0.0
     z = np.random.default_rng(0).uniform(-2.0, 2.0, (500, 2))
-    inside = (np.einsum("ki,ij,kj->k", z, P, z) <= 0.7) & (np.sum((z / [1.5, 2.0]) ** 2, 1) <= 1.0)
-    assert np.array_equal(proved.contains(z), inside)
-    assert np.array_equal(LevelSet(V, 0.7, 0.2 * T).contains(z), inside & (
-        np.sum((z / [0.3, 0.4]) ** 2, axis=1) <= 1.0
-    ))  # fmt: skip
+    level = np.einsum("ki,ij,kj->k", z, P, z)
+    y = np.linalg.norm(z @ np.linalg.inv(T).T, axis=1)
+    assert np.array_equal(proved.contains(z), (level <= 0.7) & (y <= 1.0))
+    small = LevelSet(V, 0.7, 0.2 * T)
+    assert np.array_equal(small.contains(z), (level <= 0.7) & (y <= 0.2))
     wave = PolynomialFunction.of_terms([(4.0, (2,)), (-1.0, (4,))])  # highest, 4, at z² = 2
     line = LevelSet(wave, 1.0, np.eye(1))
     assert line.level(np.array([[1.0], [2.0]])) == pytest.approx([3.0, 4.0], rel=2e-3)

@@ -357,7 +357,6 @@ def prove_solution(
     _report(progress, "enclosing the linear model")
     exact = ExactGame.of(game, family, scheduling_value)
     _report(progress, "enclosing the solution")
-    exact.solution()
     box, solution = exact.solution(decimals=True)
     A, B = exact.wide
     K = doubles(gain_matrix(exact.weights, B).center * matrix(P))

@@ -24,6 +24,7 @@ from hfa_prove.check.game import solution_on
 from hfa_prove.fields import Rejected
 from hfa_prove.report import checked_report
 from hfa_prove.search.game import ExactGame, prove_delta_min, weights_of
+from hfa_prove.statements.game import GameStatement
 from verification.enclosure.balls import matrix, norm
 from verification.enclosure.series import TaylorModel
 
@@ -66,6 +67,45 @@ def test_open_stability_of_a_solution_is_null(monkeypatch: pytest.MonkeyPatch) -
     assert not proof.proved
     assert proof.data["closed_loop_hurwitz"] is None
     assert ("A - B K is Hurwitz", "open") in proof.report().parts[0].rows
+
+
+@pytest.mark.parametrize("delta", [2.0, np.inf])
+def test_the_data_of_a_scalar_game_are_its_closed_form(delta: float) -> None:
+    """p² s + 2 p - 1 = 0 with s = 1 - 1/δ², and delta_min = 1/sqrt(2), for a = -1."""
+    said: list[str] = []
+    proof = prove_solution(scalar_game(delta), progress=lambda done, total, what: said.append(what))
+    s = 1.0 - 1.0 / delta**2
+    data = proof.data
+    assert data["P"] == pytest.approx((np.sqrt(1.0 + s) - 1.0) / s, rel=1e-12)
+    assert 0.0 < data["relative_radius"] < 1e-12
+    assert data["delta_min_above"] < np.sqrt(0.5) <= data["delta_min_at_most"]
+    assert (data["delta"], data["unstable_modes"]) == (2.0 if delta == 2.0 else None, 0)
+    for name in ("proved", "positive_definite", "worst_case_hurwitz", "closed_loop_hurwitz"):
+        assert data[name] is True
+    assert data["unstable_modes_between"] == [0, 0]
+    assert isinstance(proof.statement, GameStatement)
+    assert proof.statement.gain_of_value
+    assert list(dict.fromkeys(said))[:5] == [
+        "solving in doubles", "enclosing the linear model", "enclosing the solution",
+        "bounding delta_min from above", "bounding delta_min from below",
+    ]  # fmt: skip
+    with pytest.raises(BadInputError, match="game"):
+        prove_solution("a game")  # type: ignore[arg-type]
+
+
+def test_the_exact_critic_has_no_distance() -> None:
+    """With a = 0 and b = q = r = 1, P = K = 1 exactly: 0 is within the bounds of each distance."""
+    game = Game(A=0.0 * ONE, B=ONE, E=ONE, Q=ONE, R=ONE, delta=np.inf)
+    for critic in (from_parts(game, {"P": ONE, "K": ONE}), from_parts(game, {"P": ONE})):
+        proof = prove_critic(game, critic)
+        for bounds in proof.data["distances"].values():
+            assert bounds["at_least"] == 0.0 <= bounds["at_most"] < 1e-25
+        assert isinstance(proof.statement, GameStatement)
+        assert proof.statement.gain_of_value
+    assert set(proof.data["distances"]) == {"P", "K"}
+    for wrong in (("a game", critic), (game, "a critic")):
+        with pytest.raises(BadInputError):
+            prove_critic(*wrong)  # type: ignore[arg-type]
 
 
 def test_a_root_that_does_not_stabilize_is_refused() -> None:
@@ -139,14 +179,6 @@ def test_q_that_is_not_quite_semidefinite_is_refused() -> None:
         object.__setattr__(almost, "R", R)  # that its eigenvalues in doubles do not refuse
         with pytest.raises(NoSolutionError, match="R is not positive definite in exact"):
             weights_of(almost)
-
-
-def test_the_search_reports_its_progress() -> None:
-    """The search reports the names of its stages to the progress function."""
-    said = set()
-    prove_solution(game_at(15.0), progress=lambda done, total, what="": said.add(what))
-    assert "enclosing the solution" in said
-    assert "bounding delta_min from above" in said
 
 
 @pytest.mark.parametrize("size", [1e-12, 1e-3])
