@@ -26,6 +26,10 @@ def test_the_cost_of_a_flight_equals_its_value():
     flight = fly_steps(PROBLEM, solution.K, "exact", start, 600)
     assert flight.costs.sum() == pytest.approx(start @ solution.P @ start, rel=1e-10)
     assert flight.decays
+    rows = flight.report().parts[1].rows
+    assert [rows[0][0], rows[1][0], rows[-1][0]] == ["0", "60", "600"]
+    assert rows[0][1:] == ("1", "-0.5", f"{-(solution.K @ start)[0]:.5g}")
+    assert rows[-1][-1] == ""
     worse = fly_steps(PROBLEM, 1.1 * solution.K, "other", start, 600)
     assert worse.costs.sum() > flight.costs.sum()
     with pytest.raises(NoSolutionError, match="the state exceeds 1e50"):

@@ -33,7 +33,7 @@ from hfa_flight.flight import _figures
 from hfa_flight.history import Deviations
 from hfa_flight.initial_box import start_box
 from hfa_flight.limit_cycle import Decay, LimitCycle, duration_for, oscillation
-from hfa_flight.options import _turbulence, actuators_of, at_held_altitude, gust_at
+from hfa_flight.options import ScenarioGiven, _turbulence, actuators_of, at_held_altitude, gust_at
 from hfa_flight.policies.critic_policy import CriticPolicy, powers
 from hfa_flight.policies.learned_gains import certified_gains
 from hfa_flight.policies.policy import GainPolicy, function_policy, open_loop
@@ -82,6 +82,8 @@ GLIDER = Model(
 POINT = hfa.trim(GLIDER)
 TRIM = np.array(POINT.states)
 ENVELOPE = flight_envelope(GLIDER, POINT)
+NOISE = np.array([0.003, -0.7])
+REFERENCE = np.array([-0.01, 5.0])
 
 
 def test_a_flight_summarizes_its_history() -> None:
@@ -132,14 +134,99 @@ def test_a_flight_summarizes_its_history() -> None:
     np.testing.assert_allclose(flight.predicted.states, x, atol=1e-9)
     moved = replace(flight, predicted=replace(flight.predicted, states=x - [0.0, 2.0, 0.0, 0.0]))
     assert moved.largest_difference_from_linear["speed"] == pytest.approx(2.0)
+    report = flight.report()
+    (inputs,) = (part for part in report.parts if getattr(part, "header", ("",))[0] == "input")
+    low, high = flight.inputs.min(axis=0), flight.inputs.max(axis=0)
+    assert [row[2:] for row in inputs.rows] == [
+        (f"{math.degrees(low[0]):.4g}", f"{math.degrees(high[0]):.4g}", "25.2 %"),
+        (f"{low[1]:.4g}", f"{high[1]:.4g}", f"{100 * shares['throttle']:.3g} %"),
+        ("0", "0", "0 %"),
+    ]
     history = flight.history().history
     np.testing.assert_allclose(history["times"], 0.1 * np.arange(41))
     np.testing.assert_allclose(history["states"], flight.states[::10])
-    records = flight.report().records
+    records = report.records
     assert records.header[-2:] == ("updraft [ft/s]", "angle_of_attack [rad]")
     row = np.array(records.rows[40], dtype=float)
     np.testing.assert_allclose(row[:5], [4.0, *flight.states[-1]])
     np.testing.assert_allclose(row[-2:], [5.0, flight.angles_of_attack[-1]])
+
+
+def test_a_figure_draws_values_predictions_references_and_near_limits() -> None:
+    """A limit is drawn if the values come within a fifth of the range to it."""
+    scenario = Scenario(
+        4.0,
+        0.01,
+        0.1,
+        np.array([0.02, -3.0, 0.0, 0.0]),
+        reference=Waveform(REFERENCE, np.zeros(2)),
+        air={"updraft": Waveform(np.array([5.0]), np.zeros(1))},
+    )
+    steps = {"elevator": [(0.0, 0.14)], "throttle": [(1.0, -0.31)]}
+    flight = hfa.fly(GLIDER, POINT, steps, scenario=scenario)
+    axes = flight.figure().axes
+    labels = ["alpha over ground, deg", "speed, ft/s", "altitude, ft", "distance, ft"]
+    labels += ["deflections, deg", "throttle", "updraft, ft/s", ""]
+    assert [each.get_ylabel() for each in axes] == labels
+    drawn = dict(zip(labels, axes, strict=True))
+
+    def lines(label: str) -> dict[str, np.ndarray]:
+        return {str(line.get_label()): line.get_ydata() for line in drawn[label].get_lines()}
+
+    degree = math.degrees(1.0)
+    alpha, speed = (lines(label) for label in labels[:2])
+    np.testing.assert_allclose(alpha["nonlinear"], degree * flight["alpha"])
+    np.testing.assert_allclose(alpha["reference"], degree * (ALPHA + REFERENCE[0]))
+    np.testing.assert_allclose(alpha["angle_of_attack"], degree * flight.angles_of_attack)
+    np.testing.assert_allclose(speed["reference"], SPEED + REFERENCE[1])
+    np.testing.assert_allclose(speed["linear"], flight.predicted.states[:, 1] + SPEED)
+    assert "reference" not in lines("altitude, ft")
+    elevator = lines("deflections, deg")["elevator: -8.594 to 14.32 deg"]
+    np.testing.assert_allclose(elevator, degree * flight["elevator"])
+    assert "flap: no limits" in lines("deflections, deg")
+    np.testing.assert_allclose(lines("updraft, ft/s").popitem()[1], flight.flight.updrafts)
+    limits = {
+        label: [line.get_ydata()[0] for line in each.get_lines() if line.get_gid() == "limit"]
+        for label, each in drawn.items()
+    }
+    near = {label: numbers for label, numbers in limits.items() if numbers}
+    assert near == {
+        "alpha over ground, deg": [pytest.approx(0.5 * degree)],
+        "speed, ft/s": [50.0],
+        "deflections, deg": [pytest.approx(0.25 * degree)],
+        "throttle": [0.0],
+    }
+    assert drawn["throttle"].get_title("right") == "limits: 0 to 1"
+    assert drawn["alpha over ground, deg"].get_title("right").endswith("-17.19 to 28.65 deg")
+
+
+def test_options_reach_the_scenario() -> None:
+    """Disturbances of linear states are added to their rates, others move the air."""
+    given = ScenarioGiven(
+        model=GLIDER,
+        duration=3.0,
+        initial={"speed": 2.0, "altitude": -7.0},
+        disturbance={"speed": 0.3, "updraft": 5.0},
+        actuators=(0.1, 60.0, 1.0),
+        delay=0.014,
+        noise={"alpha": 0.01},
+    )
+    scenario = given.scenario(POINT, {}, 3, drawn=False)
+    assert (scenario.duration, scenario.tick, scenario.delay) == (3.0, 0.002, 0.014)
+    assert scenario.initial.tolist() == [0.0, 2.0, -7.0, 0.0]
+    assert scenario.disturbance.at(1.0).tolist() == [0.0, 0.3]
+    assert {name: wave.at(1.0).tolist() for name, wave in scenario.air.items()} == {
+        "updraft": [5.0]
+    }
+    assert scenario.noise.at(1.0).tolist() == [0.01, 0.0]
+    assert scenario.actuators.lag.elevator == 0.1
+    drawn = replace(given, gust=(400.0, 5.0, 2.0)).scenario(POINT, {}, 3, drawn=True)
+    assert drawn.uncertainty.noise == {"alpha": 0.01}
+    assert drawn.noise.at(1.0).tolist() == [0.0, 0.0]
+    assert (drawn.gust.length, drawn.gust.begin) == (400.0, 2.0)
+    for delay in (-0.01, 3.0):
+        with pytest.raises(BadInputError, match="give a delay from 0 to less than 3 s"):
+            replace(given, delay=delay).scenario(POINT, {}, 3, drawn=False)
 
 
 def test_a_linear_flight_in_moving_air_follows_its_exponential() -> None:
@@ -154,10 +241,6 @@ def test_a_linear_flight_in_moving_air_follows_its_exponential() -> None:
     assert "this flight has no disturbance" not in str(flight.report())
     still = hfa.fly(GLIDER, POINT, None, 0.1).report()
     assert "this flight has no disturbance" in str(still)
-
-
-NOISE = np.array([0.003, -0.7])
-REFERENCE = np.array([-0.01, 5.0])
 
 
 @pytest.mark.parametrize("order", [0, 1, 2])

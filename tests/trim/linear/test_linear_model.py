@@ -302,7 +302,8 @@ def test_linear_models_have_poles_plots_and_arrays() -> None:
 )
 def test_times_that_are_no_times_are_refused(time: object) -> None:
     """A response refuses a time that is neither a positive number nor increasing times."""
-    linear = LinearModel.of([[-1.0]], [[1.0]])
+    linear = LinearModel.of([[-1.0]], [[1.0]], states=("level",), inputs=("pump",))
+    assert (linear.states, linear.inputs) == (("level",), ("pump",))
     for respond in (linear.step, linear.impulse, partial(linear.simulate, {})):
         with pytest.raises(BadInputError, match="time"):
             respond(time)

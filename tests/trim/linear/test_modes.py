@@ -32,6 +32,9 @@ def test_an_oscillator_has_its_textbook_numbers(damping: float) -> None:
     assert mode.stable == (damping > 0)
     assert mode.eigenvalue.imag > 0
     assert mode.name == "short period"
+    (row,) = modes_table([mode], "h").rows
+    assert row[2:5] == (f"{damping:.4f}", "3", f"{mode.period:.4g}")
+    assert row[5] == f"{time:.4g} ({'half' if damping > 0 else 'double'})"
 
 
 @pytest.mark.parametrize(

@@ -54,6 +54,22 @@ def test_the_second_line_states_controls_of_their_limits() -> None:
     expected = np.degrees([point["alpha"], point["elevator"], low, high]).tolist()
     expected += [point["throttle"], 100.0]
     np.testing.assert_allclose([float(number) for number in numbers], expected, rtol=5e-3)
+    inputs = {
+        "a": Signal("N", min=-3.0, max=3.0),
+        "b": Signal("N", min=0.0, max=5.0),
+        "c": Signal("N", min=-1.0, max=4.0),
+        "d": Signal("N"),
+        "idle": Signal("N"),
+    }
+    box = hfa.Model(
+        "box",
+        {"x": Signal("m")},
+        inputs,
+        lambda x, u, p, w: ({"x": sum(u) - 0.5}, {}),
+        trim={"x": 0.0, "b": 1.5, "c": 2.0, "d": -1.0, "idle": 0.0},
+    )
+    second = hfa.trim(box).report().title.splitlines()[1]
+    assert second == "a -2 of ±3 N, b 1.5 of 5 N, c 2 of -1 to 4 N, d -1 N"
 
 
 def test_lift_over_drag_stands_in_the_second_lines() -> None:

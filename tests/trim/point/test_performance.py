@@ -222,10 +222,15 @@ def test_a_model_without_forces_says_what_it_lacks() -> None:
 def test_a_value_outside_its_range_of_validity_is_marked() -> None:
     """Validity compares the trim with the range of the model, for states and outputs."""
     model = hfa.load_model(f"{ROOT}/examples/gtm.py:GTM")
-    range_of = {"alpha": (0.0, 0.04, "the wind tunnel"), "load_factor": (0.0, 2.0, "the structure")}
+    range_of = {
+        "alpha": (0.0, 0.04, "the wind tunnel"),
+        "speed": (50.0, 90.0, "the balance"),
+        "load_factor": (0.0, 2.0, "the structure"),
+    }
     report = hfa.trim(replace(model, domain=Domain(range_of))).report()
     rows = [line.split() for line in report.text().splitlines()]
     assert ["OUTSIDE" in row for row in rows if row[:1] == ["alpha"] and "tunnel" in row] == [True]
+    assert ["OUTSIDE" in row for row in rows if "balance" in row and "m/s" in row] == [True]
     assert ["inside" in row for row in rows if "structure" in row] == [True]
     assert any("the wind tunnel" in note for note in report.notes)
 
@@ -325,5 +330,13 @@ def test_residuals_are_a_line_while_all_pass_and_a_table_with_full() -> None:
     assert "All 6 equations balance" in sheet
     assert sheet.count("altitude may change (0 ft/s)") == 1
     assert point.problem is not None
-    full = trim_report(point.model, point.problem.asked, point, full=True).text()
-    assert full.count("PASS") == 6
+    full = trim_report(point.model, point.problem.asked, point, full=True)
+    assert full.text().count("PASS") == 6
+    tables = {part.header[0]: part for part in full.parts if hasattr(part, "header")}
+    nearest = tables["nearest limit"].rows[0]
+    assert f"Nearest limit: {nearest[0].replace(',', '')[: -len(' assumed')]}" in sheet
+    names = {row[0].replace(" ", "_") for row in tables["output"].rows}
+    assert {"updraft", "hinge_moment_total"} & names
+    shown = {row[0] for row in tables["loads and performance"].rows}
+    assert not shown & {row[0] for row in tables["output"].rows}
+    assert len(shown) + len(names) == len(full.data["performance"])

@@ -22,6 +22,7 @@ def test_a_sweep_is_an_xarray_dataset() -> None:
     dataset = grid.to_xarray()
     assert dataset.A.dims == ("speed", "xcg", "rate", "linear_state")
     assert (dataset.speed.values.tolist(), dataset.speed.attrs["units"]) == (axes["speed"], "ft/s")
+    assert dataset.mode.values.tolist() == list(grid.mode_names)
     single = dataset.sel(speed=400.0, xcg=0.32, rate="alpha", linear_state="pitch_rate")
     assert float(single.A) == grid.A[4, 1, grid.model.linear.index("pitch_rate")]
     listed = hfa.sweep(F16, {"speed": [400.0, 500.0], "xcg": [0.3, 0.35]}, listed=True).to_xarray()

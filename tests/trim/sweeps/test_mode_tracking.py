@@ -42,6 +42,10 @@ def test_eigenvalues_that_cross_keep_their_columns(shapes: np.ndarray) -> None:
     assert nearest
     A = models_with(expected, shapes)
     np.testing.assert_allclose(track_modes(A, STATES, hfa.aircraft()), expected, atol=1e-11)
+    two = np.einsum("ik,nk,kj->nij", shapes[:2, :2], expected[:, :2], np.linalg.inv(shapes[:2, :2]))
+    nominal = np.array([hfa.aircraft().states[name].nominal for name in STATES[:2]])
+    tracked = track_modes(two * nominal[:, None] / nominal, STATES[:2], hfa.aircraft())
+    np.testing.assert_allclose(tracked, expected[:, :2], atol=1e-11)
 
 
 @pytest.mark.parametrize("seed", [18, 38, 69, 71, 79, 83])

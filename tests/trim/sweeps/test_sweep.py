@@ -454,7 +454,16 @@ def test_a_long_sweep_prints_its_ends(
     assert "(2,961 more)" in text
     assert len(re.findall(r"^ *5\.7\d* {2,}", text, re.MULTILINE)) == 40
     assert text.count("5.72958, 30: ") == 2
-    assert len(result.records().rows) == 3_001
+    records = result.records()
+    assert len(records.rows) == 3_001
+    kept, failed = (dict(zip(records.header, records.rows[i], strict=True)) for i in (7, 1_000))
+    assert (kept["status"], kept["reason"], failed["status"]) == ("trimmed", "", "failed")
+    assert failed["reason"] == result.reasons[1_000]
+    assert kept["speed [ft/s]"] == kept["state speed [ft/s]"] == speeds[7]
+    assert kept["input throttle [1]"] == result.inputs[7, 0]
+    assert kept["imaginary eigenvalue 1 [1/s]"] == result.eigenvalues[7, 0].imag
+    assert kept["A(speed, pitch_rate) [(ft/s^2)/(rad/s)]"] == result.A[7, 0, 3]
+    assert kept["B(alpha, throttle) [(rad/s)/(1)]"] == result.B[7, 1, 0]
 
 
 def test_points_trimmed_alone_are_counted(published_aircraft: Model, tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ memory. The example loops run.
 from __future__ import annotations
 
 import ctypes
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -394,6 +395,10 @@ def test_exported_loop_agrees_with_simulation_and_prints_time(
     assert np.abs(states[0] - known).max() < 0.03 * size
     assert np.abs((10 * states[1] - states[0]) / 9 - known).max() < 3e-5 * size
     text = (tmp_path / LAW_EXAMPLE).read_text()
+    for name in ("lowest", "highest"):
+        (numbers,) = re.findall(rf"double {name}\[.*?\] = {{([^}}]*)}}", text)
+        limits = np.array(getattr(SLOW, name)) - point.inputs
+        np.testing.assert_allclose([float(each) for each in numbers.split(",")], limits)
     (tmp_path / LAW_EXAMPLE).write_text(text.replace("flown[0] += 1.0", "flown[0] += 1.02"))
     planted = ran(tmp_path, "-DHERTZ=1000", LAW_EXAMPLE, LAW_SOURCE)
     assert (
