@@ -12,6 +12,7 @@ import zarr
 from cli import assert_refused, hfa
 from extension import Extension
 from known_models import model_at
+from matplotlib import pyplot
 
 import hfa_model
 from hfa import BadInputError, TrimCondition, linearize, sweep, trim
@@ -466,6 +467,40 @@ def test_a_long_sweep_prints_its_ends(
     assert kept["B(alpha, throttle) [(rad/s)/(1)]"] == result.B[7, 1, 0]
 
 
+def test_the_root_locus_has_paths_ends_and_values(published_aircraft: Model) -> None:
+    """Paths over the trimmed points begin at o and end at s; arrows lead to the next point."""
+    speeds = [30.0, *np.linspace(56.0, 100.0, 9)]
+    swept = sweep(published_aircraft, {"speed": speeds})
+    roots = swept.eigenvalues
+    assert not swept.trimmed[0]
+    whole, near = swept.plot()
+    for panel, shown, ends in (
+        (whole, ~swept.slow | swept.slow, ~swept.slow),
+        (near, swept.slow, swept.slow),
+    ):
+        drawn = {"o": [], "s": [], "None": []}
+        for line in panel.lines:
+            path = np.array(line.get_xdata()) + 1j * np.array(line.get_ydata())
+            drawn.setdefault(line.get_marker(), []).append((line.get_label(), path))
+        paths = [path for _, path in drawn["None"] if len(path) == 10]
+        np.testing.assert_array_equal(paths, roots.T[shown])
+        for marker, row, label in (("o", 1, "speed 56 ft/s"), ("s", 9, "speed 100 ft/s")):
+            ((said, marked),) = drawn[marker]
+            assert said == label
+            np.testing.assert_array_equal(marked, roots[row, ends])
+        for text in panel.texts:
+            at = complex(*text.xy)
+            if text.get_text().isdigit():
+                assert at in roots[speeds.index(float(text.get_text()))]
+            elif not text.get_text():
+                ((tip, column),) = np.argwhere(roots == at)
+                x, y = text.xyann
+                assert complex(x, y) == roots[tip - 1, column]
+    assert {text.get_text() for text in near.texts} == {"67", "78", "89", ""}
+    assert [axes.get_xlabel() for axes in (whole, near)] == ["real part, 1/s"] * 2
+    pyplot.close("all")
+
+
 def test_points_trimmed_alone_are_counted(published_aircraft: Model, tmp_path: Path) -> None:
     """A note states how many points were trimmed one by one, in memory and in a store.
 
@@ -477,6 +512,8 @@ def test_points_trimmed_alone_are_counted(published_aircraft: Model, tmp_path: P
         "25 of 25 points were trimmed one by one, which is slower: Newton's method on all points "
         "at once did not converge for these"
     )
-    assert run_plan(plan).warnings == [note]
+    finished: list[tuple[int, int]] = []
+    assert run_plan(plan, lambda *counts: finished.append(counts)).warnings == [note]
+    assert finished == [(number, 25) for number in range(1, 26)]
     dataset = stores.stream_sweep(plan, tmp_path / "a.zarr")
     assert note in stores.stored_sweep(plan, dataset, tmp_path).warnings
