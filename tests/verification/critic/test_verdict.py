@@ -12,6 +12,7 @@ from cli import answer, hfa
 from extension import Extension
 from game_files import stored
 from planted_critics import gain, other_root, value
+from scipy.linalg import solve_discrete_lyapunov
 from tolerances import SAME_FORMULA
 
 from controller.critic.critic import Critic
@@ -234,8 +235,20 @@ def test_loops_and_costs_of_a_verdict_are_those_of_numpy() -> None:
     assert in_steps.cost(z, u) == pytest.approx(paid)
     assert in_steps.residuals(in_steps.exact.P[None])[0] < 1e-12
     assert in_steps.residuals(1.1 * in_steps.exact.P[None])[0] > 1e-3
-    critic = from_gain(problem, 0.9 * in_steps.exact.K)
-    checks = {check.name: check.value for check in in_steps.linear_loop(critic, True).checks}
+    exact = in_steps.exact
+    critic = from_gain(problem, 0.9 * exact.K)
+    found = in_steps.linear_loop(critic, True)
+    checks = {check.name: check.value for check in found.checks}
+    L = exact.disturbance_gain
+    crossed = N @ critic.K
+    spent = step.Q - crossed - crossed.T + critic.K.T @ step.R @ critic.K - step.delta**2 * L.T @ L
+    whole = solve_discrete_lyapunov(
+        math.sqrt(0.8) * (step.A - step.B @ critic.K + step.E @ L).T, spent
+    )
+    excess = np.linalg.eigvals(np.linalg.solve(exact.P, whole - exact.P)).real
+    assert found.cost_lost == pytest.approx(100.0 * excess.max(), rel=1e-8)
+    assert found.section.data.cost_lost_worst_percent == found.cost_lost
+    assert in_steps.excess(critic.K) == pytest.approx(whole - exact.P, rel=1e-6)
     radius = np.abs(np.linalg.eigvals(step.A - step.B @ critic.K)).max()
     assert checks["control_loop_radius"] == pytest.approx(radius)
     assert checks["discounted_loop_radius"] == pytest.approx(math.sqrt(0.8) * radius)
