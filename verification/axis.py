@@ -48,11 +48,11 @@ class Loop(Protocol):
     def equilibrium(self) -> np.ndarray | None:
         """Equilibrium of the loop near z = 0, (n,), or None if none is found."""
 
-    def simulate(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
+    def simulate(self, start: np.ndarray) -> tuple[np.ndarray, float, float] | None:
         """Simulate the loop from the initial state `start` (n,).
 
-        Returns the end state minus the equilibrium, (n,), and the cost, or None if the loop does
-        not converge.
+        Returns the end state minus the equilibrium, (n,), the cost, and the discount of the cost
+        after the end, or None if the loop does not converge.
         """
 
 
@@ -204,9 +204,9 @@ def cost_of(
 class SimulatedLoop:
     """Closed loop of z and of its cost, which converges if V* = z'Pz decreases to `OF_VALUE`.
 
-    stepper: integration of [z; cost; further states]
+    stepper: integration of [z; cost], in discrete time of [z; cost; discount αᵏ]
     steps: number of steps
-    first: initial cost and further states
+    first: initial cost and discount
     P: matrix of V*, (n, n)
     equilibrium: equilibrium near z = 0, or None if none is found
     largest: V* above which the loop diverges
@@ -232,11 +232,12 @@ class SimulatedLoop:
         self._by_exact = by_exact
         self._rule = EndRule(np.finfo(float).max, lambda x: self._values(x) <= largest)
 
-    def simulate(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
+    def simulate(self, start: np.ndarray) -> tuple[np.ndarray, float, float] | None:
         """Simulate the loop from the initial state `start` (n,).
 
-        Returns the end state minus the equilibrium, and the cost, or None if the loop has no
-        equilibrium, diverges or does not converge, or if the integration fails.
+        Returns the end state minus the equilibrium, the cost and the discount of the cost after the
+        end, or None if the loop has no equilibrium, diverges or does not converge, or if the
+        integration fails.
         """
         if self.equilibrium is None:
             return None
@@ -255,7 +256,8 @@ class SimulatedLoop:
         if self._by_exact is not None:
             exact = self._values((self._by_exact @ begin)[None])[0]
             converges |= has_decayed(value, exact, OF_EXACT)
-        return (z, float(final[n])) if converges else None
+        discount = float(final[n + 1]) if len(final) > n + 1 else 1.0
+        return (z, float(final[n]), discount) if converges else None
 
     def _values(self, states: np.ndarray) -> np.ndarray:
         """Return V* of each of the states (N, n and more), (N,)."""

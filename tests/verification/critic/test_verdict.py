@@ -18,6 +18,7 @@ from tolerances import SAME_FORMULA
 from controller.critic.critic import Critic
 from controller.game.discrete_game import DiscreteGame
 from controller.hfa_game import ORDINARY_DEVIATIONS
+from controller.riccati.margins import disk_margin
 from hfa import (
     BadInputError,
     Game,
@@ -36,6 +37,7 @@ from verification.axis import DECAY, SLOWEST
 from verification.box import ordinary_box
 from verification.critic.in_steps import InSteps
 from verification.critic.in_time import InTime
+from verification.figures import verdict_figure, verdicts_figure
 from verification.scope import nonlinear_plant
 from verification.verdict import verdicts_report
 
@@ -81,12 +83,74 @@ def test_the_first_line_has_at_most_80_columns(game: Game, name: str) -> None:
             grade = "NEAR"
         assert line.startswith(grade)
         assert ("not stabilizing" in line) == unstable
+    failed = [check for check in verdict.checks if not check.ok]
+    if not failed:
+        return
+    lines = verdict.report().parts[1]
+    kinds = {check.name: check.kind for check in failed}
+    shown = [text.split()[1].rstrip(":") for text in lines[:6] if text.startswith("FAIL ")]
+    are_errors = [kinds[name] == "error" for name in shown]
+    assert are_errors == sorted(are_errors)
+    decisive = {"P_rel_error", "K_rel_error"} & set(kinds)
+    assert not decisive or next(name for name in shown if kinds[name] == "error") in decisive
+    assert int(lines[-1].split()[0]) == len(verdict.checks) - len(failed)
 
 
-def test_rounding_differences_are_reported_as_rounding(game: Game) -> None:
-    """For an exact critic, the report states that all entries differ by rounding only."""
+def test_the_entries_of_a_report_are_the_farthest(game: Game) -> None:
+    """Of P above the diagonal and of K, relative to the largest; exact ones differ by rounding."""
     exact = verify(game, from_value(game, value(game)))
     assert "12 of 51 entries; all differ by rounding only" in exact.report().text()
+    noise = np.random.default_rng(4).uniform(-0.3, 0.3, (6, 6))
+    near = verify(game, from_gain(game, 1.002 * gain(game)))
+    verdict = replace(near, critic=from_value(game, value(game) * (1.0 + noise + noise.T)))
+    P, K, states, inputs = verdict.critic.P, verdict.critic.K, *game.names[:2]
+    assert P is not None
+    off = {
+        f"P({states[i]}, {states[j]})": (P, value(game), i, j)
+        for i in range(6)
+        for j in range(i, 6)
+    }
+    off |= {
+        f"K({inputs[i]}, {states[j]})": (K, gain(game), i, j) for i in range(5) for j in range(6)
+    }
+    errors = {
+        name: abs(learned[i, j] - right[i, j]) / np.abs(right).max()
+        for name, (learned, right, i, j) in off.items()
+    }
+    farthest = sorted(errors, key=lambda name: -errors[name])[:3]
+    table = verdict.report().parts[-1][0]
+    assert {row[0] for row in table.rows} == set(farthest)
+    for name, *numbers in table.rows:
+        learned, right, i, j = off[name]
+        both = learned[i, j], right[i, j]
+        assert [float(each) for each in numbers] == pytest.approx(
+            [*both, both[0] - both[1]], rel=1e-2
+        )
+    verdict = verify(game, from_gain(game, -gain(game)))
+    report = verdicts_report({"a": verdict, "b": near}, "a plant")
+    for row, each in zip(report.parts[0].rows, (verdict, near), strict=True):
+        shown = [*row[2:5], *row[6:]]
+        figures = each.P_rel_error, each.K_rel_error, each.largest_error
+        expected = [*figures, each.cost_lost, each.value_of("l2_gain")]
+        assert [float(text or "nan") for text in shown] == pytest.approx(
+            expected, rel=1e-2, nan_ok=True
+        )
+        assert row[5] == ("yes" if each.stabilizing else "no")
+    curves = {
+        line.get_label(): line.get_ydata()
+        for line in verdicts_figure({"a": verdict, "b": near}, "a plant").axes[0].lines
+    }
+    assert curves["cost above the linear optimum"] == pytest.approx(
+        [verdict.cost_lost / 100.0, near.cost_lost / 100.0]
+    )
+    assert curves["largest error"] == pytest.approx([verdict.largest_error, near.largest_error])
+    maps = [axes for axes in verdict_figure(near).axes if axes.images]
+    K = near.critic.K
+    for axes, matrix in zip(maps, (K, gain(game), 0.002 * np.sign(gain(game))), strict=True):
+        (image,) = axes.images
+        assert np.asarray(image.get_array()) == pytest.approx(matrix, rel=1e-9)
+        assert image.norm.vmin == -image.norm.vmax
+        assert [label.get_text() for label in axes.get_yticklabels()] == list(inputs)
 
 
 # Networks: searched states, and simulations.
@@ -218,6 +282,17 @@ def test_loops_and_costs_of_a_verdict_are_those_of_numpy() -> None:
     abscissa = np.linalg.eigvals(loop).real.max()
     assert in_time.game_loop(P).value == pytest.approx(abscissa, rel=1e-9)
     assert in_time.cost(z, u) == pytest.approx(paid)
+    found = in_time.linear_loop(from_gain(game, 0.8 * in_time.exact.K), False)
+    (table,) = found.section.part
+    cost = found.section.data.graded
+    pairs = [(cost.worst, 0.0), (cost.mean, 0.0), (cost.gain, cost.exact_gain)]
+    pairs.append((cost.distance, cost.exact_distance))
+    margins = [disk_margin(game, each) for each in (0.8 * in_time.exact.K, in_time.exact.K)]
+    pairs += zip(*(margin[:3] for margin in margins), strict=True)
+    shown = np.array([row[1:] for row in table.rows], dtype=float)
+    assert shown == pytest.approx(np.array(pairs), rel=5e-3)
+    assert np.ptp(shown, axis=1).all()
+    assert found.cost_lost == cost.worst
     assert in_time.is_stable(in_time.exact.K)
     assert not in_time.is_stable(-in_time.exact.K)
     by_exact = -np.linalg.eigvals(A - B @ in_time.exact.K).real.max()
@@ -249,6 +324,12 @@ def test_loops_and_costs_of_a_verdict_are_those_of_numpy() -> None:
     assert found.cost_lost == pytest.approx(100.0 * excess.max(), rel=1e-8)
     assert found.section.data.cost_lost_worst_percent == found.cost_lost
     assert in_steps.excess(critic.K) == pytest.approx(whole - exact.P, rel=1e-6)
+    H = exact.H + rng.uniform(0.1, 0.2, exact.H.shape)
+    learned = replace(critic, L=1.5 * L, H=H)
+    sizes = np.sqrt(np.abs(np.diag(exact.H)))
+    more = [check.value for check in in_steps.more_errors(learned, np.ones(3), 1e-6)]
+    off = (np.abs(H - exact.H) / sizes / sizes[:, None]).max()
+    assert more == pytest.approx([0.5, off])
     radius = np.abs(np.linalg.eigvals(step.A - step.B @ critic.K)).max()
     assert checks["control_loop_radius"] == pytest.approx(radius)
     assert checks["discounted_loop_radius"] == pytest.approx(math.sqrt(0.8) * radius)
