@@ -446,11 +446,19 @@ def test_the_sentences_of_a_schedule_follow_from_its_numbers(
         if uncertain
         else None
     )
+    first_run = {"from_deg": LOW, "to_deg": MIDDLE}
+    last_run = {"from_deg": MIDDLE, "to_deg": HIGH}
+    known = [last_run | {"unstable": first[0]}] if first[0] == first[1] else []
+    assert data["loop"]["proved"] == [first_run | {"unstable": 0}, *known]
+    assert data["loop"]["open"] == ([last_run] if first == (0, 1) else [])
+    assert data["refuted"] == ([last_run | {"unstable": first[0]}] if refuted else [])
+    assert (data["one_branch"], data["decay_rate"]) == (branches == 1, 0.0123456789)
+    title = checked_by_modes(as_proved(statement)).title
+    assert title.startswith("Verified, proved:") is whole
     modes = tables(report)["aircraft A: dihedral, deg"]
     assert list(modes.rows) == [("15 to 15.125", "1"), ("15.125 to 15.25", "1 to 4")]
-    assert data["modes"]["open"] == [
-        {"from_deg": MIDDLE, "to_deg": HIGH, "at_least": 1, "at_most": 4}
-    ]
+    assert data["modes"]["proved"] == [first_run | {"unstable": 1}]
+    assert data["modes"]["open"] == [last_run | {"at_least": 1, "at_most": 4}]
 
 
 def test_a_moving_schedule_is_claimed_or_open() -> None:
@@ -459,7 +467,10 @@ def test_a_moving_schedule_is_claimed_or_open() -> None:
     original = replace(original, loop=(Run(LOW, HIGH, 0, 0),))
     for rate in (0.123456, None):
         statement = replace(original, scheduled_rate=rate)
-        text = words(proof_report(statement, schedule_data(statement, True)))
+        data = schedule_data(statement, True)
+        text = words(proof_report(statement, data))
+        assert (data["proved"], data["dihedral_rate_deg_s"]) == (bool(rate), rate or 0.0)
+        assert "dihedral_rate_deg_s" not in schedule_data(statement, False)
         low, high = statement.flight.range
         assert ("moves by at most 0.1234 deg/s, for any such motion" in text) is bool(rate)
         opened = f"open: a moving dihedral from {low:g} to {high:g} deg"

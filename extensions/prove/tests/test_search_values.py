@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from hfa_aircraft.march.ending import FAR, Outcome
+from hfa_aircraft.march.ending import FAR, FAR_OF_STARTS, Outcome
 from hfa_aircraft.model import Model, Signal
 from hfa_prove.check.equilibrium import Equilibrium
 from hfa_prove.monomials import PolynomialFunction
@@ -25,10 +25,16 @@ from hfa_prove.search.obstacles import (
     rises,
     starts_by_outcome,
 )
-from hfa_prove.search.region_search import lyapunov_matrices, refuse_unstable
+from hfa_prove.search.region import PROVERS, provers_of
+from hfa_prove.search.region_search import (
+    RegionProblem,
+    Settings,
+    lyapunov_matrices,
+    refuse_unstable,
+)
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.plant import Limits, Plant
-from hfa_support.errors import NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError
 
 P = np.array([[2.0, 0.5], [0.5, 1.0]])
 V = PolynomialFunction.quadratic(P)
@@ -141,6 +147,63 @@ def test_the_nearest_diverging_and_leaving_starts_are_found() -> None:
     assert set(found) == {Outcome.LEFT, Outcome.DIVERGED}
     with pytest.raises(OutOfTimeError):
         starts_by_outcome(cubic({}), proved, rays, Clock(-1.0))
+
+
+def test_starts_cover_the_surroundings_of_the_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Flights last 12 slowest time constants, from the edge of the set to 20 times its distance."""
+    model = Model(
+        "two", {"a": Signal(), "b": Signal()}, {},
+        lambda x, u, p, w: ({"a": -0.5 * x.a, "b": -4.0 * x.b}, {}), trim={},
+    )  # fmt: skip
+    loop = LoopValues(Loop(model, {}, {"a": 0.0, "b": 0.0}, {}, {}, {}, Gain(np.zeros((0, 2)))))
+    proved = LevelSet(PolynomialFunction.quadratic(np.diag([4.0, 0.01])), 1.0, np.eye(2))
+    tried: list[np.ndarray] = []
+
+    def outcomes(loop: Any, starts: np.ndarray, holds: Any, seconds: float, clock: Any) -> Any:
+        tried.append(starts)
+        assert seconds == pytest.approx(24.0)
+        return np.full(len(starts), Outcome.ELSEWHERE, dtype=object)
+
+    monkeypatch.setattr(obstacles, "outcomes", outcomes)
+    found = starts_by_outcome(loop, proved, np.eye(2), Clock(60.0))
+    distances = np.linalg.norm(tried[0], axis=1).reshape(10, 2)
+    share = np.linspace(0.1, 1.0, 10)[:, None] ** 2
+    edge = np.array([0.5, 1.0])  # b reaches the level beyond the unit ball
+    assert distances == pytest.approx(edge + 19.0 * edge * share)
+    assert set(found) == {Outcome.DIVERGED}
+    assert len(tried) == 2
+    assert np.linalg.norm(obstacles._unit(np.array([[3.0, 4.0], [0.1, 0.0]])), axis=1) == (
+        pytest.approx(1.0)
+    )
+
+
+def test_a_flight_diverges_beyond_its_start_and_many_nominal_values(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bounds: list[np.ndarray] = []
+    rule = obstacles.EndRule
+
+    def recorded(far: np.ndarray, *others: Any) -> Any:
+        bounds.append(far)
+        return rule(far, *others)
+
+    monkeypatch.setattr(obstacles, "EndRule", recorded)
+    starts = np.array([[1.0, 1e9], [-2.0, 1.0]])
+    free = LoopValues(Loop(**{**vars(limited_loop().loop), "limits": {}}))
+    obstacles.outcomes(free, starts, lambda z: np.ones(len(z), bool), 1.0, Clock(60.0))
+    assert bounds[0].tolist() == [FAR * 2.0, FAR_OF_STARTS * 1e9]
+
+
+def test_sums_of_squares_require_a_polynomial_policy() -> None:
+    loop = cubic({}).loop
+    z = ca.SX.sym("z")
+    function = ca.Function("u", [z], [ca.SX(0, 1)])
+    of_function = RegionProblem(Loop(**{**vars(loop), "policy": function}))
+    assert (provers_of(RegionProblem(loop)), provers_of(of_function)) == (
+        ("squares", "boxes"), ("boxes",),
+    )  # fmt: skip
+    with pytest.raises(BadInputError, match="polynomial policy; use --prover boxes"):
+        PROVERS["squares"](of_function, Settings(2, Clock(60.0)))
 
 
 def test_v_rises_where_its_derivative_is_not_negative() -> None:

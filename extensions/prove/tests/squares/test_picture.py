@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -174,3 +175,16 @@ def test_each_section_shows_its_two_states(monkeypatch: pytest.MonkeyPatch) -> N
     _, _, last = figure.axes
     assert [axes.get_subplotspec().get_geometry()[:2] for axes in figure.axes] == [(1, 3)] * 3
     assert last.get_subplotspec().get_geometry()[2] == 2
+
+
+def test_at_most_six_sections_are_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of five states, six of the ten pairs are shown, in rows of three."""
+    monkeypatch.setattr("hfa_prove.picture._draw", lambda axes, *_: axes.plot(0.0, 0.0, label="a"))
+    names = tuple("abcde")
+    model = SimpleNamespace(units=lambda names: ["m"] * len(names), title="five")
+    statement = SimpleNamespace(loop=SimpleNamespace(states=names, model=model))
+    figure = region_figure(cast(Any, SimpleNamespace(statement=statement)))
+    assert [axes.get_subplotspec().get_geometry()[:2] for axes in figure.axes] == [(2, 3)] * 6
+    assert [(axes.get_xlabel()[0], axes.get_ylabel()[0]) for axes in figure.axes] == [
+        *(("a", "b"), ("a", "c"), ("a", "d"), ("a", "e"), ("b", "c"), ("b", "d")),
+    ]

@@ -20,10 +20,7 @@ from hfa_prove.bound import lower_bound
 from hfa_prove.report import checked_report
 from hfa_prove.report_cost import checked_bound_report
 from hfa_prove.report_region import checked_report as region_report
-from hfa_prove.results import schedule_data
-from hfa_prove.statements.flight import StatedTrim
 from hfa_prove.statements.region import RegionStatement
-from hfa_prove.statements.schedule import Run
 from hfa_prove.words import at_least, at_most
 
 
@@ -149,62 +146,6 @@ def test_bounds_are_printed_rounded_to_their_side(value: float, digits: int) -> 
     low, high = float(at_least(value, digits)), float(at_most(value, digits))
     assert low <= value <= high
     assert high - low <= 10.0 ** (1 - digits) * abs(value)
-
-
-LOW, MIDDLE, HIGH = 15.0, 15.125, 15.25
-
-
-def _runs(first: tuple[int, int], last: tuple[int, int]) -> tuple[Run, Run]:
-    return Run(LOW, MIDDLE, *first), Run(MIDDLE, HIGH, *last)
-
-
-@pytest.mark.parametrize(
-    ("first", "last", "proved", "counted", "opened", "refuted"),
-    [
-        ((0, 0), (0, 0), True, [0, 0], 0, 0),
-        ((0, 0), (0, 6), False, [0], 1, 0),
-        ((0, 1), (2, 2), False, [2], 1, 1),
-        ((0, 0), (1, 3), False, [0], 0, 1),
-    ],
-)
-def test_the_report_of_a_schedule_counts_its_ranges(
-    first: tuple[int, int],
-    last: tuple[int, int],
-    proved: bool,
-    counted: list[int],
-    opened: int,
-    refuted: int,
-) -> None:
-    """Stable, open and refuted ranges are told apart by the bounds of the unstable modes."""
-    statement, _ = read(stored("schedule"))
-    data = schedule_data(replace(statement, loop=_runs(first, last)), False)
-    assert data["proved"] is proved
-    assert [row["unstable"] for row in data["loop"]["proved"]] == counted
-    assert len(data["loop"]["open"]) == opened
-    assert len(data["refuted"]) == refuted
-    for row in (*data["loop"]["open"], *data["refuted"]):
-        assert (row["from_deg"], row["to_deg"]) in ((LOW, MIDDLE), (MIDDLE, HIGH))
-    modes = schedule_data(replace(statement, modes=_runs(first, last)), False)["modes"]
-    assert [row["unstable"] for row in modes["proved"]] == counted
-    assert len(modes["open"]) == 2 - len(counted)
-    report = checked_report(as_proved(replace(statement, loop=_runs(first, last))))
-    assert report.title.startswith("Verified, proved") is proved
-
-
-def test_a_schedule_is_proved_on_one_branch_and_with_its_rate() -> None:
-    """A claim with two branches of trims, or without the rate that is asked for, is not proved."""
-    statement, _ = read(stored("schedule"))
-    assert schedule_data(statement, False)["proved"]
-    assert not schedule_data(statement, True)["proved"]
-    assert schedule_data(statement, True)["dihedral_rate_deg_s"] == 0.0
-    moving = schedule_data(replace(statement, scheduled_rate=0.5), True)
-    assert (moving["proved"], moving["dihedral_rate_deg_s"]) == (True, 0.5)
-    (trim,) = statement.flight.trims
-    for trims in ((), (trim, StatedTrim(HIGH, trim.unknowns))):
-        data = schedule_data(
-            replace(statement, flight=replace(statement.flight, trims=trims)), False
-        )
-        assert (data["proved"], data["one_branch"]) == (False, False)
 
 
 @pytest.mark.parametrize(
