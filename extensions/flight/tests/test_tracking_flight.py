@@ -91,6 +91,8 @@ def test_a_policy_of_weights_flies_and_is_refused_with_a_reference() -> None:
     result = run(*words, "--reference", "dihedral=1")
     assert (result.code, result.err.count("\n")) == (2, 1)
     assert "requires a policy u = -K z" in result.err
+    answer("solve", "--dihedral", "15", "-o", "gain.npz")
+    assert "requires" not in run(*words[:4], "gain.npz", "--reference", "dihedral=1").err
 
 
 @pytest.mark.parametrize(

@@ -43,7 +43,8 @@ def tracking_of(
     """
     if not isinstance(policy, GainPolicy) or policy.gain is None:
         raise BadInputError(
-            f"--reference requires a policy u = -K z, not the {policy.name}; give a gain K or a law"
+            f"--reference requires a policy u = -K z, not the {policy.name}; give a file with a "
+            "gain K, as `hfa solve -o FILE` writes without --order, or a law"
         )
     commands = stacked(reference, linear.states)
     P = unconfirmed_solution(game).P
