@@ -1,6 +1,7 @@
 """Option `--draws N`: results for aircraft drawn from the covariance of identified parameters."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from cli import complaints_about
 from project import ROOT
 
 import hfa
+from controller.riccati.cost import cost_above_optimum
 from controller.riccati.smallest_delta import minimum_delta
 from hfa.main import main
 from hfa_aircraft.uncertain import ParameterSpread, spread_of_file
@@ -130,6 +132,12 @@ def test_unstable_random_aircraft_are_counted():
     loops = drawn.loops(np.zeros((4, 8)))
     assert (loops.stable, loops.trimmed, loops.ok) == (2, 3, False)
     abscissa = bands["abscissa"]
+    linear = hfa.linearize(model, point)
+    for mode in linear.modes:
+        found = {name: band for name, band in bands.items() if name.startswith(f"{mode.name} ")}
+        values = {" damping": mode.damping, " frequency": mode.frequency}
+        for name, band in found.items():
+            assert band.value == values[next(kind for kind in values if kind in name)]
     assert loops.bands["abscissa of the loop"].low == pytest.approx(abscissa.low)
 
 
@@ -259,8 +267,17 @@ def test_aircraft_without_a_game_solution_are_counted():
     tight = game.with_delta(1.001 * least)
     slow = model.with_parameters(Cm_elevator=0.8 * model.parameters["Cm_elevator"].start)
     drawn = DrawnAircraft([model, slow], ("Cm_elevator",), 0, usual_condition(model), point)
-    draws = drawn.gain(tight, hfa.solve(tight).K)
+    K = hfa.solve(tight).K
+    draws = drawn.gain(tight, K)
     assert draws.unsolved == 1
+    band = draws.bands["abscissa of the loop"]
+    assert band.value == pytest.approx(np.linalg.eigvals(tight.A - tight.B @ K).real.max())
+    loose = tight.with_delta(np.inf)
+    better = replace(drawn, models=[model, slow, model]).gain(loose, 0.9 * K)
+    plants = [hfa.linearize(each, hfa.trim(each)) for each in (model, slow)]
+    games = [replace(loose, A=plant.A, B=plant.B) for plant in plants]
+    worst = [cost_above_optimum(each, hfa.solve(each), 0.9 * K)[0] for each in games]
+    assert better.cost_lost_worst_percent == pytest.approx(100.0 * max(worst), rel=1e-6)
     assert "the game has no solution on 1; cost at most" in draws.first_line
 
 

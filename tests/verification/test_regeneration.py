@@ -10,7 +10,7 @@ import pytest
 import hfa
 from hfa_model import published_models
 from trim import regenerate
-from verification.regeneration import check_pair
+from verification.regeneration import Regeneration, check_pair
 
 
 def test_moved_eigenvalues_are_those_of_the_checks() -> None:
@@ -30,6 +30,13 @@ def test_moved_eigenvalues_are_those_of_the_checks() -> None:
     assert unstable.value == abs(
         np.count_nonzero(roots.real < 0) - np.count_nonzero(roots.real > 0)
     )
+    pair = check_pair(replace(model, A=moved.real), published)
+    figure = Regeneration((pair,)).picture().draw()
+    (axes,) = figure.axes
+    bars = [patch.get_width() for patch in axes.containers[0]]
+    off = [entry.half_units for entry in pair.entries if entry.printed]
+    assert bars == pytest.approx(off)
+    assert axes.get_xlim()[1] == pytest.approx(max(2.0, 1.1 * np.abs(off).max()))
     slowed = replace(model, A=published.A + 2e-3 * np.eye(len(roots)))
     failed = [
         check.name.split()[0] for check in check_pair(slowed, published).checks if not check.ok

@@ -621,6 +621,7 @@ def test_a_measured_game_with_cross_weights_keeps_its_cost() -> None:
     N = np.array([[0.4], [-0.3]])
     game = Game(A=A, B=B, Q=np.eye(2), R=[2.0], N=N)
     C = np.array([[1.0, 0.0]])
+    assert GeneralizedPlant.measured(game, C, np.eye(1), [[0.7]]).D22 == 0.7
     plant = GeneralizedPlant.measured(game, C, np.eye(1))
     output = np.hstack([plant.C1, plant.D12])
     weights = np.block([[game.Q, N], [N.T, game.R]])
