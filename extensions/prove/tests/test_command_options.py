@@ -20,7 +20,9 @@ from small_networks import imitation
 from stored_certificates import ROOT, pendulum
 
 import hfa as package
+from hfa import Model, Signal
 from hfa.paper import default_parameters, published_game
+from hfa_prove import Family
 from hfa_support.errors import NoSolutionError
 
 PENDULUM = ("--aircraft", f"{ROOT}/examples/pendulum.py:PENDULUM")
@@ -98,6 +100,20 @@ def test_options_of_a_schedule_reach_the_proof(run: Run, tmp_path: Path) -> None
         actuators = loop_of(*options).actuators
         assert actuators.bandwidth == bandwidth
         assert (actuators.effectiveness, actuators.delay) == (effectiveness, delay)
+    for options, factor, changed in (
+        ((), 300.0, {}),
+        (("--R", "1,2,3,4,5"), 1.0, {"R": np.diag([1.0, 2.0, 3.0, 4.0, 5.0])}),
+        (("--delta", "5000"), 300.0, {"delta": 5000.0}),
+    ):
+        controller = loop_of("--bandwidth", "2:9", *options).controller
+        game = with_slow_actuators(replace(published_game(linear), **changed), 2.0, factor)
+        K = package.solve(replace(game, delta=changed.get("delta", np.inf))).K
+        assert np.allclose(-controller.D[0], K, rtol=1e-5, atol=1e-8)
+    wider = run(name, "schedule", "--dihedral", "14:19")["1"].controller  # at most 2 deg apart
+    assert wider.breakpoints == pytest.approx(np.linspace(14.0, 19.0, 4))
+    for breakpoint, D in zip(wider.breakpoints, wider.D, strict=True):
+        at = package.linearize(model, package.trim(model, at=np.radians(breakpoint)))
+        assert np.allclose(-D, package.solve(published_game(at)).K, rtol=1e-6, atol=1e-9)
     wide = run(name, *words, "--error", "2")["0"].spread
     errors = default_parameters().standard_errors
     assert wide == pytest.approx({each: 2.0 * error for each, error in errors.items() if error})
@@ -111,6 +127,26 @@ def test_options_of_a_schedule_reach_the_proof(run: Run, tmp_path: Path) -> None
     assert controller.breakpoints.tolist() == [14.0, 14.5]
     file = run(name, *words, "-o", str(tmp_path / "proof.json"))["file"]
     assert file.path == tmp_path / "proof.json"
+
+
+def with_slow_actuators(game: package.Game, w: float, factor: float) -> package.Game:
+    """Return the game of a plant with actuators a' = w (u - a), with R multiplied by a factor."""
+    n, m = game.B.shape
+    eye = np.eye(m)
+    A = np.block([[game.A, game.B], [np.zeros((m, n)), -w * eye]])
+    B = np.vstack([np.zeros((n, m)), w * eye])
+    return package.Game(A, B, np.eye(n + m), np.pad(game.Q, (0, m)), factor * game.R, np.inf)
+
+
+def test_the_unit_of_widths_follows_the_scheduling_variable() -> None:
+    """1 deg for an angle, and the power of two nearest to π / 180 nominal values otherwise."""
+    assert Family(package.aircraft()).step == 1.0
+    for nominal, step in ((45.0, 1.0), (100.0, 2.0), (20.0, 0.25)):
+        model = Model(
+            "plant", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": -p.p * x.x}, {}),
+            parameters={"p": Signal(nominal=nominal, start=1.0)}, schedule="p", trim={},
+        )  # fmt: skip
+        assert Family(model).step == step
 
 
 def test_options_of_a_region_reach_the_search(run: Run, tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -25,6 +26,7 @@ from hfa_prove.search.obstacles import (
     rises,
     starts_by_outcome,
 )
+from hfa_prove.search.proof import CertificateFile, Proof
 from hfa_prove.search.region import PROVERS, provers_of
 from hfa_prove.search.region_search import (
     RegionProblem,
@@ -35,6 +37,7 @@ from hfa_prove.search.region_search import (
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.plant import Limits, Plant
 from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.provenance import Provenance
 
 P = np.array([[2.0, 0.5], [0.5, 1.0]])
 V = PolynomialFunction.quadratic(P)
@@ -345,3 +348,31 @@ def test_a_clock_divides_the_time_that_is_left() -> None:
     with pytest.raises(KeyboardInterrupt):
         stopped(0.0, 1.0)
     assert stopped.interrupted
+
+
+def test_an_unfinished_certificate_is_written_at_intervals(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file is written after 2 s and 9 times the duration of the last writing, and at the end."""
+    now = 0.0
+    written: list[float] = []
+    duration = 0.5
+
+    def write(path: Path, origin: Any) -> None:
+        nonlocal now
+        written.append(now)
+        now += duration
+
+    monkeypatch.setattr("hfa_prove.search.proof.time", SimpleNamespace(monotonic=lambda: now))
+    proof = cast(Any, SimpleNamespace(write=write))
+    file = CertificateFile(tmp_path / "proof.json", Provenance("a test", "published"))
+    for at in (1.9, 2.1, 7.0, 7.2, 10.0):
+        now = at
+        file.save(proof)
+    assert written == [2.1, 7.2]
+    file.save(proof, finished=True)
+    assert written == [2.1, 7.2, 10.0]
+    assert file.known(cast(Any, None), cast(Any, None)) == {}
+    with pytest.raises(NoSolutionError, match="no certificate is written"):
+        Proof(cast(Any, None), {}).write(tmp_path / "none.json", Provenance("", ""))
+    assert list(tmp_path.iterdir()) == []

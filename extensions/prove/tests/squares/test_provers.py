@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
+from as_proved import as_proved
 from first_proofs import first_region
 from pendulum_regions import pendulum_loop
+from stored_certificates import read, stored
 
 from hfa.main import main
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model, Signal
 from hfa_prove.certificate import write_certificate
+from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.search import region as searches
-from hfa_prove.search.region import proved_region
+from hfa_prove.search.clock import Clock
+from hfa_prove.search.obstacles import LevelSet
+from hfa_prove.search.region import proved_region, region_of_certificate
 from hfa_prove.search.region_search import Region, RegionProblem, Settings
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_support.errors import NoSolutionError
@@ -72,9 +78,15 @@ def test_kinks_and_tables_are_proved_on_boxes(
     assert first_region(loop, "squares").extents["angle"][1] < 0.4
 
 
-def test_the_larger_set_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of the sets of two provers, the larger one is reported and saved, with what the other did."""
-    sizes = {"squares": 1.0, "boxes": 2.0}
+@pytest.mark.parametrize("interrupted", [False, True])
+def test_the_largest_set_is_reported(interrupted: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the sets of the provers, the largest is reported, with what the others did.
+
+    Each set that is larger than all before is saved. Each prover gets an equal part of the time
+    that is left. After an interruption, no further prover is tried.
+    """
+    sizes = {"a": 3.0, "b": 1.0, "c": 2.0, "d": 4.0}
+    left: list[float] = []
 
     def prover(name: str) -> Any:
         unknown: Any = None
@@ -83,7 +95,9 @@ def test_the_larger_set_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
 
         def prove(problem: RegionProblem, settings: Settings) -> Region:
             assert settings.save is not None
+            left.append(settings.clock.left)
             settings.save(region)
+            settings.clock.interrupted = interrupted
             return region
 
         return prove
@@ -91,17 +105,71 @@ def test_the_larger_set_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     saved: list[str] = []
     monkeypatch.setattr(searches, "PROVERS", {name: prover(name) for name in sizes})
     monkeypatch.setattr(searches, "_with_obstacles", lambda region, seconds, clock: region)
-    for names in (("squares", "boxes"), ("boxes", "squares")):
-        found = proved_region(
-            cast(Any, None),
-            names,
-            degree=2,
-            seconds=1.0,
-            save=lambda region: saved.append(region.prover),
-        )
-        assert found.prover == "boxes"
-        assert found.others == {"squares": "proves a set of 0.5 times the size"}
-    assert saved == ["squares", "boxes", "boxes"]
+    found = proved_region(
+        cast(Any, None),
+        tuple(sizes),
+        degree=2,
+        seconds=120.0,
+        save=lambda region: saved.append(region.prover),
+    )
+    if interrupted:
+        assert (found.prover, saved, found.others) == ("a", ["a"], {})
+        return
+    assert found.prover == "d"
+    shares = {"a": "0.75", "b": "0.25", "c": "0.5"}
+    assert found.others == {
+        name: f"proves a set of {share} times the size" for name, share in shares.items()
+    }
+    assert saved == ["a", "d"]
+    assert left == pytest.approx([30.0, 40.0, 60.0, 120.0], abs=1.0)
+
+
+def test_obstacles_get_the_time_that_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They get at least a tenth of the limit. A known rise is kept, and others are searched."""
+    times: list[float] = []
+
+    def around(loop: Any, proved: LevelSet, rise: Any, clock: Clock) -> Any:
+        times.append(clock.left)
+        return rise
+
+    monkeypatch.setattr(searches, "obstacles_around", around)
+    reach: list[np.ndarray] = []
+
+    def first(is_obstacle: Any, V: Any, T: np.ndarray) -> Any:
+        reach.append(T)
+        return (3.0, T)
+
+    monkeypatch.setattr(searches, "first_obstacle", first)
+    level_set = LevelSet(PolynomialFunction.quadratic(np.eye(2)), 1.0, np.diag([2.0, 3.0]))
+    unknown: Any = None
+    region = Region(unknown, {}, 1, level_set, {}, "", unknown)
+    found = searches._with_obstacles(region, 50.0, Clock(20.0))
+    assert (found.rise, found.obstacles) == ((3.0, reach[0]), found.rise)
+    assert np.array_equal(reach[0], np.diag([4.0, 6.0]))
+    known = searches._with_obstacles(replace(region, rise=(2.0, None)), 50.0, Clock(-1.0))
+    assert known.rise == (2.0, None)
+    assert times == pytest.approx([20.0, 5.0], abs=1.0)
+
+
+@pytest.mark.parametrize("name", ["region", "region_boxes"])
+def test_a_region_of_a_certificate_has_its_set(name: str) -> None:
+    """V of the set has the values of V of the statement, and the set is in its unit ball."""
+    content = stored(name)
+    statement, witness = read(content)
+    proved = as_proved(statement, witness, (5,))
+    region = region_of_certificate(proved, content["witness"])
+    assert (region.rho, region.prover) == (statement.rho, content["witness"]["prover"])
+    assert region.size == 5
+    reach = np.array([high for _, high in statement.extents.values()])
+    z = np.random.default_rng(0).uniform(-1.5, 1.5, (200, 2)) * reach
+    V = statement.piece.W.at(z @ statement.piece.M.T)
+    assert region.set.V(z) == pytest.approx(V, rel=1e-9)
+    inside = region.set.V(z) <= region.rho
+    assert 0 < np.count_nonzero(inside) < 200
+    assert np.array_equal(region.set.contains(z), inside)
+    for (low, high), values in zip(region.extents.values(), z[inside].T, strict=True):
+        assert low < values.min() < values.max() < high
+    assert np.all(np.linalg.eigvals(region.loop.J).real < 0.0)
 
 
 @pytest.mark.slow
