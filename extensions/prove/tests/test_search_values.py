@@ -10,6 +10,7 @@ from typing import Any, cast
 import casadi as ca
 import numpy as np
 import pytest
+from proof_cases import proved, two_trims
 
 from hfa_aircraft.march.ending import FAR, FAR_OF_STARTS, Outcome
 from hfa_aircraft.model import Model, Signal
@@ -17,6 +18,7 @@ from hfa_prove.check.equilibrium import Equilibrium
 from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.search import obstacles
 from hfa_prove.search.clock import Clock, OutOfTimeError
+from hfa_prove.search.family import Box, Family
 from hfa_prove.search.flights import Inputs, flight_costs
 from hfa_prove.search.loop_values import LoopValues
 from hfa_prove.search.obstacles import (
@@ -34,8 +36,10 @@ from hfa_prove.search.region_search import (
     lyapunov_matrices,
     refuse_unstable,
 )
+from hfa_prove.search.schedule import ProvedBox, ScheduleSearch, _gaps
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.plant import Limits, Plant
+from hfa_prove.statements.schedule import Run
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.provenance import Provenance
 
@@ -376,3 +380,63 @@ def test_an_unfinished_certificate_is_written_at_intervals(
     with pytest.raises(NoSolutionError, match="no certificate is written"):
         Proof(cast(Any, None), {}).write(tmp_path / "none.json", Provenance("", ""))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_proof_of_a_scalar_schedule_has_its_closed_form() -> None:
+    """x' = 1 + p - x² + u with u = -k(p) (x - s), s = sqrt(1 + p): F = -2 s - k, and A = -2 s.
+
+    The decay rate is 0.9 times that at a center. V = P x² with P = W / (2 |F|) decreases while
+    |p'| < 2 F² / |F'|.
+    """
+    data = proved("two trims").data
+    p = np.linspace(1.0, 1.5, 501)
+    s = np.sqrt(1.0 + p)
+    F = -2.0 * s - (0.5 + 0.1 * (p - 1.0))
+    slowest = np.min(-F)
+    assert data["decay_rate"] == pytest.approx(0.9 * 3.525, rel=1e-9)  # of one box, about 1.25
+    assert data["decay_rate"] < slowest
+    fastest = np.min(2.0 * F**2 / (1.0 / s + 0.1))
+    assert 0.9 * fastest <= data["scheduled_rate"] <= fastest
+    assert float(f"{data['scheduled_rate']:.1e}") == data["scheduled_rate"]
+    lyapunov = data["lyapunov"]
+    (breakpoints,) = lyapunov["scheduled"].values()
+    P = np.interp(p, breakpoints, np.array(lyapunov["P"]).ravel())
+    slope = np.diff(np.array(lyapunov["P"]).ravel()) / np.diff(breakpoints)
+    assert np.all(2.0 * F * P + data["scheduled_rate"] * np.max(np.abs(slope)) < 0.0)
+    assert np.max(np.diff(breakpoints)) <= 0.125 * Family(two_trims()).step
+    reached = 1.0
+    for box in data["boxes"]:
+        ((low, high),) = box["scheduled"].values()
+        assert low == reached
+        reached = high
+        (((least, most),),) = box["A"]
+        exact = (-2.0 * np.sqrt(1.0 + high), -2.0 * np.sqrt(1.0 + low))
+        assert least <= exact[0] < exact[1] <= most
+        assert (least, most) == pytest.approx(exact, abs=0.02)
+        (((least, most),),) = box["B"]
+        assert least <= 1.0 <= most < least + 1e-9
+    assert reached == 1.5
+    assert data["loop"]["boxes"] == len(data["boxes"])
+
+
+def test_ranges_of_a_schedule_are_joined_and_cut() -> None:
+    """Gaps are what no run covers, and neighbors with equal bounds are one range."""
+    runs = [Run(3.0, 4.0, 0, 0), Run(1.0, 2.0, 0, 0), Run(1.5, 1.75, 0, 0)]
+    assert _gaps(runs, 0.0, 5.0) == [(0.0, 1.0), (2.0, 3.0), (4.0, 5.0)]
+    assert _gaps(runs, 1.0, 4.0) == [(2.0, 3.0)]
+    boxes = {
+        "loop": [
+            ProvedBox(Box(low, high), least, most, 0.0, {})
+            for low, high, least, most in (
+                (0.0, 1.0, 0, 0), (1.0, 2.0, 0, 0), (3.0, 4.0, 0, 3), (3.0, 3.5, 1, 2),
+            )
+        ],
+        "modes": [ProvedBox(Box(2.0, 2.5), 0, 0, 0.0, {})],
+    }  # fmt: skip
+    trims = SimpleNamespace(stated_trim=lambda start: start)
+    search = cast(Any, SimpleNamespace(boxes=boxes, low=0.0, high=5.0, trims=trims))
+    assert ScheduleSearch._runs(search, "loop", 4) == (
+        Run(0.0, 2.0, 0, 0), Run(2.0, 3.0, 0, 4), Run(3.0, 3.5, 1, 2), Run(3.5, 4.0, 0, 3),
+        Run(4.0, 5.0, 0, 4),
+    )  # fmt: skip
+    assert ScheduleSearch._stated_trims(search) == (0.0, 3.0)
