@@ -142,6 +142,9 @@ def test_handling_qualities_follow_from_the_modes(model: Model) -> None:
         assert qualities[f"{name} damping"] == pytest.approx(
             -roots[name].real / abs(roots[name]), rel=1e-12
         )
+    damped = qualities["dutch roll damping"] * qualities["dutch roll frequency"]
+    assert qualities["dutch roll damping times frequency"] == pytest.approx(damped)
+    assert len(qualities) == 11
     exact = n_per_alpha(model, point, "elevator")
     assert qualities["n/alpha"] == pytest.approx(exact, rel=1e-5)
     assert qualities["CAP"] == pytest.approx(

@@ -78,7 +78,7 @@ def test_trims_at_released_conditions_have_released_angles(
             "unknown trim variable 'speeed'; did you mean speed? choose from speed",
         ),
         ("[impose]\nspeed_deg = 60", "speed_deg is not an angle; write speed, in ft/s"),
-        ("[impose]\nalpha_deg = [[0, 1, 2]]", "value] rows"),
+        ("[impose]\nalpha_deg = [[0, 1], [5, 1, 2]]", "value] rows"),
         ("[impose]\nalpha_deg = [[5, 1], [5, 2]]", "give increasing breakpoints"),
         ("[limits]\nalpha_deg = 3", "limits.alpha_deg is 3; give a list of numbers"),
         ("free = ['flaps']", "unknown trim variable 'flaps'"),
