@@ -276,6 +276,15 @@ def test_exported_controller_equals_the_simulated_one(
             np.linalg.norm(rate[:STATES] - known) / np.linalg.norm(known),
         )
         limited += int(np.abs(known_u).max() == HIGHEST)
+        A, B, C, D = controller.at(float(dihedral))
+        stack = controller.W.reshape(len(controller.breakpoints), -1).T
+        flat = [np.interp(dihedral, controller.breakpoints, entry) for entry in stack]
+        given = np.concatenate([y, r, slope, goal])
+        asked = C @ m + D @ given
+        missed = np.clip(asked, -HIGHEST, HIGHEST) - asked
+        expected = A @ m + B @ given + np.reshape(flat, (STATES, 2)) @ missed
+        np.testing.assert_allclose(known, expected, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(known_u[[2, 3]], asked + missed, atol=1e-12)
         np.testing.assert_allclose(rate[STATES : STATES + 2], slope, rtol=0, atol=0)
         np.testing.assert_allclose(
             rate[STATES + 2 :], 0.25 * (goal - r) - 2.0 * slope, rtol=1e-14, atol=1e-15
