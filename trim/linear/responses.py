@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_support.arguments import ArrayLike
-from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, shown
+from hfa_support.errors import BadInputError, is_finite, numbers_in, refuse_unknown, shown
 from trim.linear.transfer import System
 
 if TYPE_CHECKING:
@@ -60,7 +60,8 @@ def simulated(
     initial: (n,), or name of a state -> its initial deviation; other states are 0
     dt: sample time in place of an array of times, s, or None
 
-    Raises BadInputError if a name is unknown, shapes disagree or u is a function.
+    Raises BadInputError if a name is unknown, shapes disagree, u is a function or dt is not a
+    positive number.
     """
     import control
 
@@ -107,6 +108,8 @@ def _times(system: control.StateSpace, time: Any, dt: float | None, count: int |
     import control
 
     time = _checked_time(time)
+    if dt is not None and not (is_finite(dt) and dt > 0.0):
+        raise BadInputError(f"dt is {shown(dt)}; give a positive number of s")
     if dt is not None and time is None and count is not None:
         return dt * np.arange(count)
     if (time is None and count is None) or isinstance(time, float):

@@ -72,6 +72,17 @@ def test_loops_have_one_input_and_one_output() -> None:
     axes = LINEAR.nyquist("f", "w")
     assert axes.get_title() == "w / f, (1)/(1)"
     assert LINEAR.plot().get_title().endswith("poles x and zeros o, 1/s")
+    lines = zip(*np.reshape(LINEAR.bode(), (2, 3)), strict=True)
+    for (above, below), row, feed in zip(lines, C, D, strict=True):
+        for j, (size, phase) in enumerate(zip(above.lines, below.lines, strict=True)):
+            w = np.array(size.get_xdata())
+            inner = np.linalg.solve(1j * w[:, None, None] * np.eye(2) - A, B[:, [j]])[..., 0]
+            expected = inner @ row + feed[j]
+            np.testing.assert_allclose(size.get_ydata(), 20.0 * np.log10(np.abs(expected)))
+            degrees = np.array(phase.get_ydata())
+            turned = np.exp(1j * np.radians(degrees))
+            np.testing.assert_allclose(turned, expected / np.abs(expected), atol=1e-9)
+            assert np.abs(np.diff(degrees)).max() < 90.0
     pyplot.close("all")
     for call in (LINEAR.transfer_function, LINEAR.nyquist):
         with pytest.raises(BadInputError, match="not 2 and 1"):
@@ -90,6 +101,10 @@ def test_loops_have_one_input_and_one_output() -> None:
         ({"initial": {"p": 1.0}}, "unknown state 'p'"),
         ({"initial": [1.0]}, "initial has shape"),
         ({"u": np.zeros((2, 1))}, "time has fewer than two values"),
+        *(
+            ({"dt": dt, "time": 2.0}, "dt is .*; give a positive number")
+            for dt in (0.0, -1.0, np.inf)
+        ),
         ({"time": 0.0}, "give a positive number"),
         ({"time": -1.0}, "give a positive number"),
         ({"time": np.inf}, "give a positive number"),
