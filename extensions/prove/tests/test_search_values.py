@@ -20,6 +20,7 @@ from hfa_prove.search import obstacles
 from hfa_prove.search.clock import Clock, OutOfTimeError
 from hfa_prove.search.family import Box, Family
 from hfa_prove.search.flights import Inputs, flight_costs
+from hfa_prove.search.level import LevelSearch, ball_of
 from hfa_prove.search.loop_values import LoopValues
 from hfa_prove.search.obstacles import (
     LevelSet,
@@ -30,13 +31,16 @@ from hfa_prove.search.obstacles import (
 )
 from hfa_prove.search.proof import CertificateFile, Proof
 from hfa_prove.search.region import PROVERS, provers_of
+from hfa_prove.search.region_boxes import BoxesSearch
 from hfa_prove.search.region_search import (
     RegionProblem,
     Settings,
     lyapunov_matrices,
     refuse_unstable,
 )
+from hfa_prove.search.region_squares import SquaresSearch, settings_of
 from hfa_prove.search.schedule import ProvedBox, ScheduleSearch, _gaps
+from hfa_prove.search.shape_boxes import Shape
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.plant import Limits, Plant
 from hfa_prove.statements.schedule import Run
@@ -440,3 +444,86 @@ def test_ranges_of_a_schedule_are_joined_and_cut() -> None:
         Run(4.0, 5.0, 0, 4),
     )  # fmt: skip
     assert ScheduleSearch._stated_trims(search) == (0.0, 3.0)
+
+
+def test_the_first_level_touches_its_nearest_limit() -> None:
+    """{z'P z <= c} reaches a limit g'z = d for c = d² / (g'P⁻¹g), the least c of all limits."""
+    for limits, signal in (
+        ({"b": (-1.0, 4.0)}, ((0.0, 1.0), 2.0)),
+        ({"b": (1.5, 4.0)}, ((0.0, 1.0), 0.5)),
+        ({"b": (-1.0, 4.0), "y": (-np.inf, 7.25)}, ((2.0, 3.0), 0.25)),
+        ({"a": (0.9, np.inf), "b": (-1.0, 4.0)}, ((1.0, 0.0), 0.1)),
+        ({}, ((1.0, 0.0), 200.0)),
+    ):
+        plant = LoopValues(Loop(**{**vars(limited_loop().loop), "limits": limits}))
+        search = cast(Any, SimpleNamespace(plant=plant, _n=2))
+        level, T = SquaresSearch._limit_of(search, P)
+        g, distance = np.array(signal[0]), signal[1]
+        assert level == pytest.approx(distance**2 / (g @ np.linalg.solve(P, g)), rel=1e-6)
+        assert np.allclose(T.T @ P @ T, level * np.eye(2), rtol=1e-9)
+        states = {name: pair for name, pair in limits.items() if name != "y"}
+        loop = Loop(**{**vars(plant.loop), "limits": states})
+        at = cast(Any, SimpleNamespace(x=np.array([1.0, 2.0])))
+        boxes = cast(Any, SimpleNamespace(loop=loop, equilibrium=at, samples=plant))
+        near = {
+            name: min(abs(low - x), abs(high - x))
+            for (name, x) in (("a", 1.0), ("b", 2.0))
+            for low, high in (states.get(name, (-np.inf, np.inf)),)
+        }
+        wanted = [min(near["a"], 200.0), min(near["b"], 300.0)]
+        get = BoxesSearch._limit_distances.fget  # type: ignore[attr-defined]
+        assert get(boxes) == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize(("highest", "known"), [(0.37, 0.0), (0.37, 0.2), (1.0, 0.0), (0.0, 0.0)])
+def test_the_largest_share_is_found_by_bisection(highest: float, known: float) -> None:
+    """The share holds, and one that is larger by 0.04 % fails."""
+    tried: list[float] = []
+
+    def holds(share: float) -> bool:
+        tried.append(share)
+        return share <= highest
+
+    found = LevelSearch.largest(cast(Any, SimpleNamespace(holds=holds)), known)
+    assert found <= highest <= 1.0004 * found
+    assert len(tried) < 20
+    assert min(tried) >= known
+
+
+def test_a_ball_holds_the_ellipsoid_closely() -> None:
+    """The boundary of {z'P z <= 0.7} lies inside the unit ball of y, within 1 %."""
+    T = ball_of(P, 0.7)
+    angles = np.linspace(0.0, 2.0 * np.pi, 100)
+    z = np.linalg.solve(np.linalg.cholesky(P).T, np.array([np.cos(angles), np.sin(angles)]))
+    lengths = np.linalg.norm(np.linalg.solve(T, np.sqrt(0.7) * z), axis=0)
+    assert np.all((lengths > 0.99) & (lengths < 1.0))
+
+
+@pytest.mark.parametrize(
+    ("n", "degree", "degrees"),
+    [
+        (1, 4, [2, 4]), (2, 2, [2]), (2, 6, [2, 4, 6]), (3, 2, [2, 2]), (4, 6, [2, 2, 4]),
+        (5, 6, [2]), (6, 2, [2]),
+    ],
+)  # fmt: skip
+def test_degrees_of_proofs_follow_from_the_number_of_states(
+    n: int, degree: int, degrees: list[int]
+) -> None:
+    """With more states, V and its proofs have lower degrees. A proof contains V' in its degrees."""
+    settings = settings_of(n, degree)
+    assert [setting.degree for setting in settings] == degrees
+    assert all(2 * setting.half >= setting.degree for setting in settings)
+    assert all(setting.order >= 2 * setting.half - 1 for setting in settings)
+
+
+def test_a_set_on_boxes_is_reduced_to_the_state_limits() -> None:
+    """The set of a V is scaled in length by a share, and within the limits of the states."""
+    shape = Shape.of_matrix(np.diag([1.0, 1.0]), np.diag([-1.0, -2.0]), 2)
+    at = cast(Any, SimpleNamespace(x=np.zeros(2)))
+    for limit, share, end in ((9.0, 0.5, 0.5), (9.0, 0.25, 0.25), (0.2, 0.5, 0.2), (0.2, 0.1, 0.1)):
+        ends = np.array([[-9.0, limit], [-9.0, 9.0]])
+        loop = SimpleNamespace(states=("a", "b"), ends={("a", "b"): ends}.get)
+        search = cast(Any, SimpleNamespace(J=np.diag([-1.0, -2.0]), loop=loop, equilibrium=at))
+        (low, high), _ = BoxesSearch._part(search, shape, share).extents().ends
+        assert (-low, high) == pytest.approx((end, end), rel=1e-2)
+        assert high <= limit
