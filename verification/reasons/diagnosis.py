@@ -23,6 +23,7 @@ from hfa_support.errors import BadInputError
 from verification.axis import TimeAxis
 from verification.critic_errors import SMALL, Exact, matrix_errors
 from verification.reasons.hypotheses import (
+    DEGREE,
     EXACT,
     OF_NETWORKS,
     WITH_NOISE,
@@ -52,8 +53,6 @@ NEAR = 0.1
 FAR = 0.3
 #: Number of states at which a network is fitted over the box.
 _SAMPLES = 2000
-#: Factor on a row of ∂²V/∂z² whose slope is per degree.
-_PER_DEGREE = 180.0 / math.pi
 
 
 #: An explanation is preferred to later ones whose remaining error is smaller by at most this
@@ -272,8 +271,8 @@ def _of_network(
     for view in (*at_origin[judged], *over_box[judged]):
         hypotheses = list(of_matrix(game, view))
         if view.kind == "P" and "V" not in critic.network:
-            hypotheses += of_rows(view, "slope", _PER_DEGREE)
-            hypotheses += of_columns(view, "state", 1.0 / _PER_DEGREE)
+            hypotheses += of_rows(view, "slope", DEGREE)
+            hypotheses += of_columns(view, "state", DEGREE)
         causes.append(named(view, hypotheses, OF_NETWORKS))
     if min(causes).share > _CLEAR:
         causes += _of_variants(game, exact, critic, box)

@@ -26,7 +26,8 @@ _NEAR = 0.05
 _SMALL = 1e-5
 #: An entry above this fraction of its typical size is informative (`View.entry_errors`).
 _TOLD = 0.1
-_DEGREE = math.pi / 180.0
+#: Factor on a slope per degree, and on the column of a state in degrees.
+DEGREE = math.pi / 180.0
 #: A scale within this logarithmic distance from the factor of degrees is taken as degrees.
 _DEGREE_BAND = 1.5
 #: Number of rounds in which scales are fitted to the states of a symmetric matrix.
@@ -219,8 +220,8 @@ def of_matrix(game: Game, view: View) -> Iterator[Hypothesis]:
         yield Hypothesis(says, np.linalg.solve(game.R, K))
         says = "K was read row by row, but its entries are stored column by column"
         yield Hypothesis(says, K.reshape(K.shape[::-1]).T)
-        yield from of_rows(view, "input", 1.0 / _DEGREE)
-        yield from of_columns(view, "state", _DEGREE)
+        yield from of_rows(view, "input", 1.0 / DEGREE)
+        yield from of_columns(view, "state", DEGREE)
     yield from _one_entry(view)
 
 
@@ -318,7 +319,7 @@ def of_sides(view: View) -> Iterator[Hypothesis]:
     order = _best_order(np.sum(np.nan_to_num(apart), axis=-1))
     back = np.eye(size)[order].T
     yield Hypothesis(_order_text(noun, order), back @ view.judged @ back.T)
-    for says, divisors, fitted in _scales(view, noun, factors, _DEGREE):
+    for says, divisors, fitted in _scales(view, noun, factors, DEGREE):
         yield Hypothesis(says, view.judged / np.outer(divisors, divisors), fitted)
 
 

@@ -310,6 +310,16 @@ MISTAKES: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
         {"scale": DEGREES / BOX},
         "states 2, 3, 4, 5 and 6 are in degrees",
     ),
+    "degrees, dV/dz": (
+        {"name": "gradient"},
+        {"scale": DEGREES / BOX},
+        "states 2, 3, 4, 5 and 6 are in degrees",
+    ),
+    "slopes per degree": (
+        {"name": "gradient", "out": DEGREES},
+        {},
+        "slopes 2, 3, 4, 5 and 6 are in degrees",
+    ),
     "discrete time": ({"name": "steps_of_0.1_s"}, {}, "in discrete time, a step of 0.1"),
     "sign of V": ({"name": "V", "out": -1.0}, {}, "the value has the wrong sign"),
     "half cost": ({"name": "V", "out": 0.5}, {}, "the value is half the exact one"),
