@@ -28,10 +28,14 @@ def test_names_are_keywords_of_trims_and_sweeps() -> None:
     point = hfa.trim(MODEL, dihedral=0.2, speed=70.0)
     assert point == hfa.trim(MODEL, hold={"dihedral": 0.2, "speed": 70.0})
     assert point == hfa.trim(MODEL, hold={"dihedral": 0.2}, speed=70.0)
+    freed = hfa.trim(MODEL, speed=70.0, free="dihedral_dot")
+    assert ("dihedral" in point.residuals, "dihedral" in freed.residuals) == (True, False)
     swept = sweep(MODEL, dihedral=[0.1, 0.2], speed=[70.0])
     assert np.array_equal(swept.A, sweep(MODEL, {"dihedral": [0.1, 0.2], "speed": [70.0]}).A)
     with pytest.raises(BadInputError, match="'holds'"):
         hfa.trim(MODEL, holds={"speed": 70.0})
+    with pytest.raises(BadInputError, match="unknown variable 'sped'; did you mean speed"):
+        point["sped"]
     with pytest.raises(BadInputError, match="'sped'; did you mean speed"):
         sweep(MODEL, sped=[70.0])
 

@@ -280,23 +280,3 @@ def test_chunks_and_workers_do_not_change_results(
     assert dataset.peak_error.sel(error_state="alpha").attrs["units_of"] == "error_state_unit"
     assert dataset.factors.error.values.tolist() == list(plan.scenario.uncertainty.errors)
     assert "error_unit" not in dataset.coords
-
-
-def test_the_report_counts_members_beyond_control_limits(
-    plan: MonteCarlo,
-) -> None:
-    """The report counts the flights that exceed a control limit and names the input.
-
-    An initial speed error of 0.35 ft/s makes the outer elevator exceed its limit. No flight leaves
-    the envelope.
-    """
-    start = np.zeros(7)
-    start[0] = 0.35
-    pushed = replace(with_scenario(plan, initial=start, uncertainty=Uncertainty()), members=2)
-    found = member_report(pushed, run_monte_carlo(pushed).__getitem__)
-    assert (
-        found.data["held"],
-        found.data["within_limits"],
-        found.data["exceeded"]["elevator_outer"],
-    ) == (2, 0, 2)
-    assert "exceeded control limits: " in found.text()

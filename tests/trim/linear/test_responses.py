@@ -72,8 +72,9 @@ def test_loops_have_one_input_and_one_output() -> None:
     axes = LINEAR.nyquist("f", "w")
     assert axes.get_title() == "w / f, (1)/(1)"
     assert LINEAR.plot().get_title().endswith("poles x and zeros o, 1/s")
-    lines = zip(*np.reshape(LINEAR.bode(), (2, 3)), strict=True)
-    for (above, below), row, feed in zip(lines, C, D, strict=True):
+    panels = np.reshape(LINEAR.bode(), (2, 3))
+    assert [axes.get_ylabel() for axes in panels[0]] == ["magnitude, dB", "", ""]
+    for (above, below), row, feed in zip(panels.T, C, D, strict=True):
         for j, (size, phase) in enumerate(zip(above.lines, below.lines, strict=True)):
             w = np.array(size.get_xdata())
             inner = np.linalg.solve(1j * w[:, None, None] * np.eye(2) - A, B[:, [j]])[..., 0]

@@ -329,21 +329,6 @@ def test_the_pitch_limit_is_checked_with_free_angles(strong_aircraft: Model) -> 
         trim(strong_aircraft, both, lifted)
 
 
-def test_holding_by_name_agrees_with_the_command() -> None:
-    """`trim` holds and frees variables by name, as the command does.
-
-    An unknown name is refused, also as an index of the point.
-    """
-    model = hfa.aircraft()
-    point = hfa.trim(model, hold={"speed": 70.0, "aileron_center": 0.01}, free="dihedral_dot")
-    assert (point["speed"], point["aileron_center"]) == (70.0, 0.01)
-    assert "dihedral" not in point.residuals
-    with pytest.raises(BadInputError, match="unknown trim variable 'sped'"):
-        hfa.trim(model, hold={"sped": 70.0})
-    with pytest.raises(BadInputError, match="unknown variable 'sped'; did you mean speed"):
-        point["sped"]
-
-
 def test_a_free_variable_without_effect_is_named():
     """A free variable that does not occur in the equations is named in the message."""
     model = Model(

@@ -69,6 +69,18 @@ def test_a_mode_crosses_two_integrators_on_a_point() -> None:
     np.testing.assert_allclose(tracked, expected, atol=1e-12)
 
 
+def test_modes_are_followed_along_the_most_similar_neighbors() -> None:
+    """Two shapes turn by 40 deg from point to point, too far between the first and the last."""
+    nominal = np.array([hfa.aircraft().states[name].nominal for name in STATES[:2]])
+    A = []
+    for angle in np.radians([0.0, 40.0, 80.0]):
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        A.append(turn @ np.diag([-2.0, -1.0]) @ turn.T * nominal[:, None] / nominal)
+    for pairs in ([[0, 1], [1, 2], [0, 2]], [[0, 2], [2, 1], [1, 0]]):
+        tracked = track_modes(np.array(A), STATES[:2], hfa.aircraft(), np.array(pairs))
+        np.testing.assert_allclose(tracked, [[-2.0, -1.0]] * 3)
+
+
 def test_a_complex_pair_is_tracked_as_one_mode() -> None:
     """A complex pair that becomes two real eigenvalues is tracked as one mode.
 

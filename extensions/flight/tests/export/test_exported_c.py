@@ -280,6 +280,7 @@ def test_exported_controller_equals_the_simulated_one(
         stack = controller.W.reshape(len(controller.breakpoints), -1).T
         flat = [np.interp(dihedral, controller.breakpoints, entry) for entry in stack]
         given = np.concatenate([y, r, slope, goal])
+        np.testing.assert_allclose(y[1:], [x[LINEAR_STATES.index("dihedral")], a[2]])
         asked = C @ m + D @ given
         missed = np.clip(asked, -HIGHEST, HIGHEST) - asked
         expected = A @ m + B @ given + np.reshape(flat, (STATES, 2)) @ missed
