@@ -16,10 +16,12 @@ from hfa_aircraft.march.ending import FAR, FAR_OF_STARTS, Outcome
 from hfa_aircraft.model import Model, Signal
 from hfa_prove.check.equilibrium import Equilibrium
 from hfa_prove.monomials import PolynomialFunction
-from hfa_prove.search import obstacles
+from hfa_prove.search import obstacles, shape_squares
 from hfa_prove.search.clock import Clock, OutOfTimeError
+from hfa_prove.search.cost_fit import CostProblem, quadratic_piece
 from hfa_prove.search.family import Box, Family
 from hfa_prove.search.flights import Inputs, flight_costs
+from hfa_prove.search.invariant import DisturbedLoop, _bisected, _falls
 from hfa_prove.search.level import LevelSearch, ball_of
 from hfa_prove.search.loop_values import LoopValues
 from hfa_prove.search.obstacles import (
@@ -41,6 +43,7 @@ from hfa_prove.search.region_search import (
 from hfa_prove.search.region_squares import SquaresSearch, settings_of
 from hfa_prove.search.schedule import ProvedBox, ScheduleSearch, _gaps
 from hfa_prove.search.shape_boxes import Shape
+from hfa_prove.search.squares import BASE, Terms, packed_monomials
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.plant import Limits, Plant
 from hfa_prove.statements.schedule import Run
@@ -527,3 +530,148 @@ def test_a_set_on_boxes_is_reduced_to_the_state_limits() -> None:
         (low, high), _ = BoxesSearch._part(search, shape, share).extents().ends
         assert (-low, high) == pytest.approx((end, end), rel=1e-2)
         assert high <= limit
+
+
+def packed_value(terms: Terms, y: np.ndarray) -> float:
+    """Return the value of a polynomial with packed exponents at a point y (n,)."""
+    total = 0.0
+    for key, value in zip(terms.keys.tolist(), terms.values.tolist(), strict=True):
+        powers = [key // BASE**i % BASE for i in range(len(y))]
+        total += value * float(np.prod(y ** np.array(powers)))
+    return total
+
+
+def test_polynomials_of_a_step_have_their_values() -> None:
+    """Means over the unit ball, squares m'Q m, balls and limits are those of their formulas."""
+    means = {
+        1: {(2,): 1 / 3, (4,): 1 / 5, (3,): 0.0},
+        2: {(2, 0): 1 / 4, (4, 0): 1 / 8, (2, 2): 1 / 24, (1, 1): 0.0, (1, 2): 0.0},
+        3: {(2, 0, 0): 1 / 5, (0, 4, 0): 3 / 35, (2, 2, 0): 1 / 35},
+    }
+    for expected in means.values():
+        found = shape_squares._means(np.array(list(expected)))
+        assert found == pytest.approx(list(expected.values()))
+    y = np.array([0.3, -0.7])
+    Q = np.random.default_rng(0).normal(size=(6, 6))
+    ones = np.ones(1)
+    keys = packed_monomials(2, 0, 2)
+    m = np.array([packed_value(Terms(np.array([key]), ones), y) for key in keys])
+    assert sorted(m) == pytest.approx(sorted([1.0, *y, *y**2, y[0] * y[1]]))
+    square = shape_squares._square(2, 0, 2, Q)
+    assert packed_value(square, y) == pytest.approx(m @ Q @ m)
+    assert packed_value(shape_squares._square(2, 1, 1, np.eye(2)), y) == pytest.approx(y @ y)
+    assert shape_squares._degrees(square.keys).max() == 4
+    ball = shape_squares._ball(2, 1.5)
+    assert ball(y[None])[0] == pytest.approx(y @ y / 2.25 - 1.0)
+    step = cast(Any, SimpleNamespace(search=SimpleNamespace(T=T), n=2))
+    row = np.array([0.5, -2.0])
+    signal = row @ T @ y
+    for low, high in ((-3.0, 2.0), (-np.inf, 2.0), (-3.0, np.inf)):
+        beyond = shape_squares._Step._beyond(step, row, low, high)
+        least, most = max(low, -high), min(high, -low)
+        if np.isfinite([low, high]).all():
+            least, most = low, high
+        expected = (signal - least) * (signal - most) / abs(least * most)
+        assert packed_value(beyond, y) == pytest.approx(expected)
+
+
+def scalar_plant(equations: Any, limits: Limits) -> tuple[Plant, Equilibrium]:
+    model = Model("scalar", {"x": Signal()}, {"u": Signal()}, equations, trim={})
+    plant = Plant(model, {}, {"x": 0.0}, {"u": 0.0}, {}, limits)
+    return plant, cast(Any, SimpleNamespace(x=np.zeros(2)))
+
+
+@pytest.mark.parametrize("share", [0.6, 0.9])
+def test_the_level_of_a_share_ends_where_its_inequality_fails(share: float) -> None:
+    """x' = -x³ + u with q = r = 1 has p = 1, and W = a x² fails from the level (1 - a²) / 2."""
+    plant, at = scalar_plant(lambda x, u, p, w: ({"x": u.u - x.x**3}, {}), {"x": (-3.0, 2.0)})
+    one = np.eye(1)
+    problem = CostProblem(plant, at, one, one, one, 4, 0.02)
+    level = problem.permitted_level(share, 4.0)
+    assert level == pytest.approx((1.0 - share**2) / 2.0, rel=1e-2)
+    linear = CostProblem(
+        *scalar_plant(lambda x, u, p, w: ({"x": u.u}, {}), {}), one, one, one, 4, 0.02
+    )
+    assert linear.permitted_level(share, 4.0) == np.inf
+    assert problem.in_envelope(np.array([[-3.1], [-2.9], [1.9], [2.1]])).tolist() == [
+        False, True, True, False,
+    ]  # fmt: skip
+    costs = problem.saturated_lqr_costs(np.array([[0.01], [2.5]]), Clock(60.0))
+    assert costs[0] == pytest.approx(1e-4, rel=0.05)
+    assert costs[1] == np.inf
+
+
+def test_pieces_of_the_linear_cost_have_their_coordinates() -> None:
+    """In y = M z, z'P z and the least of the inequality are diagonal, and samples fill the cube."""
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return {"a": x.b, "b": u.u - 0.5 * x.a}, {}
+
+    plant, at = plant_of(equations, -1.0, 1.0)
+    Q, R = np.diag([1.0, 2.0]), np.array([[0.5]])
+    problem = CostProblem(plant, at, Q, R, P, 4, 0.02)
+    z = problem.ball(300, 2.0, np.random.default_rng(0))
+    assert z.shape == (300, 2)
+    cost = np.einsum("ki,ij,kj->k", z, P, z)
+    assert problem.linear_cost(z) == pytest.approx(cost)
+    assert np.all(cost <= 2.0)
+    assert np.max(cost) > 1.9
+    M = problem.coordinates(0.75, z)
+    N = np.linalg.inv(M)
+    G = P @ np.array([[0.0], [1.0]])
+    for form in (P, Q + 0.75 * G @ G.T / 0.5):
+        turned = N.T @ form @ N
+        assert np.allclose(turned, np.diag(np.diag(turned)), atol=1e-9)
+    assert np.max(np.abs(z @ M.T)) <= 1.0 + 1e-9
+    piece = quadratic_piece(problem, 0.75, 1.5)
+    assert (piece.c, piece.whole) == (1.5, False)
+    assert piece.W.at(z @ piece.M.T) == pytest.approx(0.75 * cost, rel=1e-6)
+    inside = np.abs(z[0.75 * cost <= 1.5] @ piece.M.T)
+    assert np.all(inside < 0.75)
+
+
+def test_the_worst_disturbance_raises_v_fastest() -> None:
+    """Of all ends of the disturbances, none gives a higher V' at a state."""
+    model = Model(
+        "gusty", {"a": Signal(), "b": Signal()}, {},
+        lambda x, u, p, w: (
+            {"a": -x.a + w.first * (1.0 + x.b) + w.second, "b": -x.b - 0.5 * w.second}, {},
+        ),
+        disturbances={"first": Signal(), "still": Signal(), "second": Signal()}, trim={},
+    )  # fmt: skip
+    sizes = {"first": 0.2, "second": 0.3}
+    loop = Loop(model, {}, {"a": 1.0, "b": -0.5}, {}, {}, {}, Gain(np.zeros((0, 2))), sizes)
+    disturbed = DisturbedLoop(loop, V)
+    z = np.random.default_rng(0).uniform(-1.0, 1.0, (40, 2))
+    a, b = (z + np.array([1.0, -0.5])).T
+    rises = []
+    for first in (-0.2, 0.2):
+        for second in (-0.3, 0.3):
+            rates = np.column_stack([-a + first * (1.0 + b) + second, -b - 0.5 * second])
+            rises.append(np.sum(V.slope(z) * rates, axis=1))
+    found = np.sum(V.slope(z) * disturbed.rates(z), axis=1)
+    assert found == pytest.approx(np.max(rises, axis=0))
+
+
+def test_the_highest_falling_level_is_bisected() -> None:
+    """x' = -x + x³ + w with |w| <= 0.2: V' < 0 on x² = c between the roots of x - x³ = 0.2."""
+    model = Model(
+        "cubic", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": x.x**3 - x.x + w.w}, {}),
+        disturbances={"w": Signal()}, trim={},
+    )  # fmt: skip
+    square = PolynomialFunction.quadratic(np.eye(1))
+    roots = np.sort(np.roots([1.0, 0.0, -1.0, 0.2]).real)[1:] ** 2
+    for limits, highest in (({}, roots[1]), ({"x": (-0.6, 0.7)}, 0.36)):
+        loop = Loop(
+            model, {}, {"x": 0.0}, {}, {}, limits, Gain(np.zeros((0, 1))), {"w": 0.2}
+        )  # fmt: skip
+        plant = DisturbedLoop(loop, square)
+        one = 2.0 * np.eye(1)
+        assert [_falls(plant, square, one, level)[0] for level in (0.9 * roots[0], 0.3, 0.9)] == [
+            False, True, False,
+        ]  # fmt: skip
+        low, above = _bisected(plant, square, one, highest / 1.2)
+        assert low <= highest <= above
+        assert above / low == pytest.approx((2000.0 ** (1.0 / 29.0)) ** (1.0 / 16.0))
+        _, place = _falls(plant, square, one, 0.9)
+        assert (place is None) == (limits != {} and roots[1] > 0.9)
