@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import assert_refused, hfa
-from system_faults import has_no_room, on_linux, shell, small_disk, works_without_a_home
+from system_faults import NO_HOME, has_no_room, on_linux, shell, small_disk, works_without_a_home
 
 from hfa.main import BAD_INPUT
 
@@ -91,16 +91,7 @@ PICTURE = "linearize --dihedral 15 --picture a.png"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "home",
-    [
-        "unset",
-        *(
-            pytest.param(home, marks=pytest.mark.slow)
-            for home in ("read-only", "a file", "missing")
-        ),
-    ],
-)
+@pytest.mark.parametrize("home", NO_HOME)
 def test_a_missing_home_folder_keeps_the_result(tmp_path: Path, home: str) -> None:
     """A sweep with a picture succeeds if the home folder is missing or not writable."""
     works_without_a_home(tmp_path, "sweep --dihedral 14:16:1 --picture a.png", home)

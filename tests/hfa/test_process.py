@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from cli import SCRIPT, hfa, hfa_process
-from project import ROOT
+from project import FOLDERS, ROOT
 
 from hfa.main import BAD_INPUT, DONE, FAILED
 
@@ -79,11 +79,16 @@ def test_progress_is_erased_at_the_end(tmp_path: Path) -> None:
     assert b"\x1b" not in done.stdout
 
 
-#: Command lines, and heavy packages that they and the preceding ones must not import.
+EXTENSIONS = [name for name, folder in FOLDERS.items() if "extensions" in folder.parts]
+#: Command lines, and packages that they and the preceding ones must not import.
 LIGHT = [
     (["--help", "--version", "frobnicate"], ["casadi", "control", "matplotlib", "numpy", "scipy"]),
-    (["trim --dihedral 15", "trim --dihedral abc"], ["control", "matplotlib", "scipy"]),
-    (["solve --dihedral 15", "verify --dihedral 15"], ["control", "matplotlib", "scipy.optimize"]),
+    (["trim --dihedral 15", "trim --dihedral abc"], ["matplotlib", "scipy"]),
+    (["linearize --dihedral 10"], ["controller", "verification"]),
+    (
+        ["solve --dihedral 15", "verify --dihedral 15"],
+        ["control", "matplotlib", "scipy.optimize", "pandas", "xarray", "onnx", *EXTENSIONS],
+    ),
 ]
 #: Program that runs lists of command lines and prints the imported modules after each list.
 IN_TURN = """
@@ -96,8 +101,8 @@ for commands in {lists}:
 """
 
 
-def test_light_commands_import_no_heavy_packages() -> None:
-    """Light commands do not import the listed heavy packages."""
+def test_commands_import_no_packages_that_they_do_not_need() -> None:
+    """No command imports a heavy package or an extension without need, no trim a game."""
     program = IN_TURN.format(lists=[commands for commands, _ in LIGHT])
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True

@@ -3,7 +3,6 @@
 import pytest
 
 from hfa_support.errors import choice_of, nearest
-from hfa_support.other_words import MEANINGS
 
 
 @pytest.mark.parametrize(
@@ -29,10 +28,3 @@ def test_similar_names_are_suggested(name, known, meant):
 def test_dashes_make_no_options_alike():
     assert nearest("--dt", ("--at", "--delta")) == []
     assert nearest("--detla", ("--at", "--delta")) == ["--delta"]
-
-
-def test_synonyms_are_lower_case_and_not_their_meaning():
-    """Each synonym is in lower case and is not listed as its own meaning."""
-    for word, meanings in MEANINGS.items():
-        assert word == word.lower()
-        assert word not in meanings

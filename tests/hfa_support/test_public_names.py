@@ -14,7 +14,6 @@ import pytest
 from project import FOLDERS, PACKAGES
 
 import hfa
-from hfa_support.version import VERSION
 
 STUBS = [
     *(FOLDERS[name] / "__init__.pyi" for name in PACKAGES),
@@ -38,12 +37,6 @@ def test_the_core_stubs_name_no_extension() -> None:
     for stub in core:
         known = re.findall(r"^from (hfa_\w+)", stub.read_text("utf-8"), re.M)
         assert set(known) <= {"hfa_aircraft", "hfa_model", "hfa_support"}
-
-
-def test_the_version_and_inner_packages_are_public() -> None:
-    """`hfa.__version__` and the subpackage `hfa.paper` are public."""
-    assert hfa.__version__ == VERSION
-    assert hfa.paper.__name__ == "hfa.paper"
 
 
 def stub_names() -> set[str]:

@@ -7,9 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
-from known_models import exact_gain
 from project import ROOT
 
 CORE_ALONE = str(ROOT / "tests" / "core_alone.py")
@@ -42,42 +40,6 @@ for words in {lines}:
     answers.append((code, out.getvalue()))
 print(json.dumps(answers))
 """
-
-#: Prints the exit code of a command and the files of the modules that it has loaded.
-LOADED = """
-import contextlib, io, json, sys
-from hfa.main import main
-with contextlib.redirect_stdout(io.StringIO()):
-    code = main(sys.argv[1:])
-files = [getattr(module, "__file__", None) for module in list(sys.modules.values())]
-print(json.dumps([code, [file for file in files if file]]))
-"""
-
-
-@pytest.mark.parametrize("command", ["verify --dihedral 15 --weights K.npz"])
-def test_a_command_of_the_core_loads_no_extension(command: str, folder: Path) -> None:
-    """Trims and the check of a gain load no module of an extension."""
-    np.savez("K.npz", K=exact_gain(15.0))
-    words = [sys.executable, "-c", LOADED, *command.split()]
-    done = subprocess.run(words, check=True, capture_output=True, text=True, timeout=120)
-    code, files = json.loads(done.stdout)
-    assert code == 0
-    assert str(ROOT / "trim" / "point" / "condition.py") in files
-    assert [file for file in files if Path(file).is_relative_to(ROOT / "extensions")] == []
-
-
-@pytest.mark.parametrize("command", ["linearize --dihedral 10"])
-def test_trims_load_neither_games_nor_verdicts(command: str) -> None:
-    """Trims and linear models load no module of games or verdicts, and no large library."""
-    words = [sys.executable, "-c", LOADED, *command.split()]
-    done = subprocess.run(words, check=True, capture_output=True, text=True, timeout=120)
-    code, files = json.loads(done.stdout)
-    assert code == 0
-    assert str(ROOT / "trim" / "point" / "condition.py") in files
-    judges = (ROOT / "controller", ROOT / "verification")
-    assert [file for file in files if any(Path(file).is_relative_to(each) for each in judges)] == []
-    libraries = ("pandas", "xarray", "onnx", "scipy/optimize")
-    assert [file for file in files if any(f"/{name}/" in file for name in libraries)] == []
 
 
 @pytest.mark.slow

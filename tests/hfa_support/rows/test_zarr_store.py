@@ -151,7 +151,7 @@ import test_zarr_store as tests
 from hfa_support.errors import NoSolutionError
 if __name__ == "__main__":
     job = tests.row_job(function=tests.slow_numbers)
-    workers = sys.argv[1] if sys.argv[1:] else 2
+    workers = sys.argv[1] if sys.argv[1:] else 1
     try:
         tests.fill_store(job, Path("a.zarr"), workers=workers)
     except NoSolutionError as error:
