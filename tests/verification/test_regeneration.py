@@ -32,6 +32,8 @@ def test_moved_eigenvalues_are_those_of_the_checks() -> None:
     )
     pair = check_pair(replace(model, A=moved.real), published)
     figure = Regeneration((pair,)).picture().draw()
+    order = sorted(roots, key=lambda root: (-round(abs(root), 6), -root.imag))
+    assert pair.printed_eigenvalues == pytest.approx(np.array(order))
     (axes,) = figure.axes
     bars = [patch.get_width() for patch in axes.containers[0]]
     off = [entry.half_units for entry in pair.entries if entry.printed]

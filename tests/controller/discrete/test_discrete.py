@@ -54,6 +54,11 @@ def test_p_equals_the_result_of_value_iteration(seed, discount, delta):
             - crossed.T @ np.linalg.solve(W + discount * G.T @ P @ G, crossed)
         )
     assert np.abs(solution.P - P).max() <= 1e-12 * np.abs(P).max()
+    poles = np.linalg.eigvals(game.A - game.B @ solution.K)
+    assert np.sort_complex(solution.closed_loop_eigenvalues) == pytest.approx(
+        np.sort_complex(poles)
+    )
+    assert solution.radius == pytest.approx(np.abs(poles).max())
     assert solution.certificate.ok
 
 

@@ -75,6 +75,9 @@ def test_relative_error_falls_with_the_power_of_the_degree(degree: int) -> None:
     """The error of V2 + ... + V_{d-1} falls by 2^(d-2) if the state is halved."""
     reference = expanded(5)
     flights = Flights(reference)
+    loop = np.linalg.eigvals(reference.game.worst_case_loop(reference.solution.P))
+    assert flights.step == pytest.approx(0.2 / np.abs(loop).max())
+    assert flights.longest == pytest.approx(6.0 / np.abs(loop.real).min())
     flights.step /= 20.0
     error = []
     for size in (0.1, 0.05):

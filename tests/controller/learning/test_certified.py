@@ -27,7 +27,14 @@ from controller import Stack, basis, random_pool, record, run
 from controller.game.basis import BASES
 from controller.learning import certified
 from controller.learning.bellman_equations import StackEquations
-from controller.learning.certified import CertifiedSettings, Point, after, certified_law, decay_rate
+from controller.learning.certified import (
+    CertifiedSettings,
+    Point,
+    after,
+    certified_law,
+    decay_rate,
+    discount_at,
+)
 from controller.learning.integral_rl import probing_flight
 from hfa import BadInputError, Game, NoSolutionError, learn, solve, verify
 from hfa_model import VARIANTS
@@ -145,6 +152,14 @@ def test_residual_follows_the_scalar_law_at_every_tick(name: str, start: float) 
     assert len(moving) > 20
     assert max(abs(value / exact - 1.0) for value, exact in moving) < 1e-7
     assert residual[int(0.9 * law.stage_time / 0.05)] < 1e-10 * residual[0]
+
+
+def test_the_discount_of_a_stage_falls_to_zero() -> None:
+    """It hardly depends on a large discount at the begin, and little on a small one."""
+    for progress in (0.1, 0.5, 0.9, 1.0):
+        largest = (1.0 - progress) / (2.0 * progress)
+        assert discount_at(progress, 1e9) == pytest.approx(largest, rel=1e-6)
+        assert discount_at(progress, 1e-9) == pytest.approx(1e-9 * (1.0 - progress), rel=1e-6)
 
 
 def test_riccati_residual_contracts_as_a_whole() -> None:

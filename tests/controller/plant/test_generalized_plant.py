@@ -30,6 +30,7 @@ from controller.plant import generalized_plant
 from controller.plant.generalized_plant import (
     _coupling_by_radius,
     _coupling_by_signs,
+    _response_difference,
     central_controller,
     closed_plant,
     stored_plant,
@@ -237,6 +238,19 @@ def test_a_planted_controller_error_is_not_certified(
     monkeypatch.setattr(generalized_plant, "central_controller", wrong)
     with pytest.raises(NoSolutionError, match="the controller is not certified: "):
         solve_plant(plant, delta)
+
+
+def test_the_direct_part_is_the_central_completion() -> None:
+    """D11 + D12 Dk D21 = [[a, b], [c, x]] with x = -c a b / (δ² - a²), in orthonormal bases."""
+    plant = replace(
+        GeneralizedPlant(**DOUBLE), D11=[[0.5, 0.3], [-0.4, 0.7]], D21=[[0.0, 0.1]], D22=[[0.2]]
+    )
+    *_, D = closed_plant(plant, central_controller(plant, np.eye(2), np.eye(2), 2.0))
+    assert D.ravel() == pytest.approx([0.5, 0.3, -0.4, 0.4 * 0.5 * 0.3 / (4.0 - 0.25)])
+    one = tuple(np.array([[each]]) for each in (-1.0, 1.0, 2.0, 0.0))
+    other = tuple(np.array([[each]]) for each in (-1.0, 1.0, 2.2, 1e-3))
+    # |0.2 / (s + 1) + 1e-3| / |2 / (s + 1)| grows with the frequency
+    assert _response_difference(one, other) == pytest.approx(abs(0.2 + 1e-3 * (1 + 100j)) / 2.0)
 
 
 def transfer(numerators: list, denominators: list) -> Any:
@@ -597,6 +611,10 @@ def test_scalar_smallest_delta_agrees_with_closed_form() -> None:
     free = GeneralizedPlant.measured(
         Game(-0.5 * ONE, 2 * ONE, ONE, 0 * ONE, ONE, 9.0), ONE, 0.25 * ONE
     )
+    poles = solution_of_plant(GeneralizedPlant(**DOUBLE), 2.0, "two masses").report()
+    listed = str(poles.parts[-2]).partition(": ")[2].split(", ")
+    upper = [pole for pole in poles.result.closed_loop_eigenvalues if pole.imag >= 0.0]
+    assert len(listed) == len(upper) < 4
     data = solution_of_plant(free, 9.0, "one state").as_data()
     assert (data["delta_min"], data["delta_margin"], data["coupling"]) == (0.0, math.inf, 0.0)
 

@@ -150,6 +150,11 @@ def test_the_entries_of_a_report_are_the_farthest(game: Game) -> None:
         (image,) = axes.images
         assert np.asarray(image.get_array()) == pytest.approx(matrix, rel=1e-9)
         assert image.norm.vmin == -image.norm.vmax
+        is_difference = matrix is not K and matrix is not gain(game)
+        assert is_difference or image.norm.vmax == np.abs(gain(game)).max()
+        ticks = image.colorbar.get_ticks()
+        assert 0.1 * image.norm.vmax < ticks.max() <= image.norm.vmax
+        assert (axes.get_xlabel() == "") is is_difference
         assert [label.get_text() for label in axes.get_yticklabels()] == list(inputs)
 
 

@@ -321,9 +321,13 @@ GRAPHS: dict[str, tuple[list[tuple[Any, ...]], dict[str, Any], int]] = {
         6,
     ),
     "Split in equal parts": (
-        [("Split", "x", "a b", {"axis": 1, "num_outputs": 2}), ("Mul", "a b", "y")],
+        [
+            ("Split", "x", "a b c", {"axis": 1, "num_outputs": 3}),
+            ("Mul", "a b", "m"),
+            ("Sub", "m c", "y"),
+        ],
         {},
-        3,
+        2,
     ),
     "Shape": (
         [
