@@ -16,7 +16,7 @@ from hfa_aircraft.march.ending import FAR, FAR_OF_STARTS, Outcome
 from hfa_aircraft.model import Model, Signal
 from hfa_prove.check.equilibrium import Equilibrium
 from hfa_prove.monomials import PolynomialFunction
-from hfa_prove.search import obstacles, shape_squares
+from hfa_prove.search import obstacles, shape_boxes, shape_squares
 from hfa_prove.search.clock import Clock, OutOfTimeError
 from hfa_prove.search.cost_fit import CostProblem, quadratic_piece
 from hfa_prove.search.family import Box, Family
@@ -42,9 +42,10 @@ from hfa_prove.search.region_search import (
 )
 from hfa_prove.search.region_squares import SquaresSearch, settings_of
 from hfa_prove.search.schedule import ProvedBox, ScheduleSearch, _gaps
-from hfa_prove.search.shape_boxes import Shape
+from hfa_prove.search.shape_boxes import Growth, Shape
 from hfa_prove.search.squares import BASE, Terms, packed_monomials
 from hfa_prove.statements.loop import Gain, Loop
+from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.plant import Limits, Plant
 from hfa_prove.statements.schedule import Run
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -675,3 +676,145 @@ def test_the_highest_falling_level_is_bisected() -> None:
         assert above / low == pytest.approx((2000.0 ** (1.0 / 29.0)) ** (1.0 / 16.0))
         _, place = _falls(plant, square, one, 0.9)
         assert (place is None) == (limits != {} and roots[1] > 0.9)
+
+
+J = np.array([[-1.0, 0.75], [0.0, -3.0]])
+
+
+def quartic_shape() -> Shape:
+    """Return V = z'P z + 0.3 a⁴ - 0.1 a b³, in coordinates that are not those of its proof."""
+    in_z = PolynomialFunction.of_terms(
+        [(2.0, (2, 0)), (1.0, (1, 1)), (1.0, (0, 2)), (0.3, (4, 0)), (-0.1, (1, 3))]
+    )
+    M = np.array([[1.0, 0.25], [-0.5, 0.75]])
+    V = in_z.substituted(np.linalg.inv(M))
+    return Shape.of_piece(Piece(M, Polynomial(2, V.terms), 1.0), 4)
+
+
+def test_a_shape_keeps_its_values_in_every_form() -> None:
+    """Coordinates, degree and cube do not change V(z); a level divides it."""
+    shape = quartic_shape()
+    z = np.random.default_rng(0).uniform(-0.6, 0.6, (60, 2))
+    a, b = z.T
+    V = np.einsum("ki,ij,kj->k", z, P, z) + 0.3 * a**4 - 0.1 * a * b**3
+    scaled = shape.of_level(0.5)
+    for same in (
+        shape, shape.diagonal(J), shape.in_cube(), shape.of_degree(6), scaled.of_level(2.0),
+        shape.stretched(np.array([2.0, 0.3])), Shape.of_piece(shape.piece(), 2),
+    ):  # fmt: skip
+        assert same.values(z) == pytest.approx(V, abs=1e-9)
+    assert scaled.values(z) == pytest.approx(2.0 * V)
+    assert Shape.of_piece(Piece(np.eye(2), Polynomial(2, ((3.0, (2, 0)),)), 1.5), 2).values(z) == (
+        pytest.approx(2.0 * a**2)
+    )
+    step = 1e-6 * np.eye(2)
+    slopes = [(shape.values(z + each) - shape.values(z - each)) / 2e-6 for each in step]
+    assert shape.gradients(z) == pytest.approx(np.column_stack(slopes), abs=1e-6)
+    small = 1e-4 * z
+    y = small @ shape.M.T
+    falls = -np.sum(shape.gradients(small) * (small @ J.T), axis=1)
+    assert np.einsum("ki,ij,kj->k", y, shape.linear_decay(J), y) == pytest.approx(falls, rel=1e-5)
+    T_slow = shape.slow(J)
+    assert np.allclose(T_slow.T @ shape.linear_decay(J) @ T_slow, np.eye(2), atol=1e-9)
+    edge = shape.edge_points(300)
+    assert shape.values(edge @ shape.N.T) == pytest.approx(1.0, rel=1e-6)
+    cube = shape.in_cube()
+    assert 0.4 < np.max(np.abs(cube.edge_points(300))) < 1.0
+    inside = shape.values(z) <= 1.0
+    level_set = shape.level_set()
+    assert np.array_equal(level_set.contains(z), inside)
+    turned = shape.diagonal(J)
+    for form in (turned.square, turned.linear_decay(J)):
+        assert np.allclose(form, np.diag(np.diag(form)), atol=1e-7)
+    assert np.allclose(turned.square, np.eye(2), atol=1e-7)
+
+
+def test_sizes_and_extents_of_an_ellipse_are_exact() -> None:
+    """The volume is π / sqrt(det P), and z_i is at most sqrt(P⁻¹_ii); multipliers prove it."""
+    shape = Shape.of_matrix(P, J, 2)
+    assert shape.size() == pytest.approx(np.linalg.det(P) ** -0.25, rel=0.02)
+    half = np.sqrt(np.diag(np.linalg.inv(P)))
+    for tried, exact in ((shape, half), (quartic_shape(), None)):
+        extents = tried.extents()
+        if exact is not None:
+            assert np.all(extents.ends[:, 1] >= exact)
+            assert extents.ends == pytest.approx(np.column_stack([-exact, exact]), rel=1e-2)
+        z = tried.edge_points(500) @ tried.N.T
+        z = np.concatenate([z, 0.5 * z, 0.9 * z])
+        room = 1.0 - tried.values(z)
+        for i in range(2):
+            for side, sign in enumerate((-1.0, 1.0)):
+                proved_bound = sign * z[:, i] + extents.multipliers[i, side] * room
+                assert np.max(proved_bound) <= sign * extents.ends[i, side]
+        assert np.all(extents.multipliers > 0.0)
+
+
+@pytest.mark.parametrize(
+    ("limits", "level", "rises"), [({}, 1.0, True), ({"a": (-9.0, 0.5)}, 0.25, False)]
+)
+def test_the_bound_of_a_shape_is_its_first_obstacle(
+    limits: Limits, level: float, rises: bool
+) -> None:
+    """For a' = a³ - a and b' = b³ - b, V = a² + b² is first obstructed at |a| = 1 or a limit."""
+    model = Model(
+        "cubics", {"a": Signal(), "b": Signal()}, {},
+        lambda x, u, p, w: ({"a": x.a**3 - x.a, "b": x.b**3 - x.b}, {}), trim={},
+    )  # fmt: skip
+    still = {"a": 0.0, "b": 0.0}
+    samples = LoopValues(Loop(model, {}, still, {}, {}, limits, Gain(np.zeros((0, 2)))))
+    shape = Shape.of_matrix(np.eye(2), -np.eye(2), 2)
+    for quick in (False, True):
+        found = shape.bound(samples, 4.0, quick=quick)
+        assert level <= found.level == pytest.approx(level, rel=0.02 if quick else 0.01)
+        assert found.rises is rises
+        assert found.place is not None
+        assert shape.values(found.place[None])[0] == pytest.approx(found.level, rel=1e-6)
+    assert shape.bound(samples, 0.8 * level) == (np.inf, None, False)
+
+
+def test_rows_of_the_growth_are_its_inequalities() -> None:
+    """Each row times the coefficients is -V' over the modal decay; beyond a limit it is V."""
+    model = Model(
+        "linear", {"a": Signal(), "b": Signal()}, {},
+        lambda x, u, p, w: ({"a": -x.a, "b": -3.0 * x.b + 0.1 * x.a**2}, {}), trim={},
+    )  # fmt: skip
+    limits = {"a": (-np.inf, 0.4)}
+    still = {"a": 0.0, "b": 0.0}
+    samples = LoopValues(Loop(model, {}, still, {}, {}, limits, Gain(np.zeros((0, 2)))))
+    shape = Shape.of_matrix(np.diag([4.0, 9.0]), samples.J, 2)
+    decay = shape.modal_decay(samples.J)
+    expected = np.diag([1.0 * 4.0, 3.0 * 9.0]) + shape_boxes._SLOWLY * 2.0 * np.diag([4.0, 9.0])
+    assert decay == pytest.approx(expected, rel=1e-3, abs=1e-9)
+    growth = Growth(samples, shape, lambda what: None)
+    growth._decay = decay
+    inside = growth._inside(shape, 0.5, 400)
+    assert inside.shape == (400, 2)
+    V = shape.V(inside)
+    assert 0.45 < np.max(V) <= 0.5 + 1e-9
+    edge = growth._edge(shape, 0.5, 50)
+    assert shape.V(edge) == pytest.approx(0.5)
+    y = np.concatenate([inside, edge, growth._edge(shape, 1.0, 50)])
+    z = y @ shape.N.T
+    rows, least = growth._rows(shape, y)
+    found = rows @ shape.V.coefficients
+    falls = -np.sum(shape.gradients(z) * samples.rates(z), axis=1)
+    falls /= np.einsum("ki,ij,kj->k", z, decay, z)
+    beyond = z[:, 0] > 0.4
+    near = np.concatenate([np.zeros(450), np.full(50, 0.5)])  # V = 1 is halfway of 0.9 to 1.1
+    leeway = shape_boxes._LEEWAY * near
+    assert np.any(beyond)
+    assert found == pytest.approx(np.where(beyond, shape.V(y), falls + leeway * shape.V(y)))
+    assert least == pytest.approx(np.where(beyond, 1.02, shape_boxes._DECAY + leeway))
+    linear = growth._linear_rows(shape, z[:20]) @ shape.V.coefficients
+    of_J = -np.sum(shape.gradients(z[:20]) * (z[:20] @ samples.J.T), axis=1)
+    assert linear == pytest.approx(of_J / np.einsum("ki,ij,kj->k", z[:20], decay, z[:20]))
+    quartic = shape.of_degree(4)
+    columns = growth._unknowns(quartic)
+    is_square = quartic.V.degrees == 2
+    assert columns.shape[1] == 1 + np.count_nonzero(~is_square)
+    assert np.allclose(columns[is_square][:, 0], quartic.V.coefficients[is_square])
+    assert not np.any(columns[is_square][:, 1:])
+    assert np.array_equal(growth._unknowns(shape), np.eye(3))
+    while growth.finer():
+        pass
+    assert growth._least_decay < shape_boxes._LEAST_DECAY
