@@ -765,7 +765,7 @@ def test_the_bound_of_a_shape_is_its_first_obstacle(
     shape = Shape.of_matrix(np.eye(2), -np.eye(2), 2)
     for quick in (False, True):
         found = shape.bound(samples, 4.0, quick=quick)
-        assert level <= found.level == pytest.approx(level, rel=0.02 if quick else 0.01)
+        assert level <= found.level == pytest.approx(level, rel=0.1 if quick else 0.01)
         assert found.rises is rises
         assert found.place is not None
         assert shape.values(found.place[None])[0] == pytest.approx(found.level, rel=1e-6)
