@@ -69,7 +69,9 @@ def plant(folder: Path, **entries: Any) -> str:
 CALLS: dict[str, Callable[[Path], Any]] = {
     "shape (2, 3); give shape (2, 2)": lambda _: modes_of(np.ones((2, 3)), ("a", "b")),
     "shape (2, 2); give shape (3, 3)": lambda _: modes_of(np.eye(2), ("a", "b", "c")),
-    "A has an entry that is not finite": lambda _: modes_of(np.eye(2) * np.nan, ("a", "b")),
+    "A has an entry that is not finite": lambda _: modes_of(
+        np.array([[-1.0, 0.0], [math.nan, -2.0]]), ("a", "b")
+    ),
     "1 units for 6 names": lambda path: loaded_with(path, state_units=["ft/s"]),
     "error bands exist only for the states": lambda _: entry_bands(
         default_parameters(), level_flight(0.2), point().linearize(full=True)
@@ -125,7 +127,7 @@ CALLS: dict[str, Callable[[Path], Any]] = {
     "NONE does not exist; use GTM": lambda _: hfa.load_model(f"{ROOT}/examples/gtm.py:NONE"),
     "has changed since the run began": lambda _: reloaded(f"{ROOT}/examples/uav.toml", "0", {}),
     "the parts of a waveform have shapes": lambda _: Waveform(np.zeros(2), np.zeros(3)),
-    "a waveform has an entry that is not finite": lambda _: constant(np.array([np.inf])),
+    "a waveform has an entry that is not finite": lambda _: constant(np.array([1.0, np.inf])),
     "time is sampled": lambda path: hfa.load_model(plant(path, time="sampled")),
     "the plant is in discrete time": lambda path: hfa.load_model(plant(path, time="discrete")),
     "A or B is empty": lambda path: hfa.load_model(plant(path, A=[[]], B=[[]])),

@@ -324,6 +324,8 @@ def test_a_function_sees_the_noise() -> None:
     assert times.ravel().tolist() == [0.0, 0.05]
     np.testing.assert_allclose(states, flight.states[[0, 5]] + np.array([*NOISE, 0.0, 0.0]))
     np.testing.assert_allclose(flight["throttle"], 0.6)
+    with pytest.raises(BadInputError, match="give 3 finite numbers"):
+        hfa.fly(GLIDER, POINT, lambda t, X: {"flap": math.nan}, 0.1)
 
 
 @pytest.mark.parametrize(

@@ -459,12 +459,14 @@ def test_a_pickle_cannot_change_a_stored_class_name(folder):
         ),
         ({"file": ca.Function("f", [ca.SX.sym("o", 4)], [ca.SX.zeros(3)])}, "returns 3 actions"),
         ({"file": "flat.npz"}, "is not a matrix of finite numbers"),
+        ({"file": "nan.npz"}, "is not a matrix of finite numbers"),
         ({"file": "text.npz"}, "text.npz"),
         ({}, "policy.file is missing"),
     ],
 )
 def test_policies_that_do_not_fit_are_refused(tmp_path, policy, said):
     np.savez(tmp_path / "flat.npz", K=np.ones(4))
+    np.savez(tmp_path / "nan.npz", K=np.array([[1.0, np.nan, 0.0, 2.0], [0.0, 1.0, 2.0, 3.0]]))
     (tmp_path / "text.npz").write_text("K")
     deployment = gtm_deployment({**policy, "squash": False})
     with pytest.raises(BadInputError, match=said):

@@ -227,6 +227,8 @@ def test_transfer_functions_that_are_0_are_not_shown() -> None:
     assert len(shown) < len(found)
     table = with_transfers(linear.report(), linear.system).parts[-1]
     assert {row[0] for row in table.rows} == shown
+    panels = bode_figure(linear.system).axes
+    assert [len(axes.lines) for axes in panels] == [1, 2, 1, 2]
 
 
 def test_the_dihedral_angle_is_the_one_scheduling_value_of_the_flexible_aircraft() -> None:
