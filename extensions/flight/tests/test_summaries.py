@@ -24,10 +24,18 @@ from hfa_aircraft.signals import record
 from hfa_aircraft.waveform import Waveform
 from hfa_flight import ActuatorBank, CommandSteps, MonteCarlo, Scenario, flight_envelope
 from hfa_flight.air.gust_equations import own_disturbances, taken_components
+from hfa_flight.air.gusts import OneMinusCosine
 from hfa_flight.air.names import gust_speed
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
-from hfa_flight.envelope import Departure, control_excesses, departure, refuse_start
+from hfa_flight.commands.fly import _command
+from hfa_flight.envelope import (
+    Departure,
+    control_excesses,
+    departure,
+    limits_text,
+    refuse_start,
+)
 from hfa_flight.export.c_text import braced, displaced_state
 from hfa_flight.flight import _figures
 from hfa_flight.history import Deviations
@@ -35,6 +43,7 @@ from hfa_flight.initial_box import start_box
 from hfa_flight.limit_cycle import Decay, LimitCycle, duration_for, oscillation
 from hfa_flight.options import ScenarioGiven, _turbulence, actuators_of, at_held_altitude, gust_at
 from hfa_flight.policies.critic_policy import CriticPolicy, powers
+from hfa_flight.policies.deployment.normalizer import Normalizer
 from hfa_flight.policies.learned_gains import certified_gains
 from hfa_flight.policies.policy import GainPolicy, function_policy, open_loop
 from hfa_flight.problem import flight_problem
@@ -737,8 +746,24 @@ def test_the_largest_lasting_oscillation_is_found() -> None:
         (lambda: Scenario(errors={"mass": 0.0}), "the factor on mass"),
         (lambda: Scenario(errors={"mass": 1.1}).on(GLIDER), "unknown parameter 'mass'"),
         (lambda: CommandSteps(("a",), np.array([-0.1]), np.ones((1, 1))), "from 0 s or later"),
-        (lambda: CommandSteps(("a",), np.array([1.0, 1.0]), np.ones((2, 1))), "increase"),
+        (lambda: CommandSteps(("a",), np.array([1.0, 2.0, 2.0]), np.ones((3, 1))), "increase"),
+        (
+            lambda: CommandSteps(("a", "b"), np.array([1.0]), np.array([[math.nan, 1.0]])),
+            "give 1 rows of 2 finite numbers",
+        ),
+        (lambda: OneMinusCosine(400.0, math.nan, 100.0), "give finite numbers"),
+        (lambda: OneMinusCosine(400.0, 5.0, 100.0, math.inf), "give finite numbers"),
+        (lambda: GainPolicy("K", np.array([[1.0, math.nan]])), "a matrix of finite numbers"),
+        (lambda: Normalizer([1.0, math.inf], [1.0, 2.0]), "mean of the normalizer is not a list"),
+        (lambda: Normalizer([1.0, 0.0], [1.0, -2.0]), "every variance plus epsilon is positive"),
+        (lambda: _command(GLIDER, "flap", "1:2,2:3,1.5:4"), "give increasing times"),
+        (lambda: _command(GLIDER, "flap", "-1:2,2:3"), "give increasing times"),
+        (lambda: _command(GLIDER, "flap", "1:2,3"), "give NAME=TIME:VALUE"),
         (lambda: hfa.fly(GLIDER, POINT, {"flap": lambda t: t}, 1.0), "given as a function"),
+        (
+            lambda: hfa.fly(GLIDER, POINT, {"flap": [(0, 1), (2, 1), (1, 1)]}, 1.0),
+            "give increasing times",
+        ),
         (lambda: hfa.fly(GLIDER, POINT, {"flap": [(-0.5, 1.0)]}, 1.0), "give increasing times"),
         (lambda: hfa.fly(GLIDER, POINT, None, 1.0, method="euler"), "euler"),
         (lambda: hfa.fly(GLIDER, POINT, None, 1.0, step=0.01), "--step .* applies only"),
@@ -779,6 +804,8 @@ def test_a_gust_needs_the_speed_of_the_trim() -> None:
 
 
 def test_limits_of_an_envelope_are_those_of_the_states_or_changed() -> None:
+    assert limits_text(-math.inf, math.inf, "rad") == "none"
+    assert limits_text(-math.inf, math.radians(20.0), "rad", True) == "-inf to 20, assumed"
     changed = flight_envelope(GLIDER, POINT, {"angle_of_attack": (0.0, 0.2), "speed": (60, 200)})
     assert changed.lowest.tolist() == [0.0, 60.0, 0.0, -math.inf]
     assert changed.highest.tolist() == [0.2, 200.0, 5000.0, math.inf]

@@ -192,6 +192,7 @@ def controller(published_aircraft: Model) -> ScheduledController:
         "W": (STATES, 2),
     }
     stacks = {name: random.normal(size=(3, *shape)) for name, shape in shapes.items()}
+    stacks["W"][:, 0, 1] = 0.0
     return small_controller(
         published_aircraft,
         **stacks,
