@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -16,7 +17,7 @@ from known_models import game_at, model_at
 from project import ROOT
 
 import hfa as package
-from hfa import LinearModel, Model, NoSolutionError, Signal
+from hfa import BadInputError, LinearModel, Model, NoSolutionError, Signal
 from hfa_prove.certificate import sealed
 from hfa_prove.check.value import ValueEquation, check_value
 from hfa_prove.fields import Rejected
@@ -86,6 +87,13 @@ def test_the_rays_determine_a_polynomial_of_the_degree() -> None:
 def test_balls_that_are_too_wide_prove_nothing() -> None:
     with ctx.workprec(24), pytest.raises(Rejected):
         ValueEquation(proved().statement).check_residual(arb(LARGEST_RESIDUAL))
+
+
+def test_cross_weights_are_refused() -> None:
+    linear, game = game_of(single, ("u",))
+    expansion = SimpleNamespace(game=replace(game, N=[[0.1], [0.0]]))
+    with pytest.raises(BadInputError, match="no cross weights"):
+        prove_value(expansion, linear.point)
 
 
 @pytest.mark.parametrize("part", ["V", "u"])

@@ -463,7 +463,8 @@ def test_the_first_level_touches_its_nearest_limit() -> None:
         search = cast(Any, SimpleNamespace(plant=plant, _n=2))
         level, T = SquaresSearch._limit_of(search, P)
         g, distance = np.array(signal[0]), signal[1]
-        assert level == pytest.approx(distance**2 / (g @ np.linalg.solve(P, g)), rel=1e-6)
+        exact = distance**2 / (g @ np.linalg.solve(P, g))
+        assert exact > level == pytest.approx(exact, rel=1e-6)
         assert np.allclose(T.T @ P @ T, level * np.eye(2), rtol=1e-9)
         states = {name: pair for name, pair in limits.items() if name != "y"}
         loop = Loop(**{**vars(plant.loop), "limits": states})
@@ -818,3 +819,28 @@ def test_rows_of_the_growth_are_its_inequalities() -> None:
     while growth.finer():
         pass
     assert growth._least_decay < shape_boxes._LEAST_DECAY
+
+
+def test_the_largest_set_on_boxes_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A set that is not larger than the present one is neither stored nor saved."""
+    saved: list[float] = []
+    settings = Settings(2, Clock(60.0), lambda region: saved.append(region.set.size))
+    loop = cubic({"x": (-2.0, 2.0)}).loop
+    search = BoxesSearch(RegionProblem(loop), settings)
+
+    def decrease(loop: Any, at: Any, piece: Piece, ends: Any, multipliers: Any) -> Any:
+        return SimpleNamespace(piece=piece, proved=lambda most, clock: 7)
+
+    monkeypatch.setattr("hfa_prove.search.region_boxes.Decrease", decrease)
+    for share in (0.5, 0.25, 0.75):
+        search._prove(Shape.of_matrix(np.eye(1) / share**2, -np.eye(1), 2), f"{share}")
+    assert saved == pytest.approx([0.5, 0.75])
+    best = search._best
+    assert best is not None
+    assert (best.origin, best.size, best.witness["boxes"]) == ("0.75", 7, 14)
+    low, high = best.extents["x"]
+    assert (-low, high) == pytest.approx((0.75, 0.75), rel=1e-2)
+    assert best.statement.equilibrium == {"x": 0.0}
+    assert best.rho == 1.0
+    with pytest.raises(OutOfTimeError):
+        BoxesSearch(RegionProblem(loop), Settings(2, Clock(-1.0)))._report("the first V")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from flint import arb, arb_mat
 
-from hfa_prove.search.lines import bounds_of_modes, find_line
+from hfa_prove.search.lines import bounds_of_modes, find_line, lines_near_axis
 from verification.enclosure.balls import lowest_sign, matrix
 from verification.enclosure.series import TaylorModel
 
@@ -90,6 +90,14 @@ def test_modes_on_the_axis_have_two_bounds(A: list[list[float]], bounds: tuple[i
     found, lines = bounds_of_modes(TaylorModel(matrix(A)))
     assert found == bounds
     assert len(lines) == 2 - (bounds[0] == bounds[1])
+
+
+def test_the_nearest_line_on_each_side_of_the_axis_is_found() -> None:
+    """Lines lie halfway or at a third between eigenvalues; the one nearest to the axis is used."""
+    A = TaylorModel(matrix(np.diag([-2.0, 0.0, 3.0])))
+    assert [line.rate for line in lines_near_axis(A)] == pytest.approx([-1.0, 1.0])
+    right = TaylorModel(matrix(np.diag([0.0, 0.5])))
+    assert [line.rate for line in lines_near_axis(right)] == pytest.approx([-1.0 / 6.0, 1.0])
 
 
 @pytest.mark.parametrize(
