@@ -10,14 +10,17 @@ from typing import Any, cast
 import casadi as ca
 import numpy as np
 import pytest
+from as_proved import as_proved
 from proof_cases import proved, two_trims
 
 from hfa_aircraft.march.ending import FAR, FAR_OF_STARTS, Outcome
 from hfa_aircraft.model import Model, Signal
+from hfa_prove.check.cover import OpenBoxError
 from hfa_prove.check.equilibrium import Equilibrium
 from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.search import obstacles, shape_boxes, shape_squares
 from hfa_prove.search.clock import Clock, OutOfTimeError
+from hfa_prove.search.cost import CostBound, CostSearch, _Proved
 from hfa_prove.search.cost_fit import CostProblem, quadratic_piece
 from hfa_prove.search.family import Box, Family
 from hfa_prove.search.flights import Inputs, flight_costs
@@ -844,3 +847,85 @@ def test_the_largest_set_on_boxes_is_kept(monkeypatch: pytest.MonkeyPatch) -> No
     assert best.rho == 1.0
     with pytest.raises(OutOfTimeError):
         BoxesSearch(RegionProblem(loop), Settings(2, Clock(-1.0)))._report("the first V")
+
+
+def cost_search(saved: list[CostBound]) -> CostSearch:
+    """Return the search for bounds of a double integrator, with known flights."""
+    plant, at = plant_of(lambda x, u, p, w: ({"a": x.b, "b": u.u}, {}), -1.0, 1.0)
+    search = CostSearch(
+        plant, at, (0, 1), (np.eye(2), np.eye(1), P), np.array([2.0, 0.5]),
+        degree=4, margin=0.1, clock=Clock(60.0), save=saved.append,
+    )  # fmt: skip
+    z = np.array([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5], [1.0, 1.0], [3.0, 0.0]])
+    search.__dict__["_flights"] = (z, np.array([2.5, 1.0, 1.6, 4.0, np.inf]))
+    return search
+
+
+def test_targets_of_a_bound_are_its_poor_flights() -> None:
+    """A fit considers flights up to the level that cost at least `least` and have a poor bound."""
+    search = cost_search([])
+    z, costs = search._flights
+    assert search._good == pytest.approx(1.0 - 1.5 * 0.1)
+    assert np.array_equal(search._bounds(), np.zeros(5))
+    linear = np.einsum("ki,ij,kj->k", z, P, z)
+    for c, least, chosen, weight in (
+        (10.0, 0.0, [0, 1, 2, 3], 2.0), (10.0, 1.5, [0, 2, 3], 20.0),
+        (0.9 * 2.5, 0.0, [0, 1, 2], 2.0), (0.9 * 2.499, 0.0, [1, 2], 2.0),
+    ):  # fmt: skip
+        found = search._target_flights(c, least)
+        assert np.array_equal(found.z, z[chosen])
+        assert np.array_equal(found.costs, costs[chosen])
+        assert found.of_least == weight
+    near = [0, 2, 3]  # costs from 0.3 c to c
+    assert search._beyond(4.0) == pytest.approx(1.3 * max(1.0, np.max(linear[near] / costs[near])))
+    assert search._beyond(1.0) == pytest.approx(1.3 * linear[1] / 1.0)
+    assert search._beyond(0.5) == 1.3
+
+
+def test_a_bound_of_the_cost_states_its_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Shares of the box, medians, levels and numbers of boxes are those of the proved pieces."""
+    saved: list[CostBound] = []
+    search = cost_search(saved)
+    W = PolynomialFunction.quadratic(0.5 * P * 25.0)
+    piece = Piece(0.2 * np.eye(2), W.rounded(), 1.5)
+    known = as_proved(SimpleNamespace(pieces=(piece,)), sizes=(4,))
+    linear = search.problem.linear_cost(search.starts)
+    assert np.all(np.abs(search.starts) <= [2.0, 0.5])
+    assert np.max(np.abs(search.starts), axis=0) == pytest.approx([2.0, 0.5], rel=0.01)
+    gain = np.mean(np.minimum(0.5 * linear, 1.5) / linear)
+    assert search._gain(0.5, 1.5) == pytest.approx(gain / 1e-6)
+    search._search = lambda: None  # type: ignore[method-assign]
+    found = search.found(known)
+    assert search._level == 1.5
+    assert search._fitted_at(1.5)
+    covered = float(np.mean(0.5 * linear < 1.5))
+    assert found.covered == pytest.approx((covered,))
+    assert found.over_linear == pytest.approx((0.5,))
+    assert (found.boxes, found.seconds, found.stopped) == ((4,), ((0.0, 0.0),), "")
+    assert (found.witness.solved, found.witness.boxes) == (("a", "b"), (8,))
+    assert found.statement.equilibrium == {"a": 0.0, "b": 0.0, "u": 0.0}
+    present = np.minimum(0.5 * linear, 1.5)
+    raised = np.maximum(np.minimum(0.75 * linear, 2.0) - present, 0.0) / linear
+    assert search._gain(0.75, 2.0) == pytest.approx(np.mean(raised) / np.mean(present / linear))
+    larger = _Proved(piece._replace(c=2.0), 5, (0.25, 0.75))
+    assert search._tried(2.0, lambda: larger) is None
+    assert [each.boxes for each in saved] == [(4, 5)]
+    assert saved[0].seconds == ((0.0, 0.0), (0.25, 0.75))
+
+    def refuted() -> Any:
+        raise OpenBoxError("too narrow", np.zeros(2))
+
+    assert isinstance(search._tried(9.0, refuted), OpenBoxError)
+    assert search._stopped == "the level 9 is not proved: too narrow"
+    assert len(saved) == 1
+    empty = cost_search([])
+    empty._search = refuted  # type: ignore[method-assign]
+    with pytest.raises(OpenBoxError):
+        empty.found()
+    empty._search = lambda: None  # type: ignore[method-assign]
+    empty._stopped = "nothing was tried"
+    monkeypatch.setattr("hfa_prove.search.cost.kink_at", lambda plant, at: "a kink")
+    with pytest.raises(
+        NoSolutionError, match="no lower bound was proved: nothing was tried; a kink"
+    ):
+        empty.found()

@@ -152,8 +152,6 @@ def given_bound(statement: CostStatement, request: CheckRequest | CostRequest) -
 
     weights = request.game.weights.changed
     given = {name: Given(value, f"--{name}") for name, value in weights.items()}
-    if not names_aircraft(request):
-        return given
     limits = getattr(request, "limits", None)
     problem = flight_problem(request.trim.aircraft, request.trim.point(), limits=limits)
     return given | given_of(problem, aircraft_option(request), {})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -225,3 +225,24 @@ def test_a_value_of_another_gain_is_refused(tmp_path: Path) -> None:
     claimed["statement"]["gain_of_value"] = True
     with pytest.raises(NoSolutionError, match="K is not the gain"):
         check_certificate(forge(tmp_path / "claimed.json", claimed))
+
+
+def test_a_value_of_a_file_is_compared_in_the_form_of_the_certificate(tmp_path: Path) -> None:
+    """P of a file is compared as it is; W stands for P only if the certificate alone has P."""
+    made = certificate("plant")
+    original = read_statement(made["kind"], made["statement"])
+    K = original.critic["K"]
+    W = np.array([1.0, 2.0, 3.0])
+    P = np.array([[9.0, 1.0], [1.0, 8.0]])
+    weights = tmp_path / "weights.npz"
+    for stated in (("W", "K"), ("W", "P", "K")):
+        critic = {"W": W[:, None], "P": P, "K": K}
+        statement = replace(original, critic={name: critic[name] for name in stated})
+        for parts in ({"W": W, "K": K}, {"W": W, "P": P, "K": K}):
+            np.savez(weights, **parts)
+            given = given_for(statement, CheckRequest.parsed(hfa.aircraft(), {"weights": weights}))
+            assert ("critic.P" in given) is ("P" in stated or "P" in parts)
+            if "critic.P" in given:
+                own = P if "P" in parts else [[1.0, 1.0], [1.0, 3.0]]
+                assert np.allclose(given["critic.P"].value, own)
+            assert np.array_equal(given["critic.W"].value, W[:, None])

@@ -47,6 +47,7 @@ REFUSED: list[tuple[tuple[str, ...], str]] = [
     (("schedule", *GTM, "--at", "40:41", "--error", "2"), "remove --error"),
     (("schedule", "--dihedral", "14"), "the interval of dihedral is missing"),
     (("solution", "--dihedral", "14:15"), "one value"),
+    (("solution", *PENDULUM), "no scheduling variable"),
     (("region", *PENDULUM, *GAINS, *DEPLOYED), "cannot be combined with --policy"),
     (("region", *PENDULUM, "--basis", "quadratic"), "--basis applies only to W"),
     (("region", *PENDULUM, "--disturbance", "wind=1"), "no disturbance"),
