@@ -17,6 +17,7 @@ from extension import Extension
 
 from hfa import Model, Signal, linearize, sweep, trim
 from hfa.paper import level_flight
+from trim.linear.kinks import with_means_at_kinks
 from trim.point.condition import usual_condition
 
 stores = Extension("trim.sweeps.store")
@@ -99,6 +100,34 @@ def test_sweeps_and_stores_name_their_mean_slopes(tmp_path: Path) -> None:
     np.testing.assert_array_equal(dataset.A, result.A)
     summary = stores.stored_sweep(result.plan, dataset, tmp_path)
     assert "kinks at 1001 points" in summary.warnings[0]
+
+
+def test_each_point_has_the_means_of_its_own_kinks() -> None:
+    """v' = max(x, 3 x) + max(v - 1/2, 5 (v - 1/2)) + min(u, 2 u): kinks at x = 0, v = 1/2, u = 0."""
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+        lag = x.v - 0.5
+        force = ca.fmax(x.x, 3.0 * x.x) + ca.fmax(lag, 5.0 * lag) + ca.fmin(u.u, 2.0 * u.u)
+        return {"x": x.v, "v": force}, {}
+
+    states = {"x": Signal(nominal=20.0), "v": Signal(nominal=0.3)}
+    model = Model("switched", states, {"u": Signal(nominal=7.0)}, equations)
+    places = {
+        (0.0, 0.0, 1.0): [2.0, 1.0, 1.0],
+        (4.0, 0.5, 1.0): [3.0, 3.0, 1.0],
+        (4.0, 0.0, -1.0): [3.0, 1.0, 2.0],
+        (0.0, 0.5, 0.0): [2.0, 3.0, 1.5],
+    }
+    z = np.array(list(places))
+    x, u, p = z[:, :2], z[:, 2:], np.zeros((4, 0))
+    exact = [model.at(*each) for each in zip(x, u, strict=True)]
+    A, B = (np.array([getattr(each, name) for each in exact]) for name in "AB")
+    smoothed = with_means_at_kinks(model, x, u, p, A, B)
+    found = np.concatenate([smoothed.A, smoothed.B], axis=2)
+    np.testing.assert_allclose(found[:, 1], list(places.values()), atol=1e-9)
+    np.testing.assert_array_equal(found[:, 0], [[0.0, 1.0, 0.0]] * 4)
+    assert [len(smoothed.notes.get(point, ())) for point in range(4)] == [1, 1, 0, 3]
+    assert [note.split()[1] for note in smoothed.notes[3]] == ["A(v,", "A(v,", "B(v,"]
 
 
 def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Model) -> None:
