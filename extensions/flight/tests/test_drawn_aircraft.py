@@ -49,6 +49,12 @@ def test_the_figure_shows_differences_of_random_flights() -> None:
         assert np.isnan(drawn[end + 1 :]).all()
         ends.append(end)
     assert len(set(ends)) > 1
+    differences = [line.get_ydata()[5] for line in lines]
+    (band,) = axes[labels.index("Δ alpha, deg")].collections
+    edges = band.get_paths()[0].vertices
+    at = edges[np.isclose(edges[:, 0], itself.time[5]), 1]
+    expected = np.percentile(differences, [2.5, 97.5])
+    np.testing.assert_allclose([at.min(), at.max()], expected)
 
 
 def test_every_drawn_aircraft_must_stay_within_its_limits() -> None:

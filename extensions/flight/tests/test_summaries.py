@@ -708,7 +708,11 @@ def test_the_largest_lasting_oscillation_is_found() -> None:
     assert cycle[1:3] == pytest.approx((0.01, 4.0), rel=1e-3)
     assert found(alpha=0.01 * sine, speed=6.0 * sine).name == "speed"
     assert found(alpha=0.01 * sine, speed=60.0 * decaying).name == "alpha"
-    assert found(elevator=0.01 * decaying, speed=6.0 * decaying).name == "elevator"
+    decay = found(elevator=0.3 - 0.02 * t + 0.01 * decaying, speed=6.0 * decaying)
+    assert decay.name == "elevator"
+    assert decay[1:] == pytest.approx((math.log(2.0) / 0.004, 5.0), rel=1e-2)
+    drifting = found(alpha=0.2 - 0.03 * t + 0.01 * sine)
+    assert drifting[1:3] == pytest.approx((0.01, 4.0), rel=1e-3)
     assert found(alpha=0.0019 * sine) is None
     assert isinstance(found(10.0, alpha=0.0021 * sine), LimitCycle)
     assert found(10.1, alpha=0.1 * sine) is None

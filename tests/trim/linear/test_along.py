@@ -70,12 +70,13 @@ def test_a_linear_model_along_flight_equals_python_control() -> None:
     model = F16.with_parameters(xcg=0.3)
     x = np.array(trimmed(model).states) + 0.01
     u = np.array([0.2, -1.5, 0.5, 0.5])
-    along = models_along(model, x, u)
+    along = models_along(model, [x + 0.1, x], [u - 0.1, u])
     peer = control.linearize(to_control(model), x, u)
-    np.testing.assert_allclose(along.A[0], peer.A, rtol=1e-4, atol=2e-3)
-    np.testing.assert_allclose(along.B[0], peer.B, rtol=1e-4, atol=2e-3)
-    x[0] = 0.0
-    with pytest.raises(BadInputError, match="state 0 of the flight: F-16: "):
-        models_along(model, x, u)
+    np.testing.assert_allclose(along.A[1], peer.A, rtol=1e-4, atol=2e-3)
+    np.testing.assert_allclose(along.B[1], peer.B, rtol=1e-4, atol=2e-3)
+    np.testing.assert_allclose(along.rates[1], model.at(x, u).f)
+    stopped = x * (np.arange(13) > 0)
+    with pytest.raises(BadInputError, match="state 1 of the flight: F-16: "):
+        models_along(model, [x, stopped, x], [u] * 3)
     with pytest.raises(BadInputError, match=r"give \(N, 13\) and \(N, 4\)"):
         models_along(model, x, u[:3])

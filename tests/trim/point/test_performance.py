@@ -329,6 +329,7 @@ def test_residuals_are_a_line_while_all_pass_and_a_table_with_full() -> None:
     sheet = point.report().text()
     assert "All 6 equations balance" in sheet
     assert sheet.count("altitude may change (0 ft/s)") == 1
+    assert sheet.count("per g: steady pull-up") == sheet.count("per knot: trims") == 1
     assert point.problem is not None
     full = trim_report(point.model, point.problem.asked, point, full=True)
     assert full.text().count("PASS") == 6
