@@ -43,7 +43,6 @@ from hfa_flight.initial_box import start_box
 from hfa_flight.limit_cycle import Decay, LimitCycle, duration_for, oscillation
 from hfa_flight.options import ScenarioGiven, _turbulence, actuators_of, at_held_altitude, gust_at
 from hfa_flight.policies.critic_policy import CriticPolicy, powers
-from hfa_flight.policies.deployment.normalizer import Normalizer
 from hfa_flight.policies.learned_gains import certified_gains
 from hfa_flight.policies.policy import GainPolicy, function_policy, open_loop
 from hfa_flight.problem import flight_problem
@@ -758,8 +757,6 @@ def test_the_largest_lasting_oscillation_is_found() -> None:
         (lambda: OneMinusCosine(400.0, math.nan, 100.0), "give finite numbers"),
         (lambda: OneMinusCosine(400.0, 5.0, 100.0, math.inf), "give finite numbers"),
         (lambda: GainPolicy("K", np.array([[1.0, math.nan]])), "a matrix of finite numbers"),
-        (lambda: Normalizer([1.0, math.inf], [1.0, 2.0]), "mean of the normalizer is not a list"),
-        (lambda: Normalizer([1.0, 0.0], [1.0, -2.0]), "every variance plus epsilon is positive"),
         (lambda: _command(GLIDER, "flap", "1:2,2:3,1.5:4"), "give increasing times"),
         (lambda: _command(GLIDER, "flap", "-1:2,2:3"), "give increasing times"),
         (lambda: _command(GLIDER, "flap", "1:2,3"), "give NAME=TIME:VALUE"),

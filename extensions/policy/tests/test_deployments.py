@@ -533,7 +533,7 @@ def test_squashed_actions_need_a_box_and_reach_its_ends():
     o = ca.SX.sym("o", 4)
     policy = {"file": ca.Function("f", [o], [o[:2]]), "squash": True}
     with pytest.raises(BadInputError, match="squashed actions requires a box for each action"):
-        _ = gtm_deployment(policy).box
+        _ = gtm_deployment(policy, action={"elevator": {"box": [-1, 3]}, "throttle": {}}).box
     action = {"elevator": {"box": [-1, 3]}, "throttle": {"box": [0, 5]}}
     act = Deployed(gtm_deployment(policy, action=action), model_of(GTM)).act
     for raw in (-0.3, 0.0, 2.0):
