@@ -68,8 +68,9 @@ class SolutionRequest(Request):
         if self.game.plant is not None:
             return Stated(request, named)
         family = family_of(self.aircraft, trim)
+        family.require_schedule()
         model = family.model
-        start = model.signals[model.schedule].start if model.schedule else 0.0
+        start = model.signals[model.schedule].start
         value = {**model.trim, **trim.hold}.get(model.schedule, start)
         if typed:
             value = typed[0]

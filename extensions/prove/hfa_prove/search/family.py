@@ -160,6 +160,14 @@ class Family:
         spread = {name: width for name, width in self.spread.items() if width > 0.0}
         return Flight(model, parameters, spread, imposed, limits, (low, high))
 
+    def require_schedule(self) -> None:
+        """Raise BadInputError if the model has no scheduling variable."""
+        if not self.model.schedule:
+            raise BadInputError(
+                f"{self.model.title} has no scheduling variable, which a proof requires; set "
+                "`schedule` in the model"
+            )
+
     def check(self, low: float, high: float) -> None:
         """Raise BadInputError unless proofs support the trims from `low` to `high`.
 
@@ -170,11 +178,7 @@ class Family:
         - The scheduling variable is not free, and there are as many free variables as equations.
         """
         model = self.model
-        if not model.schedule:
-            raise BadInputError(
-                f"{model.title} has no scheduling variable, which a proof requires; set `schedule` "
-                "in the model"
-            )
+        self.require_schedule()
         if self.flights is not None:
             for name, value in self.flights.imposed.items():
                 if isinstance(value, LinearTable):
