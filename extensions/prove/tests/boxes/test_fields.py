@@ -12,14 +12,15 @@ import casadi as ca
 import numpy as np
 import pytest
 from as_proved import as_proved
+from stored_certificates import ROOT, pendulum, read as read_stored, stored
 
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model, Signal
 from hfa_flight.problem import flight_problem
 from hfa_prove.certificate import read_statement
-from hfa_prove.commands.given_region import _same_policy, given_for
+from hfa_prove.commands.given_region import _not_wider, _same_policy, given_for
 from hfa_prove.commands.policies import GivenPolicy
-from hfa_prove.commands.request import CheckRequest
+from hfa_prove.commands.request import CheckRequest, RegionRequest
 from hfa_prove.fields import Stated
 from hfa_prove.problem import given_of, given_plant
 from hfa_prove.report_cost import checked_bound_report
@@ -237,6 +238,50 @@ def test_a_network_is_not_compared_with_a_polynomial_policy(aircraft: str, cart:
     own = GivenPolicy(linear, ca.Function("u", [], []), None, "network", [])
     with pytest.raises(BadInputError, match="polynomial policy"):
         given_for(region(cart, 2), request, own=own)
+
+
+def test_limits_in_a_certificate_may_be_narrower() -> None:
+    """null is no limit. Limits of inputs must be equal; other limits must not be wider."""
+    for stated, own, agrees in (
+        ({"place": (None, 9.0)}, {"place": (-np.inf, 9.0)}, True),
+        ({"place": (None, 9.0)}, {"place": (-8.0, 9.0)}, False),
+        ({"place": (-8.0, None)}, {"place": (-8.0, 9.0)}, False),
+        ({"place": (-8.0, None)}, {"place": (-8.0, np.inf)}, True),
+        ({"place": (-7.0, 9.0)}, {"place": (-8.0, 9.0)}, True),
+        ({"force": (-2.0, 3.0)}, {"force": (-2.0, 3.0)}, True),
+        ({"force": (-1.0, 3.0)}, {"force": (-2.0, 3.0)}, False),
+        ({}, {"place": (-8.0, 9.0)}, False),
+    ):
+        assert _not_wider(("force",) if "force" in own else ())(stated, own) is agrees
+
+
+@pytest.mark.parametrize(
+    ("terms", "agrees"),
+    [
+        ([[2.0, [3, 0]], [1.0, [0, 2]]], True),
+        ([[1.0, [0, 2]], [2.0 * (1.0 + 0.5 * SAME_GAIN), [3, 0]]], True),
+        ([[1.0, [0, 2]], [2.0 * (1.0 - 2.0 * SAME_GAIN), [3, 0]]], False),
+        ([[2.0, [3, 0]], [1.0, [1, 1]]], False),
+        ([[2.0, [3, 0]]], False),
+    ],
+)
+def test_polynomial_policies_agree_to_their_tolerance(terms: list[Any], agrees: bool) -> None:
+    own = {"force": [[2.0, [3, 0]], [1.0, [0, 2]]]}
+    assert _same_policy({"force": terms}, own) is agrees
+    assert not _same_policy({"force": terms, "flap": terms}, own)
+
+
+def test_disturbances_of_a_region_are_compared_if_given() -> None:
+    statement, _ = read_stored(stored("region_disturbed"))
+    options = {"aircraft.source": f"{ROOT}/examples/pendulum.py:PENDULUM"}
+    for sizes in ({}, {"push": 0.125}):
+        request = RegionRequest.parsed(pendulum(), options | {"disturbance": sizes})
+        given = given_for(statement, request)
+        assert ("loop.disturbances" in given) is bool(sizes)
+        if sizes:
+            assert given["loop.disturbances"].value == sizes
+            with pytest.raises(NoSolutionError, match="differs from the value of --disturbance"):
+                compare(statement, given)
 
 
 @pytest.mark.parametrize(
