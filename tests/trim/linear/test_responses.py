@@ -110,7 +110,7 @@ def test_loops_have_one_input_and_one_output() -> None:
         ({"time": -1.0}, "give a positive number"),
         ({"time": np.inf}, "give a positive number"),
         ({"time": [1.0]}, "increasing times"),
-        ({"time": [0.0, np.nan]}, "increasing times"),
+        ({"time": [0.0, np.inf]}, "increasing times"),
         ({"time": [0.0, 1.0, 1.0]}, "increasing times"),
         ({"time": [[0.0, 1.0]]}, "increasing times"),
     ],

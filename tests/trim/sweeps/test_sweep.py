@@ -111,6 +111,11 @@ def test_each_point_equals_its_single_trim(aircraft: Model, name: str) -> None:
             "dihedral is 286.479 deg; give a value between -60 deg and 60 deg",
         ),
         (
+            {"speed": [60.0, 62.0], "dihedral": [0.1, -2.0, 0.0]},
+            LEVEL_FLIGHT,
+            "dihedral is -114.592 deg; give a value between -60 deg and 60 deg",
+        ),
+        (
             {"speed": np.ma.masked_less([60.0, 68.0], 65.0)},
             LEVEL_FLIGHT,
             "speed has masked entries",
@@ -401,6 +406,10 @@ def test_a_range_too_long_is_refused(parameters: Parameters) -> None:
         BadInputError, match=r"dihedral is 80\.2\d* deg; give a value between -60 deg and 60 deg"
     ):
         SweepPlan({"dihedral": Steps(0.0, 0.1, 15)}, choice.aircraft(parameters=parameters))
+    with pytest.raises(BadInputError, match=r"dihedral is -85\.9437 deg; give a value between"):
+        SweepPlan({"dihedral": Steps(0.0, -0.1, 16)}, choice.aircraft(parameters=parameters))
+    with pytest.raises(BadInputError, match="panel_mass is -5 slug to 10 slug in the sweep"):
+        SweepPlan({"panel_mass": Steps(10.0, -5.0, 4)}, choice.aircraft(parameters=parameters))
     with pytest.raises(BadInputError, match=r"has 1,234,570,000 points \(maximum 1,000,000,000\)"):
         SweepPlan(
             {"dihedral": Steps(0.0, 1e-9, 123457), "speed": Steps(60.0, 1e-6, 10**4)},
