@@ -5,6 +5,7 @@ The searches are replaced by a function that records its arguments.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,17 +13,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli import hfa
+from as_proved import as_proved
+from cli import answer, hfa
 from nominal import nominal_game
 from pendulum_deployment import pendulum_deployment
 from proof_cases import PLANT
 from small_networks import imitation
-from stored_certificates import ROOT, pendulum
+from stored_certificates import ROOT, pendulum, read, stored
 
 import hfa as package
 from hfa import Model, Signal
 from hfa.paper import default_parameters, published_game
 from hfa_prove import Family
+from hfa_prove.search.obstacles import Obstacles
+from hfa_prove.search.region import region_of_certificate
 from hfa_support.errors import NoSolutionError
 
 PENDULUM = ("--aircraft", f"{ROOT}/examples/pendulum.py:PENDULUM")
@@ -203,6 +207,48 @@ def test_options_of_a_region_reach_the_search(run: Run, tmp_path: Path) -> None:
     ):
         refused = hfa("prove", *words, *options)
         assert (refused.code, reason in refused.err) == (2, True), refused.err
+
+
+def test_a_found_region_is_written_shown_and_resumed(
+    run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """-o writes the certificate of the found region, from which --resume continues.
+
+    The certificate of another loop or of another prover is not resumed.
+    """
+    statement, witness = read(stored("region"))
+    proved = as_proved(statement, witness, (3,))
+    found = replace(
+        region_of_certificate(proved, stored("region")["witness"]),
+        obstacles=Obstacles((np.inf, None), {}, ("torque",)),
+    )
+    monkeypatch.setattr("hfa_prove.search.region.proved_region", lambda *given, **named: found)
+    words = ("region", *PENDULUM)
+    shown = answer("prove", *words)
+    assert list(folder.iterdir()) == []
+    assert (shown["rho"], shown["limits_that_bind"]) == (statement.rho, ["torque"])
+    assert answer("prove", *words, "-o", "region.json")["rho"] == statement.rho
+    written = json.loads(Path("region.json").read_text())
+    for part in ("kind", "statement", "witness"):
+        assert written[part] == stored("region")[part]
+    assert "-o region.json" in written["provenance"]["command"]
+    checked: list[Path] = []
+
+    def check(path: Path, *others: Any) -> Any:
+        checked.append(path)
+        return proved
+
+    monkeypatch.setattr("hfa_prove.check.check_certificate", check)
+    resumed = (*words, "-o", "region.json", "--resume")
+    earlier = run("region.proved_region", *resumed)["earlier"]
+    assert (earlier.rho, earlier.prover) == (statement.rho, "squares")
+    for options, reason in (
+        (("--Q", "4,5"), "the certificate of another loop"),
+        (("--prover", "boxes"), "is proved by squares"),
+    ):
+        refused = hfa("prove", *resumed, *options)
+        assert (refused.code, reason in refused.err) == (2, True), refused.err
+    assert checked == [Path("region.json")] * 3
 
 
 def test_options_of_a_bound_reach_the_search(run: Run) -> None:
