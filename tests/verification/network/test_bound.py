@@ -214,7 +214,10 @@ def test_no_fraction_is_proved_without_a_bound() -> None:
     assert proof.beyond is None
     assert proof.fraction == 0.0
     huge = ca.Function("f", [y], [(1e200 * ca.tanh(y[0])) ** 2 * 1e-200])
-    proof = prove("error", huge, np.ones(2), 1e299, 0.1)
+    told: list[tuple[float, float, str]] = []
+    proof = prove("error", huge, np.ones(2), 1e299, 0.1, lambda *each: told.append(each))
+    assert all(0.0 <= done <= total == 0.1 for done, total, _ in told)
+    assert told[-1][:2] == (0.1, 0.1)
     assert proof is not None
     assert proof.fraction < 1.0
 

@@ -165,6 +165,8 @@ def test_a_digit_dropped_in_the_plant_is_named(verdict_of):
     assert str(entry) == "A21 = 0.0741349, not 0.074349 (a digit is missing)"
     assert entry.lowest == pytest.approx(0.0741338, abs=1e-7)
     assert entry.highest == pytest.approx(0.0741351, abs=1e-7)
+    interval = f"A21 in {entry.lowest:.8g} to {entry.highest:.8g} makes every printed digit right"
+    assert interval in verdict.report().parts
     assert verdict.classified.comparison.errors.max() == pytest.approx(131.0, abs=0.5)
 
 
@@ -191,6 +193,21 @@ def test_a_misprint_in_the_answer_is_named(verdict_of):
     verdict = verdict_of(DIESEL.replace("24.8446", "24.8464"))
     assert verdict.classified.name == "one entry of the answer"
     assert verdict.classified.reason == "K14 is printed 24.8464, exact 24.844586"
+    off = verdict.entries[-9]
+    exact = verdict.classified.comparison.exact[-9]
+    assert off == {
+        **{"block": "K", "row": 1, "column": 4, "printed": 24.8464, "half_unit": 5e-5},
+        **{"exact": exact, "half_units_off": pytest.approx((24.8464 - exact) / 5e-5)},
+    }
+    farthest = sorted(verdict.entries, key=lambda entry: -entry["half_units_off"])[:12]
+    table, note = verdict.report().parts[-2:]
+    assert note == "the 12 of 48 entries with the largest errors"
+    names = {f"{entry['block']}{entry['row']}{entry['column']}" for entry in farthest}
+    assert {row[0] for row in table.rows} == names
+    (row,) = (row for row in table.rows if row[0] == "K14")
+    numbers = [24.8464, exact, off["half_units_off"]]
+    assert [float(text) for text in row[1:]] == pytest.approx(numbers, rel=1e-2)
+    assert {entry["half_unit"] for entry in verdict_of(small_case(16)).entries} == {5e-17}
 
 
 def test_a_learned_answer_is_close(verdict_of):
@@ -425,6 +442,8 @@ def test_a_close_answer_costs_what_its_policy_costs(verdict_of):
         makers = {"K": from_gain, "P": from_value, "W": from_weights, "H": from_q_function}
         for name in names:
             wrong = 1.01 * exact[name] if name in "KH" else exact[name] * 1.01
+            if name == "H":
+                wrong[0, 1] += 1e-5  # one unit of the last digit
             if name in "PW":
                 wrong = exact[name] + 0.02 * np.abs(exact[name])
             text = third_file({name: wrong}, plant, more="learned = true\n")
@@ -435,6 +454,10 @@ def test_a_close_answer_costs_what_its_policy_costs(verdict_of):
             expected = verify(game, makers[name](game, given)).cost_lost
             assert verdict.cost_lost == pytest.approx(expected, rel=1e-6)
             assert verdict.cost_lost > 0.0
+            if name == "K":
+                opposite = third_file({"K": -wrong}, plant, more="learned = true\n")
+                opposite = opposite.replace("[printed]", '[printed]\nK_sign = "u = K x"')
+                assert verdict_of(opposite).cost_lost == verdict.cost_lost
 
 
 def test_one_wrong_entry_of_a_learned_answer_must_exceed_the_noise(verdict_of):

@@ -26,7 +26,7 @@ from planted_mistakes import (
 )
 from project import ROOT
 
-from controller.critic.critic import Critic
+from controller.critic.critic import Critic, from_functions
 from examples.train_a_network import fit
 from hfa import Game, from_gain, from_value, verify
 from hfa.main import FAILED
@@ -34,7 +34,7 @@ from verification.box import ordinary_box, usual_box
 from verification.critic.critic_check import LIMIT
 from verification.critic.in_time import InTime
 from verification.critic_errors import critic_errors
-from verification.reasons.diagnosis import diagnose
+from verification.reasons.diagnosis import diagnose, nearest_linear
 from verification.reasons.hypotheses import Hypothesis, View
 from verification.reasons.other_games import discounted, other_games
 from verification.scope import Nearby, Scheduled, Scope
@@ -370,6 +370,24 @@ def test_networks_as_trained_have_no_cause(game: Game, name: str) -> None:
     assert (
         reason.startswith("V is close, but its policy is off by") if name == "V" else reason == ""
     )
+
+
+@pytest.mark.parametrize("names", [("V",), ("gradient", "policy"), ("V", "gradient"), ("policy",)])
+def test_the_nearest_linear_critic_of_a_linear_one_is_itself(names: tuple[str, ...]) -> None:
+    """Without constants, and with the gain that P implies where there is no policy."""
+    z = ca.SX.sym("z", 2)
+    P, K = np.array([[3.0, 0.5], [0.5, 0.2]]), np.array([[0.7, -0.4]])
+    outputs = {
+        "V": ca.bilin(ca.DM(P), z, z) + 2.0 * z[0] + 5.0,
+        "gradient": 2.0 * ca.DM(P) @ z + 1.0,
+        "policy": -ca.DM(K) @ z - 3.0,
+    }
+    critic = from_functions(SMALL, z, {name: outputs[name] for name in names}, "planted")
+    found = nearest_linear(SMALL, critic, np.array([2.0, 30.0]))
+    is_policy = "policy" in names
+    assert pytest.approx(K if is_policy else SMALL.gain(P)) == found.K
+    assert (found.P is None) is (names == ("policy",))
+    assert found.P is None or pytest.approx(P) == found.P
 
 
 def random_value(
