@@ -21,7 +21,7 @@ from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.search import obstacles, shape_boxes, shape_squares
 from hfa_prove.search.clock import Clock, OutOfTimeError
 from hfa_prove.search.cost import CostBound, CostSearch, _Proved
-from hfa_prove.search.cost_fit import CostProblem, quadratic_piece
+from hfa_prove.search.cost_fit import CostProblem, Fit, TargetFlights, quadratic_piece
 from hfa_prove.search.family import Box, Family
 from hfa_prove.search.flights import Inputs, flight_costs
 from hfa_prove.search.invariant import DisturbedLoop, _bisected, _falls
@@ -929,3 +929,49 @@ def test_a_bound_of_the_cost_states_its_pieces(monkeypatch: pytest.MonkeyPatch) 
         NoSolutionError, match="no lower bound was proved: nothing was tried; a kink"
     ):
         empty.found()
+
+
+def test_a_fitted_bound_is_just_below_the_exact_cost() -> None:
+    """Of a linear plant without active limits, W is at most z'P z and close to (1 - margin) z'P z.
+
+    Each row is the inequality divided by the running cost, or W / c >= 1.02 far out.
+    """
+    plant, at = plant_of(lambda x, u, p, w: ({"a": x.b, "b": u.u}, {}), -np.inf, np.inf)
+    Q, R = np.diag([1.0, 2.0]), np.array([[0.5]])
+    half = math.sqrt(0.5)
+    b = math.sqrt(2.0 + 2.0 * half)
+    exact = np.array([[b, half], [half, b * half]])
+    problem = CostProblem(plant, at, Q, R, exact, 4, 0.1)
+    z = problem.ball(50, 1.0, np.random.default_rng(0))
+    wanted = TargetFlights(z, 1.0 * problem.linear_cost(z), 2.0)
+    programs: list[int] = []
+    fit = Fit(problem, 1.5, wanted, 1.3, programs.append)
+    assert fit._W(z @ fit.M.T) == pytest.approx(0.9 * problem.linear_cost(z))
+    v = np.random.default_rng(1).uniform(-1.0, 1.0, (50, 1))
+    rows, sides = fit._row(z, v)
+    rate = np.sum((0.9 * 2.0 * z @ exact) * np.column_stack([z[:, 1], v]), axis=1)
+    running = np.einsum("ki,ij,kj->k", z, Q, z) + 0.5 * v[:, 0] ** 2
+    assert rows @ fit._W.coefficients == pytest.approx(rate / running, rel=1e-6, abs=1e-6)
+    assert sides == pytest.approx(-(1.0 - 0.6 * 0.1))
+    best = fit._best_inputs(z)
+    assert best == pytest.approx(-(0.9 * z @ exact[:, 1:]) / 0.5, rel=1e-6)
+    W = fit.fitted()
+    assert programs
+    found = W.at(z @ fit.M.T) / problem.linear_cost(z)
+    assert np.all(found <= 1.0)
+    assert np.all(found > 0.87)
+    count = len(fit._rows)
+    inner = np.array([0.2, -0.3])
+    fit.refuted(inner)
+    assert len(fit._rows) == count + 1
+    rows, sides = fit._rows[-1], fit._sides[-1]
+    own, side = fit._row(inner[None] @ fit.N.T, fit._best_inputs(inner[None] @ fit.N.T))
+    assert len(rows) == 31
+    assert (rows[0], sides[0]) == (pytest.approx(own[0]), side[0])
+    fit.refuted(np.array([1.0, -0.3]))
+    high = fit._W.monomials(np.array([[1.0, -0.3]]))[0] / 1.5
+    assert fit._rows[-1][0] == pytest.approx(high)
+    assert set(fit._sides[-1].tolist()) == {1.02}
+    orthonormal = fit._orthonormal
+    values = fit._W.monomials(fit._ball(3000) @ fit.M.T) @ orthonormal
+    assert values.T @ values / 3000 == pytest.approx(np.eye(values.shape[1]), abs=0.35)
