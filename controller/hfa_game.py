@@ -67,8 +67,8 @@ def paper_game(
     A: (n, n)
     B: (n, m)
     names: names and units of the plant's states and inputs
-    model: model of the plant. For a model in SI units, the paper's E, Q and R are converted. None
-        for a plant in the paper's units.
+    model: model of the plant. For a model in SI units, the paper's E and Q are converted; its
+        inputs have no English units. None for a plant in the paper's units.
     changes: Q, R, delta, E or N in place of the paper's
 
     Raises BadInputError as `Game` does.
@@ -85,10 +85,8 @@ def paper_game(
     native = None if model is None else model.source.native
     if native is not None:
         of_states = np.array([si_factor(native.unit(name)) for name in states])
-        of_inputs = np.array([si_factor(native.unit(name)) for name in names.inputs])
         E = of_states[:, None] * E
         Q = Q / np.outer(of_states, of_states)
-        R = R / np.outer(of_inputs, of_inputs)
     parts = {"E": E, "Q": Q, "R": R, "delta": settings["delta"]}
     return Game(A=A, B=B, names=names, **(parts | changes))
 

@@ -90,7 +90,7 @@ def largest_errors(expansion: Expansion, sizes: np.ndarray) -> np.ndarray:
 
 def _relative(values: np.ndarray, costs: np.ndarray) -> np.ndarray:
     """Return the difference of values from costs, relative to the costs, inf without a cost."""
-    with np.errstate(invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         errors = np.abs(values - costs) / np.abs(costs)
     return np.where((costs > 0.0) & np.isfinite(errors), errors, np.inf)
 

@@ -59,6 +59,8 @@ def test_the_exact_critic_passes_on_the_nonlinear_game(order: int, basis: str) -
     assert verdict.grade == "fail"
     first = verdict.headline()
     assert first == "PASS on the nonlinear game near the trim, FAIL on the linear game"
+    assert verdict.nonlinear is not None
+    assert str(verdict.nonlinear.part()[0]).endswith("within 5 %")
     assert not hfa.verify(game, critic, scope=QUICK).ok
 
 
@@ -66,7 +68,13 @@ def test_the_exact_critic_passes_on_the_nonlinear_game(order: int, basis: str) -
 def test_one_wrong_coefficient_is_found(factor: float) -> None:
     """Every single coefficient that is changed fails, and is the worst one of its degree."""
     linear, game, expansion = case(4)
+    exponents = expansion.basis.exponents
+    reach = np.prod(np.sqrt(np.diag(np.linalg.inv(expansion.solution.P))) ** exponents, axis=1)
+    parts = np.abs(expansion.weights) * reach  # of V, at most, where V2 <= 1
     for index in range(len(expansion.weights)):
+        degree = exponents[index].sum()
+        least = 1e-5 * parts[exponents.sum(axis=1) == degree].max()
+        error = abs(factor - 1.0) * parts[index] / max(parts[index], least)
         weights = expansion.weights.copy()
         weights[index] *= factor
         critic = hfa.from_weights(game, weights, basis="quartic")
@@ -75,6 +83,8 @@ def test_one_wrong_coefficient_is_found(factor: float) -> None:
         wrong = max(found.errors, key=lambda each: each.error)
         assert wrong.learned == weights[index]
         assert wrong.exact == pytest.approx(expansion.weights[index], rel=1e-9)
+        assert (wrong.degree, wrong.error) == (degree, pytest.approx(error, rel=1e-6))
+        assert f", off by {100.0 * wrong.error:.2g} %)" in found.sentence
 
 
 def test_a_missing_degree_and_a_linear_term_are_found() -> None:
@@ -107,8 +117,12 @@ def test_a_function_is_expanded(of: str) -> None:
     z = ca.SX.sym("z", 2)
     exact = expansion.V(z) if of == "V" else expansion.policy(z)
     for change, is_right in ((0.0, True), (1e-3 * z[0] ** 2 * z[1], False), (z[1] ** 9, True)):
-        critic = from_functions(game, z, {of: exact + change}, "test")
-        assert compare_with_nonlinear(critic, linear, expansion.solution, LIMIT).ok == is_right
+        changed = change if of == "V" else ca.vertcat(0.0, change)
+        critic = from_functions(game, z, {of: exact + changed}, "test")
+        found = compare_with_nonlinear(critic, linear, expansion.solution, LIMIT)
+        assert found.ok == is_right
+        worst = max(found.errors, key=lambda each: each.error).worst
+        assert is_right or worst.startswith("v: ") == (of == "policy")
 
 
 def test_a_switch_at_the_trim_is_named() -> None:

@@ -181,6 +181,15 @@ def test_a_discounted_solution_reports_its_stability():
     assert solution.certificate.ok
     assert solution.radius > 1.0 > solution.discounted_radius
     assert solution.discounted_radius == pytest.approx(np.sqrt(0.9) * solution.radius)
+    text = str(solution.report())
+    assert f"spectral radius {solution.radius:.7g}," in text
+    assert f"sqrt(discount) (A - B K) {solution.discounted_radius:.7g}\n" in text
+    (printed,) = printed_matrices(solution.report())["K"].ravel()
+    assert f"{printed:.4f}" == f"{solution.K[0, 0]:.4f}"  # stable with the discount alone
+    game = _game(2, delta=40.0)
+    solution = solve_discrete(DiscreteGame(game, 0.98))
+    ratio = 40.0 / solution.delta_min
+    assert f", margin {ratio:.4g}, discount 0.98 a step" in str(solution.report())
 
 
 @pytest.mark.parametrize("delta", [np.inf, 30.0])

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 import hfa
 from controller.expansion.expansion import Expansion, expand
 from controller.expansion.flights import Flights
-from controller.expansion.radius import largest_errors, radii
+from controller.expansion.radius import _relative, largest_errors, radii
 from controller.expansion.series import directions
 from hfa import BadInputError, Model, Signal
 
@@ -175,6 +175,19 @@ def test_errors_of_the_figure_are_those_of_the_radius() -> None:
     assert errors[0, 0] <= expansion.share < errors[0, 2]
     assert errors[2, 1] <= expansion.share < errors[2, 3]
     assert np.all(np.diff(errors[:, 0]) < 0.0)
+    z0 = states_at(expansion, 0.5, 3, 1)
+    costs = Flights(expansion).costs(z0)
+    off = _relative(np.array([1.5, 0.5, 1.0]) * costs, costs * [1.0, 1.0, 0.0])
+    assert off == pytest.approx([0.5, 0.5, math.inf])
+    report = expansion.report()
+    assert " has 12 coefficients," in report.title
+    assert "within 5 %\n" in str(report.parts[0])
+    _, *extents = report.parts[1].rows
+    for shown, radius in zip(report.parts[1].rows[0][2:], expansion.radii, strict=True):
+        assert float(shown) == pytest.approx(radius.c, rel=1e-2)
+    for index, row in enumerate(extents):
+        expected = [radius.extents[index] for radius in expansion.radii]
+        assert [float(each) for each in row[2:]] == pytest.approx(expected, rel=1e-2)
 
 
 @pytest.mark.slow

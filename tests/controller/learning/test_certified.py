@@ -26,7 +26,7 @@ from scipy.integrate import solve_ivp
 from controller import Stack, basis, random_pool, record, run
 from controller.game.basis import BASES
 from controller.learning import certified
-from controller.learning.bellman_equations import StackEquations
+from controller.learning.bellman_equations import PartialGame, StackEquations
 from controller.learning.certified import (
     CertifiedSettings,
     Point,
@@ -152,6 +152,34 @@ def test_residual_follows_the_scalar_law_at_every_tick(name: str, start: float) 
     assert len(moving) > 20
     assert max(abs(value / exact - 1.0) for value, exact in moving) < 1e-7
     assert residual[int(0.9 * law.stage_time / 0.05)] < 1e-10 * residual[0]
+
+
+def test_residuals_are_those_of_the_isaacs_equation() -> None:
+    """e = ∇V'F + z'Qz - ¼ ∇V'S∇V at each sample, relative to the cost and to all its terms."""
+    rng = np.random.default_rng(3)
+    A, B, E = (rng.standard_normal((3, size)) for size in (3, 2, 1))
+    game = Game(A, B, E, np.diag([1.0, 2.0, 3.0]), np.diag([0.5, 2.0]), 1.5)
+    z = rng.standard_normal((40, 3))
+    psi = basis("quadratic", 3)
+    scales = np.array([1.0, 0.1, 20.0])
+    equations = StackEquations.build(game, psi, Stack(z, z @ A.T), scales)
+    weights = rng.standard_normal(psi.size)
+    found = equations.reported_residuals(equations.scaled(weights))
+    slopes = np.einsum("nmi,m->ni", psi.gradient(z), weights)
+    changes = slopes * (z @ A.T)
+    cost = np.einsum("ni,ij,nj->n", z, game.Q, z)
+    won = 0.25 * np.einsum("ni,ij,nj->n", slopes, game.S, slopes)
+    norm = np.linalg.norm(changes.sum(axis=1) + cost - won)
+    size = np.linalg.norm(np.abs(changes).sum(axis=1) + cost + np.abs(won))
+    assert found["residual_norm"] == pytest.approx(norm / np.linalg.norm(cost))
+    assert found["settling_residual"] == pytest.approx(norm / size)
+    problem = PartialGame(0.3, 0.6)
+    at = equations.at(equations.scaled(weights), problem)
+    S = game.S_control - 0.6 * game.S_disturbance / game.delta**2
+    won = 0.25 * np.einsum("ni,ij,nj->n", slopes, S, slopes)
+    change = np.einsum("ni,ni->n", slopes, z @ A.T - 0.3 * z) - 2.0 * won
+    assert at.residuals == pytest.approx(change + cost + won)
+    assert at.size == pytest.approx(np.abs(change) + cost + np.abs(won))
 
 
 def test_the_discount_of_a_stage_falls_to_zero() -> None:

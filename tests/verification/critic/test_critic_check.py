@@ -173,6 +173,9 @@ def test_the_settling_time_of_a_run_is_recomputed(
     check = verify(game, run)
     assert check.table is not None
     assert check.table.settling_time == settled
+    assert check.table.errors["P_rel_error"] == pytest.approx(
+        np.abs(np.array(factors) - 1.0), abs=1e-12, nan_ok=True
+    ) or np.isnan(factors[1])
     assert ("settling_time" in failed_names(check.checks)) == (settled > 0.5)
     assert check.ok == (settled == 0.0)
     if settled == 1.0:
@@ -518,7 +521,8 @@ def test_the_box_requires_equal_names_and_units(
         return
     assert box is not None
     assert box.half_widths.tolist() == [speed, *ORDINARY_DEVIATIONS[1:]]
-    assert box.about.startswith("typical deviations of the aircraft")
+    shown = f"{speed:.4g} m/s" if units[:1] == ("m/s",) else "7 ft/s"
+    assert box.about.startswith(f"typical deviations of the aircraft, {shown}, ")
 
 
 def test_a_plant_like_the_aircraft_has_its_box() -> None:
@@ -570,6 +574,16 @@ def test_a_history_passes_if_it_settles_in_time(
     assert check.table.settling_time == settled
     assert check.table.errors["K_rel_error"] == pytest.approx(sizes, rel=1e-4, abs=1e-15)
     assert np.isnan(check.table.errors["P_rel_error"]).all() == (of == "K")
+    residuals = [math.nan] * len(TIMES)
+    if of != "K":
+        form = NormalForm.of(game)
+        values = np.multiply.outer(1.0 + sizes, value(game))
+        residuals = [float(form.relative_residual(form.of_value(P))) for P in values]
+    assert check.table.errors["riccati_residual"] == pytest.approx(
+        residuals, rel=1e-3, abs=1e-12, nan_ok=True
+    )
+    last = check.table.errors["largest_error"][-1]
+    assert math.isfinite(settled) or f" ends at {last:.3g} and" in check.table.sentence
     data = check.report().data["history"]
     if predefined_time is None:
         assert not check.ok

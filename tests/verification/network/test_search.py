@@ -15,9 +15,16 @@ from controller.critic.critic import Critic, from_functions
 from controller.hfa_game import ORDINARY_DEVIATIONS
 from hfa import Game, from_gain, from_network, solve, verify
 from verification.box import ordinary_box
+from verification.critic.in_time import InTime
 from verification.critic_errors import SMALL
 from verification.network.bound import _halves
-from verification.network.flights import _reach, equilibrium_check, starts_in, worst_start
+from verification.network.flights import (
+    _reach,
+    costs_above_optimum,
+    equilibrium_check,
+    starts_in,
+    worst_start,
+)
 from verification.network.search import Comparison, _rounded_up, search
 from verification.scope import Scope
 
@@ -83,6 +90,8 @@ def test_no_simulated_cost_exceeds_the_linear_worst(
     data = check.to_dict()
     flown = data["network"]["cost_lost_flown_percent"]
     assert flown == pytest.approx(data["graded"]["cost_lost_worst_percent"], rel=1e-6)
+    losses = costs_above_optimum(InTime(game), critic, solve(game), BOX, 40)
+    assert data["network"]["cost_lost_flown_mean_percent"] == pytest.approx(losses.mean())
 
 
 def test_actor_with_constant_is_stable_off_trim(game: Game) -> None:
