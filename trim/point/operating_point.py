@@ -400,6 +400,7 @@ _FILE: dict[Any, Any] = {
     "states*": {str: NUMBER},
     "state_units": {str: str},
     "inputs*": {str: NUMBER},
+    "input_units": {str: str},
     "residuals*": {str: NUMBER},
     ...: None,
 }
@@ -428,17 +429,17 @@ def loaded_point(path: Path, model: Model) -> OperatingPoint:
     found = checked(
         str(path), data, {**_FILE, "states*": names["states"], "inputs*": names["inputs"]}
     )
-    stated = found.get("state_units", {})
-    values = found["states"]
-    for name in model.states:
-        unit = model.unit(name)
-        factor = conversion(stated.get(name, unit), unit)
-        if factor is None:
-            known = dict.fromkeys((unit, si_unit(unit)))
-            raise BadInputError(
-                f"{path}: {name} is in {shortened(stated[name])}; use {' or '.join(known)}"
-            )
-        values[name] = values[name] * factor
+    stated = found.get("state_units", {}) | found.get("input_units", {})
+    for values in (found["states"], found["inputs"]):
+        for name in values:
+            unit = model.unit(name)
+            factor = conversion(stated.get(name, unit), unit)
+            if factor is None:
+                known = dict.fromkeys((unit, si_unit(unit)))
+                raise BadInputError(
+                    f"{path}: {name} is in {shortened(stated[name])}; use {' or '.join(known)}"
+                )
+            values[name] = values[name] * factor
     states, inputs = (
         record(tuple(getattr(model, kind)))(**found[kind]) for kind in ("states", "inputs")
     )

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import refusal
+from own_models import NAVION
 
 import hfa
 from hfa import BadInputError, OperatingPoint, trim
@@ -124,3 +125,17 @@ def test_values_of_a_condition_file_have_its_units(tmp_path: Path, metric: bool)
     assert "aileron_outer" not in imposed
     with pytest.raises(BadInputError, match="is given for dihedral from"):
         condition.at(math.radians(10.1))
+
+
+def test_points_in_other_units_are_converted(tmp_path: Path) -> None:
+    """A point in SI units is read by the aircraft in feet and pounds; other units are refused."""
+    path = tmp_path / "point.json"
+    trim(in_si(NAVION)).save(path)
+    loaded, known = OperatingPoint.load(path, NAVION), trim(NAVION)
+    for name, value in dict(known).items():
+        assert loaded[name] == pytest.approx(value, rel=1e-9, abs=1e-9), name
+    text = path.read_text("utf-8")
+    for unit, name in (("m/s", "speed"), ("N", "thrust")):
+        path.write_text(text.replace(f'"{unit}"', '"kg"'), encoding="utf-8")
+        with pytest.raises(BadInputError, match=f"{name} is in kg; use "):
+            OperatingPoint.load(path, NAVION)
