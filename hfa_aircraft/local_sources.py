@@ -56,7 +56,7 @@ def fingerprint(model: Model, sources: str) -> str:
     return whole.hexdigest()
 
 
-def hash_of_sources(file: Path, package: str = "") -> str:
+def hash_of_sources(file: Path, package: str) -> str:
     """Return the SHA-256 hash of an executed Python file and of the local modules that it imports.
 
     Local modules are below the folder of the file, or of its outermost package, and do not belong

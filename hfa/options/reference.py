@@ -26,7 +26,7 @@ def _signal(model: Model, name: str, text: str) -> Waveform:
     return channel(text).through(np.array([[linear_state(model, name, "1")]]))
 
 
-def signal_option(about: str, package: str = "") -> Any:
+def signal_option(about: str, package: str) -> Any:
     """Return a field of a request with a signal for each of several states.
 
     about: help of the option

@@ -133,7 +133,7 @@ def rigid_aircraft(
     outputs: Mapping[str, Signal],
     holds_beta: bool,
     source: Source,
-    about: About | None = None,
+    about: About,
     domain: Domain | None = None,
 ) -> Model:
     """Return the `Model` of a rigid aircraft, with a straight and level default trim.
@@ -197,6 +197,6 @@ def rigid_aircraft(
         linear=steady,
         schedule="speed",
         source=source,
-        about=about or About(),
+        about=about,
         domain=domain or Domain(),
     )

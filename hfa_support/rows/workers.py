@@ -38,7 +38,7 @@ Run = Callable[[Callable[..., Any], Tasks], Iterator[tuple[int, Any]]]
 
 
 @contextmanager
-def open_workers(workers: int | str = 1) -> Iterator[Run]:
+def open_workers(workers: int | str) -> Iterator[Run]:
     """Context manager that provides an executor of tasks.
 
     workers: 1 for this process, a number of child processes, or the address of a Dask scheduler,

@@ -113,33 +113,6 @@ def test_a_sweep_point_equals_linearize(words: tuple[str, ...]) -> None:
     np.testing.assert_allclose(data["B"][0], expected["B"], rtol=1e-9, atol=1e-9)
 
 
-def test_held_variables_can_be_swept(tmp_path: Path) -> None:
-    """A sweep over the throttle with free gamma gives known glide angles and stores its grid."""
-    target = tmp_path / "glide.npz"
-    data = answer(
-        "sweep",
-        "--dihedral",
-        "10",
-        "--hold",
-        "throttle=0:40:20",
-        "--free",
-        "gamma",
-        "-o",
-        str(target),
-    )
-    assert data["variables"] == ["dihedral", "throttle"]
-    assert data["grid"]["throttle"] == {"values": [0.0, 20.0, 40.0], "unit": "1"}
-    # From pitch = alpha + gamma: the glide is -2.55 deg without thrust, nearly level with the
-    # throttle of level flight.
-    states = np.array(data["operating_states"])
-    np.testing.assert_allclose(
-        np.degrees(states[[0, 2], 3] - states[[0, 2], 1]), [-2.55286, 0.0], atol=0.01
-    )
-    with np.load(target) as arrays:
-        np.testing.assert_array_equal(arrays["grid.throttle.values"], [0.0, 20.0, 40.0])
-        assert arrays["A"].shape == (3, 6, 6)
-
-
 def test_ranges_and_lists_have_units() -> None:
     """Each number of a range or a list may have a unit. The three numbers have the same one."""
     model = load_model(str(Path(__file__).parents[2] / "examples" / "uav.toml"))

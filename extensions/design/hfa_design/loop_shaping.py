@@ -42,7 +42,7 @@ class Robust(NamedTuple):
     gamma: float
 
 
-def robust_controller(A: np.ndarray, B: np.ndarray, C: np.ndarray, factor: float = 1.1) -> Robust:
+def robust_controller(A: np.ndarray, B: np.ndarray, C: np.ndarray, factor: float) -> Robust:
     """Return the central controller for γ = factor γ_min, robust to coprime-factor perturbations.
 
     The controller stabilizes all plants within the distance 1/γ of C (sI - A)⁻¹ B. With A'X + XA -

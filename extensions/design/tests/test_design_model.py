@@ -209,44 +209,6 @@ def test_updraft_columns_agree_with_finite_differences(dynamics: str) -> None:
     assert not np.allclose(without, found, rtol=1e-6, atol=1e-9)
 
 
-def test_sensor_rows_follow_the_order_of_names(
-    published_aircraft: Model,
-) -> None:
-    """The rows of C and D of a design model are those of its sensors, in their order.
-
-    A sensor is a state or an output.
-    """
-    names = (
-        "dihedral_integral",
-        "load_factor",
-        "pitch_rate",
-        "aileron_outer_position",
-        "alpha_air_outer",
-    )
-    design = replace(
-        simvfa_design("simvfa-1"), sensors={name: 0.1 * (k + 1) for k, name in enumerate(names)}
-    )
-    built = design_at(published_aircraft, design, 11.0)
-    assert built.sensors == names
-    np.testing.assert_allclose(built.V, np.diag([0.1, 0.2, 0.3, 0.4, 0.5]))
-    for row in (0, 2, 3):
-        np.testing.assert_array_equal(
-            built.C[row], [float(name == names[row]) for name in built.states]
-        )
-    found = linearize(published_aircraft, built.model.point, outputs=("load_factor",))
-    columns = [built.model.inputs.index(name) for name in built.inputs]
-    through_actuators = np.hstack([found.C[0], found.D[0, columns]])
-    np.testing.assert_allclose(built.C[1, :8], through_actuators, rtol=SAME_FORMULA)
-    np.testing.assert_array_equal(built.D, np.zeros((5, 2)))
-    direct = design_at(
-        published_aircraft,
-        replace(design, actuators={}, sensors={"load_factor": 1.0}, **BARE),
-        11.0,
-    )
-    np.testing.assert_allclose(direct.D, found.D[:, columns], rtol=SAME_FORMULA)
-    np.testing.assert_allclose(direct.C[:, :6], found.C, rtol=SAME_FORMULA)
-
-
 def test_a_command_disturbance_enters_through_b(published_aircraft: Model) -> None:
     """A disturbance of the commands enters through the columns of B, scaled by the root of its
     intensity.

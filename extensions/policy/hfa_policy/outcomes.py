@@ -439,18 +439,15 @@ def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
     return bool(np.all(apart[place.decisive] <= BALL * place.box[place.decisive]))
 
 
-def measured_cycle(
-    flight: SampledFlight, loop: Loop, point: OperatingPoint, seconds: float = _CYCLE_SECONDS
-) -> LimitCycle | None:
+def measured_cycle(flight: SampledFlight, loop: Loop, point: OperatingPoint) -> LimitCycle | None:
     """Return the limit cycle of a flight, or None if it has none or a state is not finite.
 
     loop: the flight, for `march`
     point: trim of the flight
-    seconds: duration of the flight, at least 64 samples
     """
     X, memory, _ = flight.slices
     with np.errstate(all="ignore"):
-        flown, _ = march(loop, max(64, round(seconds / flight.dt)))
+        flown, _ = march(loop, max(64, round(_CYCLE_SECONDS / flight.dt)))
     states = flown.states[0]
     if not np.isfinite(states[:, X]).all():
         return None
@@ -465,8 +462,8 @@ def fly_places(
     flight: SampledFlight,
     places: list[Place],
     samples: int,
-    seed: int = 0,
-    progress: Progress | None = None,
+    seed: int,
+    progress: Progress | None,
 ) -> tuple[list[Outcomes], list[Outcomes]]:
     """Return the outcomes of flights about each trim, without and with a disturbance pulse.
 

@@ -78,8 +78,8 @@ def rough_flights(
     points: Sequence[OperatingPoint],
     scenarios: Sequence[Scenario],
     samples: int,
-    seed: int = 0,
-    progress: Progress | None = None,
+    seed: int,
+    progress: Progress | None,
 ) -> list[RoughFlights]:
     """Return the results of flights of a deployment from each trim, with noise or in moving air.
 

@@ -63,7 +63,7 @@ def test_a_flight_that_leaves_in_a_gust_fails(noisy_assessment):
     deployed = Deployed(stored_deployment("ppo_hfa"), aircraft("ppo_hfa"))
     gust = OneMinusCosine(200.0, -80.0, 68.0)
     happens = rough_scenario(Scenario(duration=5.0, gust=gust), deployed.model, 1)
-    (rough,) = rough_flights(deployed, [point], [happens], 1)
+    (rough,) = rough_flights(deployed, [point], [happens], 1, 0, None)
     assert rough.inside == 0
     assert 0.0 < rough.departure.time < 5.0
     failing = replace(

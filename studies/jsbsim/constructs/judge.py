@@ -16,7 +16,7 @@ from studies.jsbsim.constructs.airframe import CONSTRUCTS as AIRFRAME
 from studies.jsbsim.constructs.combined import CONSTRUCTS as COMBINED
 from studies.jsbsim.constructs.control import CONSTRUCTS as CONTROL
 from studies.jsbsim.constructs.functions import CONSTRUCTS as FUNCTIONS
-from studies.jsbsim.constructs.jet import SLOTS, jet
+from studies.jsbsim.constructs.jet import jet
 from studies.jsbsim.constructs.named import CONSTRUCTS as NAMED
 from studies.jsbsim.reference import responses
 
@@ -191,8 +191,3 @@ def _wind_in_body(state: Mapping[str, float], answer: Mapping[str, float]) -> np
     lean = np.array([[1, 0, 0], [0, np.cos(roll), np.sin(roll)], [0, -np.sin(roll), np.cos(roll)]])
     wind = [answer[f"wind_{axis}"] for axis in ("north", "east", "down")]
     return np.asarray(lean @ nod @ turn @ wind)
-
-
-def unused_slots() -> set[str]:
-    """Return the slots that no construct replaces."""
-    return set(SLOTS) - {slot for slots in ALL.values() for slot in slots}

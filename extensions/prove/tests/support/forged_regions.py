@@ -95,30 +95,6 @@ def _extent(content: Content, generator: np.random.Generator) -> None:
     extents[name] = [end * factor for end in extents[name]]
 
 
-def _grams(content: Content) -> list[Content]:
-    """Return every Gram matrix in the content of a certificate."""
-    found: list[Content] = []
-
-    def walk(value: Any) -> None:
-        if isinstance(value, dict):
-            if "gram" in value:
-                found.append(value)
-            for entry in value.values():
-                walk(entry)
-        elif isinstance(value, list):
-            for entry in value:
-                walk(entry)
-
-    walk(content["witness"]["parts"])
-    walk(content["witness"]["inside"])
-    return found
-
-
-def _some_gram(content: Content, generator: np.random.Generator) -> Content:
-    squares = _grams(content)
-    return squares[generator.integers(len(squares))]
-
-
 def _gram_negated(content: Content, generator: np.random.Generator) -> None:
     """Negate the Gram matrix of a random multiplier in a certificate.
 
