@@ -227,6 +227,9 @@ def test_transfer_functions_that_are_0_are_not_shown() -> None:
     assert len(shown) < len(found)
     table = with_transfers(linear.report(), linear.system).parts[-1]
     assert {row[0] for row in table.rows} == shown
+    loop = LinearModel.of([[0.0, 1.0], [-2.0, -0.3]], [[0.0], [1.0]], [[3.0, 1.0]])
+    ((_, *texts),) = with_transfers(loop.report(), loop.system).parts[-1].rows
+    assert texts == ["1", "1.5", "-3.0000", "-0.1500 ± 1.4062i"]
     panels = bode_figure(linear.system).axes
     assert [len(axes.lines) for axes in panels] == [1, 2, 1, 2]
 
