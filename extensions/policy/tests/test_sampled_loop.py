@@ -1,5 +1,6 @@
 """Sampled loop, margins and cost, compared with python-control and SciPy."""
 
+import dataclasses
 import math
 import warnings
 
@@ -200,13 +201,20 @@ def test_a_loop_of_wrong_sign_is_unstable_undelayed(case):
 
 def test_delays_are_searched_upward(case):
     """The delay limit is the first whole number of samples at which the loop is unstable."""
-    _, equilibrium, _ = case
+    _, equilibrium, K = case
     found = delays(equilibrium, DT, 0.0)
     limit = round(found.limit / DT)
     assert len(found.radii) == limit + 1
     assert all(radius < 1.0 for radius in found.radii[:-1])
     assert found.radii[-1] >= 1.0
     assert found.limit - DT < found.fine <= found.limit
+    assert chain_of(equilibrium, DT, found.fine).radius >= 1.0
+    assert chain_of(equilibrium, DT, found.fine - 0.06 * DT).radius < 1.0
+    stable = dataclasses.replace(equilibrium, K=0.0 * K)
+    for dt, deployed, searched in ((DT, 0.0, 2.0), (0.4, 0.0, 3.2), (0.4, 4.0, 4.0)):
+        none = delays(stable, dt, deployed)
+        assert (none.limit, none.fine, none.searched) == (None, None, pytest.approx(searched))
+        assert len(none.radii) == round(searched / dt) + 1
 
 
 def test_both_eigenvalues_of_a_pair_belong_to_its_mode(case):
