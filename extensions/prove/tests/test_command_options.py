@@ -123,6 +123,8 @@ def test_options_of_a_schedule_reach_the_proof(run: Run, tmp_path: Path) -> None
     assert wide == pytest.approx({each: 2.0 * error for each, error in errors.items() if error})
     assert run(name, *words, "--hold", "speed=70")["0"].flights != plain["0"].flights
     assert run(name, *words, "--dynamics", "newton")["0"].model.name == "newton"
+    own = run(name, "schedule", *GTM, "--at", "40:41")
+    assert (own["0"].model.name, own["2"], own["3"]) == ("GTM", 40.0, 41.0)
     table = tmp_path / "table.npz"
     K = np.arange(60.0).reshape(2, 5, 6)
     np.savez(table, dihedral_deg=[14.0, 14.5], K=K)

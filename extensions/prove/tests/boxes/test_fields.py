@@ -27,7 +27,7 @@ from hfa_prove.report_cost import checked_bound_report
 from hfa_prove.report_region import checked_report
 from hfa_prove.statements.cost import CostStatement
 from hfa_prove.statements.game import SAME_GAIN
-from hfa_prove.statements.loop import Gain
+from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.plant import Plant, Subject, digest_of, digest_of_equations
 from hfa_prove.statements.region import RegionStatement
@@ -366,6 +366,27 @@ def test_the_digest_of_a_network_is_compared(cart: Model) -> None:
         read_statement("region", content, Subject(cart, loops[1].function))
     with pytest.raises(BadInputError, match="is about a policy in a file"):
         read_statement("region", content, Subject(cart))
+
+
+def test_the_policy_of_the_user_is_compared_as_it_is_given(cart: Model, aircraft: str) -> None:
+    """A network is compared whole, and never with a polynomial; without inputs there is none."""
+    linear = linearize(cart, trim(cart))
+    network = GivenPolicy(linear, Gain(K, {}).function(("force",)), None, "a network", [])
+    polynomial = region(cart, 2)
+    request = CheckRequest.parsed(cart, {"aircraft.source": aircraft})
+    with pytest.raises(BadInputError, match="polynomial policy, not a network"):
+        given_for(polynomial, request, network)
+    of_network = replace(polynomial, loop=network.problem.loop)
+    assert set(given_for(of_network, request, network)) >= {"loop.policy", "loop.trim"}
+    assert "loop.policy.K" not in given_for(polynomial, request)
+    free = f"{ROOT}/examples/pendulum.py:VAN_DER_POL"
+    model = load_model(free)
+    names = tuple(model.linear)
+    loop = Loop(model, {}, dict.fromkeys(names, 0.0), {}, {}, {}, Gain(np.zeros((0, 2)), {}))
+    still = RegionStatement.of_terms(loop, polynomial.terms, 0.5, {})
+    given = given_for(still, CheckRequest.parsed(model, {"aircraft.source": free}))
+    assert (given["loop.policy.K"].value, given["loop.policy.terms"].value) == ([], {})
+    assert {"loop.model", "loop.trim", "loop.inputs", "loop.held", "loop.limits"} <= set(given)
 
 
 def test_fields_of_bounds_are_compared_or_printed(cart: Model) -> None:

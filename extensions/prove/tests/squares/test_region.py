@@ -224,14 +224,8 @@ def test_unsupported_loops_are_refused(tmp_path: Path, capsys: pytest.CaptureFix
     assert "use erf" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "KINK",
-        pytest.param("SWITCH", marks=pytest.mark.slow),
-        pytest.param("TABLE", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["KINK", "SWITCH", "TABLE"])
 def test_regions_end_before_a_switch(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -11,7 +11,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from cli import hfa
 from known_models import exact_gain, model_at
 from proof_cases import content, delayed_abscissa, family, forge, through_actuators
 
@@ -255,19 +254,6 @@ def test_gains_of_the_navion_are_proved(tmp_path: Any) -> None:
         check_certificate(path, model=other)
     negated = loop_of_gains(flights.model, [160.0, 176.0], -K)
     assert prove_schedule(flights, negated, 160.0, 161.0).data["refuted"]
-
-
-def test_the_command_proves_and_verifies_the_gtm(tmp_path: Any) -> None:
-    """`hfa prove` proves gains of the GTM and verifies the certificate."""
-    own = ("--aircraft", "examples/gtm.py:GTM")
-    saved = str(tmp_path / "gtm.json")
-    assert (
-        "Proved: every speed from 40 to 42 m/s"
-        in hfa("prove", "schedule", *own, "--at", "40:42", "-o", saved).out
-    )
-    assert hfa("prove", *own, "--check", saved).out.startswith(
-        "Verified, proved: speed from 40 to 42 m/s"
-    )
 
 
 @pytest.mark.parametrize(
