@@ -516,6 +516,8 @@ def test_the_sentences_of_a_game_follow_from_its_numbers(
         ("exact game, the plant of a file", True),
     ):
         assert (sentence in text) is expected, sentence
+    alone = replace(statement, critic={"K": np.eye(2)})
+    assert "the gain of its" not in words(checked_by_modes(as_proved(alone)))
     none = replace(statement, delta_min=None, decimals=False, gain_of_value=True)
     data = checked_by_modes(as_proved(none)).data
     assert "delta_min_above" not in data
@@ -620,6 +622,7 @@ def test_the_aircraft_of_a_schedule_is_described() -> None:
         assert ("parameter_hash" in report.data) is not of_file
         assert report.data["spread"] == {first: 0.125, second: 0.5}
         assert "measurements: " + ", ".join(controller.measurements) in text
+    assert "for all values of" not in words(checked_by_modes(as_proved(original)))
     stable = replace(original, controller=controller, loop=(Run(LOW, HIGH, 0, 0),))
     data = schedule_data(stable, False)
     assert "the loop of aircraft and controller is stable" in words(proof_report(stable, data))

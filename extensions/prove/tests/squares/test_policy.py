@@ -78,6 +78,9 @@ def test_policy_terms_follow_from_the_critic() -> None:
     ((coefficient, powers),) = policy_terms(quartic, ("torque",))["torque"]
     assert powers == (0, 3)
     assert coefficient == pytest.approx(wanted[0, 3])
+    cubic = critic_of("x1**2, x1*x2, x2**2, x2**3", [*WEIGHTS[:3], 0.02])
+    (((coefficient, powers),),) = policy_terms(cubic, ("torque",)).values()
+    assert (coefficient, powers) == (pytest.approx(-1.5 * BY_TORQUE * 0.02), (0, 2))
     assert policy_terms(critic_of("quadratic", WEIGHTS[:3]), ("torque",)) == {}
 
 
