@@ -146,25 +146,3 @@ def test_moving_hinges_move_only_the_mass_center(
     speed, alpha, pitch_rate = differences(parameters, "newton", lambda x: x)
     assert max(speed, alpha) <= 1e-12
     assert pitch_rate > 1e-3
-
-
-def test_symmetric_flight_stays_in_its_plane(parameters: Parameters) -> None:
-    """In symmetric flight, side force, roll and yaw moments, and products of inertia are 0.
-
-    The flights include wind and moving hinges. An aileron on one side causes a roll or yaw moment.
-    """
-    for x, u, winds in cases(lambda x: x):
-        body = three_panels(x, u, parameters, winds)
-        assert abs(body.force[1]) <= 1e-13 * np.abs(body.force).max()
-        assert (
-            np.abs(body.moment[[0, 2]]).max()
-            <= 1e-12 * parameters.panel_span * np.abs(body.force).max()
-        )
-        assert (
-            np.abs(body.inertia[[0, 1, 1], [1, 0, 2]]).max() <= 1e-13 * np.abs(body.inertia).max()
-        )
-        lopsided = three_panels(x, u, parameters, winds, more_aileron_right=1e-3)
-        assert (
-            np.abs(lopsided.moment[[0, 2]]).max()
-            > 1e-9 * parameters.panel_span * np.abs(body.force).max()
-        )

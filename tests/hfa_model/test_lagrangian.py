@@ -9,7 +9,7 @@ from functools import cache
 import casadi as ca
 import numpy as np
 import pytest
-from lagrangian import lagrangian_rates, mechanical_energy
+from lagrangian import lagrangian_rates
 from random_points import RATE_SCALES, by_name, random_points, rates, symbols
 
 from hfa_model import STATES, Input, Parameters, State
@@ -160,20 +160,3 @@ def test_newton_conserves_energy_in_free_flight(parameters: Parameters) -> None:
 def test_published_does_not_conserve_energy(parameters: Parameters) -> None:
     """With "published", the energy more than doubles within 2 s without air and damping."""
     assert energy_growth(Published(), parameters, seconds=2.0) > 1.0
-
-
-def test_lagrangian_energy_satisfies_koenigs_theorem(parameters: Parameters) -> None:
-    """By König's theorem, T + U is the internal energy plus ½ (3 m) V² + 3 m g h."""
-    symbol = ca.SX.sym("x", len(STATES))
-    energy = ca.Function(
-        "energy", [symbol], [mechanical_energy(State(*ca.vertsplit(symbol)), parameters)]
-    )
-    for state in random_points(50, seed=6)[0]:
-        x = State(*state.tolist())
-        mass = 3 * parameters.panel_mass
-        whole = (
-            mass * x.speed**2 / 2
-            + mass * parameters.gravity * x.altitude
-            + internal_energy(state, parameters)
-        )
-        assert float(energy(state)) == pytest.approx(whole, rel=1e-12)

@@ -15,10 +15,3 @@ def test_numpy_numbers_become_python_numbers() -> None:
     )
     assert converted == [*[[3, [3]] for _ in kinds], None, True]
     assert {type(number) for number, _ in converted[:5]} == {float, int}
-
-
-def test_numbers_that_are_not_finite_become_none() -> None:
-    """A number that is not finite becomes None, even inside nested values."""
-    assert jsonable({"a": (np.float64(np.inf), np.int64(3), True, None, "x")}) == {
-        "a": [None, 3, True, None, "x"]
-    }
