@@ -79,11 +79,12 @@ def test_a_jump_is_named_and_keeps_its_slope() -> None:
     """A note names a jump of the equations, such as dry friction. A contains the slope without
     the jump.
     """
-    model = at(cart(lambda x: ca.sign(x) + 2 * x), 0.0)
-    assert model.A[1, 0] == 2.0
-    assert model.kinks == (
-        "jump: the rate of v jumps as x passes its value; A(v, x) is 2, without the jump",
-    )
+    for jump in (1.0, -1.0):
+        model = at(cart(lambda x, jump=jump: jump * ca.sign(x) + 2 * x), 0.0)
+        assert model.A[1, 0] == 2.0
+        assert model.kinks == (
+            "jump: the rate of v jumps as x passes its value; A(v, x) is 2, without the jump",
+        )
 
 
 def test_sweeps_and_stores_name_their_mean_slopes(tmp_path: Path) -> None:
