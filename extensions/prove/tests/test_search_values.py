@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -15,10 +16,10 @@ from proof_cases import proved, two_trims
 
 from hfa_aircraft.march.ending import FAR, FAR_OF_STARTS, Outcome
 from hfa_aircraft.model import Model, Signal
-from hfa_prove.check.cover import OpenBoxError
+from hfa_prove.check.cover import OpenBoxError, RefutedError, SmallestBoxError
 from hfa_prove.check.equilibrium import Equilibrium
 from hfa_prove.monomials import PolynomialFunction
-from hfa_prove.search import obstacles, shape_boxes, shape_squares
+from hfa_prove.search import obstacles, region_boxes, shape_boxes, shape_squares
 from hfa_prove.search.clock import Clock, OutOfTimeError
 from hfa_prove.search.cost import CostBound, CostSearch, _Proved
 from hfa_prove.search.cost_fit import CostProblem, Fit, TargetFlights, quadratic_piece
@@ -44,7 +45,14 @@ from hfa_prove.search.region_search import (
     refuse_unstable,
 )
 from hfa_prove.search.region_squares import SquaresSearch, settings_of
-from hfa_prove.search.schedule import ProvedBox, ScheduleSearch, _gaps
+from hfa_prove.search.schedule import (
+    ProvedBox,
+    ScheduleSearch,
+    _first_weight,
+    _gaps,
+    _lyapunov,
+    _weight,
+)
 from hfa_prove.search.shape_boxes import Growth, Shape
 from hfa_prove.search.squares import BASE, Terms, packed_monomials
 from hfa_prove.statements.loop import Gain, Loop
@@ -975,3 +983,153 @@ def test_a_fitted_bound_is_just_below_the_exact_cost() -> None:
     orthonormal = fit._orthonormal
     values = fit._W.monomials(fit._ball(3000) @ fit.M.T) @ orthonormal
     assert values.T @ values / 3000 == pytest.approx(np.eye(values.shape[1]), abs=0.35)
+
+
+def boxes_search(degree: int = 4) -> BoxesSearch:
+    loop = cubic({"x": (-2.0, 2.0)}).loop
+    return BoxesSearch(RegionProblem(loop), Settings(degree, Clock(60.0)))
+
+
+@pytest.mark.parametrize("highest", [9.0, 0.9, 0.1, 0.0])
+def test_the_first_levels_rise_or_are_halved(highest: float) -> None:
+    """Shares rise until one fails. If the first fails, it is halved until one is proved."""
+    search = boxes_search()
+    tried: list[float] = []
+
+    def is_proved(growth: Any, share: float, origin: str, time_share: float) -> bool:
+        tried.append(share)
+        return share <= highest
+
+    search._is_proved = is_proved  # type: ignore[method-assign]
+    search._first_levels(cast(Any, None), "a test")
+    first, *rising = region_boxes._RISING
+    if highest >= first:
+        proved_shares = [share for share in rising if share <= highest]
+        failed = rising[len(proved_shares) : len(proved_shares) + 1]
+        assert tried == [first, *proved_shares, *failed]
+        return
+    halved = [first / 2.0**i for i in range(len(tried))]
+    assert tried == halved
+    end = tried[-1]
+    if highest:
+        assert end <= highest < 2.0 * end
+    else:
+        assert end / 2.0 < region_boxes._LEAST <= end
+
+
+def test_a_later_level_is_tried_if_it_can_be_larger() -> None:
+    """Falling shares are tried while their set would be larger than the largest proved one."""
+    search = boxes_search()
+    tried: list[float] = []
+    most = [0.0]
+
+    def is_proved(growth: Any, share: float, origin: str, time_share: float) -> bool:
+        tried.append(share)
+        return share <= most[0]
+
+    search._is_proved = is_proved  # type: ignore[method-assign]
+    growth = cast(Any, SimpleNamespace(shape=SimpleNamespace(size=lambda: 2.0)))
+    search._best = cast(Any, "a set")
+    falling = region_boxes._FALLING
+    for highest, largest, found, shares in (
+        (9.0, 0.1, True, falling[:1]),
+        (falling[1], 0.1, True, falling[:2]),
+        (0.0, 0.1, False, falling),
+        (9.0, 2.0 * falling[0], True, ()),  # hardly larger: V grows on without a proof
+        (0.0, 1.95 / region_boxes._LARGER, False, falling[:1]),
+    ):
+        most[0] = highest
+        search._largest = largest
+        tried.clear()
+        assert search._later_level(growth, "a test") is found
+        assert tuple(tried) == tuple(shares)
+    search._best = None
+    search._first_levels = lambda growth, origin: None  # type: ignore[method-assign]
+    assert not search._later_level(growth, "a test")
+
+
+@pytest.mark.parametrize(
+    ("degree", "present", "grown"), [(4, 2, [2, 4, 4, 4]), (2, 2, [2, 2, 2]), (4, 4, [4, 4, 4])]
+)
+def test_sets_grow_with_rising_degree(degree: int, present: int, grown: list[int]) -> None:
+    """V grows with degree 2, then with the highest degree, and there with finer decay."""
+    search = boxes_search(degree)
+    found: list[int] = []
+    search._grow = lambda growth, degree: found.append(degree)  # type: ignore[method-assign]
+    search._later_level = lambda growth, origin: True  # type: ignore[method-assign]
+    finer = iter([True, True, False])
+    shape = SimpleNamespace(V=SimpleNamespace(degree=present))
+    search._enlarge(cast(Any, SimpleNamespace(shape=shape, finer=lambda: next(finer))))
+    assert found == grown
+
+
+def test_each_first_v_is_proved_and_grown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search without a set proves first levels. With one, it begins with the V of that set."""
+    shape = Shape.of_matrix(np.eye(1), -np.eye(1), 2)
+    monkeypatch.setattr(
+        region_boxes, "Growth", lambda samples, shape, report: SimpleNamespace(shape=shape)
+    )
+    for earlier in (None, 0.25):
+        search = boxes_search()
+        steps: list[tuple[str, float]] = []
+
+        def level(step: str, steps: Any, growth: Any, *others: Any) -> None:
+            steps.append((step, float(growth.shape.V.coefficients[0])))
+
+        search._first_shapes = lambda: [("a", shape), ("b", shape.of_level(2.0))]  # type: ignore[method-assign]
+        search._first_levels = partial(level, "first", steps)  # type: ignore[method-assign]
+        search._enlarge = partial(level, "grown", steps)  # type: ignore[method-assign]
+        if earlier is None:
+            search._search()
+            assert steps == [("first", 1.0), ("grown", 1.0), ("first", 0.5), ("grown", 0.5)]
+            continue
+        piece = shape.of_level(earlier).piece()
+        statement = SimpleNamespace(piece=piece)
+        search._best = cast(Any, SimpleNamespace(statement=statement, origin="known"))
+        search._search()
+        assert steps == [("grown", 4.0), ("grown", 1.0), ("grown", 0.5)]
+
+
+def test_the_weight_of_a_motion_is_that_of_the_modes() -> None:
+    """P is half the identity in the modes of A. A scalar loop may move at 2 A² / |A'|."""
+    vectors = np.linalg.eig(J)[1]
+    solved = _lyapunov(J, _first_weight(J))
+    assert np.allclose(vectors.conj().T @ solved @ vectors, 0.5 * np.eye(2))
+    assert np.allclose(J.T @ solved + solved @ J, -_first_weight(J))
+    points = [(np.array([[a]]), np.array([[slope]])) for a, slope in ((-1.0, 2.0), (-3.0, 4.0))]
+    fastest, W = _weight(points)
+    assert fastest == pytest.approx(1.0)
+    assert W[0, 0] > 0.0
+
+
+def test_a_refuted_set_is_changed_and_proved_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The refuted point, in the units of the states, becomes a constraint of the next V."""
+    search = boxes_search()
+    shape = Shape.of_matrix(4.0 * np.eye(1), -np.eye(1), 2)
+    search._part = lambda shape, share: shape  # type: ignore[method-assign]
+    places: list[np.ndarray] = []
+
+    def refuted(place: np.ndarray) -> Shape | None:
+        places.append(place)
+        return shape if len(places) < 3 else None
+
+    growth = cast(Any, SimpleNamespace(shape=shape, refuted=refuted))
+    errors: list[Exception] = []
+
+    def prove(part: Shape, origin: str) -> None:
+        if errors:
+            raise errors.pop(0)
+
+    search._prove = prove  # type: ignore[method-assign]
+    errors[:] = [RefutedError("refuted", np.array([0.5]))]
+    assert search._is_proved(growth, 0.5, "a test", 0.5)
+    assert search._stopped == "no V with a larger set was found"
+    assert np.abs(places[0]) == pytest.approx([0.25])
+    errors[:] = [SmallestBoxError("small", np.array([0.5])), RefutedError("x", np.array([0.5]))]
+    assert not search._is_proved(growth, 0.5, "a test", 0.5)
+    assert search._stopped.startswith("V' >= 0 or a limit is exceeded at x ")
+    assert search._stopped.endswith("in 0.5 of the set by samples")
+    places.clear()
+    errors[:] = [OpenBoxError("too many boxes", np.array([0.5]))]
+    assert not search._is_proved(growth, 0.25, "a test", 0.5)
+    assert search._stopped == "at 0.25 of the set by samples, linearly: too many boxes"
