@@ -316,3 +316,43 @@ def test_a_refuted_set_is_changed_and_proved_again(monkeypatch: pytest.MonkeyPat
     errors[:] = [OpenBoxError("too many boxes", np.array([0.5]))]
     assert not search._is_proved(growth, 0.25, "a test", 0.5)
     assert search._stopped == "at 0.25 of the set by samples, linearly: too many boxes"
+
+
+def test_a_new_v_replaces_the_present_one_if_its_set_is_large_enough() -> None:
+    """After a refutation a set may shrink a little; to grow, it must become larger."""
+    shape = Shape.of_matrix(np.eye(1), -np.eye(1), 2)
+    growth = Growth(cubic({}), shape, lambda what: None)
+    place = np.array([-0.5])
+    levels: list[float] = []
+    kept, gain = shape_boxes._KEPT**2, shape_boxes._GAIN**2
+    fits: list[Shape | None] = []
+
+    def good(level: float) -> Shape | None:
+        levels.append(level)
+        return fits.pop(0)
+
+    growth._good = good  # type: ignore[method-assign]
+    for fit, replaces in (
+        (shape.of_level(1.01 * kept), True), (shape.of_level(0.99 * kept), False), (None, False),
+    ):  # fmt: skip
+        growth.shape = shape
+        fits[:] = [fit]
+        assert growth.refuted(place) is (fit if replaces else None)
+        assert growth.shape is (fit if replaces else shape)
+    assert levels == [1.0] * 3
+    assert growth._refuted.shape == (93, 1)
+    assert growth._refuted[0] == place
+    assert np.all(np.abs(growth._refuted - place) < 0.1)
+    levels.clear()
+    growth.shape = shape
+    larger = shape.of_level(1.01 * gain)
+    fits[:] = [None, shape.of_level(0.99 * gain), larger]
+    assert growth.grown() is larger
+    assert growth.shape is larger
+    assert levels == pytest.approx([share**2 for share in shape_boxes._GROWTHS[:3]])
+    fits[:] = [None] * len(shape_boxes._GROWTHS)
+    assert growth.grown() is None
+    assert len(levels) == len(shape_boxes._GROWTHS) + 1
+    growth.of_degree(4)
+    assert growth.shape.V.degree == 4
+    assert growth._growths == shape_boxes._GROWTHS

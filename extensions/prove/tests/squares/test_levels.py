@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from small_loops import P, T, cubic, limited_loop
 
-from hfa_prove.search import shape_squares
+from hfa_prove.monomials import PolynomialFunction
+from hfa_prove.search import region_squares, shape_squares
 from hfa_prove.search.clock import Clock, OutOfTimeError
 from hfa_prove.search.level import LevelSearch, ball_of
 from hfa_prove.search.loop_values import LoopValues
@@ -193,3 +194,43 @@ def test_polynomials_of_a_step_have_their_values() -> None:
             least, most = low, high
         expected = (signal - least) * (signal - most) / abs(least * most)
         assert packed_value(beyond, y) == pytest.approx(expected)
+
+
+def test_v_is_improved_while_its_set_grows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each radius of the next set is tried until the size hardly grows or no proof is found."""
+    search = SquaresSearch(cubic({}).loop, (), Settings(2, Clock(60.0)))
+    square = PolynomialFunction.quadratic(np.eye(1))
+    reaches: list[float] = []
+    steps: dict[float, list[float | None]] = {1.35: [1.5, 2.0, 2.001], 1.1: [2.2, None]}
+    sizes: list[float] = []
+    kept: list[Any] = []
+
+    def better(present: Any, rows: Any, room: Any, reach: float) -> Any:
+        reaches.append(reach)
+        following = steps[reach].pop(0)
+        return None if following is None else square.scaled(following)
+
+    def turn(V: PolynomialFunction, setting: Any, least: float = 0.0) -> Any:
+        sizes.append(least)
+        size = 1.0 if not reaches else float(V.coefficients[0])
+        return SimpleNamespace(V=V, search=size, size=size, seconds=1e-3)
+
+    monkeypatch.setattr(region_squares, "better", better)
+    monkeypatch.setattr(region_squares, "accepted", lambda tried: tried)
+    search._turn = turn  # type: ignore[method-assign]
+    search._highest = lambda V: 1.0  # type: ignore[method-assign]
+    search._kept = lambda level, origin: kept.append((level, origin)) or 1.0  # type: ignore
+    found = search._climb(square, settings_of(1, 2)[0])
+    assert found.coefficients[0] == 2.2
+    assert reaches == [1.35, 1.35, 1.35, 1.1, 1.1]
+    assert sizes == [0.0, 1.0, 1.5, 2.0, 2.001]
+    assert kept == [(2.2, "a polynomial of degree 2 from the search")]
+    proofs: list[float] = []
+    search._prove = lambda V, rho, origin, setting: proofs.append(rho) or 1.0  # type: ignore
+    search._highest = lambda V: 1.25  # type: ignore[method-assign]
+    steps |= {1.35: [None], 1.1: [None]}
+    search._climb(square, settings_of(1, 2)[0])
+    assert proofs == [1.25]
+    assert len(kept) == 1
+    search._turn = lambda V, setting: None  # type: ignore[assignment, method-assign]
+    assert search._climb(square, settings_of(1, 2)[0]) is square
