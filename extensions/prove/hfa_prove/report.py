@@ -44,16 +44,15 @@ def proof_report(statement: ScheduleStatement | GameStatement, data: Content) ->
         moving = {"dihedral_rate_deg_s", "scheduled_rate"} & data.keys()
         title = f"every {interval_text(statement.flight)}, {statement.flight.model.title}"
         parts = schedule_parts(statement, bool(moving), data)
-        return Report(f"{_verdict(statement, bool(moving))}: {title}", parts, result=data)
+        return Report(f"{_verdict(data)}: {title}", parts, result=data)
     return game_report(data)
 
 
-def _verdict(statement: ScheduleStatement, moving: bool) -> str:
-    if any(run.least > 0 for run in statement.loop):
+def _verdict(data: Content) -> str:
+    """Return the first word of the report of a schedule's proof."""
+    if data["refuted"]:
         return "Refuted"
-    if any(run.most > 0 for run in statement.loop) or len(statement.flight.trims) != 1:
-        return "Left open"
-    return "Proved"
+    return "Proved" if data["proved"] else "Left open"
 
 
 def schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) -> list[Part]:

@@ -468,7 +468,9 @@ def test_a_moving_schedule_is_claimed_or_open() -> None:
     for rate in (0.123456, None):
         statement = replace(original, scheduled_rate=rate)
         data = schedule_data(statement, True)
-        text = words(proof_report(statement, data))
+        report = proof_report(statement, data)
+        text = words(report)
+        assert report.title.startswith("Proved: every" if rate else "Left open: every")
         assert (data["proved"], data["dihedral_rate_deg_s"]) == (bool(rate), rate or 0.0)
         assert "dihedral_rate_deg_s" not in schedule_data(statement, False)
         low, high = statement.flight.range
