@@ -39,6 +39,12 @@ def test_moved_eigenvalues_are_those_of_the_checks() -> None:
     off = [entry.half_units for entry in pair.entries if entry.printed]
     assert bars == pytest.approx(off)
     assert axes.get_xlim()[1] == pytest.approx(max(2.0, 1.1 * np.abs(off).max()))
+    for size in (-1.0, 1.0):
+        A = published.A.copy()
+        A[0, 0] += size
+        farther = check_pair(replace(model, A=A), published)
+        sizes = [abs(entry.half_units) for entry in farther.entries]
+        assert farther.checks[0].value == max(sizes) > 3.0
     slowed = replace(model, A=published.A + 2e-3 * np.eye(len(roots)))
     failed = [
         check.name.split()[0] for check in check_pair(slowed, published).checks if not check.ok

@@ -615,6 +615,7 @@ def test_scalar_smallest_delta_agrees_with_closed_form() -> None:
     listed = str(poles.parts[-2]).partition(": ")[2].split(", ")
     upper = [pole for pole in poles.result.closed_loop_eigenvalues if pole.imag >= 0.0]
     assert len(listed) == len(upper) < 4
+    assert solution_of_plant(free, None, "one state").delta == 1.0
     data = solution_of_plant(free, 9.0, "one state").as_data()
     assert (data["delta_min"], data["delta_margin"], data["coupling"]) == (0.0, math.inf, 0.0)
 

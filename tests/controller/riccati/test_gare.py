@@ -6,7 +6,6 @@ import json
 import math
 
 import control
-import mpmath
 import numpy as np
 import pytest
 from game_samples import game_models, random_game, regenerated_models
@@ -48,19 +47,6 @@ def test_P_and_K_are_exact_to_1e12(name: str) -> None:
     assert np.abs((solution.P - reference.P) * np.outer(units, units)).max() < 1e-12
     form = NormalForm.of(game)
     assert relative_error(form.value(by_refined_doubling(form)), reference.P) < 1e-12
-
-
-def test_reference_agrees_with_eigenvectors_by_mpmath(game: Game) -> None:
-    """The tests' reference solver agrees with a solution from eigenvectors in 40 digits."""
-    n = len(game.A)
-    H = np.block([[game.A, -game.S], [-game.Q, -game.A.T]])
-    with mpmath.workdps(40):
-        values, vectors = mpmath.eig(mpmath.matrix(H.tolist()))
-        stable = [i for i in range(2 * n) if values[i].real < 0]
-        top = mpmath.matrix([[vectors[row, i] for i in stable] for row in range(n)])
-        bottom = mpmath.matrix([[vectors[n + row, i] for i in stable] for row in range(n)])
-        P = np.array((bottom * mpmath.inverse(top)).apply(mpmath.re).tolist(), dtype=float)
-    assert relative_error(reference_solution(game).P, P) < 1e-13  # S is rounded to double precision
 
 
 def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
@@ -109,15 +95,6 @@ def test_infinite_delta_gives_the_lqr(game: Game) -> None:
     assert not lqr.disturbance_gain.any()
     distances = [relative_error(solve(game.with_delta(delta)).P, lqr.P) for delta in (1e4, 1e5)]
     assert math.log10(distances[0] / distances[1]) == pytest.approx(2.0, abs=0.01)
-
-
-def test_scalar_solutions_equal_the_closed_form() -> None:
-    """P of scalar games equals the root of their quadratic equation."""
-    for a, s in ((-1.0, 0.75), (2.0, 0.75), (-1.0, -0.3), (-1.0, 0.0)):
-        delta = 1.0 / math.sqrt(1.0 - s)
-        exact = 1.5 if s == 0.0 else (a + math.sqrt(a * a + 3.0 * s)) / s
-        game = Game([[a]], [[2.0]], [[1.0]], [[3.0]], [[4.0]], delta)
-        assert solve(game).P[0, 0] == pytest.approx(exact, rel=1e-13)
 
 
 # Degenerate games

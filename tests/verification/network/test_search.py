@@ -16,7 +16,7 @@ from controller.hfa_game import ORDINARY_DEVIATIONS
 from hfa import Game, from_gain, from_network, solve, verify
 from verification.box import ordinary_box
 from verification.critic.in_time import InTime
-from verification.critic_errors import SMALL
+from verification.critic_errors import SMALL, box_errors
 from verification.network.bound import _halves
 from verification.network.flights import (
     _reach,
@@ -195,6 +195,9 @@ def test_errors_are_relative_to_the_largest_exact_numbers_in_the_box() -> None:
     assert names == ["value", "gradient", "gradient", "policy", "policy"]
     assert found == pytest.approx(expected, rel=1e-9)
     assert Comparison(critic, exact, weights, box).errors(z, ["policy"])[0] == ["policy"] * 2
+    wrong = K * [[1.0], [1.2]]  # the input with the small effect
+    (policy,) = box_errors(game, from_gain(game, wrong), exact, box, 1e-6)
+    assert policy.value == pytest.approx(0.2 * inputs[1] / (SMALL * inputs[0]))
 
 
 @pytest.mark.parametrize("number", [0.0123, 1.0, 1.01, 99.5, 3.1e-7, math.inf])

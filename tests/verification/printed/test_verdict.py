@@ -207,7 +207,13 @@ def test_a_misprint_in_the_answer_is_named(verdict_of):
     (row,) = (row for row in table.rows if row[0] == "K14")
     numbers = [24.8464, exact, off["half_units_off"]]
     assert [float(text) for text in row[1:]] == pytest.approx(numbers, rel=1e-2)
-    assert {entry["half_unit"] for entry in verdict_of(small_case(16)).entries} == {5e-17}
+    verdict = verdict_of(small_case(16))
+    assert {entry["half_unit"] for entry in verdict.entries} == {5e-17}
+    comparison = verdict.classified.comparison
+    for block in "PK":
+        of_block = [position.block == block for position in comparison.positions]
+        floor = 1e-12 * np.abs(comparison.exact[of_block]).max()
+        assert comparison.allowed[of_block] == pytest.approx(floor)
 
 
 def test_a_learned_answer_is_close(verdict_of):
