@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 
-import control
 import numpy as np
 import pytest
 from game_samples import game_models, random_game, regenerated_models
@@ -78,23 +77,6 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
     assert (content["delta"], content["certificate"]["ok"]) == (game.delta, True)
     assert len({check["name"] for check in content["certificate"]["checks"]}) == 10
     assert solve(game.with_delta(math.inf)).to_dict()["delta"] is None
-
-
-def test_infinite_delta_gives_the_lqr(game: Game) -> None:
-    """The solution for delta = inf is python-control's LQR.
-
-    For large delta, the difference of P from the LQR solution is of order 1/delta².
-    """
-    K, P, _ = control.lqr(
-        game.A, game.B, game.Q, game.R, method="scipy"
-    )  # slycot, if installed, has an error of 4e-11
-    lqr = solve(game.with_delta(math.inf))
-    # SciPy's result is not refined: rounding times the condition number, 1e4.
-    assert relative_error(lqr.P, P) < 1e-11
-    assert relative_error(lqr.K, K) < 1e-11
-    assert not lqr.disturbance_gain.any()
-    distances = [relative_error(solve(game.with_delta(delta)).P, lqr.P) for delta in (1e4, 1e5)]
-    assert math.log10(distances[0] / distances[1]) == pytest.approx(2.0, abs=0.01)
 
 
 # Degenerate games

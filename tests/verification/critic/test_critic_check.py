@@ -81,16 +81,6 @@ def test_the_exact_weights_pass_in_every_basis(game: Game, name: str) -> None:
     assert data["disk_margin"] == pytest.approx(data["disk_margin_exact"], rel=1e-6)
 
 
-def test_a_state_without_cost_may_have_zero_value() -> None:
-    """The exact value passes for a state without cost, whose value is 0."""
-    A = np.diag([-1.0, -2.0])
-    B = np.array([[1.0], [0.0]])
-    Q = np.diag([1.0, 0.0])
-    game = Game(A=A, B=B, E=np.eye(2), Q=Q, R=np.eye(1), delta=100.0)
-    assert value(game)[1, 1] == pytest.approx(0.0, abs=1e-14)
-    assert verify(game, from_value(game, value(game))).ok
-
-
 def test_a_barely_controllable_plant_is_checked() -> None:
     """The exact value of a barely controllable plant passes, and an error of 1e-5 fails.
 

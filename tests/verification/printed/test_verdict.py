@@ -146,16 +146,6 @@ def small_case(decimals=5):
     return SMALL.format(P=printed(answer["P"], decimals), K=printed(answer["K"], decimals))
 
 
-def test_correct_digits_are_as_printed(verdict_of):
-    """An answer whose digits are all correct has the class `as printed`."""
-    verdict = verdict_of(DIESEL)
-    assert verdict.classified.name == "as printed"
-    assert verdict.ok
-    comparison = verdict.classified.comparison
-    index = [str(position) for position in comparison.positions].index("P12")
-    assert comparison.errors[index] == pytest.approx(0.99, abs=0.01)
-
-
 def test_a_digit_dropped_in_the_plant_is_named(verdict_of):
     """A missing digit in the plant is found, with the range of values that explain the answer."""
     verdict = verdict_of(MULTIPLAYER)
