@@ -385,18 +385,6 @@ def test_a_kink_at_the_equilibrium_is_named() -> None:
         BoxesSearch(RegionProblem(loop), Settings(2, Clock(0.2))).found()
 
 
-def test_a_set_beyond_a_limit_is_scaled() -> None:
-    """The search scales a set that extends beyond a limit, so that it is just within the limit."""
-    none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
-    loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {"x": (-1.0, 0.6)}, none)
-    search = BoxesSearch(RegionProblem(loop), Settings(2, Clock(60.0)))
-    for reach, expected in ((0.7, 0.6), (0.5, 0.5)):
-        shape = Shape.of_matrix(np.eye(1) / reach**2, search.J, 2)
-        part = search._part(shape, 1.0)
-        assert part.extents().ends[0, 1] == pytest.approx(expected, rel=2e-3)
-        assert part.extents().ends[0, 1] < 0.6
-
-
 def test_an_obstacle_in_a_slow_direction_is_found() -> None:
     """The search finds that V = |x|² increases at |a| > 0.5.
 
@@ -451,23 +439,6 @@ def test_a_set_grows_from_any_initial_v(weight: float) -> None:
     assert first.size() < 1.0
     while growth.shape.size() < 2.9:
         assert growth.grown() is not None
-
-
-@pytest.mark.parametrize("degree", [2, 4])
-def test_diagonal_coordinates_keep_v(degree: int) -> None:
-    """`diagonal` keeps V and makes it |y|² and V' a sum of squares, both to second order."""
-    generator = np.random.default_rng(0)
-    J = np.array([[-0.1, 3.0, 0.0], [0.0, -2.0, 1.0], [0.5, 0.0, -30.0]])
-    first = Shape.of_matrix(solve_continuous_lyapunov(J.T, -np.eye(3)), J, degree)
-    grown = first.stretched(np.array([0.5, 2.0, 3.0]))
-    coefficients = grown.V.coefficients * generator.uniform(0.9, 1.1, len(grown.V.coefficients))
-    grown = grown.with_coefficients(coefficients + 0.1 * (grown.V.degrees > 2))
-    found = grown.diagonal(J)
-    z = generator.normal(size=(100, 3)) @ found.N.T
-    assert found.values(z) == pytest.approx(grown.values(z), rel=1e-9)
-    assert found.square == pytest.approx(np.eye(3), abs=1e-9)
-    decay = found.linear_decay(J)
-    assert decay == pytest.approx(np.diag(np.diag(decay)), abs=1e-9 * decay.max())
 
 
 def test_an_indefinite_v_leaves_the_coordinates_unchanged() -> None:
