@@ -190,16 +190,16 @@ class InSteps:
 
         b: half-widths of the box of states, (n,)
         """
-        return self._loop_of(self.step.A, critic, b, 0.0 * self.price)
+        return self._loop_of(self.step.A, critic, b)
 
     def worst_loop(self, critic: Critic, b: np.ndarray, X: np.ndarray) -> Loop:
         """Return the closed loop under the worst disturbance w = L* x of the exact solution.
 
         The cost is Σ αᵏ v'(R + α B'P*B) v, with v = u - u* minus its value at the equilibrium.
         """
-        return self._loop_of(self._worst, critic, b, self.price)
+        return self._loop_of(self._worst, critic, b)
 
-    def _loop_of(self, A: np.ndarray, critic: Critic, b: np.ndarray, price: np.ndarray) -> Loop:
+    def _loop_of(self, A: np.ndarray, critic: Critic, b: np.ndarray) -> Loop:
         policy = critic.policy
         x = symbols_for([policy], len(b))
         B = self.step.B
@@ -208,7 +208,7 @@ class InSteps:
         decay = -math.log(min(slowest, 1.0 - 1e-12))
         steps = min(math.ceil(DECAY / decay), MOST_STEPS)
         by_exact = A - B @ self.exact.K
-        running = partial(cost_of, policy, self.exact.K, price)
+        running = partial(cost_of, policy, self.exact.K, self.price)
         return step_loop(x, after, self.exact, by_exact, steps, b, running)
 
     def plant_loop(self, plant: NonlinearPlant, critic: Critic | None, b: np.ndarray) -> None:
