@@ -1,7 +1,6 @@
 """Nonlinear flights: effects of a scenario, ends of a flight, and comparisons.
 
-Nonlinear flights agree with the linear prediction to second order, and with an adaptive integrator
-within 1e-6.
+Nonlinear flights agree with the linear prediction to second order.
 """
 
 from __future__ import annotations
@@ -11,27 +10,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from random_points import STATE_SCALES
-from scipy.integrate import solve_ivp
-from simulated_cases import SMALL, SimulatedCase, signal, simulate_case
+from simulated_cases import SimulatedCase, simulate_case
 
 from hfa import BadInputError, trim
 from hfa.paper import level_flight
-from hfa_aircraft.waveform import Harmonic
 from hfa_flight import (
-    ActuatorBank,
     GainPolicy,
     OneMinusCosine,
     Policy,
     Scenario,
-    Waveform,
     flight_envelope,
 )
-from hfa_flight.air.turbulence import Turbulence, TurbulentAir
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
-from hfa_flight.flight import Flight
 from hfa_flight.simulation import CompiledLoop
-from hfa_model import LINEAR_STATES, STATES, Input, State
-from hfa_model.vectors import CONTROL_LIMITS
+from hfa_model import LINEAR_STATES, STATES, State
 
 N = len(LINEAR_STATES)
 
@@ -176,104 +168,3 @@ def test_the_linear_predictions_error_is_of_second_order(
             assert max(found[name] for name in ("alpha", "pitch", "pitch_rate", "dihedral")) < 1.5
         else:
             assert all(1.9 < slope < 2.1 for slope in found.values()), found
-
-
-#: All effects at once: reference, disturbance, noise, errors, actuators, turbulence.
-EVERYTHING = Scenario(
-    duration=0.2,
-    initial=0.1 * SMALL,
-    reference=signal(dihedral=0.01),
-    disturbance=Waveform(np.zeros(N), np.zeros(N), (Harmonic(3.0, np.full(N, 1e-3), np.zeros(N)),)),
-    noise=signal(alpha=1e-4),
-    errors={"lift_slope": 0.98},
-    actuators=ActuatorBank(
-        Input(*[0.02] * 5),
-        *(Input(*ends) for ends in zip(*CONTROL_LIMITS, strict=True)),
-        Input(*[np.inf] * 5),
-    ),
-    gust=TurbulentAir(
-        Turbulence((1.0, 1750.0)),
-        lengths=(1750.0, 1750.0, 1750.0),
-        intensities=(1.0, 1.0, 1.0),
-        altitude=None,
-        feet=1.0,
-        speed=68.0,
-        interval=0.01,
-        ticks=50,
-        seed=3,
-        taken={"w": {"updraft": 1.0}},
-    ),
-)
-
-
-def adaptive_states(result: Flight) -> np.ndarray:
-    """Return the flight integrated by DOP853 with rtol 1e-10, at the ends of the ticks, (ticks + 1,
-    7).
-
-    The integration restarts where held inputs jump, because a jump inside a step reduces the order.
-    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Section II.10, as in
-    SciPy.
-    """
-    loop = CompiledLoop(result.loop)
-    scenario = result.loop.scenario
-    y = result.loop.start()
-
-    def every(tick: int) -> np.ndarray:
-        held = np.zeros(sum(result.loop.held_sizes))
-        result.loop.hold(tick, held)
-        return held
-
-    rows = [y[:7]]
-    begin = 0
-    ticks = scenario.ticks
-    while begin < ticks:
-        p = every(begin).copy()
-        end = begin + 1
-        while end < ticks and np.array_equal(every(end), p):
-            end += 1
-        times = scenario.tick * np.arange(begin, end + 1)
-        found = solve_ivp(
-            lambda t, state, p=p: np.array(loop.rate(t, state, p)).ravel(),
-            (times[0], times[-1]),
-            y,
-            method="DOP853",
-            t_eval=times[1:],
-            rtol=1e-10,
-            atol=1e-14,
-        )
-        assert found.success
-        rows += list(found.y[:7].T)
-        y = found.y[:, -1]
-        begin = end
-    return np.array(rows)
-
-
-def difference(fixed: np.ndarray, adaptive: np.ndarray) -> float:
-    """Return the largest relative difference of a state between two flights.
-
-    The difference is max |fixed - adaptive| / max |adaptive|, with each maximum over time.
-
-    fixed, adaptive: deviations from trim, integrated with a fixed and with an adaptive step
-    """
-    size = np.maximum(np.abs(adaptive).max(axis=0), 1e-3 * np.array(STATE_SCALES))
-    return float((np.abs(fixed - adaptive).max(axis=0) / size).max())
-
-
-SCENARIOS = {
-    "gust": Scenario(
-        duration=0.6, gust=OneMinusCosine(20.0, 4.0, 68.0, 0.2), errors={"panel_mass": 1.05}
-    ),
-    "everything": EVERYTHING,
-}
-
-
-@pytest.mark.parametrize("scenario", SCENARIOS.values(), ids=SCENARIOS)
-def test_the_fixed_step_agrees_with_an_adaptive_integrator(
-    at_15: SimulatedCase, scenario: Scenario
-) -> None:
-    """For each scenario, the fixed-step flight agrees with an adaptive integrator within 1e-6."""
-    result = simulate_case(at_15, scenario)
-    assert result.departure is None
-    adaptive = adaptive_states(result)
-    fixed = result.flight.states[:: scenario.steps_per_tick]
-    assert difference(fixed, adaptive) < 1e-6

@@ -39,7 +39,7 @@ from hfa_flight import (
     Scenario,
     flight_envelope,
 )
-from hfa_flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant, Plant
+from hfa_flight.closed_loop import ClosedLoop, LinearPlant, Plant
 from hfa_flight.flight import Flight, fly_within
 from hfa_flight.history import Deviations
 from hfa_flight.limit_cycle import Decay, LimitCycle, limit_cycle, oscillation
@@ -415,21 +415,6 @@ def test_slow_limit_cycles_are_recognized_by_default() -> None:
     assert short.flown == 20.0
     assert f"slower than {16 * math.pi / 20:.2g} rad/s" in short.report().text()
     assert fly(oscillator, point, np.array(STEADY), initial={"x": 0.1}).flown == 20.0
-
-
-def test_growing_modes_include_actuators() -> None:
-    """The growing modes are those of the loop with its actuators, from its eigenvalues by hand."""
-    oscillator = slow_oscillator()
-    point = trim(oscillator)
-    values = record(("force",))
-    lag = ActuatorBank(values(0.1), values(-9.0), values(9.0), values(math.inf))
-    scenario = Scenario(actuators=lag).on(oscillator)
-    plant = NonlinearPlant(oscillator, point)
-    loop = ClosedLoop(plant, GainPolicy("gain", np.array([[6.0, 0.0]])), scenario)
-    by_hand = np.linalg.eigvals([[0, 1, 0], [-SLOW_SPRING, -0.4, 1], [-60.0, 0, -10.0]])
-    growing = by_hand[by_hand.real > 0.0]
-    assert growing.size == 2
-    np.testing.assert_allclose(np.sort(loop.growing_modes()), np.sort(growing), rtol=1e-9)
 
 
 def test_an_unsaturated_gain_is_named() -> None:
