@@ -168,8 +168,7 @@ class _Swings(NamedTuple):
 
 def _swings(times: np.ndarray, values: np.ndarray) -> _Swings | None:
     """Return the oscillation of values about their least-squares line."""
-    off_line = values - values.mean()
-    off_line = off_line - np.polyval(np.polyfit(times, off_line, 1), times)
+    off_line = values - np.polyval(np.polyfit(times, values, 1), times)
     for _ in range(_ROUNDS):
         crossings = np.flatnonzero(np.diff(off_line < 0.0))
         if len(crossings) < CROSSINGS:

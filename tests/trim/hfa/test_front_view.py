@@ -36,6 +36,8 @@ def test_lift_is_normal_to_panels_and_balances_weight(
     # thousandths.
     np.testing.assert_allclose(lift, -weight, rtol=5e-3, atol=1e-9)
     axes = trim_figure(published_aircraft, point).axes[0]
+    lines = [line.get_xydata() for line in axes.lines if line.get_linewidth() == 4.0]
+    np.testing.assert_array_equal(lines, [panel.ends for panel in panels])
     drawn = [
         np.subtract(text.xy, text.xyann) for text in axes.texts if text.arrow_patch is not None
     ]

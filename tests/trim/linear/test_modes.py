@@ -9,9 +9,9 @@ import pytest
 from own_models import F16, NAVION, trimmed
 
 import hfa
-from hfa import Model, OperatingPoint, TrimCondition, linearize, trim
+from hfa import Model, OperatingPoint, Signal, TrimCondition, linearize, trim
 from trim import modes_of
-from trim.linear.handling_qualities import handling_qualities
+from trim.linear.handling_qualities import handling_qualities, with_qualities
 from trim.linear.modes import fastest_first, modes_table
 
 
@@ -154,6 +154,15 @@ def test_handling_qualities_follow_from_the_modes(model: Model) -> None:
     assert qualities["spiral time to half"] == pytest.approx(
         -math.log(2) / roots["spiral"].real, rel=1e-12
     )
+
+
+def test_a_report_without_handling_qualities_is_unchanged() -> None:
+    model = Model(
+        "lag", {"x": Signal()}, {"u": Signal()}, lambda x, u, p, w: ({"x": u.u - x.x}, {})
+    )
+    point = trim(model)
+    report = point.report()
+    assert with_qualities(report, point) is report
 
 
 def test_eigenvalues_are_sorted_by_size_real_and_imaginary_part() -> None:

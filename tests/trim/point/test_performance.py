@@ -8,6 +8,7 @@ import tomllib
 from dataclasses import replace
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from project import ROOT
@@ -236,17 +237,22 @@ def test_a_value_outside_its_range_of_validity_is_marked() -> None:
 
 
 def glider(
-    chord: float = 1.0, elevator: float = 1.0, highest_alpha: float = 0.3, largest: bool = True
+    chord: float = 1.0,
+    elevator: float = 1.0,
+    highest_alpha: float = 0.3,
+    largest: bool = True,
+    constant_from: float = math.inf,
 ) -> hfa.Model:
     """Return a glider with the outputs that loads and performance need.
 
     elevator: factor on its moment
     largest: whether the largest lift coefficient, 1.4, is declared
+    constant_from: alpha from which the lift is constant
     """
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         pressure = 0.6 * x.speed**2
-        lift = pressure * 10.0 * (0.2 + 5.0 * x.alpha)
+        lift = pressure * 10.0 * (0.2 + 5.0 * ca.fmin(x.alpha, constant_from))
         drag = pressure * 10.0 * 0.02
         moment = pressure * 10.0 * (0.05 - 0.6 * x.alpha + elevator * u.elevator)
         rates = {
@@ -303,6 +309,7 @@ def test_aircraft_of_users_have_figures_by_names_of_outputs() -> None:
         ({"chord": 0.0}, "static margin", "the reference chord is 0"),
         ({"elevator": 0.0}, "control per g", "no input pitches the aircraft"),
         ({"largest": False}, "stall margin", "lift without a maximum"),
+        ({"largest": False, "constant_from": 0.2}, "stall margin", "lift without a maximum"),
         ({"largest": False, "highest_alpha": math.inf}, "stall margin", "lift without a maximum"),
         ({}, "thrust available", "no upper limit of the thrust"),
     ],
