@@ -17,22 +17,6 @@ from hfa_support.errors import BadInputError
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-def test_the_held_variable_determines_the_short_period() -> None:
-    """At 10 deg and 60 ft/s, the variable that the trim holds determines the short period.
-
-    Alpha is held as in the paper, or alpha is free and the outer aileron is held at 0.
-    """
-    words = ("--dihedral", "10", "--hold", "speed=60")
-    held = answer("linearize", *words)
-    free = answer("linearize", *words, "--free", "alpha", "--hold", "aileron_outer=0")
-    short_periods = [
-        next(mode for mode in result["modes"] if mode["name"] == "short period")["eigenvalue"]
-        for result in (held, free)
-    ]
-    assert short_periods[0] == pytest.approx([-4.64, 9.13], abs=5e-3)
-    assert short_periods[1] == pytest.approx([-3.64, 9.48], abs=5e-3)
-
-
 @pytest.mark.parametrize("command", ["trim", "solve"])
 def test_every_command_uses_the_condition(command: str, tmp_path: Path) -> None:
     """Every command that trims uses the condition, and refuses a wrong condition.

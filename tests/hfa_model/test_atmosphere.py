@@ -1,4 +1,4 @@
-"""Density and speed of sound, compared with the standard's tables, a package, and hydrostatics."""
+"""Density, temperature and speed of sound, compared with the package `ambiance`."""
 
 from __future__ import annotations
 
@@ -16,12 +16,6 @@ from hfa_model.atmosphere import HIGHEST_ALTITUDE, density, speed_of_sound, temp
 
 METRE_PER_FOOT = 0.3048
 KG_PER_M3 = 14.593902937206364 / METRE_PER_FOOT**3  # kg/m^3 per slug/ft^3
-EARTH_RADIUS, GRAVITY, GAS_CONSTANT, LAPSE_RATE = (
-    6_356_766.0,
-    9.80665,
-    8314.32 / 28.9644,
-    0.0065,
-)  # SI
 
 
 @pytest.mark.parametrize(
@@ -51,22 +45,6 @@ def test_the_atmosphere_agrees_with_ambiance(
     )  # square root of the molar mass
     rigid = [float(air_at(height).density) for height in altitudes.tolist()]
     np.testing.assert_allclose(thick, rigid, rtol=2e-5)
-
-
-def test_the_density_derivative_is_hydrostatic() -> None:
-    """The derivative of the density is dρ/dH = -ρ (g/R - λ) / T, with dH/dh = (r / (r + h))²."""
-    h = ca.SX.sym("h")
-    slope = ca.Function("slope", [h], [ca.jacobian(density(h), h)])
-    for altitude in np.linspace(0.0, HIGHEST_ALTITUDE, 98).tolist():
-        height = altitude * METRE_PER_FOOT
-        geopotential = EARTH_RADIUS * height / (EARTH_RADIUS + height)
-        lapse = LAPSE_RATE if geopotential < 11_000.0 else 0.0
-        temperature = 288.15 - LAPSE_RATE * min(geopotential, 11_000.0)
-        by_height = -density(altitude) * (GRAVITY / GAS_CONSTANT - lapse) / temperature
-        stretch = (EARTH_RADIUS / (EARTH_RADIUS + height)) ** 2
-        assert float(slope(altitude)) == pytest.approx(
-            by_height * stretch * METRE_PER_FOOT, rel=1e-12
-        )
 
 
 @pytest.mark.parametrize("quantity", [density, temperature, speed_of_sound])

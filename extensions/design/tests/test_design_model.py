@@ -148,21 +148,6 @@ def test_the_paper_design_equals_the_papers_game(published_aircraft: Model, game
     assert published_game(game.A, game.B).delta == 200.0
 
 
-def test_integrated_outputs_of_a_servo_reach_zero(
-    published_aircraft: Model,
-) -> None:
-    """With a constant disturbance of the inputs, a servo's integrated outputs are 0 in steady
-    state.
-    """
-    built = design_at(published_aircraft, simvfa_design("simvfa-2"), 11.0)
-    K = solve(built.game()).K
-    closed = built.A - built.B @ K
-    assert np.linalg.eigvals(closed).real.max() < 0.0
-    rest = -np.linalg.solve(closed, built.B @ np.array([0.01, -0.02]))
-    integrals = [index for index, name in enumerate(built.states) if name.endswith("_integral")]
-    assert np.abs(built.A[integrals] @ rest).max() < 1e-12
-
-
 def _gust_by_differences(aircraft: Model, built: DesignModel) -> np.ndarray:
     """Return the rates of states and integrals per ft/s of updraft, by finite differences.
 

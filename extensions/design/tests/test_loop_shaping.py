@@ -248,23 +248,6 @@ def test_margins_put_a_pole_on_the_axis(published_aircraft: Model) -> None:
         assert np.isnan(w) or min(both) < 1e-9
 
 
-def test_the_phase_margin_equals_the_textbooks(published_aircraft: Model) -> None:
-    """The loop 1/(s (s + 1)) has a phase margin of 51.83 deg at 0.7862 rad/s.
-
-    Its gain margin is infinite.
-    """
-    from hfa_design.servo_loop import ServoLoop
-
-    one = np.ones((1, 1))
-    none = np.zeros((1, 1))
-    loop = ServoLoop(none, one, one, -one, one, -one, none)
-    found = servo_margins(loop, ("u",), ("y",))
-    for each in found.values():
-        assert (each.phase, each.crossover) == pytest.approx((51.827, 0.78615), rel=1e-4)
-        assert each.delay == pytest.approx(np.radians(51.827) / 0.78615, rel=1e-4)
-        assert each.gain == np.inf
-
-
 def test_states_with_model_actuators_equal_the_model(
     published_aircraft: Model,
 ) -> None:
