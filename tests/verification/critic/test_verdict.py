@@ -101,8 +101,13 @@ def test_the_entries_of_a_report_are_the_farthest(game: Game) -> None:
     exact = verify(game, from_value(game, value(game)))
     assert "12 of 51 entries; all differ by rounding only" in exact.report().text()
     noise = np.random.default_rng(4).uniform(-0.3, 0.3, (6, 6))
-    near = verify(game, from_gain(game, 1.002 * gain(game)))
-    verdict = replace(near, critic=from_value(game, value(game) * (1.0 + noise + noise.T)))
+    noise[0, 1] += 0.5 * np.abs(value(game)).max() / np.abs(value(game)[0, 1])
+    factors = np.array([1.002, 1.0, 1.0, 1.0, 1.0])[:, None]
+    near = verify(game, from_gain(game, factors * gain(game)))
+    wrong = from_value(game, value(game) * (1.0 + noise + noise.T))
+    off_gain = 1.001 * gain(game)
+    off_gain[2, 3] += 0.45 * np.abs(gain(game)).max()
+    verdict = replace(near, critic=replace(wrong, K=off_gain))
     P, K, states, inputs = verdict.critic.P, verdict.critic.K, *game.names[:2]
     assert P is not None
     off = {
@@ -146,9 +151,11 @@ def test_the_entries_of_a_report_are_the_farthest(game: Game) -> None:
     assert curves["largest error"] == pytest.approx([verdict.largest_error, near.largest_error])
     maps = [axes for axes in verdict_figure(near).axes if axes.images]
     K = near.critic.K
-    for axes, matrix in zip(maps, (K, gain(game), 0.002 * np.sign(gain(game))), strict=True):
+    for axes, matrix in zip(
+        maps, (K, gain(game), (factors - 1.0) * np.sign(gain(game))), strict=True
+    ):
         (image,) = axes.images
-        assert np.asarray(image.get_array()) == pytest.approx(matrix, rel=1e-9)
+        assert np.asarray(image.get_array()) == pytest.approx(matrix, rel=1e-9, abs=1e-15)
         assert image.norm.vmin == -image.norm.vmax
         is_difference = matrix is not K and matrix is not gain(game)
         assert is_difference or image.norm.vmax == np.abs(gain(game)).max()
