@@ -273,7 +273,7 @@ def test_aircraft_without_a_game_solution_are_counted():
     band = draws.bands["abscissa of the loop"]
     assert band.value == pytest.approx(np.linalg.eigvals(tight.A - tight.B @ K).real.max())
     loose = tight.with_delta(np.inf)
-    better = replace(drawn, models=[model, slow, model]).gain(loose, 0.9 * K)
+    better = replace(drawn, models=[model, slow]).gain(loose, 0.9 * K)
     plants = [hfa.linearize(each, hfa.trim(each)) for each in (model, slow)]
     games = [replace(loose, A=plant.A, B=plant.B) for plant in plants]
     worst = [cost_above_optimum(each, hfa.solve(each), 0.9 * K)[0] for each in games]
