@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -10,7 +11,8 @@ import numpy as np
 import pytest
 from member_plans import EVERYTHING, PARAMETERS, with_scenario
 
-from hfa import BadInputError
+from hfa import BadInputError, fly, trim
+from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Harmonic
 from hfa_flight import (
     ActuatorBank,
@@ -211,3 +213,14 @@ def test_one_minus_cosine_gust_equals_its_formula() -> None:
     np.testing.assert_allclose(values, np.where(passing, wave, 0.0), atol=1e-12)
     assert np.all(values[~passing] == 0.0)
     assert gust.until == pytest.approx(7.0)
+
+
+def test_a_gust_is_added_to_a_disturbance_of_the_same_wind(published_aircraft: Model) -> None:
+    gust = OneMinusCosine(length=20.0, peak=3.0, speed=68.0, begin=0.05)
+    rising = Waveform(np.array([0.5]), np.array([0.25]))
+    scenario = Scenario(duration=0.3, gust=gust, air={"updraft": rising})
+    flown = fly(
+        published_aircraft, trim(published_aircraft, dihedral=math.radians(10.0)), scenario=scenario
+    ).flight
+    both = [float(gust.updraft(t)) + 0.5 + 0.25 * t for t in flown.times]
+    np.testing.assert_allclose(flown.winds["updraft"], both, rtol=1e-9)

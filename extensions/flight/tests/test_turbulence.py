@@ -199,8 +199,8 @@ def test_intensities_at_altitude_are_those_of_figure_7() -> None:
                     scales_and_intensities(level, 1e3 * altitude, "dryden")
 
 
-def test_rates_in_constant_wind_equal_still_air() -> None:
-    """In a constant wind (u, v, w), the rates equal those in still air at the same airspeed vector.
+def test_rates_in_moving_air_equal_still_air() -> None:
+    """In moving and turning air, the rates equal those in still air at the same relative motion.
 
     The acceleration differs only by the rotation of the axes.
     """
@@ -208,19 +208,21 @@ def test_rates_in_constant_wind_equal_still_air() -> None:
     gusty = in_gusts(model)
     x = np.array([33.0, 0.05, 0.03, 0.1, -0.2, 0.15, 0.3, 0.1, 0.0, 100.0])
     wind = np.array([2.0, -1.5, 0.7])
+    turning = np.array([0.03, -0.02, 0.04])
     u = np.array([20.0, -0.05, 0.02, 0.01])
     ground = _velocity(x)
     through = ground - _rotation(x).T @ wind
     seen = x.copy()
     seen[0] = np.linalg.norm(through)
     seen[1:3] = np.arctan2(through[2], through[0]), np.arcsin(through[1] / seen[0])
-    rates = _rates(gusty, x, u, [wind[0], wind[1], -wind[2], 0.0, 0.0, 0.0])
+    seen[3:6] += turning
+    rates = _rates(gusty, x, u, [wind[0], wind[1], -wind[2], *turning])
     still = _rates(model, seen, u, [])
     step = 1e-6
     change = (_velocity(x + step * rates) - _velocity(x - step * rates)) / (2 * step)
     expected = (_velocity(seen + step * still) - _velocity(seen - step * still)) / (2 * step)
     omega = x[3:6]
-    expected += np.cross(omega, through) - np.cross(omega, ground)
+    expected += np.cross(omega + turning, through) - np.cross(omega, ground)
     np.testing.assert_allclose(change, expected, rtol=1e-7, atol=1e-7)
     np.testing.assert_allclose(rates[3:6], still[3:6], rtol=SAME_FORMULA)
     np.testing.assert_allclose(rates[6:], _rates(model, x, u, [])[6:], rtol=SAME_FORMULA)

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from policy_cases import FOLDER, GTM, aircraft, gtm_deployment, stored_deployment, trims
 
+import hfa
 from hfa.main import main
+from hfa_aircraft.loading import load_model
 from hfa_aircraft.waveform import Waveform
 from hfa_flight.flight import fly
 from hfa_flight.policies.deployment.deployed import Deployed
@@ -42,6 +44,21 @@ def deployed_policy(dt, delay):
     timed = stored_deployment(name).changed(timing={"dt": dt, "delay": delay})
     deployed = Deployed(timed, aircraft(name))
     return DeployedPolicy("timed", deployed, trims(name)[0], held=np.zeros((1, 2)))
+
+
+def test_a_command_that_arrives_at_a_sample_is_not_yet_observed():
+    """U_k = 0.3 U_(k-2) + 0.1 of a policy that observes its torque, with a delay of one sample."""
+    model = load_model("examples/pendulum.py:PENDULUM")
+    o = ca.SX.sym("o", 1)
+    deployment = Deployment(
+        policy={"file": ca.Function("own", [o], [0.3 * o + 0.1])},
+        observation={"torque": {}},
+        action={"torque": {"box": [-1.0, 1.0]}},
+        timing={"dt": 0.02, "delay": 0.02},
+    )
+    flight = fly(model, hfa.trim(model), deployment, 0.1, predict=False)
+    np.testing.assert_allclose(flight.time[:5], 0.02 * np.arange(5))
+    np.testing.assert_allclose(flight.inputs[:5, 0], [0.0, 0.1, 0.1, 0.13, 0.13], rtol=1e-9)
 
 
 def test_samples_are_commanded_at_the_reference_after_the_delay():

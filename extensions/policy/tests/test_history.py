@@ -110,9 +110,11 @@ def test_exported_c_uses_earlier_observations(tmp_path):
     observations.
     """
     point = trims("ppo_gtm")[1]
-    policy = flown_deployment(stacked(), point)
-    for name, text in exported_texts(policy, "a test").items():
+    policy = flown_deployment(stacked(delay=0.03), point)
+    texts = exported_texts(policy, "a test")
+    for name, text in texts.items():
         (tmp_path / name).write_text(text)
+    assert "POLICY_DT 0.02\n#define POLICY_DELAY 0.03\n" in texts["deployed_policy.h"]
     words = [c_compiler(), "-std=c99", "-Wall", "-Werror", "-fPIC", "-shared", "deployed_policy.c"]
     subprocess.run([*words, "-o", "policy.so", "-lm"], check=True, cwd=tmp_path)
     call = ctypes.CDLL(str(tmp_path / "policy.so")).deployed_policy
