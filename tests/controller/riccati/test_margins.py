@@ -215,13 +215,16 @@ def test_the_disk_margin_of_a_common_factor_agrees_with_a_grid() -> None:
 
 
 def test_a_delay_turns_a_leading_loop_by_more_than_half_a_turn() -> None:
-    """The loop 2.02 s / (s + 1)² leads at its first crossover: a delay turns it by π + phase there.
+    """The loop g s² / (s + 1)³ leads at both crossovers: a delay turns it by π + phase there.
 
-    Crossovers are the roots of ω² - 2.02 ω + 1, the phase is π/2 - 2 atan ω.
+    Crossovers are the roots of g² ω⁴ = (1 + ω²)³, the phase is π - 3 atan ω.
     """
-    gain = 2.02
-    linear = hfa.LinearModel.of([[0.0, 1.0], [-1.0, -2.0]], [[0.0], [1.0]])
-    crossovers = np.roots([1.0, -gain, 1.0])
-    turns = np.pi + np.pi / 2.0 - 2.0 * np.arctan(crossovers)
-    found = hfa.margins(linear, [[0.0, gain]])["u1"]
-    assert found.delay == pytest.approx((turns / crossovers).min(), rel=1e-6)
+    gain = 2.62
+    A = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, -3.0, -3.0]]
+    linear = hfa.LinearModel.of(A, [[0.0], [0.0], [1.0]])
+    squares = np.roots([1.0, 3.0 - gain**2, 3.0, 1.0])
+    crossovers = np.sqrt(squares[squares > 0.0])
+    phases = np.pi - 3.0 * np.arctan(crossovers)
+    assert phases.min() > 0.0
+    found = hfa.margins(linear, [[0.0, 0.0, gain]])["u1"]
+    assert found.delay == pytest.approx(((np.pi + phases) / crossovers).min(), rel=1e-6)
