@@ -61,6 +61,7 @@ def test_the_exact_critic_passes_on_the_nonlinear_game(order: int, basis: str) -
     assert first == "PASS on the nonlinear game near the trim, FAIL on the linear game"
     assert verdict.nonlinear is not None
     assert str(verdict.nonlinear.part()[0]).endswith("within 5 %")
+    assert verdict.nonlinear.radius.degree == order
     assert not hfa.verify(game, critic, scope=QUICK).ok
 
 
