@@ -427,8 +427,10 @@ def test_only_a_plausible_discount_is_named(game: Game) -> None:
     P = Q / 5e4 would need a very large discount rate, and no discount is named.
     """
     assert named(game, from_value(game, game.Q / 5e4)) == ""
-    slow = discounted(game, 0.3)
-    assert "a discount of 0.3 1/s" in named(game, from_value(game, value(slow)))
+    P = value(discounted(game, 0.3))
+    # z'Pz of a discounted cost satisfies A'P + P A + Q - P S P = 0.3 P; the largest entry is 2,500.
+    assert game.residual(P) == pytest.approx(0.3 * P, abs=1e-8)
+    assert "a discount of 0.3 1/s" in named(game, from_value(game, P))
 
 
 @pytest.mark.slow
