@@ -156,9 +156,16 @@ def test_handling_qualities_follow_from_the_modes(model: Model) -> None:
     )
 
 
-def test_a_report_without_handling_qualities_is_unchanged() -> None:
+@pytest.mark.parametrize("stiffness", [1.0, 0.1])
+@pytest.mark.parametrize("mode", ["roll", "spiral"])
+def test_a_report_without_handling_qualities_is_unchanged(mode: str, stiffness: float) -> None:
+    """A roll or spiral mode that oscillates, or consists of two modes, has no time constant."""
     model = Model(
-        "lag", {"x": Signal()}, {"u": Signal()}, lambda x, u, p, w: ({"x": u.u - x.x}, {})
+        "oscillator",
+        {"x": Signal(), "v": Signal()},
+        {"u": Signal()},
+        lambda x, u, p, w: ({"x": x.v, "v": u.u - stiffness * x.x - x.v}, {}),
+        modes={mode: ("x", "v")},
     )
     point = trim(model)
     report = point.report()
