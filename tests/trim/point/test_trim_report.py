@@ -205,8 +205,10 @@ def test_imposed_rates_are_balanced_and_shown(published_aircraft: Model) -> None
     thrust = [each["thrust"] * math.cos(each["alpha"]) for each in (level, point)]
     assert thrust[1] - thrust[0] == pytest.approx(0.5 * mass, rel=0.02)
     assert report.data["equations"]["speed"]["imposed"] == 0.5
-    limited = trim(published_aircraft, release(BASE, limits={"throttle": (10.0, 60.0)}))
-    margin = limited.margins["throttle"]
+    first, then = {"throttle": (0.0, 90.0), "alpha": (-0.1, 0.2)}, {"throttle": (10.0, 60.0)}
+    limited = release(release(BASE, limits=first), limits=then, hold={"dihedral": 0.2})
+    assert (limited.limits, limited.imposed["dihedral"]) == (first | then, 0.2)
+    margin = trim(published_aircraft, limited).margins["throttle"]
     assert (margin.lowest, margin.highest, margin.assumed) == (10.0, 60.0, False)
     full = trim_report(published_aircraft, point.problem.asked, point, full=True).text(width=None)
     assert re.search(r"^rate of speed +0\.5 .* PASS$", full, re.M)
