@@ -27,6 +27,7 @@ from trim.hfa.printed import (
     EntryRow,
     eigenvalue_errors,
     has_bands,
+    with_bands,
 )
 
 closed_loop = Extension("hfa_flight.closed_loop")
@@ -63,6 +64,14 @@ def test_every_printed_entry_is_regenerated(
     for row in rows:
         difference = row.computed - row.printed
         assert row.printed == 0.0 or np.sign(row.percent) == np.sign(difference)
+    for name, of_A, of_B in (("A", 1.0, 1e-9), ("B", 1e-9, 1.0)):
+        bands = Bands(of_A * np.abs(computed.A), of_B * np.abs(computed.B))
+        other = replace(computed, A=computed.A - bands.A, B=computed.B - bands.B)
+        text = with_bands(computed.report(), computed, bands, other).text(width=None)
+        largest = max(
+            (row for row in rows if row.matrix == name), key=lambda row: abs(row.computed)
+        )
+        assert text.count(f"{abs(largest.computed):.2g} in {largest.name}") == 2
 
 
 @PRINTED
