@@ -17,18 +17,18 @@ from controller.critic.reading import Reading
 from hfa import BadInputError, Game
 from hfa_aircraft.names import UNNAMED
 
-#: Game with two states and one input: 3 weights, 4 entries of P, 2 of K.
+#: Game with two states and two inputs: 3 weights, 4 entries of P and of K.
 GAME = Game(
     [[0.0, 1.0], [-2.0, -3.0]],
-    [[0.0], [1.0]],
+    [[0.0, 1.0], [1.0, 3.0]],
     np.eye(2),
     [[2.0, 0.0], [0.0, 1.0]],
-    [[4.0]],
+    [[4.0, 1.0], [1.0, 2.0]],
     10.0,
 )
 TIMES = np.array([0.0, 0.1, 0.3])
 W = np.arange(9.0).reshape(3, 3)
-K = np.arange(6.0).reshape(3, 1, 2)
+K = np.arange(12.0).reshape(3, 2, 2)
 pytestmark = pytest.mark.usefixtures("folder")
 
 
@@ -112,7 +112,7 @@ def test_a_critic_with_one_quartic_weight_is_not_quadratic() -> None:
         ({"times": TIMES, "weights": W, "W": W[-1], "other": 1.0}, False),
         ({"t": TIMES, "W": W, "K": K}, True),
         ({"time": TIMES, "W": W, "gains": np.moveaxis(K, 0, -1)}, True),
-        ({"t": TIMES, "W": W, "K": K.reshape(3, 2)}, True),
+        ({"t": TIMES, "W": W, "K": K.reshape(3, 4)}, True),
     ],
 )
 def test_each_history_row_becomes_a_critic(
