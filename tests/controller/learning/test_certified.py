@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -152,6 +153,18 @@ def test_residual_follows_the_scalar_law_at_every_tick(name: str, start: float) 
     assert len(moving) > 20
     assert max(abs(value / exact - 1.0) for value, exact in moving) < 1e-7
     assert residual[int(0.9 * law.stage_time / 0.05)] < 1e-10 * residual[0]
+
+
+def test_long_runs_record_some_ticks_and_the_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At most MOST_ROWS rows are recorded, at a constant distance, and the last tick always."""
+    monkeypatch.setattr("controller.learning.ticks.MOST_ROWS", 5)
+    learner = SimpleNamespace(start=list, advance=lambda tick, memory: [*memory, tick])
+    learner.observe = lambda tick, memory: {"time": tick, "known": memory == list(range(tick))}
+    recorded = ((4, [0, 1, 2, 3, 4]), (7, [0, 2, 4, 6, 7]), (9, [0, 3, 6, 9]))
+    for learner.ticks, rows in recorded:
+        history = run(learner).history
+        assert history["time"].tolist() == rows
+        assert history["known"].all()
 
 
 def test_residuals_are_those_of_the_isaacs_equation() -> None:
