@@ -25,6 +25,7 @@ import hfa as package
 from hfa import Model, Signal
 from hfa.paper import default_parameters, published_game
 from hfa_prove import Family
+from hfa_prove.commands.region import _same_loop
 from hfa_prove.search.obstacles import Obstacles
 from hfa_prove.search.region import region_of_certificate
 from hfa_support.errors import NoSolutionError
@@ -251,6 +252,9 @@ def test_a_found_region_is_written_shown_and_resumed(
         refused = hfa("prove", *resumed, *options)
         assert (refused.code, reason in refused.err) == (2, True), refused.err
     assert checked == [Path("region.json")] * 3
+    loop = statement.loop
+    for other in ("parameters", "trim", "inputs"):
+        assert not _same_loop(loop, replace(loop, **{other: {"other": 0.5}})), other
 
 
 def test_options_of_a_bound_reach_the_search(run: Run) -> None:
