@@ -643,7 +643,7 @@ def test_the_command_writes_an_aircraft(folder, capsys):
     assert main(["trim", "--aircraft", "found.toml"]) == 0
 
 
-@pytest.mark.parametrize("is_python", [False, True])
+@pytest.mark.parametrize("is_python", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_the_written_file_names_its_aircraft(is_python, folder, capsys):
     """The file names the aircraft relative to itself and contains the values fixed by --given.
 

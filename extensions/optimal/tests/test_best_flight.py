@@ -261,6 +261,7 @@ def engine(spool_up: float) -> hfa.Model:
     )
 
 
+@pytest.mark.slow
 def test_the_cheapest_simulated_flight_is_an_upper_bound() -> None:
     """If no proposal is confirmed, the cheapest simulated flight is reported with the reason.
 

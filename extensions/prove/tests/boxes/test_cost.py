@@ -163,6 +163,7 @@ def damped_search(seconds: float) -> CostSearch:
     return search_of(plant, np.array([[1.0 + np.sqrt(2.0)]]), np.array([0.5]), 2, seconds)
 
 
+@pytest.mark.slow
 def test_smaller_shares_are_proved_up_to_higher_levels() -> None:
     """Shares a of the linear cost are proved up to the level (1 + 2 a P - a² P²) / 60.
 

@@ -416,7 +416,8 @@ def test_coinciding_modes_have_a_positive_decay() -> None:
     assert np.all(np.linalg.eigvalsh(ball.modal_decay(coinciding)) > 0.0)
 
 
-@pytest.mark.parametrize("weight", [1e3, pytest.param(1e-3, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("weight", [1e3, 1e-3])
 def test_a_set_grows_from_any_initial_v(weight: float) -> None:
     """From two different initial V, a set within limits grows from a size below 1 to more than 2.9.
 

@@ -23,7 +23,14 @@ MOMENTS: dict[str, Callable[[Any], Any]] = {
 }
 
 
-@pytest.mark.parametrize("name", MOMENTS)
+#: Kinds whose pieces the other two have, too.
+SLOW = ("linear table", "bell")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in MOMENTS],
+)
 def test_a_region_about_the_trim_is_proved(name: str) -> None:
     """Tables, kinks away from the trim and far bells do not prevent a proof by boxes."""
 

@@ -49,6 +49,7 @@ KINKED = Model(
 """
 
 
+@pytest.mark.slow
 def test_kinks_and_tables_are_proved_on_boxes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -50,11 +50,12 @@ def certificate(tmp_path_factory: pytest.TempPathFactory, model: Model) -> Path:
     return certified(path, pendulum_loop(model), 0.98)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("aircraft", "states"),
     [
         (VAN_DER_POL, ["position", "velocity"]),
-        pytest.param(PENDULUM, ["angle", "rate"], marks=pytest.mark.slow),
+        (PENDULUM, ["angle", "rate"]),
     ],
 )
 def test_the_level_is_bounded_by_found_obstacles(
