@@ -253,7 +253,7 @@ def test_a_found_region_is_written_shown_and_resumed(
         assert (refused.code, reason in refused.err) == (2, True), refused.err
     assert checked == [Path("region.json")] * 3
     loop = statement.loop
-    for other in ("parameters", "trim", "inputs"):
+    for other in ("parameters", "trim", "inputs", "held", "disturbances"):
         assert not _same_loop(loop, replace(loop, **{other: {"other": 0.5}})), other
 
 
