@@ -84,6 +84,22 @@ def test_the_delayed_loop_equals_python_control(case):
     assert chain_of(equilibrium, DT, samples * DT).radius == pytest.approx(radius, abs=1e-9)
 
 
+def test_half_a_sample_delay_equals_twice_the_rate(case):
+    """A loop with half a sample of delay has the spectral radius of a loop at half the sample time.
+
+    In the loop for comparison, the delay is one sample and the command changes every second sample.
+    """
+    _, equilibrium, K = case
+    Phi, Gamma = held(equilibrium.A, equilibrium.B, DT / 2)
+    early = Phi @ Phi
+    twice = np.zeros((6, 6))
+    twice[:4, :4] = early - Gamma @ K
+    twice[:4, 4:] = Phi @ Gamma
+    twice[4:, :4] = -K
+    radius = np.abs(np.linalg.eigvals(twice)).max()
+    assert chain_of(equilibrium, DT, DT / 2).radius == pytest.approx(radius, abs=1e-12)
+
+
 def test_margins_equal_python_control(case):
     """Gain, phase and disk margins agree with python-control."""
     _, equilibrium, K = case
