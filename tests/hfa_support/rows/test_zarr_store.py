@@ -183,7 +183,7 @@ def running(folder: Path, *words: str) -> Iterator[subprocess.Popen[bytes]]:
 
 def begun(path: Path) -> bool:
     """Return whether a chunk of a store is finished."""
-    return bool(list(path.glob("pole/c/*")))
+    return bool(list(path.glob("checksum/c/0/*")))
 
 
 def test_a_killed_run_keeps_finished_chunks(finished_store: Path, tmp_path: Path) -> None:
