@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import importlib.util
 import json
 import os
 import shutil
@@ -130,14 +131,20 @@ class Copy:
         """Return the test that fails with the line of a mutant and passes without it."""
         path = self.folder / mutant.file
         text = path.read_text(encoding="utf-8")
-        path.write_text(mutant.planted(text), encoding="utf-8")
+        _replace(path, mutant.planted(text))
         try:
             test = next(filter(None, map(self.failure, stages)), None)
         finally:
-            path.write_text(text, encoding="utf-8")
+            _replace(path, text)
         if test not in (None, NO_END) and self.failure([test]):
             raise RuntimeError(f"{test} fails without a planted line")
         return test
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write a source file and remove its bytecode, which Python would keep for equal time and size."""
+    path.write_text(text, encoding="utf-8")
+    Path(importlib.util.cache_from_source(str(path))).unlink(missing_ok=True)
 
 
 def stages_of(
