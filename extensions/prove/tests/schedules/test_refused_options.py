@@ -22,19 +22,19 @@ CERTIFICATES = ROOT / "tests" / "nets" / "certificates"
 GAINS = ("--weights", "K.npz")
 DEPLOYED = ("--policy", "D.toml")
 
+#: Words after `hfa prove` of each command that proves.
+COMMANDS = (
+    ("schedule", "--dihedral", "14:14.1"),
+    ("solution", "--dihedral", "14"),
+    ("critic", "--dihedral", "14", "K.npz"),
+    ("region", *PENDULUM),
+    ("cost", *PENDULUM),
+    ("value", *PENDULUM),
+)
+
 #: Words after `hfa prove`, and what the refusal names.
 REFUSED: list[tuple[tuple[str, ...], str]] = [
-    *(
-        ((*words, "-o", "proof.npz"), "must be a .json file")
-        for words in (
-            ("schedule", "--dihedral", "14:14.1"),
-            ("solution", "--dihedral", "14"),
-            ("critic", "--dihedral", "14", "K.npz"),
-            ("region", *PENDULUM),
-            ("cost", *PENDULUM),
-            ("value", *PENDULUM),
-        )
-    ),
+    *(((*words, "-o", "proof.npz"), "must be a .json file") for words in COMMANDS),
     (("schedule", "--dihedral", "14:14.1", "--resume"), "--resume requires"),
     (("region", *PENDULUM, "--resume"), "--resume requires"),
     (("schedule", "--dihedral", "15:14"), "LOW < HIGH"),
@@ -88,16 +88,7 @@ def test_each_command_requires_ball_arithmetic(
         raise BadInputError("python-flint is missing")
 
     monkeypatch.setattr("verification.enclosure.precision.flint_or_refusal", refuse)
-    checked = ("--check", str(CERTIFICATES / "solution.json"))
-    for words in (
-        ("schedule", "--dihedral", "14:15"),
-        ("solution", "--dihedral", "14"),
-        ("critic", "--dihedral", "14", "K.npz"),
-        ("region", *PENDULUM),
-        ("cost", *PENDULUM),
-        ("value", *PENDULUM),
-        checked,
-    ):
+    for words in (*COMMANDS, ("--check", str(CERTIFICATES / "solution.json"))):
         assert_refused(hfa("prove", *words), 2, "python-flint is missing")
 
 
