@@ -138,11 +138,10 @@ def nearest(name: str, known: Iterable[str]) -> list[str]:
         longer = longer or [each for key, each in by_key.items() if wanted in key]
         if longer:
             return longer[:_MOST_MEANT]
-    of_letters = difflib.SequenceMatcher(b=wanted.lstrip("_"))  # dashes make no options alike
-    likeness = {}
-    for key in by_key:
-        of_letters.set_seq1(key.lstrip("_"))
-        likeness[key] = of_letters.ratio()
+    letters = wanted.lstrip("_")  # dashes make no options alike
+    likeness = {
+        key: difflib.SequenceMatcher(a=key.lstrip("_"), b=letters).ratio() for key in by_key
+    }
     best = max(likeness.values(), default=0.0)
     if best < _LEAST_LIKENESS:
         return []
