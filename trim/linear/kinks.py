@@ -65,11 +65,11 @@ def with_means_at_kinks(
     if not near.size:
         return Smoothed(A, B, {})
     jacobian = np.concatenate([A, B], axis=2)
-    z = np.concatenate([x, u], axis=1)
     notes: dict[int, tuple[str, ...]] = {}
     for first in range(0, len(near), _AT_ONCE):
         points = near[first : first + _AT_ONCE]
-        means, words = _means(model, z[points], p[points], jacobian[points], columns)
+        z = np.concatenate([x[points], u[points]], axis=1)
+        means, words = _means(model, z, p[points], jacobian[points], columns)
         jacobian[points] = means
         notes |= {point: said for point, said in zip(points.tolist(), words, strict=True) if said}
     n = len(model.states)
