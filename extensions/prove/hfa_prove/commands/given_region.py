@@ -120,7 +120,6 @@ def _given_trim(request: CheckRequest | RegionRequest) -> dict[str, Given]:
 
 def _given_policy(request: CheckRequest | RegionRequest) -> dict[str, Given]:
     """Return the entries `policy.K` and `policy.terms`, of the user's policy."""
-
     gain = given_policy(request).gain
     assert gain is not None  # the caller found no function
     option = "the game" if request.weights is None else f"--weights {request.weights}"
