@@ -74,12 +74,19 @@ class Mutant:
 
 
 def read_lists(names: list[str]) -> list[Mutant]:
-    """Return the mutants of the named lists, of all lists if none is named."""
-    paths = [LISTS / f"{name}.toml" for name in names] or sorted(LISTS.glob("*.toml"))
+    """Return the mutants of the named lists, of all lists if none is named.
+
+    Ends the process with exit code 2 if there is no list of a name.
+    """
+    paths = {path.stem: path for path in sorted(LISTS.glob("*.toml"))}
+    for name in names:
+        if name not in paths:
+            print(f"mutants: no list {name!r}; choose from {', '.join(paths)}", file=sys.stderr)
+            sys.exit(2)
     return [
-        Mutant(path.stem, **entry)
-        for path in paths
-        for entry in tomllib.loads(path.read_text(encoding="utf-8"))["mutant"]
+        Mutant(name, **entry)
+        for name in names or paths
+        for entry in tomllib.loads(paths[name].read_text(encoding="utf-8"))["mutant"]
     ]
 
 
