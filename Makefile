@@ -47,7 +47,7 @@ pictures: .venv/ready
 
 # The documentation as a site of HTML pages; opens without a network. Its environment is .venv-docs: .venv stays as it is.
 docs: .venv-docs/ready
-	@echo "Writing the pages of commands, formats and public names, then the site: a minute or two"
+	@echo "Writing the pages of commands and public names, then the site: a minute or two"
 	.venv-docs/bin/python -m sphinx -W -n -q docs site
 	@echo "wrote site/index.html"
 

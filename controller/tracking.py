@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from hfa_aircraft.waveform import Waveform, channel, constant, stacked
 from hfa_support.arguments import need
 from hfa_support.errors import refuse_unknown, refuse_unless_positive
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import UNSTORED, Matrix, Result, Vector, stored
+from hfa_support.reporting.results import Matrix, Result, Vector
 from hfa_support.reporting.text import Table, shown_unit, shown_value
 from trim.linear.linear_model import LinearModel
 from trim.point.commanded import CommandedTrim, commanded_trim
@@ -38,7 +39,7 @@ class Tracking(Result, Reported):
     trims: trims at each commanded value, at the constant ones together, and at all together
     """
 
-    exact: Feedforward = field(metadata=UNSTORED)
+    exact: Feedforward
     K: Matrix
     duration: float
     trims: tuple[CommandedTrim, ...] = ()
@@ -54,32 +55,27 @@ class Tracking(Result, Reported):
         return self.exact.inputs
 
     @property
-    @stored()
     def cost_per_second(self) -> float:
         """Cost of u = -K z + u_d(t), per second."""
         return self._cost(self.late_error(self.inputs), self.inputs)
 
     @property
-    @stored()
     def cost_per_second_without_feedforward(self) -> float:
         """Cost of u = -K z, per second."""
         nothing = constant(np.zeros(len(self.K)))
         return self._cost(self.late_error(nothing), nothing)
 
     @property
-    @stored()
     def rms_errors(self) -> Vector:
         """Root mean square of each late error, (n,)."""
         return self._rms(self.late_error(self.inputs))
 
     @property
-    @stored()
     def rms_errors_without_feedforward(self) -> Vector:
         """Root mean square of each late error with u = -K z, (n,)."""
         return self._rms(self.late_error(constant(np.zeros(len(self.K)))))
 
     @property
-    @stored()
     def reachable(self) -> bool | None:
         """Whether the aircraft has a trim at the constant commands; None if this is unknown."""
         return None if self._decisive is None else self._decisive.is_reachable
@@ -120,6 +116,19 @@ class Tracking(Result, Reported):
                 return found
         return self.trims[-1]
 
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "K": self.K,
+            "duration": self.duration,
+            "trims": self.trims,
+            "cost_per_second": self.cost_per_second,
+            "cost_per_second_without_feedforward": self.cost_per_second_without_feedforward,
+            "rms_errors": self.rms_errors,
+            "rms_errors_without_feedforward": self.rms_errors_without_feedforward,
+            "reachable": self.reachable,
+        }
+
     def report(self) -> Report:
         """Return a report of the errors, the costs and the trims at the commands."""
         names = self.game.names
@@ -140,7 +149,7 @@ class Tracking(Result, Reported):
                 Table(("rms of", "unit", "command", "error", "without feedforward"), rows),
                 *self.trim_parts(),
             ),
-            result=self,
+            data=self.as_data(),
         )
 
     def _reachable_text(self) -> str:

@@ -1,13 +1,12 @@
 """Sphinx configuration.
 
-The pages of commands, formats, notebooks and public names are generated at every build.
+The pages of commands, notebooks and public names are generated at every build.
 """
 
 from __future__ import annotations
 
 import importlib
 import re
-import runpy
 import shutil
 import sys
 from pathlib import Path
@@ -73,10 +72,7 @@ def generate() -> None:
     """
     shutil.rmtree(GENERATED, ignore_errors=True)
     GENERATED.mkdir()
-    pages = {
-        "commands": commands_page(),
-        "formats": runpy.run_path(str(DOCS / "formats_page.py"))["formats_page"](),
-    }
+    pages = {"commands": commands_page()}
     pages |= {package: names_page(package) for package in PACKAGES}
     pages |= {
         path.stem: notebook_page(path)

@@ -21,19 +21,6 @@ if TYPE_CHECKING:
     from hfa.options.request import Command
 
 
-class Written(NamedTuple):
-    """Entries of a result that a command writes, as locations of classes, "package.module:Class".
-
-    result: class of the result, which names the format
-    more: classes of further entries
-    optional: classes of entries that some options or aircraft add
-    """
-
-    result: str
-    more: tuple[str, ...] = ()
-    optional: tuple[str, ...] = ()
-
-
 class CommandEntry(NamedTuple):
     """Entry point of a command, listed in `hfa --help` without loading the command's module.
 
@@ -42,7 +29,6 @@ class CommandEntry(NamedTuple):
     command: location of its `Command`, "package.module:name"
     example: last line of the command's help
     install: optional packages that the command requires, as pip names them
-    results: entries of each written result
     """
 
     group: str
@@ -50,7 +36,6 @@ class CommandEntry(NamedTuple):
     command: str
     example: str = ""
     install: tuple[str, ...] = ()
-    results: tuple[Written, ...] = ()
 
     def load(self) -> Command:
         """Return the command, imported from its module, with the example and install text of the
@@ -70,9 +55,6 @@ class CommandEntry(NamedTuple):
         return found._replace(install=self.install, example=self.example)
 
 
-#: Entries that `--draws N` adds to a result, and those of a game's name.
-_DRAWS = "verification.drawn:WithDraws"
-_NAMED_GAME = "hfa.options.game:NamedGame"
 #: The commands of this distribution in the order of the help, each with the module that is loaded
 #: on use.
 COMMANDS = {
@@ -81,138 +63,65 @@ COMMANDS = {
         "trim an aircraft; report variables, limits, loads, performance",
         "hfa.commands.trim:trim",
         example="hfa trim --dihedral 10",
-        results=(
-            Written(
-                "trim.point.trim_report:TrimResult",
-                optional=("hfa_model.trim_loads:TrimLoads", _DRAWS),
-            ),
-        ),
     ),
     "linearize": CommandEntry(
         "model",
         "compute the exact A and B at a trim, modes and handling qualities",
         "hfa.commands.linearize:linearize",
         example="hfa linearize --dihedral 10 -o model.mat",
-        results=(
-            Written(
-                "trim.linear.linear_model:LinearModel",
-                more=("trim.hfa.printed:OfTheHfa",),
-                optional=(
-                    "trim.linear.handling_qualities:Qualities",
-                    "trim.linear.frequency:Responses",
-                    _DRAWS,
-                ),
-            ),
-        ),
     ),
     "sweep": CommandEntry(
         "model",
         "trim and linearize over a grid, and track the modes",
         "hfa.commands.sweep:sweep",
         example="hfa sweep --dihedral 0:20:5 -o sweep.csv",
-        results=(
-            Written("trim.sweeps.sweep:Sweep"),
-            Written("trim.sweeps.store:StoredSweep"),
-            Written("trim.sweeps.store:SweepAttributes", more=("hfa_support.rows.store:OfAStore",)),
-        ),
     ),
     "regenerate": CommandEntry(
         "model",
         "compare both printed pairs (A, B) entry by entry",
         "hfa.commands.regenerate:regenerate",
         example="hfa regenerate --all",
-        results=(Written("verification.regeneration:Regeneration"),),
     ),
     "solve": CommandEntry(
         "critic",
         "solve the zero-sum game exactly, with a certificate",
         "hfa.commands.game:solve",
         example="hfa solve --dihedral 15 --delta 300",
-        results=(
-            Written(
-                "controller.riccati.gare:Solution",
-                more=(_NAMED_GAME,),
-                optional=(
-                    "controller.expansion.expansion:Expansion",
-                    "hfa.options.reference:Tracked",
-                    _DRAWS,
-                ),
-            ),
-            Written("controller.discrete.solution:DiscreteSolution", more=(_NAMED_GAME,)),
-        ),
     ),
     "learn": CommandEntry(
         "critic",
         "learn the value and gain of the game",
         "hfa.commands.game:learn",
         example="hfa learn --dihedral 15 -o learned.npz",
-        results=(
-            Written(
-                "controller.critic.training_run:TrainingRun",
-                more=(_NAMED_GAME, "hfa.commands.game:LearnedChecks"),
-                optional=("hfa_flight.commands.learning:LearnedInFlight",),
-            ),
-        ),
     ),
     "verify": CommandEntry(
         "critic",
         "compare a learned critic with the exact game solution",
         "hfa.commands.verify:verify",
         example="hfa verify --dihedral 15 --weights learned.npz",
-        results=(
-            Written(
-                "verification.verdict:Verdict",
-                more=("verification.verdict:Details", "hfa.options.game:Weights", _NAMED_GAME),
-                optional=(
-                    "hfa.options.reference:Tracked",
-                    _DRAWS,
-                    "hfa_optimal.initial_conditions:WithFlights",
-                ),
-            ),
-            Written(
-                "verification.verdict:Verdicts", more=("hfa.options.game:Weights", _NAMED_GAME)
-            ),
-        ),
     ),
     "assess": CommandEntry(
         "critic",
         "assess a policy as deployed: sampled, normalized, delayed",
         "hfa_policy.commands.assess:assess",
         example="hfa assess examples/gtm_policy/late.toml --aircraft examples/gtm.py:GTM",
-        results=(
-            Written(
-                "hfa_policy.assessment:Assessment",
-                optional=(_DRAWS, "hfa_flight.commands.tracking:FlownTracking"),
-            ),
-            Written("hfa_policy.comparison:Comparison"),
-        ),
     ),
     "daveml": CommandEntry(
         "model",
         "compute the check cases of a DAVE-ML file",
         "hfa.commands.daveml:daveml",
         example="hfa daveml examples/uav.dml",
-        results=(Written("hfa_aircraft.readers.daveml.check_cases:CheckedDocument"),),
     ),
     "design": CommandEntry(
         "flight",
         "design a certified controller for every point of a schedule",
         "hfa_design.commands.design:design",
         example="hfa design --design paper --dihedral 5,10,15 -o gains.npz",
-        results=(
-            Written("controller.schedule.scheduled_controller:ControllerData"),
-            Written("controller.schedule.scheduled_controller:ControllerFile"),
-            Written(
-                "controller.plant.plant_report:OutputSolution",
-                more=("controller.plant.plant_report:StateSolution",),
-            ),
-        ),
     ),
     "export": CommandEntry(
         "exchange",
         "write the aircraft for other tools: C source, FMU, MATLAB",
         "hfa_flight.commands.export:export",
-        results=(Written("hfa_flight.results:Exported"),),
         example="hfa export --dihedral 15 -o folder",
     ),
     "fly": CommandEntry(
@@ -220,45 +129,24 @@ COMMANDS = {
         "simulate a policy on the nonlinear aircraft",
         "hfa_flight.commands.fly:fly",
         example="hfa fly --dihedral 15 --gust 400:5",
-        results=(
-            Written("hfa_flight.step_flight:StepFlight"),
-            Written(
-                "hfa_flight.flight:Flight",
-                optional=(
-                    "hfa_flight.flight:FlightHistory",
-                    "hfa_flight.commands.tracking:FlownTracking",
-                ),
-            ),
-            Written("hfa_flight.results:MemberSummary", optional=(_DRAWS,)),
-            Written(
-                "hfa_flight.results:MemberAttributes", more=("hfa_support.rows.store:OfAStore",)
-            ),
-        ),
     ),
     "identify": CommandEntry(
         "model",
         "identify parameters from flight records, with 95 % bands",
         "hfa_identify.commands.identify:identify",
         example="hfa identify examples/uav_record.csv --aircraft examples/uav.toml --free Cm_q",
-        results=(Written("hfa_identify.identified:Identified"),),
     ),
     "optimize": CommandEntry(
         "flight",
         "search for the best flight, and compare policies with it",
         "hfa_optimal.commands.optimize:optimize",
         example="hfa optimize --dihedral 15 --start speed=5,alpha=2.865",
-        results=(
-            Written("hfa_optimal.best_flight:BestFlight"),
-            Written("hfa_optimal.quickest:QuickestFlight"),
-            Written("hfa_optimal.initial_conditions:StartsTable"),
-        ),
     ),
     "printed": CommandEntry(
         "critic",
         "compare every printed digit of P, K, L, W or H, name wrong entries",
         "hfa.commands.printed:printed",
         example="hfa printed studies/published/sources/radp_suspension.toml",
-        results=(Written("verification.printed.verdict:PrintedVerdict"),),
     ),
     "prove": CommandEntry(
         "proof",
@@ -266,10 +154,6 @@ COMMANDS = {
         "hfa_prove.commands.check:prove",
         example="hfa prove --check certificate.json",
         install=("python-flint",),
-        results=(
-            Written("hfa_prove.results:ProofCheck"),
-            Written("hfa_prove.results:CertificateData"),
-        ),
     ),
     "prove cost": CommandEntry(
         "proof",
@@ -277,10 +161,6 @@ COMMANDS = {
         "hfa_prove.commands.cost:cost",
         example="hfa prove cost --aircraft examples/pendulum.py:PENDULUM",
         install=("python-flint",),
-        results=(
-            Written("hfa_prove.results:FoundLowerBound"),
-            Written("hfa_prove.results:CheckedLowerBound"),
-        ),
     ),
     "prove critic": CommandEntry(
         "proof",
@@ -295,10 +175,6 @@ COMMANDS = {
         "hfa_prove.commands.region:region",
         example="hfa prove region --aircraft examples/pendulum.py:PENDULUM --degree 2",
         install=("python-flint",),
-        results=(
-            Written("hfa_prove.results:FoundRegion"),
-            Written("hfa_prove.results:CheckedRegion"),
-        ),
     ),
     "prove schedule": CommandEntry(
         "proof",
@@ -306,7 +182,6 @@ COMMANDS = {
         "hfa_prove.commands.schedule:schedule",
         example="hfa prove schedule --dihedral 14:14.5 -o certificate.json",
         install=("python-flint", "cvxpy"),
-        results=(Written("hfa_prove.results:ScheduleProof"),),
     ),
     "prove solution": CommandEntry(
         "proof",
@@ -314,7 +189,6 @@ COMMANDS = {
         "hfa_prove.commands.games:solution",
         example="hfa prove solution --dihedral 15",
         install=("python-flint",),
-        results=(Written("hfa_prove.results:GameProof"),),
     ),
     "prove value": CommandEntry(
         "proof",
@@ -322,10 +196,6 @@ COMMANDS = {
         "hfa_prove.commands.value:value",
         example="hfa prove value --aircraft examples/pendulum.py:PENDULUM",
         install=("python-flint",),
-        results=(
-            Written("hfa_prove.results:FoundValue"),
-            Written("hfa_prove.results:CheckedValue"),
-        ),
     ),
     "report": CommandEntry(
         "model",
@@ -333,11 +203,6 @@ COMMANDS = {
         "hfa.page.command:report",
         example="hfa report --dihedral 15 -o report.html",
         install=("plotly",),
-        results=(
-            Written("hfa.page.results:MainJobData"),
-            Written("hfa.page.results:ClaimsData"),
-            Written("hfa.page.results:FlightsData"),
-        ),
     ),
 }
 

@@ -7,7 +7,6 @@ from collections import namedtuple
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfa_support.errors import refuse_unknown
-from hfa_support.reporting.results import stored
 
 #: Vectors of a model's equations in CasADi's order -> declarations of their components.
 VECTORS = {"x": "states", "u": "inputs", "p": "parameters", "w": "disturbances"}
@@ -94,25 +93,21 @@ class StatesAndInputs:
             """`Model` of the aircraft."""
 
     @property
-    @stored("states")
     def state_names(self) -> tuple[str, ...]:
         """Names of the states, in order."""
         return tuple(self.model.states)
 
     @property
-    @stored()
     def state_units(self) -> tuple[str, ...]:
         """Unit of each state."""
         return self.model.units(self.state_names)
 
     @property
-    @stored("inputs")
     def input_names(self) -> tuple[str, ...]:
         """Names of the inputs, in order."""
         return tuple(self.model.inputs)
 
     @property
-    @stored()
     def input_units(self) -> tuple[str, ...]:
         """Unit of each input."""
         return self.model.units(self.input_names)

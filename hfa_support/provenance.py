@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from hfa_support.errors import BadInputError, shown
-from hfa_support.reporting.results import UNSTORED, Result
+from hfa_support.reporting.results import Result
 from hfa_support.version import VERSION
 
 #: Hexadecimal digits of a parameter hash.
@@ -58,7 +58,7 @@ class Provenance(Result):
     parameter_hash: str = ""
     changed: Mapping[str, Change] = field(default_factory=dict)
     condition: Mapping[str, Any] = field(default_factory=dict)
-    flight: str = field(default="", repr=False, metadata=UNSTORED)
+    flight: str = field(default="", repr=False)
     model: str = ""
     version: str = VERSION
     date: str = field(default_factory=lambda: now())
@@ -100,6 +100,20 @@ class Provenance(Result):
         if self.flight:
             lines.append(f"not the paper's level flight: {self.flight}")
         return "\n".join(lines)
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "command": self.command,
+            "dynamics": self.dynamics,
+            "parameters": self.parameters,
+            "parameter_hash": self.parameter_hash,
+            "changed": self.changed,
+            "condition": self.condition,
+            "model": self.model,
+            "version": self.version,
+            "date": self.date,
+        }
 
 
 def parameter_hash(values: Any) -> str:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from controller.riccati.gare import unconfirmed_solution
 from hfa_aircraft.model import Model
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress, with_progress
-from hfa_support.reporting.results import Result, stored, stored_as
+from hfa_support.reporting.results import Result, given
 from trim.linear.linear_model import LinearModel
 from trim.point.condition import TrimCondition
 from trim.point.linearize import linearize
@@ -62,20 +63,18 @@ class Draws(Result):
     seed: int
     parameters: tuple[str, ...]
     trimmed: int
-    stable: int | None = field(metadata=stored_as(optional=True))
-    cost_lost_worst_percent: float | None = field(metadata=stored_as(optional=True))
+    stable: int | None
+    cost_lost_worst_percent: float | None
     bands: Mapping[str, Band]
     unsolved: int | None = None
     stable_alone: int | None = None
 
     @property
-    @stored()
     def ok(self) -> bool:
         """True if every aircraft has a trim and the gain, if any, stabilizes every aircraft."""
         return self.trimmed == self.count and self.stable in (None, self.count)
 
     @property
-    @stored()
     def first_line(self) -> str:
         """One line on the drawn aircraft, for the report.
 
@@ -100,6 +99,23 @@ class Draws(Result):
             others = " on the others" if self.unsolved else ""
             line += f"; cost at most {cost:.2g} % above the optimum{others}"
         return line
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "count": self.count,
+            "seed": self.seed,
+            "parameters": self.parameters,
+            "trimmed": self.trimmed,
+            "bands": self.bands,
+            "ok": self.ok,
+            "first_line": self.first_line,
+        } | given(
+            stable=self.stable,
+            cost_lost_worst_percent=self.cost_lost_worst_percent,
+            unsolved=self.unsolved,
+            stable_alone=self.stable_alone,
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from controller.critic.critic import Critic
 from controller.critic.training_run import settled_at
 from controller.game.basis import basis
 from hfa_support.reporting.checks import Check, at_least, at_most
-from hfa_support.reporting.results import UNSTORED, Result, Vector, plain, stored, stored_as
+from hfa_support.reporting.results import Result, Vector
 from hfa_support.reporting.text import Table
 from verification.critic_errors import relative_error
 
@@ -51,31 +51,24 @@ class ErrorTable(Result):
     predefined_time: T_w, s, or None.
     """
 
-    times: Vector = field(metadata=stored_as("time"))
-    errors: Mapping[str, np.ndarray] = field(metadata=UNSTORED)
-    decides: str = field(metadata=UNSTORED)
+    times: Vector
+    errors: Mapping[str, np.ndarray]
+    decides: str
     limit: float
-    predefined_time: float | None = field(default=None, metadata=stored_as(optional=False))
+    predefined_time: float | None = None
 
     @property
-    @stored()
     def settling_time(self) -> float:
         """First recorded time from which the error `decides` stays within its limit, s, or inf."""
         return settled_at(self.times, self.errors[self.decides], self.limit)
 
     @property
-    @stored()
     def predefined_time_kept(self) -> bool | None:
         """True if the settling time is at most the predefined time; None without a predefined
         time."""
         if self.predefined_time is None:
             return None
         return self.settling_time <= self.predefined_time
-
-    def as_data(self) -> dict[str, Any]:
-        """Return the entries of the table for files, with an entry for each column of errors."""
-        data = super().as_data()
-        return {"time": data.pop("time"), **plain(self.errors), **data}
 
     @property
     def records(self) -> Table:
@@ -101,6 +94,17 @@ class ErrorTable(Result):
             return f"{what} stays within {self.limit:g} from {self.settling_time:.4g} s on"
         last = self.errors[self.decides][-1]
         return f"{what} ends at {last:.3g} and does not settle within {self.limit:g}"
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value, with one for each column of errors."""
+        return {
+            "time": self.times,
+            **self.errors,
+            "limit": self.limit,
+            "predefined_time": self.predefined_time,
+            "settling_time": self.settling_time,
+            "predefined_time_kept": self.predefined_time_kept,
+        }
 
 
 def run_table(

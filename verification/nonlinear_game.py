@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -17,7 +17,7 @@ from controller.expansion.series import directions, least_squares
 from controller.riccati.gare import Solution
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Part
-from hfa_support.reporting.results import UNSTORED, Result, stored
+from hfa_support.reporting.results import Result, given
 from hfa_support.reporting.text import Table
 from trim.linear.linear_model import LinearModel
 
@@ -65,16 +65,14 @@ class NonlinearComparison(Result):
     of: str
     errors: tuple[DegreeError, ...]
     limit: float
-    expansion: Expansion = field(metadata=UNSTORED)
+    expansion: Expansion
 
     @property
-    @stored()
     def ok(self) -> bool:
         """True if every coefficient is within the limit."""
         return all(each.error <= self.limit for each in self.errors)
 
     @cached_property
-    @stored(optional=True)
     def radius(self) -> Radius | None:
         """Set z'Pz <= c in which simulated flights cost what the value of a right critic predicts.
 
@@ -124,6 +122,12 @@ class NonlinearComparison(Result):
             for each in self.errors
         ]
         return Table((f"degree of {self.of}", "error", "worst term", "learned", "exact"), rows)
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {"of": self.of, "errors": self.errors, "limit": self.limit, "ok": self.ok} | given(
+            radius=self.radius
+        )
 
 
 def _share(error: DegreeError) -> str:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from hfa_support.reporting.checks import Check, Checked, at_most, checks_block, 
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import ByValue, Result, Roots, stored, stored_as, stored_parts
+from hfa_support.reporting.results import ByValue, Result, Roots
 from hfa_support.reporting.text import Table, eigenvalue_text
 from trim.hfa.printed import (
     EntryRow,
@@ -53,21 +53,29 @@ class RegeneratedPair(ByValue, Checked, Result, Reported):
     checks: checks of the entries and both spectra.
     """
 
-    published: PublishedModel = field(metadata=stored_parts(dihedral_deg="dihedral_deg"))
-    model: LinearModel = field(
-        metadata=stored_parts(
-            dynamics="point.dynamics",
-            operating_point="point",
-            states="states",
-            inputs="inputs",
-            A="A",
-            B="B",
-        )
-    )
+    published: PublishedModel
+    model: LinearModel
     entries: tuple[EntryRow, ...]
     printed_eigenvalues: Roots
     eigenvalues: Roots
     checks: tuple[Check, ...]
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "dihedral_deg": self.published.dihedral_deg,
+            "dynamics": self.model.point.dynamics,
+            "operating_point": self.model.point,
+            "states": self.model.states,
+            "inputs": self.model.inputs,
+            "A": self.model.A,
+            "B": self.model.B,
+            "entries": self.entries,
+            "printed_eigenvalues": self.printed_eigenvalues,
+            "eigenvalues": self.eigenvalues,
+            "checks": self.checks,
+            "ok": self.ok,
+        }
 
     def report(self) -> Report:
         """Return a report that compares the computed with the printed model: entries, spectra and
@@ -88,7 +96,7 @@ class RegeneratedPair(ByValue, Checked, Result, Reported):
                 Table(("eigenvalues 1/s", "printed A", "regenerated A"), spectra),
                 checks_block(self.checks),
             ),
-            result=self,
+            data=self.as_data(),
         )
 
 
@@ -100,12 +108,10 @@ class Regeneration(ByValue, Result, Reported):
     """
 
     schema = "hfa.regeneration/1"
-    made_by = "hfa regenerate"
 
-    pairs: tuple[RegeneratedPair, ...] = field(metadata=stored_as("cases"))
+    pairs: tuple[RegeneratedPair, ...]
 
     @property
-    @stored()
     def ok(self) -> bool:
         """True if every check of both pairs passes."""
         return all(pair.ok for pair in self.pairs)
@@ -142,6 +148,10 @@ class Regeneration(ByValue, Result, Reported):
         """Sentence that states whether both printed pairs were regenerated."""
         return f"Both printed pairs regenerated: {'yes' if self.ok else 'NO'}"
 
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {"cases": self.pairs, "ok": self.ok}
+
     def report(self) -> Report:
         """Return a full report that compares both computed pairs with the printed pairs, and the
         verdict.
@@ -154,7 +164,7 @@ class Regeneration(ByValue, Result, Reported):
                 self.picture(),
                 self.verdict,
             ),
-            result=self,
+            data=self.as_data(),
             records=entries_records(
                 {pair.published.dihedral_deg: pair.entries for pair in self.pairs}
             ),

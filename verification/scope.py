@@ -14,7 +14,6 @@ from controller.game.zero_sum import Game
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.march.march import saturated
 from hfa_support.arguments import checks_arguments
-from hfa_support.progress import Progress
 from trim.linear.linear_model import LinearModel
 from verification.box import Box
 
@@ -53,8 +52,6 @@ def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
 LIMIT = 1e-6
 #: Number of initial conditions from which a critic that is not quadratic is simulated.
 FLIGHTS = 100
-#: Time for a proof of a network's largest error, s.
-SECONDS = 20.0
 
 
 class Scheduled(NamedTuple):
@@ -93,13 +90,9 @@ class Scope:
     plant: nonlinear plant about its trim, in which a critic that is not quadratic is also
         simulated, or None
     flights: number of initial conditions from which such a critic is simulated
-    seconds: time for a proof of the largest error of a network, or 0 for no proof
-    progress: called during the proof with (elapsed seconds, allowed seconds), or None
     """
 
     box: Box | None = None
     nearby: Callable[[], Nearby] | None = None
     plant: NonlinearPlant | None = None
     flights: int = FLIGHTS
-    seconds: float = SECONDS
-    progress: Progress | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -13,42 +13,12 @@ from controller.critic.critic import Critic
 from controller.riccati.cost import FlightCost
 from hfa_support.reporting.checks import Check, Checked, checks_block, verdict_text
 from hfa_support.reporting.report import Part, Report, Reported
-from hfa_support.reporting.results import UNSTORED, Result, stored, stored_as, stored_parts
+from hfa_support.reporting.results import Result, given
 from hfa_support.reporting.text import Cell, Table, entry_rows
 from verification.box import Box
 from verification.critic_errors import Exact
 from verification.error_table import ErrorTable, shown_number
 from verification.nonlinear_game import NonlinearComparison
-
-
-class Proof(NamedTuple):
-    """Proved bound on the errors of a network.
-
-    what: the covered errors, such as "error of the policy". "error" means all errors.
-    error: proved upper bound on the relative error.
-    fraction: the bound is proved for |z_i| <= fraction b_i. It is 0 if nothing is proved.
-    boxes: number of boxes for which bounds were computed.
-    beyond: state (n,) whose error exceeds the bound, or None if no such state was found.
-    is_of_all: whether the bound covers all errors that are compared.
-    """
-
-    what: str
-    error: float
-    fraction: float
-    boxes: int
-    beyond: np.ndarray | None = None
-    is_of_all: bool = True
-
-    @property
-    def where(self) -> str:
-        """Proved part of the box in words, such as "in the box" or "on 0.96 times the box".
-
-        The factor is rounded down.
-        """
-        if self.fraction == 1.0:
-            return "in the box"
-        return f"on {math.floor(100.0 * self.fraction) / 100.0:g} times the box"
-
 
 #: Number of entries of P and K in a report, and in the report of a critic that fails. Files contain
 #: all entries.
@@ -65,9 +35,6 @@ NEAR = 1.0
 AT_TRIM = 1e-6
 #: Kinds of checks that the first lines always mention; a failed check of another kind is named.
 _IN_THE_FACTS = ("error", "rest", "stability", "game loop")
-#: Remark on a bound: CasADi simplifies constants when an expression is created, before it is
-#: bounded.
-_PROVED = "proved as simplified"
 Grade = Literal["exact", "near", "fail"]
 #: Largest number of columns of the first line of a report.
 _FIRST_LINE = 80
@@ -133,7 +100,6 @@ class Verdict(Checked, Result, Reported):
         computed without simulations.
     searched: number of states at which errors in the box were searched for, or 0 if the errors are
         bounds.
-    proof: the proved bound on the errors in the box, or None.
     sections: further findings.
     table: errors over time of a history or a training run, or None.
     nonlinear: comparison of a critic that is not quadratic with the nonlinear game, or None.
@@ -146,27 +112,24 @@ class Verdict(Checked, Result, Reported):
     """
 
     schema = "hfa.critic-check/1"
-    made_by = "hfa verify"
 
-    critic: Critic = field(metadata=stored_parts(P="P", K="K"))
-    exact: Exact = field(metadata=stored_parts(P_exact="P", K_exact="K"))
-    checks: tuple[Check, ...] = field(metadata=UNSTORED)
-    limit: float = field(metadata=UNSTORED)
-    reason: str = field(metadata=stored_as("diagnosis"))
-    cost_lost: float = field(metadata=UNSTORED)
-    game: str = field(metadata=UNSTORED)
-    solution: str = field(metadata=UNSTORED)
-    weights: str = field(metadata=UNSTORED)
-    box: Box = field(metadata=UNSTORED)
-    flights: int | None = field(default=None, metadata=UNSTORED)
-    searched: int = field(default=0, metadata=UNSTORED)
-    proof: Proof | None = field(default=None, metadata=UNSTORED)
-    sections: tuple[Section, ...] = field(default=(), metadata=UNSTORED)
-    table: ErrorTable | None = field(default=None, metadata=UNSTORED)
+    critic: Critic
+    exact: Exact
+    checks: tuple[Check, ...]
+    limit: float
+    reason: str
+    cost_lost: float
+    game: str
+    solution: str
+    weights: str
+    box: Box
+    flights: int | None = None
+    searched: int = 0
+    sections: tuple[Section, ...] = ()
+    table: ErrorTable | None = None
     nonlinear: NonlinearComparison | None = None
 
     @property
-    @stored()
     def ok(self) -> bool:
         """True if every check passes, or if the critic passes on the nonlinear game."""
         return self._passes_checks or (self.nonlinear is not None and self.nonlinear.ok)
@@ -180,7 +143,6 @@ class Verdict(Checked, Result, Reported):
         return next((check.value for check in self.checks if check.name == name), math.nan)
 
     @property
-    @stored()
     def P_rel_error(self) -> float:
         """Relative error |P - P*| / |P*| in Frobenius norms and the units of the game.
 
@@ -189,7 +151,6 @@ class Verdict(Checked, Result, Reported):
         return self.value_of("P_rel_error")
 
     @property
-    @stored()
     def K_rel_error(self) -> float:
         """Relative error |K - K*| / |K*| in Frobenius norms and the units of the game."""
         return self.value_of("K_rel_error")
@@ -221,7 +182,6 @@ class Verdict(Checked, Result, Reported):
         return all(distance <= AT_TRIM for distance in rests)
 
     @property
-    @stored()
     def grade(self) -> Grade:
         """Grade of the critic on the game of the first line: "exact", "near" or "fail".
 
@@ -308,33 +268,11 @@ class Verdict(Checked, Result, Reported):
 
     def _exactness(self, failed: Sequence[Check]) -> str:
         wrong = next((check for check in failed if check.kind == "error"), None)
-        proof = self.proof
         if wrong is not None:
-            reason = wrong.reason.partition(":")[0]
-            if proof is not None and proof.fraction and self.limit < proof.error < 1.0:
-                reason = f"policy proved within {proof.error:g} {proof.where}"
-            return f"not exact ({reason})"
-        if proof is not None and proof.is_of_all and proof.fraction == 1.0:
-            return f"no error above {self.limit:g} {proof.where}, {_PROVED}"
+            return f"not exact ({wrong.reason.partition(':')[0]})"
         if self.searched:
-            words = f"no error above {self.limit:g} found at {self.searched} states"
-            if proof is None:
-                return words
-            return f"{words}, {'' if proof.is_of_all else 'V '}{_PROVED} {proof.where}"
+            return f"no error above {self.limit:g} found at {self.searched} states"
         return f"exact within {self.limit:g}"
-
-    @property
-    @stored("checks")
-    def checks_with_kinds(self) -> list[dict[str, Any]]:
-        """Data of each check: name, value, limit, ok, reason and kind."""
-        return [check.as_data() | {"kind": check.kind} for check in self.checks]
-
-    def as_data(self) -> dict[str, Any]:
-        """Return the data of the verdict for files, with the entries of all sections."""
-        data = super().as_data()
-        for section in self.sections:
-            data |= section.data.as_data()
-        return data
 
     def data(self, limit_cost: float | None = None) -> dict[str, Any]:
         """Return the data of the verdict for files.
@@ -346,6 +284,24 @@ class Verdict(Checked, Result, Reported):
         if limit_cost is not None and "graded" in data:
             data["graded"] |= {"limit_cost_percent": limit_cost, "ok": self.holds(limit_cost)}
         return data
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value, with those of all sections."""
+        entries = {
+            "P": self.critic.P,
+            "K": self.critic.K,
+            "P_exact": self.exact.P,
+            "K_exact": self.exact.K,
+            "diagnosis": self.reason,
+            "ok": self.ok,
+            "P_rel_error": self.P_rel_error,
+            "K_rel_error": self.K_rel_error,
+            "grade": self.grade,
+            "checks": [check.contents() | {"kind": check.kind} for check in self.checks],
+        } | given(nonlinear=self.nonlinear)
+        for section in self.sections:
+            entries |= section.data.contents()
+        return entries
 
     def report(
         self, *, limit_cost: float | None = None, about: Sequence[str] = (), source: str = ""
@@ -377,7 +333,7 @@ class Verdict(Checked, Result, Reported):
                 *(section.part for section in self.sections),
                 self._farthest_entries(entries, names.states),
             ],
-            result={
+            data={
                 "state_units": list(names.state_units),
                 "input_units": list(names.input_units),
                 **self.data(limit_cost),
@@ -474,7 +430,6 @@ class Verdicts(Result):
     """
 
     schema = "hfa.critic-checks/1"
-    made_by = "hfa verify of several critics"
 
     ok: bool
     critics: Mapping[str, Any]
@@ -525,9 +480,9 @@ def verdicts_report(
     return Report(
         title=f"{verdict_text(ok)}: {passed} of {len(verdicts)} critics pass, on {origin}",
         parts=(*parts, Table(header, rows), tuple(reasons)),
-        result=Verdicts(
+        data=Verdicts(
             ok,
             {name: verdict.data(limit_cost) for name, verdict in verdicts.items()},
-        ),
+        ).as_data(),
         records=Table(header, rows),
     )

@@ -11,7 +11,7 @@ import numpy as np
 from controller.game.basis import basis
 from hfa_aircraft.names import UNNAMED, PlantNames
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import UNSTORED, Matrix, Result, Vector, stored, stored_as
+from hfa_support.reporting.results import Matrix, Result, Vector, given
 from hfa_support.reporting.text import RowsMade, Table, matrix_table
 
 if TYPE_CHECKING:
@@ -85,21 +85,20 @@ class TrainingRun(Result, Reported):
     """
 
     schema = "hfa.learning-result/1"
-    made_by = "hfa learn"
 
     law: str
     basis: str
-    time: Vector = field(metadata=stored_as("times", optional=True))
-    weights: Matrix = field(metadata=stored_as(optional=True))
-    residual_norm: Vector = field(metadata=stored_as(optional=True))
-    law_residual_norm: Vector = field(metadata=stored_as(optional=True))
-    settling_residual: np.ndarray = field(metadata=UNSTORED)
+    time: Vector
+    weights: Matrix
+    residual_norm: Vector
+    law_residual_norm: Vector
+    settling_residual: np.ndarray
     K: Matrix
     excitation: Excitation
     settings: dict[str, Any]
     seed: int
     diagnostics: dict[str, float] = field(default_factory=dict)
-    names: PlantNames = field(default=UNNAMED, metadata=UNSTORED)
+    names: PlantNames = UNNAMED
     clock: str = "s"
 
     def critic(self, game: Game | DiscreteGame) -> Critic:
@@ -109,19 +108,16 @@ class TrainingRun(Result, Reported):
         return from_weights(game, self.weights[-1], self.basis)
 
     @property
-    @stored()
     def P(self) -> Matrix:
         """Matrix P (n, n) of the quadratic part z'P z of the last value."""
         return basis(self.basis, self.K.shape[1]).matrix(self.weights[-1])
 
     @property
-    @stored()
     def W(self) -> Vector:
         """Last weights of the basis, (M,)."""
         return self.weights[-1]
 
     @property
-    @stored(optional=True)
     def weight_units(self) -> list[str]:
         """Unit of each weight as text, (M,), for a value V without a unit.
 
@@ -140,7 +136,6 @@ class TrainingRun(Result, Reported):
         return units
 
     @property
-    @stored()
     def settling_time(self) -> float:
         """First recorded time from which `settling_residual` stays at or below `SETTLED`, in units
         of `clock`.
@@ -159,7 +154,6 @@ class TrainingRun(Result, Reported):
         return has_rank and math.isfinite(self.settling_time)
 
     @property
-    @stored("status")
     def outcome(self) -> str:
         """ "settled", or a sentence with the reason why the run has not settled.
 
@@ -176,6 +170,29 @@ class TrainingRun(Result, Reported):
             percent = f"{100.0 * misfit:.2g} %"
             return f"settled, but the recorded drifts deviate from F = A z by {percent}"
         return "settled"
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "law": self.law,
+            "basis": self.basis,
+            "K": self.K,
+            "excitation": self.excitation,
+            "settings": self.settings,
+            "seed": self.seed,
+            "diagnostics": self.diagnostics,
+            "clock": self.clock,
+            "P": self.P,
+            "W": self.W,
+            "settling_time": self.settling_time,
+            "status": self.outcome,
+        } | given(
+            times=self.time,
+            weights=self.weights,
+            residual_norm=self.residual_norm,
+            law_residual_norm=self.law_residual_norm,
+            weight_units=self.weight_units,
+        )
 
     def report(self, *, history: bool = False) -> Report:
         """Return a report with the outcome, the rank of the data, P and K.
@@ -209,7 +226,7 @@ class TrainingRun(Result, Reported):
         return Report(
             title=f"Law {self.law!r}, basis {self.basis!r}, on {names.origin}: {self.outcome}",
             parts=tuple(parts),
-            result=data,
+            data=data,
             records=self._records(),
         )
 

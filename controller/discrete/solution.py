@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -38,7 +38,7 @@ from hfa_support.matrices import spectral_radius
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check, at_least, at_most, below, checks_block
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result, Roots, stored, stored_as, stored_parts
+from hfa_support.reporting.results import Matrix, Result, Roots
 from hfa_support.reporting.text import controller_tables, matrix_table
 
 #: Lower bound of the smallest eigenvalue of I - E'P E/δ².
@@ -62,19 +62,14 @@ class DiscreteSolution(Result, Reported):
     """
 
     schema = "hfa.discrete-solution/1"
-    made_by = "hfa solve, of a plant in discrete time"
 
     P: Matrix
     K: Matrix
     disturbance_gain: Matrix
-    problem: DiscreteGame = field(
-        metadata=stored_parts(
-            states="names.states", inputs="names.inputs", delta="step.delta", discount="discount"
-        )
-    )
+    problem: DiscreteGame
     certificate: Certificate
-    radius: float = field(metadata=stored_as("spectral_radius"))
-    discounted_radius: float = field(metadata=stored_as("discounted_spectral_radius"))
+    radius: float
+    discounted_radius: float
 
     @property
     def game(self) -> Game:
@@ -97,13 +92,11 @@ class DiscreteSolution(Result, Reported):
         return math.sqrt(self.discount) * spectral_radius(loop) < 1.0
 
     @property
-    @stored()
     def H(self) -> Matrix:
         """Matrix of the Q-function over (x, u, w), or over (x, u) if delta = inf."""
         return self.problem.q_function(self.P)
 
     @property
-    @stored()
     def closed_loop_eigenvalues(self) -> Roots:
         """Eigenvalues of A - B K, (n,), in discrete time."""
         return np.linalg.eigvals(self.game.A - self.game.B @ self.K)
@@ -114,16 +107,33 @@ class DiscreteSolution(Result, Reported):
         return minimum_delta_discrete(self.problem)
 
     @property
-    @stored()
     def delta_min(self) -> float:
         """Smallest delta found to have a solution, an upper bound of the exact delta_min."""
         return self.smallest.value
 
     @property
-    @stored()
     def delta_margin(self) -> float:
         """Ratio delta / delta_min, or inf if delta_min is 0."""
         return self.smallest.margin(self.game.delta)
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "P": self.P,
+            "K": self.K,
+            "disturbance_gain": self.disturbance_gain,
+            "states": self.problem.names.states,
+            "inputs": self.problem.names.inputs,
+            "delta": self.problem.step.delta,
+            "discount": self.problem.discount,
+            "certificate": self.certificate,
+            "spectral_radius": self.radius,
+            "discounted_spectral_radius": self.discounted_radius,
+            "H": self.H,
+            "closed_loop_eigenvalues": self.closed_loop_eigenvalues,
+            "delta_min": self.delta_min,
+            "delta_margin": self.delta_margin,
+        }
 
     def report(self) -> Report:
         """Return a report of the solution: P, K, spectral radii, checks and delta_min."""
@@ -142,7 +152,7 @@ class DiscreteSolution(Result, Reported):
                 *sensitivity_warning(self.certificate),
                 checks_block(self.certificate.checks),
             ),
-            result=self,
+            data=self.as_data(),
         )
 
 

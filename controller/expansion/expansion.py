@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from math import comb
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -20,7 +20,7 @@ from controller.riccati.gare import Solution
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, NoSolutionError, is_finite, shown
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import UNSTORED, Matrix, Result, Vector, stored
+from hfa_support.reporting.results import Matrix, Result, Vector
 from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
@@ -68,15 +68,13 @@ class Expansion(Result, Reported):
     (True, 'cubic')
     """
 
-    made_by = "hfa solve --order"
-
     order: int
-    solution: Solution = field(metadata=UNSTORED)
-    rates: ca.Function = field(metadata=UNSTORED)
-    root: np.ndarray = field(metadata=UNSTORED)
-    value_terms: tuple[np.ndarray, ...] = field(metadata=UNSTORED)
-    policy_terms: tuple[np.ndarray, ...] = field(metadata=UNSTORED)
-    share: float = field(default=SHARE, metadata=UNSTORED)
+    solution: Solution
+    rates: ca.Function
+    root: np.ndarray
+    value_terms: tuple[np.ndarray, ...]
+    policy_terms: tuple[np.ndarray, ...]
+    share: float = SHARE
 
     @property
     def game(self) -> Game:
@@ -94,20 +92,17 @@ class Expansion(Result, Reported):
         return named_basis(TO_DEGREE[self.order], self.states)
 
     @property
-    @stored("basis")
     def basis_name(self) -> str:
         """Monomials of V, "quadratic", "cubic", "quartic" or "quintic"."""
         return self.basis.name
 
     @cached_property
-    @stored("W")
     def weights(self) -> Vector:
         """Weights W of V = W'ψ(z), (M,), of the monomials in `basis`."""
         terms = enumerate(self.value_terms, LOWEST)
         return np.concatenate([self._in_z(term[None], degree)[0] for degree, term in terms])
 
     @cached_property
-    @stored()
     def policy_weights(self) -> Matrix:
         """Weights of u, (m, K), of all monomials of degree 1 to D - 1, with the last index
         fastest.
@@ -120,7 +115,6 @@ class Expansion(Result, Reported):
         return in_coordinates(weights * sizes(self.states, degree), degree, self.root.T)
 
     @cached_property
-    @stored()
     def radii(self) -> tuple[Radius, ...]:
         """Sets z'Pz <= c in which flights of both players agree with V2, and with V.
 
@@ -129,6 +123,17 @@ class Expansion(Result, Reported):
         from controller.expansion.radius import radii
 
         return radii(self)
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "order": self.order,
+            "basis": self.basis_name,
+            "W": self.weights,
+            "policy_weights": self.policy_weights,
+            "radii": self.radii,
+            "residual": self.residual,
+        }
 
     def report(self) -> Report:
         """Return a report of the degree, the residual and the radii."""
@@ -167,7 +172,6 @@ class Expansion(Result, Reported):
         return residuals
 
     @property
-    @stored()
     def residual(self) -> float:
         """Largest residual of the equation, relative to the sizes of its terms."""
         return max(self.residuals.values())

@@ -36,7 +36,7 @@ def expansion_report(expansion: Expansion) -> Report:
             " deviations from the trim:",
             Table(("largest", "unit", *columns), rows),
         ),
-        result=expansion,
+        data=expansion.as_data(),
         records=Table(
             ("monomial", "weight"),
             [(name_of(powers, names.states), weight) for powers, weight in weights],

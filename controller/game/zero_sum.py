@@ -368,5 +368,5 @@ def game_report(game: Game) -> Report:
         title=f"Game on {game.names.origin}, delta {game.delta:.6g}:"
         f" z' = A z + B u + E d, cost z'Qz{cross} + u'Ru - delta^2 d'd",
         parts=tables,
-        result={name: getattr(game, name) for name in (*names, "delta")},
+        data={name: getattr(game, name) for name in (*names, "delta")},
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from controller.riccati.certificate import Certificate
 from controller.riccati.smallest_delta import DeltaMin
 from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import UNSTORED, Result, Roots, stored, stored_parts
+from hfa_support.reporting.results import Result, Roots, given
 from hfa_support.reporting.text import Table, controller_tables, eigenvalue_text, numbered
 
 #: Default delta / delta_min. Nearer to 1, the poles of the controller become ever faster.
@@ -46,39 +46,30 @@ class PlantSolution(Result, Reported):
     """
 
     schema = "hfa.plant-solution/1"
-    made_by = "hfa solve, of a generalized plant"
 
     plant: str
-    problem: GeneralizedPlant = field(metadata=UNSTORED)
-    smallest: DeltaMin = field(
-        metadata=stored_parts(
-            delta_min="value", delta_min_refused="refused", delta_min_condition="condition"
-        )
-    )
-    solution: OutputFeedback | StateFeedback = field(metadata=UNSTORED)
+    problem: GeneralizedPlant
+    smallest: DeltaMin
+    solution: OutputFeedback | StateFeedback
     closed_loop_eigenvalues: Roots
     warnings: Sequence[str]
 
     @property
-    @stored()
     def delta(self) -> float:
         """Upper bound of the gain from w to z."""
         return self.solution.delta
 
     @property
-    @stored()
     def checks(self) -> tuple[Check, ...]:
         """Checks of the certificates and of the closed loop."""
         return self.solution.checks
 
     @property
-    @stored()
     def delta_margin(self) -> float:
         """Ratio delta / delta_min."""
         return self.smallest.margin(self.solution.delta)
 
     @property
-    @stored()
     def certificate(self) -> Certificate:
         """Checks that certify the controller, and whether all pass."""
         return Certificate(self.solution.checks)
@@ -97,6 +88,21 @@ class PlantSolution(Result, Reported):
         """Names of the rows and columns of each matrix of the controller, by name of the matrix."""
         raise NotImplementedError
 
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "plant": self.plant,
+            "delta_min": self.smallest.value,
+            "delta_min_refused": self.smallest.refused,
+            "delta_min_condition": self.smallest.condition,
+            "closed_loop_eigenvalues": self.closed_loop_eigenvalues,
+            "warnings": self.warnings,
+            "delta": self.delta,
+            "checks": self.checks,
+            "delta_margin": self.delta_margin,
+            "certificate": self.certificate,
+        }
+
     def report(self) -> Report:
         """Return the report: equation and matrices of the controller, closed loop and checks."""
         matrices = controller_tables(
@@ -111,7 +117,7 @@ class PlantSolution(Result, Reported):
         return Report(
             title=f"{self.law} for {self.plant}: certified\n{limits}",
             parts=(*matrices, f"closed loop, 1/s: {upper}", checks_block(self.solution.checks)),
-            result=self,
+            data=self.as_data(),
             records=self._records(),
         )
 
@@ -130,14 +136,9 @@ class PlantSolution(Result, Reported):
 class OutputSolution(PlantSolution):
     """Controller of a plant with measurements y."""
 
-    solution: OutputFeedback = field(
-        metadata=stored_parts(
-            optional=True, Ak="Ak", Bk="Bk", Ck="Ck", Dk="Dk", X="X", Y="Y", coupling="coupling"
-        )
-    )
+    solution: OutputFeedback
 
     @property
-    @stored()
     def feedback(self) -> str:
         """Kind of feedback: state (u = -K x, P) or output (xk' = Ak xk + Bk y, u = Ck xk + Dk
         y).
@@ -167,17 +168,30 @@ class OutputSolution(PlantSolution):
             "Dk": (inputs, measured),
         }
 
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return (
+            super().contents()
+            | {"feedback": self.feedback}
+            | given(
+                Ak=self.solution.Ak,
+                Bk=self.solution.Bk,
+                Ck=self.solution.Ck,
+                Dk=self.solution.Dk,
+                X=self.solution.X,
+                Y=self.solution.Y,
+                coupling=self.solution.coupling,
+            )
+        )
+
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class StateSolution(PlantSolution):
     """Gain of a plant whose states are measured."""
 
-    solution: StateFeedback = field(
-        metadata=stored_parts(optional=True, P="P", K="K", disturbance_gain="disturbance_gain")
-    )
+    solution: StateFeedback
 
     @property
-    @stored()
     def feedback(self) -> str:
         """Kind of feedback: state (u = -K x, P) or output (xk' = Ak xk + Bk y, u = Ck xk + Dk
         y).
@@ -199,6 +213,18 @@ class StateSolution(PlantSolution):
         states = numbered("x", len(self.solution.P))
         inputs = numbered("u", len(self.solution.K))
         return {"P": (states, states), "K": (inputs, states)}
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return (
+            super().contents()
+            | {"feedback": self.feedback}
+            | given(
+                P=self.solution.P,
+                K=self.solution.K,
+                disturbance_gain=self.solution.disturbance_gain,
+            )
+        )
 
 
 def solved_plant(file: Path, arrays: dict[str, Any], delta: float | None) -> Report:

@@ -98,6 +98,10 @@ class Certificate(Checked, Result):
 
     checks: tuple[Check, ...]
 
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {"checks": self.checks, "ok": self.ok}
+
 
 class Loops(NamedTuple):
     """Closed loops A - S X and A - B K of a solution X, for one game or for a stack of games.

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from controller.riccati.balancing import spectrum
 from controller.riccati.frequency_response import bounded_real_gain
 from controller.riccati.gare import Solution
 from controller.riccati.normal_form import NormalForm
-from hfa_support.reporting.results import Result, stored_as
+from hfa_support.reporting.results import Result
 
 #: An eigenvalue of P* below this fraction of the largest belongs to a state without cost.
 SIGNLESS = 1e-12
@@ -40,12 +41,23 @@ class FlightCost(Result):
     exact_distance: the same distance for the optimum
     """
 
-    worst: float = field(metadata=stored_as("cost_lost_worst_percent"))
-    mean: float = field(metadata=stored_as("cost_lost_mean_percent"))
-    gain: float = field(metadata=stored_as("l2_gain"))
-    exact_gain: float = field(metadata=stored_as("l2_gain_exact"))
-    distance: float = field(metadata=stored_as("distance_to_instability"))
-    exact_distance: float = field(metadata=stored_as("distance_to_instability_exact"))
+    worst: float
+    mean: float
+    gain: float
+    exact_gain: float
+    distance: float
+    exact_distance: float
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "cost_lost_worst_percent": self.worst,
+            "cost_lost_mean_percent": self.mean,
+            "l2_gain": self.gain,
+            "l2_gain_exact": self.exact_gain,
+            "distance_to_instability": self.distance,
+            "distance_to_instability_exact": self.exact_distance,
+        }
 
 
 def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result, Roots, stored, stored_as, stored_parts
+from hfa_support.reporting.results import Matrix, Result, Roots
 
 if TYPE_CHECKING:
     import control
@@ -58,27 +58,18 @@ class Solution(Result, Reported):
     """
 
     schema = "hfa.game-solution/1"
-    made_by = "hfa solve"
 
     P: Matrix
     K: Matrix
     disturbance_gain: Matrix
-    game: Game = field(
-        metadata=stored_parts(
-            states="names.states",
-            inputs="names.inputs",
-            state_units="names.state_units",
-            input_units="names.input_units",
-        )
-    )
+    game: Game
     certificate: Certificate
     closed_loop_eigenvalues: Roots
     worst_case_eigenvalues: Roots
-    abscissa_error: float = field(metadata=stored_as("closed_loop_abscissa_error"))
+    abscissa_error: float
     meaning: tuple[Check, ...] = ()
 
     @property
-    @stored()
     def delta(self) -> float:
         """Disturbance weight δ of the game."""
         return self.game.delta
@@ -116,13 +107,11 @@ class Solution(Result, Reported):
         return smallest_delta_of(NormalForm.of(self.game))
 
     @property
-    @stored()
     def delta_min(self) -> float:
         """Smallest delta found to have a solution, an upper bound of the exact delta_min."""
         return self.smallest.value
 
     @property
-    @stored()
     def delta_margin(self) -> float:
         """Ratio delta / delta_min, or inf if delta_min is 0."""
         return self.smallest.margin(self.delta)
@@ -133,13 +122,11 @@ class Solution(Result, Reported):
         return loop_margins(*self._balanced)
 
     @property
-    @stored()
     def loop_margins(self) -> dict[str, dict[str, float]]:
         """Stability margins, input -> name of the margin -> value (`named_margins`)."""
         return named_margins(self.names.inputs, self.loops)
 
     @cached_property
-    @stored()
     def disk_margin(self) -> DiskMargin:
         """Disk margin for all inputs together."""
         return disk_margin(*self._balanced)
@@ -162,6 +149,28 @@ class Solution(Result, Reported):
                 f"z has shape {state.shape}; give an array of shape ({len(self.P)},)"
             )
         return float(state @ self.P @ state)
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "P": self.P,
+            "K": self.K,
+            "disturbance_gain": self.disturbance_gain,
+            "states": self.game.names.states,
+            "inputs": self.game.names.inputs,
+            "state_units": self.game.names.state_units,
+            "input_units": self.game.names.input_units,
+            "certificate": self.certificate,
+            "closed_loop_eigenvalues": self.closed_loop_eigenvalues,
+            "worst_case_eigenvalues": self.worst_case_eigenvalues,
+            "closed_loop_abscissa_error": self.abscissa_error,
+            "meaning": self.meaning,
+            "delta": self.delta,
+            "delta_min": self.delta_min,
+            "delta_margin": self.delta_margin,
+            "loop_margins": self.loop_margins,
+            "disk_margin": self.disk_margin,
+        }
 
     def report(self) -> Report:
         """Return a report of the solution: P, K, eigenvalues, checks, delta_min and margins."""

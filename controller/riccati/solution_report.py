@@ -55,7 +55,7 @@ def solution_report(solution: Solution) -> Report:
             f"All inputs at once: disk {disk.disk:.4g}, gain {disk.gain:.4g},"
             f" phase {disk.phase:.4g} deg, at {disk.frequency:.4g} rad/s",
         ),
-        result=solution,
+        data=solution.as_data(),
         records=Table(
             ("matrix", "row", "column", "value", "unit"),
             entry_rows((solution.P,), (solution.K,), solution.names),

@@ -86,7 +86,6 @@ class ControllerData(ControllerTable):
     """
 
     schema = "hfa.controller-design/1"
-    made_by = "hfa design"
 
     signal_units: Sequence[str]
     state_units: Sequence[str]
@@ -110,7 +109,6 @@ class ControllerFile(ControllerTable):
     """
 
     schema = "hfa.controller/1"
-    made_by = "hfa design -o FILE.npz: the controller"
 
     about: str
     name: str
@@ -337,7 +335,7 @@ class ScheduledController(ByValue, Reported):
             f"Controller {self.name}: {self.feedback} feedback, {len(self.states)} states,"
             f" {self._where()}, {self.called}"
         )
-        return Report(title, (self._summary(limit), table), result=self._data())
+        return Report(title, (self._summary(limit), table), data=self._data())
 
     def _where(self) -> str:
         """Return a text with the number of breakpoints and their range."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from hfa.options.trim import Trim
 from hfa_aircraft.waveform import Waveform, stacked
 from hfa_support.reporting.checks import Check
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import Matrix, Result, stored_as
+from hfa_support.reporting.results import Matrix, Result, given
 
 if TYPE_CHECKING:
     from controller.critic.training_run import TrainingRun
@@ -235,7 +235,7 @@ def _learn_in_flight(request: LearnRequest, named: NamedGame) -> int:
     given = Signals(initial, *(stacked(signal, states) for signal in signals))
     learning = request.learning
     run, flight = learned_in_flight(named.game, learning.law, learning.seed, learning.set, given)
-    section = replace(flight.report(), result=LearnedInFlight(flight))
+    section = replace(flight.report(), data=LearnedInFlight(flight).as_data())
     return _show_learned(request, named, run, verify(named.game, run), section=section)
 
 
@@ -261,7 +261,11 @@ class LearnedChecks(Result):
 
     certificates: Sequence[Check]
     converged: bool
-    H: Matrix | None = field(metadata=stored_as(optional=True))
+    H: Matrix | None
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {"certificates": self.certificates, "converged": self.converged} | given(H=self.H)
 
 
 def _show_learned(

@@ -28,7 +28,7 @@ from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown
 from hfa_support.files import MATRIX_FILES, note_read
 from hfa_support.progress import with_progress
 from verification.critic.critic_check import verify as judge
-from verification.scope import FLIGHTS, LIMIT, SECONDS, Nearby, Scheduled, Scope
+from verification.scope import FLIGHTS, LIMIT, Nearby, Scheduled, Scope
 from verification.verdict import NEAR, Verdict
 
 if TYPE_CHECKING:
@@ -139,8 +139,6 @@ def verify(request: VerifyRequest) -> int:
     scope = Scope(
         nearby=None if request.trim.at is None else partial(_nearby, request, named.game),
         flights=_FEW_FLIGHTS if len(paths) > _MANY else FLIGHTS,
-        seconds=SECONDS / max(len(paths), 1),
-        progress=ProgressLine("prove") if len(paths) <= 1 else None,
     )
     verdicts = {}
     progress = ProgressLine("compare")

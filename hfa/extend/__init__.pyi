@@ -1,7 +1,7 @@
 """Names for a package that adds an aircraft format or a command."""
 
 from controller.critic.reading import CriticReader as CriticReader, Reading as Reading
-from hfa.entry_points import CommandEntry as CommandEntry, Written as Written
+from hfa.entry_points import CommandEntry as CommandEntry
 from hfa.options.aircraft import Aircraft as Aircraft
 from hfa.options.argument_types import (
     input_file as input_file,

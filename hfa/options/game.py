@@ -25,7 +25,7 @@ from hfa.options.trim import OF_THE_TRIM, Trim
 from hfa_model.variants import VARIANTS
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.files import MATRIX_FILES
-from hfa_support.reporting.results import UNSTORED, Matrix, Result, stored, stored_as, stored_parts
+from hfa_support.reporting.results import Matrix, Result, given
 from trim.linear.linear_model import LinearModel
 
 #: Default weights for an aircraft other than the HFA, for notes and helps.
@@ -210,8 +210,12 @@ class Weights(Result):
 
     Q: Matrix
     R: Matrix
-    N: Matrix | None = field(metadata=stored_as(optional=True))
+    N: Matrix | None
     weights_from: Mapping[str, str]
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {"Q": self.Q, "R": self.R, "weights_from": self.weights_from} | given(N=self.N)
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,25 +231,15 @@ class NamedGame(Result):
     weights_from: name -> "given", "file", "design" or "default", for Q, R and delta
     """
 
-    game: Game = field(
-        metadata=stored_parts(
-            plant="names.origin",
-            states="names.states",
-            inputs="names.inputs",
-            state_units="names.state_units",
-            input_units="names.input_units",
-            delta="delta",
-        )
-    )
+    game: Game
     warnings: tuple[str, ...] = ()
-    plant_provenance: Mapping[str, str] = field(default_factory=dict, metadata=UNSTORED)
-    linear: LinearModel | None = field(default=None, metadata=UNSTORED)
-    discrete: DiscreteGame | None = field(default=None, metadata=UNSTORED)
-    has_time: bool = field(default=True, metadata=UNSTORED)
-    weights_from: Mapping[str, str] = field(default_factory=dict, metadata=UNSTORED)
+    plant_provenance: Mapping[str, str] = field(default_factory=dict)
+    linear: LinearModel | None = None
+    discrete: DiscreteGame | None = None
+    has_time: bool = True
+    weights_from: Mapping[str, str] = field(default_factory=dict)
 
     @property
-    @stored("plant_provenance", optional=True)
     def origins(self) -> dict[str, str] | None:
         """Provenance of a plant read from a file, or None if the plant has none."""
         return dict(self.plant_provenance) or None
@@ -279,6 +273,18 @@ class NamedGame(Result):
             raise NoSolutionError(
                 f'{failure}; x⁺ = A x + B u has a solution: did you mean time = "discrete"?'
             ) from failure
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "plant": self.game.names.origin,
+            "states": self.game.names.states,
+            "inputs": self.game.names.inputs,
+            "state_units": self.game.names.state_units,
+            "input_units": self.game.names.input_units,
+            "delta": self.game.delta,
+            "warnings": self.warnings,
+        } | given(plant_provenance=self.origins)
 
 
 def _is_solvable_in_steps(game: Game) -> bool:

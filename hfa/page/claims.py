@@ -83,7 +83,7 @@ def claims_section(claims: Claims | None, regeneration: Regeneration) -> Report:
         return Report(_TITLE, (how,))
     same = "the same matrices as" if claims.matches(regeneration) else "OTHER matrices than"
     return Report(
-        _TITLE, (f"{claims.about}, {same} those of this page.", claims.rows), result=claims.data
+        _TITLE, (f"{claims.about}, {same} those of this page.", claims.rows), data=claims.data
     )
 
 

@@ -76,7 +76,7 @@ def flights_section(
         f"{flights.limits} "
         f"Computed by {_STUDY} for {same}."
     )
-    return Report(_TITLE, (flights.table, about), result=flights.data)
+    return Report(_TITLE, (flights.table, about), data=flights.data)
 
 
 def load_flights(path: Path) -> StoredFlights:

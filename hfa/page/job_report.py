@@ -80,7 +80,7 @@ def main_report(job: MainJob) -> Report:
             Report("Modes over the dihedral angle", (replace(swept, parts=tables),)),
             Report("The aircraft", (job.parameters.report(),)),
         ),
-        result=MainJobData(
+        data=MainJobData(
             ok=job.ok,
             regeneration=regeneration.data,
             sweep=swept.data,
@@ -88,7 +88,7 @@ def main_report(job: MainJob) -> Report:
             angles=[report.data for report in angles],
             claims=claims.data or None,
             flights=None if job.flights is None else job.flights.data,
-        ),
+        ).as_data(),
     )
 
 
@@ -149,7 +149,7 @@ def angle_report(job: MainJob, angle: Angle) -> Report:
     data: dict[str, Any] = {"dihedral_deg": angle.dihedral_deg, "reason": angle.reason}
     title = f"Dihedral {angle.dihedral_deg:.6g} deg: model, game, critic"
     if model is None:
-        return Report(title, (f"No trim: {angle.reason}",), result=data)
+        return Report(title, (f"No trim: {angle.reason}",), data=data)
     reports = {"model": _model_report(job, angle, model)}
     if angle.solution is not None:
         reports["solution"] = angle.solution.report()
@@ -168,7 +168,7 @@ def angle_report(job: MainJob, angle: Angle) -> Report:
     data["trim"] = trim_report(job.aircraft, angle.condition, model.point).data
     for name, report in reports.items():
         data[name] = report.data
-    return Report(title, parts, result=data)
+    return Report(title, parts, data=data)
 
 
 def point_report(job: MainJob, angle: Angle) -> Report:

@@ -24,7 +24,6 @@ class MainJobData(Result):
     """
 
     schema = "hfa.report/1"
-    made_by = "hfa report"
 
     ok: bool
     regeneration: Mapping[str, Any]
@@ -51,7 +50,6 @@ class ClaimsData(Result):
     """
 
     schema = "hfa.claims/1"
-    made_by = "studies.section5: claims.json, for hfa report --claims"
 
     setting: Mapping[str, Any]
     laws: Mapping[str, str]
@@ -74,7 +72,6 @@ class FlightsData(Result):
     """
 
     schema = "hfa.paper-flights/2"
-    made_by = "studies.best_flights: best_flights.json, for hfa report --flights"
 
     start: Mapping[str, float]
     limits: Mapping[str, Mapping[str, Sequence[float]]]

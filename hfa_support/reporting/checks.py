@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from hfa_support.reporting.results import UNSTORED, Result, stored
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Cell, Table
 
 #: Relation between value and limit -> function. A value of nan satisfies none.
@@ -40,13 +40,23 @@ class Check(Result):
     limit: float
     ok: bool
     reason: str
-    relation: str = field(default="<=", metadata=UNSTORED)
-    kind: str = field(default="", metadata=UNSTORED)
+    relation: str = "<="
+    kind: str = ""
 
     @property
     def sentence(self) -> str:
         """Sentence with the value and its limit, for reports and error messages."""
         return f"{self.name} is {self.value:.3g} and must be {self.relation} {self.limit:.3g}"
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "name": self.name,
+            "value": self.value,
+            "limit": self.limit,
+            "ok": self.ok,
+            "reason": self.reason,
+        }
 
 
 class Checked:
@@ -59,7 +69,6 @@ class Checked:
             """All checks of this result."""
 
     @property
-    @stored()
     def ok(self) -> bool:
         """True if every check passes."""
         return all(check.ok for check in self.checks)

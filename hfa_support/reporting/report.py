@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -40,29 +39,22 @@ class Report:
     parts: paragraphs (str), tables of formatted cells (Table), pictures, nested reports, and tuples
       of paragraphs and tables that are printed without a blank line between them
     notes: notes on the result
-    result: the result, or its entries by name, for JSON, .npz and .mat
+    data: entries of the result by name, for JSON, .npz and .mat
     records: the result for CSV, with numbers in full precision
     source: the provenance, shown last
     failure: reason why the command fails after it has shown this report, or ""
-    added: further results or entries, whose names replace those of `result`
     """
 
     title: str
     parts: Sequence[Part] = ()
     notes: Sequence[str] = ()
-    result: Result | Mapping[str, Any] = field(default_factory=dict)
+    data: Mapping[str, Any] = field(default_factory=dict)
     records: Table = NO_RECORDS
     source: str = ""
     failure: str = ""
-    added: tuple[Result | Mapping[str, Any], ...] = ()
 
-    @cached_property
-    def data(self) -> dict[str, Any]:
-        """Entries of the result and of what was added to it, name -> value."""
-        data: dict[str, Any] = {}
-        for part in (self.result, *self.added):
-            data |= plain(part)
-        return data
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "data", plain(self.data))
 
     def __repr__(self) -> str:
         return self.text()
@@ -72,7 +64,10 @@ class Report:
 
     def with_data(self, *results: Result | Mapping[str, Any], **entries: Any) -> Report:
         """Return a copy of the report to whose data results, and entries by name, are added."""
-        return replace(self, added=(*self.added, *results, entries))
+        data = dict(self.data)
+        for part in (*results, entries):
+            data |= plain(part)
+        return replace(self, data=data)
 
     def text(self, color: bool = False, width: int | None = WIDTH) -> str:
         """Return the report as text without pictures, with a blank line between parts.
@@ -212,7 +207,7 @@ def _of_fields(result: Any) -> Report:
     kind = type(result)
     first_line = (kind.__doc__ or "").partition("\n")[0]
     title = f"{kind.__name__}: {first_line}"
-    return Report(title, ["\n".join(lines), *matrices, *checks], result=held)
+    return Report(title, ["\n".join(lines), *matrices, *checks], data=held)
 
 
 def _on_one_line(value: Any) -> str:

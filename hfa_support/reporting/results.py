@@ -1,123 +1,63 @@
-"""Base class of results whose data files, schema and documentation are derived from the class.
-
-The entries of a `Result` are its fields and the properties marked by `stored`. Annotations declare
-the types of the entries. A line "name: meaning" in the docstring of the class describes a field,
-and the docstring of a property describes the property. JSON, data files, the JSON Schema and the
-page of formats are derived from these declarations.
-"""
+"""Results: dataclasses that are written to files. The dictionary `Result.contents` is the file."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import fields
 from enum import Enum
-from functools import cached_property, reduce
-from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from hfa_support.reporting.data_files import jsonable
 
 #: Arrays with one, two and three axes.
-Vector = Annotated[np.ndarray, 1]
-Matrix = Annotated[np.ndarray, 2]
-Stack = Annotated[np.ndarray, 3]
-#: Complex numbers, stored as (re, im) each.
-Roots = Annotated[np.ndarray, 2]
-RootTable = Annotated[np.ndarray, 3]
-#: A named tuple of numbers.
-Record = Annotated[Any, Mapping[str, float]]
-
-
-Getter = TypeVar("Getter", bound=Callable[..., Any])
-
-
-class Entry(NamedTuple):
-    """Entry in the data of a result.
-
-    name: key of the entry
-    path: names of nested attributes that lead to the value. The value is None if one of the
-      attributes is None.
-    is_optional: whether the entry is omitted if its value is None or empty
-    """
-
-    name: str
-    path: tuple[str, ...]
-    is_optional: bool
-
-
-#: Metadata of a field that files do not contain.
-UNSTORED: Mapping[str, Any] = {"stored": False}
-
-
-def stored_as(key: str = "", *, optional: bool | None = None) -> dict[str, Any]:
-    """Return the metadata of a field of a `Result`, as in `field(metadata=stored_as("A_exact"))`.
-
-    key: key of the entry, by default the name of the field, as for a field without metadata
-    optional: whether the entry is omitted if it is None or empty, by default whether the field has
-      the default None
-    """
-    return {"stored": True, "key": key, "optional": optional}
-
-
-def stored_parts(*, optional: bool = False, **paths: str) -> dict[str, Any]:
-    """Return the metadata of a field of which files contain parts only.
-
-    optional: whether the entries are omitted if they are None or empty
-    paths: key of an entry -> the attribute of the field's value, as in "game.delta"
-    """
-    return {"stored": False, "parts": paths, "optional": optional}
-
-
-def stored(key: str = "", *, optional: bool = False) -> Callable[[Getter], Getter]:
-    """Return a decorator, below `@property` or `@cached_property`, for a property that is an entry.
-
-    key: key of the entry, by default the name of the property
-    optional: whether the entry is omitted if it is None or empty
-    """
-
-    def mark(getter: Getter) -> Getter:
-        name = getter.__name__
-        getter.__dict__["entry"] = Entry(key or name, (name,), optional)
-        return getter
-
-    return mark
+Vector = np.ndarray
+Matrix = np.ndarray
+Stack = np.ndarray
+#: Complex numbers, and complex numbers by rows, stored as (re, im) each.
+Roots = np.ndarray
+RootTable = np.ndarray
+#: A named tuple of numbers, or None.
+Record = Any
 
 
 class Result:
     """Base class of dataclasses that are stored as files or as parts of other results.
 
     schema: name and version of the file format, or "" for a part of other results
-    made_by: command that writes the file
-
-    The entries are the fields, and the properties marked by `stored`, also those of base classes. A
-    field replaces a property with the same key.
     """
 
     schema: ClassVar[str] = ""
-    made_by: ClassVar[str] = ""
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value: the fields.
+
+        A field whose default is None is left out if it has no value.
+        """
+        entries: dict[str, Any] = {}
+        for field in fields(self):  # type: ignore[arg-type]  # a dataclass
+            value = getattr(self, field.name)
+            if field.default is None:
+                entries |= given(**{field.name: value})
+            else:
+                entries[field.name] = value
+        return entries
 
     def as_data(self) -> dict[str, Any]:
-        """Return the entries of the result, key -> value. Arrays are kept as arrays.
-
-        Optional entries without a value are omitted.
-        """
+        """Return the schema and the contents, also of results inside. Arrays are kept as arrays."""
         data: dict[str, Any] = {"schema": self.schema} if self.schema else {}
-        for entry in declared_entries(type(self)):
-            value = reduce(_attribute, entry.path, self)
-            if not (entry.is_optional and _is_empty(value)):
-                data[entry.name] = plain(value)
-        return data
+        return data | plain(self.contents())
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the entries of the result, key -> value, with values that JSON can contain."""
+        """Return the schema and the contents, with values that JSON can contain."""
         data: dict[str, Any] = jsonable(self.as_data())
         return data
 
 
-def _attribute(value: Any, name: str) -> Any:
-    """Return an attribute of an object, or None if the object is None."""
-    return None if value is None else getattr(value, name)
+def given(**entries: Any) -> dict[str, Any]:
+    """Return the entries that have a value: neither None nor an empty list, tuple or array."""
+    return {name: value for name, value in entries.items() if not _is_empty(value)}
 
 
 def plain(value: Any) -> Any:
@@ -153,40 +93,6 @@ def _is_empty(value: Any) -> bool:
     if isinstance(value, np.ndarray):
         return value.size == 0
     return value is None or value in ([], ())
-
-
-def getter_of(value: Any) -> Callable[[Any], Any] | None:
-    """Return the function of a property or cached property, or None for other class attributes."""
-    if isinstance(value, cached_property):
-        return value.func
-    return value.fget if isinstance(value, property) else None
-
-
-def declared_entries(kind: type[Result]) -> tuple[Entry, ...]:
-    """Return the entries that a class of results declares, in the order of its data."""
-    of_fields = {entry.name: entry for entry in _stored_fields(kind)}
-    of_properties = {entry.name: entry for entry in _stored_properties(kind)}
-    return tuple((of_fields | of_properties | of_fields).values())
-
-
-def _stored_properties(kind: type[Result]) -> Iterator[Entry]:
-    for ancestor in reversed(kind.__mro__):
-        for value in vars(ancestor).values():
-            marked = getattr(getter_of(value), "entry", None)
-            if marked:
-                yield marked
-
-
-def _stored_fields(kind: type[Result]) -> Iterator[Entry]:
-    for field in fields(kind):  # type: ignore[arg-type]  # a dataclass
-        declared = field.metadata
-        is_optional = declared.get("optional")
-        if is_optional is None:
-            is_optional = field.default is None
-        if declared.get("stored", True):
-            yield Entry(declared.get("key") or field.name, (field.name,), is_optional)
-        for key, path in declared.get("parts", {}).items():
-            yield Entry(key, (field.name, *path.split(".")), is_optional)
 
 
 class ByValue:

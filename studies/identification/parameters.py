@@ -212,7 +212,7 @@ class Identification(Reported):
                 ),
                 Table(("structure", "sum of squares", "largest, half units"), tried),
             ),
-            result={
+            data={
                 "schema": "hfa.identification/1",
                 "parameters": {
                     name: {

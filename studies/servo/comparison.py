@@ -297,7 +297,7 @@ def servo_report(results: Sequence[Mapping[str, Any]]) -> Report:
         title = f"case {result['case']}, {result['dynamics']} dynamics, {result['duration']:g} s"
         blocks.append((title, Table(HEADER, rows_of(result))))
     title = "Servos through the commands and the actuator faults of SimVFA"
-    return Report(title, blocks, result={"cases": list(results)})
+    return Report(title, blocks, data={"cases": list(results)})
 
 
 def rows_of(result: Mapping[str, Any]) -> list[tuple[str, ...]]:

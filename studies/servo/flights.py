@@ -259,5 +259,5 @@ def requirements(aircraft: Model, controller: ScheduledController) -> Report:
     return Report(
         title,
         (Table(("requirement", "asked", "reached", "where"), rows),),
-        result={"requirements": found},
+        data={"requirements": found},
     )

@@ -81,4 +81,4 @@ def front(aircraft: Model) -> Report:
     lengths = tuple(f"{length:g} ft" for length in sorted(ASKED))
     header = ("factor", "A_z ft/s^2", "dihedral deg", *lengths, "gain dB", "phase deg")
     title = f"Gain of A_z against updrafts, {hfa_model.variant_of(aircraft).name} dynamics"
-    return Report(title, (Table(header, rows),), result={"points": points})
+    return Report(title, (Table(header, rows),), data={"points": points})

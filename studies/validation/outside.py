@@ -177,7 +177,7 @@ class Validation(Checked, Reported):
                 Table(("dihedral deg", "read from the figure 1/s", "computed 1/s"), roots),
                 checks_block(self.checks),
             ),
-            result={
+            data={
                 "schema": SCHEMA,
                 "dynamics": self.dynamics,
                 "ok": self.ok,

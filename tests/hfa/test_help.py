@@ -71,7 +71,7 @@ def test_the_quick_examples_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.mark.slow
-def test_every_example_runs_and_its_json_is_published(
+def test_every_example_runs_and_prints_json(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The example of each command returns exit code 0 with --json."""

@@ -55,8 +55,10 @@ BREACHES = {
         "verification/scope.py": "verification.axis",
         "verification/network/search.py": "verification.reasons.diagnosis",
     },
-    "Enclosures are arithmetic": {"verification/enclosure/taylor.py": "hfa_aircraft.rigid.motion"},
-    "Enclosures serve": {"verification/box.py": "verification.enclosure.taylor"},
+    "Enclosures are arithmetic": {
+        "extensions/prove/hfa_prove/enclosure/taylor.py": "hfa_aircraft.rigid.motion"
+    },
+    "Enclosures serve": {"verification/box.py": "hfa_prove.enclosure.taylor"},
     "Flights:": {
         f"{FLIGHT}/scenario.py": "hfa_flight.simulation",
         f"{FLIGHT}/flight.py": "hfa_flight.options",

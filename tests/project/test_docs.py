@@ -296,7 +296,7 @@ def test_docstring_examples_print_the_shown_results() -> None:
 def test_each_guarantee_names_existing_tests() -> None:
     """Each guarantee of docs/promises.md names tests that exist."""
     rows = [row for row in text_of(ROOT / "docs" / "promises.md").splitlines() if "::" in row]
-    assert len(rows) > 20
+    assert len(rows) >= 15
     for row in rows:
         for file, name in re.findall(r"`(\S+\.py)::(test_\w+)`", row):
             assert f"def {name}(" in text_of(ROOT / file), row

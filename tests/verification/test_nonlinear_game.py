@@ -18,7 +18,7 @@ from verification.nonlinear_game import compare_with_nonlinear
 from verification.scope import Scope
 
 #: No search for a proof, and few flights.
-QUICK = Scope(flights=3, seconds=0.0)
+QUICK = Scope(flights=3)
 LIMIT = 1e-6
 PENDULUM = f"{ROOT}/examples/pendulum.py:PENDULUM"
 

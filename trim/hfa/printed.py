@@ -7,7 +7,7 @@ and the trim.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -27,7 +27,7 @@ from hfa_support.errors import BadInputError
 from hfa_support.matrices import quadratic_forms
 from hfa_support.native.bound import RowFunction
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import UNSTORED, ByValue, Matrix, Result, stored
+from hfa_support.reporting.results import ByValue, Matrix, Result
 from hfa_support.reporting.text import Table, matrix_table
 from hfa_support.units import si_factor
 from trim.hfa.level_flight import level_flight
@@ -53,15 +53,14 @@ class EntryRow(Result):
     half_unit: half a unit of the last printed digit
     """
 
-    matrix: str = field(metadata=UNSTORED)
-    row: str = field(metadata=UNSTORED)
-    column: str = field(metadata=UNSTORED)
+    matrix: str
+    row: str
+    column: str
     printed: float
     computed: float
-    half_unit: float = field(metadata=UNSTORED)
+    half_unit: float
 
     @property
-    @stored()
     def half_units(self) -> float:
         """Difference (computed - printed) in half units of the last printed digit.
 
@@ -70,7 +69,6 @@ class EntryRow(Result):
         return (self.computed - self.printed) / self.half_unit
 
     @property
-    @stored()
     def percent(self) -> float:
         """Difference (computed - printed) in percent of |printed|, or nan if printed is 0."""
         return (
@@ -85,10 +83,19 @@ class EntryRow(Result):
         return self.printed == 0.0 and abs(self.half_units) < 1e-6
 
     @property
-    @stored()
     def name(self) -> str:
         """Name of the entry, for example A(alpha, pitch_rate)."""
         return f"{self.matrix}({self.row}, {self.column})"
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "printed": self.printed,
+            "computed": self.computed,
+            "half_units": self.half_units,
+            "percent": self.percent,
+            "name": self.name,
+        }
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -20,15 +20,7 @@ from hfa_support.labels import in_order, labels_of
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 from hfa_support.reporting.named import with_names
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import (
-    UNSTORED,
-    ByValue,
-    Matrix,
-    Result,
-    Vector,
-    stored,
-    stored_as,
-)
+from hfa_support.reporting.results import ByValue, Matrix, Result, Vector, given
 from hfa_support.reporting.text import WIDTH, Table, degrees, matrix_table, numbered, wrapped
 from trim.linear.modes import modes_table
 from trim.point.first_lines import first_line, mode_lines
@@ -80,7 +72,6 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         "hfa.linearize(model, point), or of matrices hfa.LinearModel.of(A, B, C, D)"
     )
     schema = "hfa.linear-model/1"
-    made_by = "hfa linearize"
 
     A: Matrix
     B: Matrix
@@ -88,13 +79,13 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     D: Matrix
     states: tuple[str, ...]
     inputs: tuple[str, ...]
-    point: OperatingPoint = field(metadata=stored_as("operating_point"))
+    point: OperatingPoint
     outputs: tuple[str, ...]
-    E: Matrix = field(metadata=stored_as(optional=True))
-    F: Matrix = field(metadata=stored_as(optional=True))
+    E: Matrix
+    F: Matrix
     output_offsets: Vector
-    disturbances: tuple[str, ...] = field(metadata=stored_as(optional=True))
-    kinks: tuple[str, ...] = field(metadata=UNSTORED)
+    disturbances: tuple[str, ...]
+    kinks: tuple[str, ...]
 
     def __post_init__(self) -> None:
         """Make A and B indexable by names."""
@@ -211,19 +202,16 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         return self.inputs
 
     @property
-    @stored()
     def dynamics(self) -> str:
         """Name of the model."""
         return self.point.dynamics
 
     @property
-    @stored(optional=True)
     def dihedral_deg(self) -> float | None:
         """Dihedral angle of the flexible aircraft, degrees, or None for other models."""
         return self.point.dihedral_deg
 
     @property
-    @stored(optional=True)
     def scheduled(self) -> dict[str, float] | None:
         """Value of the scheduling variable, name -> value.
 
@@ -233,19 +221,16 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         return self.point.scheduled
 
     @property
-    @stored()
     def output_units(self) -> tuple[str, ...]:
         """Units of the outputs, in order."""
         return self.model.units(self.outputs)
 
     @property
-    @stored(optional=True)
     def disturbance_units(self) -> tuple[str, ...]:
         """Units of the disturbances, in order."""
         return self.model.units(self.disturbances)
 
     @property
-    @stored()
     def warnings(self) -> list[str]:
         """Notes on the operating point, omitted input dynamics, entries of A and B at kinks, and
         rates that jump.
@@ -255,7 +240,6 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         return [*self.point.warnings, *moving, *self.kinks]
 
     @property
-    @stored()
     def modes(self) -> ByName[Mode]:
         """Modes of A, fastest first, which can be indexed by number or name: modes["phugoid"]."""
         from hfa_support.reporting.named import ByName
@@ -264,13 +248,11 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         return ByName(modes_of(self.A, self.states, self.model.modes))
 
     @property
-    @stored()
     def state_offsets(self) -> Vector:
         """Offsets X0 of the states, (n,)."""
         return np.array([self.point.values[name] for name in self.states])
 
     @property
-    @stored()
     def input_offsets(self) -> Vector:
         """Offsets U0 of the inputs, (m,)."""
         return np.array([self.point.values[name] for name in self.inputs])
@@ -467,6 +449,35 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         looped = replace(self, A=self.A - self.B @ gain, C=self.C - self.D @ gain)
         return looped.to_control()
 
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "A": self.A,
+            "B": self.B,
+            "C": self.C,
+            "D": self.D,
+            "states": self.states,
+            "inputs": self.inputs,
+            "operating_point": self.point,
+            "outputs": self.outputs,
+            "output_offsets": self.output_offsets,
+            "state_units": self.state_units,
+            "input_units": self.input_units,
+            "dynamics": self.dynamics,
+            "output_units": self.output_units,
+            "warnings": self.warnings,
+            "modes": self.modes,
+            "state_offsets": self.state_offsets,
+            "input_offsets": self.input_offsets,
+        } | given(
+            E=self.E,
+            F=self.F,
+            disturbances=self.disturbances,
+            dihedral_deg=self.dihedral_deg,
+            scheduled=self.scheduled,
+            disturbance_units=self.disturbance_units,
+        )
+
     def report(self) -> Report:
         """Return a report of the linear model, with A, B, the offsets and the modes."""
 
@@ -616,7 +627,7 @@ def linear_model_report(model: LinearModel) -> Report:
             modes_table(modes, signals.time_unit),
         ],
         notes=model.warnings,
-        result=model,
+        data=model.as_data(),
         records=_records(model, blocks),
     )
 

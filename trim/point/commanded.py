@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
-from hfa_support.reporting.results import UNSTORED, Result
+from hfa_support.reporting.results import Result
 from trim.point.condition import release
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, trim
@@ -28,7 +29,7 @@ class CommandedTrim(Result):
     command: Mapping[str, float]
     needed: Mapping[str, float]
     beyond: Mapping[str, float]
-    model: Model = field(metadata=UNSTORED)
+    model: Model
     reason: str = ""
 
     @property
@@ -42,6 +43,15 @@ class CommandedTrim(Result):
         span = highest - lowest
         excess = abs(self.needed[name] - self.beyond[name])
         return excess / span if math.isfinite(span) else excess
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "command": self.command,
+            "needed": self.needed,
+            "beyond": self.beyond,
+            "reason": self.reason,
+        }
 
 
 def commanded_trim(point: OperatingPoint, command: Mapping[str, float]) -> CommandedTrim:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from hfa_aircraft.limits import NEAR
 from hfa_aircraft.model import Model
-from hfa_support.reporting.results import UNSTORED, Result, stored
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import degrees, shown_value
 from trim.point.condition import TrimCondition
 
@@ -29,17 +29,16 @@ class Margin(Result):
     assumed: whether the limits are assumptions of the reader of the aircraft
     """
 
-    name: str = field(metadata=UNSTORED)
+    name: str
     value: float
     role: str
     lowest: float
     highest: float
     unit: str
-    scale: float = field(metadata=UNSTORED)
+    scale: float
     assumed: bool = False
 
     @property
-    @stored("margin")
     def distance(self) -> float:
         """Distance to the nearer limit, min(value - lowest, highest - value).
 
@@ -48,7 +47,6 @@ class Margin(Result):
         return min(self.value - self.lowest, self.highest - self.value)
 
     @property
-    @stored()
     def nearer(self) -> str:
         """Name of the nearer limit, "lowest" or "highest", or "" without limits."""
         if math.isinf(self.distance):
@@ -82,7 +80,6 @@ class Margin(Result):
         return (self.value - rest) / travel if math.isfinite(travel) and travel else math.nan
 
     @property
-    @stored()
     def at_limit(self) -> bool:
         """True if the variable is at the nearer limit, up to `NEAR`, or beyond."""
         return bool(self.nearer) and self.distance <= NEAR * (self.scale + abs(self.nearer_limit))
@@ -108,6 +105,20 @@ class Margin(Result):
         if math.isnan(self.used):
             return "", ""
         return f"{100 * self.used:.1f} %", f"{100 * (1.0 - self.used):.1f} %"
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "value": self.value,
+            "role": self.role,
+            "lowest": self.lowest,
+            "highest": self.highest,
+            "unit": self.unit,
+            "assumed": self.assumed,
+            "margin": self.distance,
+            "nearer": self.nearer,
+            "at_limit": self.at_limit,
+        }
 
 
 def all_margins(

@@ -16,7 +16,7 @@ from hfa_support.errors import BadInputError, file_faults, refuse_unknown, short
 from hfa_support.files import read_json, write_text
 from hfa_support.reporting.data_files import json_text
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import UNSTORED, Record, Result, stored
+from hfa_support.reporting.results import Record, Result
 from hfa_support.reporting.text import Table, degrees, in_degrees
 from hfa_support.schema import NUMBER, checked
 from hfa_support.units import conversion, si_unit
@@ -69,9 +69,9 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     inputs: Record
     residuals: dict[str, float]
     status: Status
-    model: Model = field(compare=False, metadata=UNSTORED)
-    started: int = field(default=0, compare=False, metadata=UNSTORED)
-    problem: TrimProblem | None = field(default=None, compare=False, metadata=UNSTORED)
+    model: Model = field(compare=False)
+    started: int = field(default=0, compare=False)
+    problem: TrimProblem | None = field(default=None, compare=False)
 
     @classmethod
     def of(
@@ -150,19 +150,16 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         return np.array(self.inputs)
 
     @property
-    @stored()
     def dynamics(self) -> str:
         """Name of the model."""
         return self.model.name
 
     @property
-    @stored()
     def state_units(self) -> dict[str, str]:  # type: ignore[override]  # by name
         """Unit of each state, name -> unit."""
         return {name: self.model.unit(name) for name in self.model.states}
 
     @property
-    @stored()
     def input_units(self) -> dict[str, str]:  # type: ignore[override]  # by name
         """Unit of each input, name -> unit."""
         return {name: self.model.unit(name) for name in self.model.inputs}
@@ -280,6 +277,18 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         if self.started:
             lines.append("Not from the default initial point")
         return "\n".join(lines)
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "states": self.states,
+            "inputs": self.inputs,
+            "residuals": self.residuals,
+            "status": self.status,
+            "state_units": self.state_units,
+            "input_units": self.input_units,
+            "dynamics": self.dynamics,
+        }
 
     def report(self) -> Report:
         """Return the report of the trim that `hfa trim` prints.
@@ -469,4 +478,4 @@ def saved_report(point: OperatingPoint) -> Report:
         if kind != "residual"
     ]
     table = Table(records.header, rows)
-    return Report(point.title, [table], point.warnings, point, records)
+    return Report(point.title, [table], point.warnings, point.as_data(), records)

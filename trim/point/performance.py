@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import recognized
 from hfa_support.errors import BadInputError, NoSolutionError
-from hfa_support.reporting.results import UNSTORED, Result
+from hfa_support.reporting.results import Result
 from hfa_support.units import conversion
 
 if TYPE_CHECKING:
@@ -39,9 +39,13 @@ class Quantity(Result):
     unit: unit of the value
     """
 
-    name: str = field(metadata=UNSTORED)
+    name: str
     value: float
     unit: str
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {"value": self.value, "unit": self.unit}
 
 
 @dataclass(frozen=True, eq=False)

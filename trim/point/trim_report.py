@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from hfa_aircraft.model import Model, recognized
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import Result, stored_as
+from hfa_support.reporting.results import Result, given
 from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown_unit, shown_value
 from trim.linear.modes import modes_table
 from trim.point.condition import TrimCondition
@@ -86,7 +86,6 @@ class TrimResult(Result):
     """
 
     schema = "hfa.trim/1"
-    made_by = "hfa trim"
 
     dihedral_deg: float | None = None
     scheduled: Mapping[str, float] | None = None
@@ -111,8 +110,39 @@ class TrimResult(Result):
     search: Mapping[str, Any]
     status: str
     reason: str | None = None
-    doubts: Sequence[str] = field(metadata=stored_as(optional=True))
+    doubts: Sequence[str]
     warnings: Sequence[str]
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "dynamics": self.dynamics,
+            "operating_point": self.operating_point,
+            "scaled_residuals": self.scaled_residuals,
+            "balance_limit": self.balance_limit,
+            "margins": self.margins,
+            "variables": self.variables,
+            "nearest_limits": self.nearest_limits,
+            "binding": self.binding,
+            "equations": self.equations,
+            "rates_left": self.rates_left,
+            "controls": self.controls,
+            "performance": self.performance,
+            "performance_units": self.performance_units,
+            "stability": self.stability,
+            "stability_units": self.stability_units,
+            "not_in_model": self.not_in_model,
+            "validity": self.validity,
+            "modes": self.modes,
+            "search": self.search,
+            "status": self.status,
+            "warnings": self.warnings,
+        } | given(
+            dihedral_deg=self.dihedral_deg,
+            scheduled=self.scheduled,
+            reason=self.reason,
+            doubts=self.doubts,
+        )
 
 
 @checks_arguments
@@ -195,7 +225,7 @@ def trim_report(
     if modes:
         parts.append(modes_table(modes, model.time_unit, participation=full))
     title = f"{point.title}\n{control_lines(point, margins, _lift_over_drag(figures))}"
-    report = Report(title, parts, point.warnings, result, point_records(point))
+    report = Report(title, parts, point.warnings, result.as_data(), point_records(point))
     described = model.trimming.describe
     return report if described is None else described(point, report)
 

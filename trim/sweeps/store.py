@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result, stored, stored_parts
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 from hfa_support.rows.store import RowJob, array_of_rows, fill_store
 from trim.point.system import TrimSystem
@@ -39,18 +39,8 @@ class SweepAttributes(StatesAndInputs, Result):
     """
 
     schema = "hfa.sweep-store/3"
-    made_by = "hfa sweep -o FILE.zarr: attributes of the store"
 
-    plan: SweepPlan = field(
-        metadata=stored_parts(
-            variables="variables",
-            variable_units="units",
-            grid="grid",
-            condition="condition.changes",
-            warnings="warnings",
-            plan="text",
-        )
-    )
+    plan: SweepPlan
 
     @property
     def model(self) -> Model:
@@ -58,10 +48,25 @@ class SweepAttributes(StatesAndInputs, Result):
         return self.plan.model
 
     @property
-    @stored()
     def status(self) -> tuple[str, ...]:
         """Meanings of the numbers 0, 1, ... in the array `status`."""
         return tuple(map(str, STATUS))
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "variables": self.plan.variables,
+            "variable_units": self.plan.units,
+            "grid": self.plan.grid,
+            "condition": self.plan.condition.changes,
+            "warnings": self.plan.warnings,
+            "plan": self.plan.text,
+            "states": self.state_names,
+            "state_units": self.state_units,
+            "inputs": self.input_names,
+            "input_units": self.input_units,
+            "status": self.status,
+        }
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -75,21 +80,25 @@ class StoredSweep(Result, Reported):
     """
 
     schema = "hfa.sweep-summary/1"
-    made_by = "hfa sweep -o FILE.zarr"
 
-    plan: SweepPlan = field(
-        metadata=stored_parts(
-            dynamics="model.name",
-            variables="variables",
-            variable_units="units",
-            grid="grid",
-            condition="condition.changes",
-            points="count",
-        )
-    )
+    plan: SweepPlan
     store: str
     counts: Mapping[str, int]
     warnings: Sequence[str]
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "dynamics": self.plan.model.name,
+            "variables": self.plan.variables,
+            "variable_units": self.plan.units,
+            "grid": self.plan.grid,
+            "condition": self.plan.condition.changes,
+            "points": self.plan.count,
+            "store": self.store,
+            "counts": self.counts,
+            "warnings": self.warnings,
+        }
 
     def report(self) -> Report:
         """Return the report with the number of points of each status."""
@@ -99,7 +108,7 @@ class StoredSweep(Result, Reported):
             f"{trimmed_words(self.counts['trimmed'], self.plan.count)}, in {self.store}",
             parts=(Table(("status", "points"), rows),),
             notes=self.warnings,
-            result=self,
+            data=self.as_data(),
         )
 
 

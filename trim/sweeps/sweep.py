@@ -17,17 +17,7 @@ from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.named import ByName, with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import (
-    UNSTORED,
-    ByValue,
-    Matrix,
-    Result,
-    RootTable,
-    Stack,
-    stored,
-    stored_as,
-    stored_parts,
-)
+from hfa_support.reporting.results import ByValue, Matrix, Result, RootTable, Stack
 from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value
 from trim.linear.kinks import with_means_at_kinks
 from trim.linear.linear_model import LinearModel
@@ -181,27 +171,18 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     """
 
     schema = "hfa.sweep/1"
-    made_by = "hfa sweep"
 
-    plan: SweepPlan = field(
-        metadata=stored_parts(
-            dynamics="model.name",
-            variables="variables",
-            variable_units="units",
-            grid="grid",
-            condition="condition.changes",
-        )
-    )
+    plan: SweepPlan
     values: Matrix
     reasons: tuple[str, ...]
-    states: Matrix = field(metadata=stored_as("operating_states"))
-    inputs: Matrix = field(metadata=stored_as("operating_inputs"))
+    states: Matrix
+    inputs: Matrix
     A: Stack
     B: Stack
     eigenvalues: RootTable
     mode_names: tuple[str, ...]
-    kinks: dict[int, tuple[str, ...]] = field(default_factory=dict, metadata=UNSTORED)
-    one_by_one: int = field(default=0, metadata=UNSTORED)
+    kinks: dict[int, tuple[str, ...]] = field(default_factory=dict)
+    one_by_one: int = 0
 
     @property
     def model(self) -> Model:
@@ -214,7 +195,6 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return self.plan.variables
 
     @property
-    @stored("states")
     def state_names(self) -> tuple[str, ...]:
         """Names of the states of A and B, in order."""
         return self.model.linear
@@ -244,7 +224,6 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return np.asarray(size < _SLOW * size.max())
 
     @property
-    @stored()
     def warnings(self) -> list[str]:
         """Notes on values beyond a range, on kinks, and on points that were trimmed one by one."""
         warnings = [*self.plan.warnings, *slow_note(self.one_by_one, len(self.reasons))]
@@ -384,6 +363,29 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                     fontsize=7,
                 )
 
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "dynamics": self.plan.model.name,
+            "variables": self.plan.variables,
+            "variable_units": self.plan.units,
+            "grid": self.plan.grid,
+            "condition": self.plan.condition.changes,
+            "values": self.values,
+            "reasons": self.reasons,
+            "operating_states": self.states,
+            "operating_inputs": self.inputs,
+            "A": self.A,
+            "B": self.B,
+            "eigenvalues": self.eigenvalues,
+            "mode_names": self.mode_names,
+            "states": self.state_names,
+            "state_units": self.state_units,
+            "inputs": self.input_names,
+            "input_units": self.input_units,
+            "warnings": self.warnings,
+        }
+
     def report(self) -> Report:
         """Return a report with the values and eigenvalues at each point, or the reason for a
         missing trim.
@@ -409,7 +411,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             title=f"Sweep, {self.model.title}: {trimmed_words(count - len(failed), count)}",
             parts=tuple(parts),
             notes=self.warnings,
-            result=self,
+            data=self.as_data(),
             records=self.records(),
         )
 

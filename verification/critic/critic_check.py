@@ -64,8 +64,8 @@ def verify(
     - the residual of the Riccati equation
 
     A critic that is not quadratic is also searched for the largest errors in the box, and simulated
-    from states in the box. For a network, a bound on its errors is proved if possible. Of a
-    history, the last critic is judged, and the errors of all critics are listed.
+    from states in the box. Of a history, the last critic is judged, and the errors of all critics
+    are listed.
 
     In discrete time, the policy of a critic of V or dV/dx is optimal for one step, followed by V.
     A - B K and √α (A - B K) must be stable: if the exact policy does not stabilize, the exact
@@ -149,7 +149,6 @@ def verify(
         box,
         flights=None if found is None else found.flown.flights,
         searched=0 if found is None else found.states,
-        proof=None if found is None else found.proof,
         sections=tuple(sections),
         table=over_time.table,
         nonlinear=nonlinear,

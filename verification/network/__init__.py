@@ -1,1 +1,1 @@
-"""Errors of networks over a box of states: found by a search, and bounded by a proof."""
+"""Errors of networks over a box of states, found by a search."""

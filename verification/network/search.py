@@ -1,12 +1,11 @@
 """Errors of a critic that is a nonlinear function of the state, over a box of states.
 
-A search returns a lower bound on the largest error, and a proof an upper bound.
+A search returns a lower bound on the largest error.
 """
 
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
@@ -18,7 +17,6 @@ from controller.critic.critic import FUNCTIONS, Critic
 from hfa_support.reporting.checks import Check
 from verification.axis import TimeAxis, quadratic_at
 from verification.critic_errors import SMALL, Exact, error_check
-from verification.network.bound import prove
 from verification.network.flights import (
     DOUBLINGS,
     FEW,
@@ -27,25 +25,17 @@ from verification.network.flights import (
     fly,
     starts_in,
 )
-from verification.verdict import Details, Proof, Section
+from verification.verdict import Details, Section
 
 if TYPE_CHECKING:
     from verification.scope import Scope
 
 #: Number of states at which the errors are computed. Half of them are corners of the box.
-STARTS = 1000
+STARTS = 20_000
+#: The same for a wide network.
+STARTS_OF_WIDE = 1000
 #: Number of corners, and of other states, from which a search begins.
 CLIMBS = 3
-#: Number of searches that begin at a state found by the proof.
-_SEARCHES = 3
-#: Bound to be proved for an inexact policy, relative to the largest error found.
-_MARGIN = 1.25
-#: Errors covered by a proof -> description, if the proof does not cover all.
-_PROVED = {
-    ("policy",): "error of the policy",
-    ("value", "gradient"): "error of V and its slopes",
-    ("gradient",): "error of the slopes of V",
-}
 _NOUNS = {"value": "V", "gradient": "a slope of V", "policy": "the policy"}
 
 
@@ -67,7 +57,6 @@ class Findings(NamedTuple):
 
     errors: checks of the errors of a network at the origin and in the box.
     checks: `errors`, and the check of the equilibrium if the critic was simulated.
-    proof: proved bound, or None.
     flown: results of simulations.
     section: section of the report.
     states: number of states at which the search begins, or 0 for a polynomial, whose errors are
@@ -76,7 +65,6 @@ class Findings(NamedTuple):
 
     errors: list[Check]
     checks: list[Check]
-    proof: Proof | None
     flown: FlightResults
     section: Section
     states: int
@@ -163,69 +151,19 @@ def findings_of(
     limit: largest relative error that passes
     """
     about = Comparison(critic, axis.exact, np.sqrt(np.diag(axis.price)), b, axis.exact_at)
-    origin, worst, proof = _searched_and_proved(about, limit, scope)
+    origin, worst = search(about)
     # The errors of a polynomial are bounded, and its bounds are checked.
     errors = search_checks(critic, origin, worst, limit) if critic.network else []
     checks = list(errors)
     flown = fly(axis, critic, axis.exact, b, scope.flights, scope.plant)
     if flown.flights:
         checks.append(equilibrium_check(flown.rest_point, b, limit))
-    section = nonlinear_section(critic, b, worst, proof, flown, axis.period)
-    states = STARTS if critic.network else 0
-    return Findings(errors, checks, proof, flown, section, states)
+    section = nonlinear_section(critic, b, worst, flown, axis.period)
+    states = starts_of(critic) if critic.network else 0
+    return Findings(errors, checks, flown, section, states)
 
 
-# Search and proof.
-def _searched_and_proved(
-    about: Comparison, limit: float, scope: Scope
-) -> tuple[float, tuple[Found, ...], Proof | None]:
-    """Search for the largest errors, then prove a bound for a network."""
-    # Returns the largest error at the origin, the largest errors found in the box, and the proof or
-    # None. Only graphs of scalars (SX) are proved. The errors of a polynomial are bounded already.
-    # - No error above the limit is found: the limit is proved for all errors.
-    # - An error above the limit is found, but not of the policy: the limit is proved for the
-    # policy.
-    # - The error of the policy exceeds the limit: `_MARGIN` times this error is proved for the
-    # policy.
-    # If the proof finds a larger error, the search is repeated from that state.
-    end = time.monotonic() + scope.seconds
-    origin, worst = search(about)
-    functions = about.functions
-    provable: tuple[str, ...] = ()
-    if about.critic.network:
-        provable = tuple(kind for kind in functions if functions[kind].is_a("SXFunction"))
-    proof = None
-    for _ in range(_SEARCHES if provable and scope.seconds else 0):
-        largest = {item.name: item.error for item in worst}
-        covers = provable
-        bound = limit
-        if max(largest.values()) > limit:
-            if "policy" not in provable:
-                break
-            covers = ("policy",)
-            if largest["policy"] > limit:
-                bound = _rounded_up(_MARGIN * largest["policy"])
-        function = about.function(covers)
-        seconds = end - time.monotonic()
-        what = _PROVED.get(covers, "error")
-        proof = prove(what, function, about.box, bound, seconds, scope.progress)
-        if proof is None:
-            break
-        proof = proof._replace(is_of_all=covers == tuple(functions))
-        if proof.beyond is None:
-            break
-        origin, worst = search(about, proof.beyond)
-    return origin, worst, proof
-
-
-def _rounded_up(number: float) -> float:
-    """Return a number rounded up to two significant digits."""
-    if not math.isfinite(number):
-        return number
-    digit = 10.0 ** (math.floor(math.log10(number)) - 1)
-    return float(f"{math.ceil(number / digit) * digit:.2g}")
-
-
+# Search.
 def search_checks(
     critic: Critic, origin: float, found: tuple[Found, ...], limit: float
 ) -> list[Check]:
@@ -243,14 +181,17 @@ def search_checks(
     return checks
 
 
-def search(about: Comparison, also: np.ndarray | None = None) -> tuple[float, tuple[Found, ...]]:
+def starts_of(critic: Critic) -> int:
+    """Return the number of states at which the errors of a critic are computed."""
+    return STARTS_OF_WIDE if critic.wide else STARTS
+
+
+def search(about: Comparison) -> tuple[float, tuple[Found, ...]]:
     """Return the largest error at the origin, and the largest errors found in the box |z_i| <= b_i.
 
-    The errors are computed at `STARTS` states, and at `also`. Each error is maximized by L-BFGS-B
-    from the worst state and from `also`. For a network that is not wide, further maximizations
-    begin at the `CLIMBS` worst corners and at the `CLIMBS` worst other states.
-
-    also: further initial state of the search, (n,), or None
+    The errors are computed at many states (`starts_of`). Each error is maximized by L-BFGS-B from
+    the worst state. For a network that is not wide, further maximizations begin at the `CLIMBS`
+    worst corners and at the `CLIMBS` worst other states.
     """
     b = about.box
     z = about.critic.symbols
@@ -258,9 +199,7 @@ def search(about: Comparison, also: np.ndarray | None = None) -> tuple[float, tu
     values = ca.Function("values", [z], [errors])
     climb = _climber(errors, z, b)
     climbs = 0 if about.critic.wide else CLIMBS
-    starts = starts_in(np.ones(len(b)), STARTS, seed=0)
-    if also is not None:
-        starts = np.vstack([starts, also / b])
+    starts = starts_in(np.ones(len(b)), starts_of(about.critic), seed=0)
     ends = []
     for sampled, unit in zip(np.array(values((b * starts).T)), np.eye(len(names)), strict=True):
         sizes = np.where(np.isfinite(sampled), np.abs(sampled), math.inf)
@@ -270,7 +209,7 @@ def search(about: Comparison, also: np.ndarray | None = None) -> tuple[float, tu
             continue
         corners = order[order % 2 == 0][:climbs]
         inside = order[order % 2 == 1][:climbs]
-        for index in (order[0], *corners, *inside, *range(STARTS, len(starts))):
+        for index in (order[0], *corners, *inside):
             ends.append(climb(np.copysign(unit, sampled[index]), starts[index]))
     reached = b * np.array(ends)
     sizes = _sizes(values(reached.T))
@@ -316,7 +255,6 @@ def nonlinear_section(
     critic: Critic,
     b: np.ndarray,
     found: tuple[Found, ...],
-    proof: Proof | None,
     flown: FlightResults,
     period: str,
 ) -> Section:
@@ -347,21 +285,15 @@ def nonlinear_section(
         f"{kind}, {critic.precision} weights, linearized exactly at the origin{constant}",
         f"Read: {critic.origin}",
         f"{name}({_row(b)}) = {_row(value)}; compare with your critic",
-        f"Largest errors in the box (searched, {STARTS} starts; not a bound): {errors}",
+        f"Largest errors in the box (searched, {starts_of(critic)} starts; not a bound): {errors}",
     ]
-    if proof is not None:
-        lines.append(
-            f"Proved for the expression simplified by CasADi: no {proof.what} above"
-            f" {proof.error:.3g} {proof.where} ({proof.boxes} boxes)"
-        )
     data = {
         "output": output,
         "precision": critic.precision,
         "value_at_origin": critic.constant,
         "origin": critic.origin,
-        "starts": STARTS,
+        "starts": starts_of(critic),
         "searched": [item._asdict() for item in found],
-        "proved": None if proof is None else proof._asdict(),
         "at": b,
         "value_at": value,
         **flown._asdict(),

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress, with_progress
-from hfa_support.reporting.results import UNSTORED, Result, stored
+from hfa_support.reporting.results import Result
 from verification.printed.comparison import Position, change, compare, in_signs
 from verification.printed.exact_answer import answer_of, certified_value, rough_values
 from verification.printed.printed_file import PrintedFile
@@ -41,7 +41,7 @@ class ChangedEntry(Result):
     slip: the misprint
     """
 
-    position: Position = field(metadata=UNSTORED)
+    position: Position
     typed: str
     lowest: float
     highest: float
@@ -49,13 +49,23 @@ class ChangedEntry(Result):
     slip: str
 
     @property
-    @stored()
     def entry(self) -> str:
         """Position of the entry as text, such as "A12" for row 1 and column 2 of A."""
         return str(self.position)
 
     def __str__(self) -> str:
         return f"{self.position} = {self.value}, not {self.typed} ({self.slip})"
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "typed": self.typed,
+            "lowest": self.lowest,
+            "highest": self.highest,
+            "value": self.value,
+            "slip": self.slip,
+            "entry": self.entry,
+        }
 
 
 class _Edit(NamedTuple):

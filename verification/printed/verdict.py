@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from controller.game.weights import weights_line
 from hfa_support.errors import prefix_errors
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import UNSTORED, Result, stored, stored_as, stored_parts
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 from verification.critic.critic_check import verify
 from verification.printed.classes import Classified, classify
@@ -40,23 +40,13 @@ class PrintedVerdict(Result, Reported):
     """
 
     schema = "hfa.printed-check/1"
-    made_by = "hfa printed"
 
-    file: PrintedFile = field(metadata=stored_parts(title="title"))
-    classified: Classified = field(
-        metadata=stored_parts(
-            verdict="name",
-            reason="reason",
-            relative_error="comparison.relative_error",
-            other_plants="changed",
-            not_searched="not_searched",
-        )
-    )
-    cost_lost: float = field(metadata=stored_as("cost_lost_percent"))
-    limit_cost: float | None = field(default=None, metadata=UNSTORED)
+    file: PrintedFile
+    classified: Classified
+    cost_lost: float
+    limit_cost: float | None = None
 
     @property
-    @stored()
     def ok(self) -> bool:
         """True if the answer is as printed, cut off, or close with a cost within `limit_cost`."""
         if self.classified.name == "close":
@@ -64,7 +54,6 @@ class PrintedVerdict(Result, Reported):
         return self.classified.name in ("as printed", "cut off")
 
     @property
-    @stored()
     def weights_from(self) -> Mapping[str, str]:
         """Q, R, delta or a printed N -> "printed", or "default" for a missing gamma."""
         delta = "printed" if "gamma" in self.file.typed else "default"
@@ -72,7 +61,6 @@ class PrintedVerdict(Result, Reported):
         return {"Q": "printed", "R": "printed", "delta": delta, **cross}
 
     @property
-    @stored()
     def entries(self) -> list[dict[str, Any]]:
         """Printed entries with their positions, exact values and errors.
 
@@ -81,6 +69,21 @@ class PrintedVerdict(Result, Reported):
         """
         rows = _rows(self.classified.comparison)
         return [dict(zip(_COLUMNS, row, strict=True)) for row in rows]
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "title": self.file.title,
+            "verdict": self.classified.name,
+            "reason": self.classified.reason,
+            "relative_error": self.classified.comparison.relative_error,
+            "other_plants": self.classified.changed,
+            "not_searched": self.classified.not_searched,
+            "cost_lost_percent": self.cost_lost,
+            "ok": self.ok,
+            "weights_from": self.weights_from,
+            "entries": self.entries,
+        }
 
     def report(self) -> Report:
         """Return the report on the printed answer.
@@ -115,7 +118,7 @@ class PrintedVerdict(Result, Reported):
         return Report(
             line,
             parts,
-            result=self,
+            data=self.as_data(),
             records=Table(_COLUMNS, rows),
         )
 

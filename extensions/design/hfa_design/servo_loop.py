@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,7 +26,7 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress, with_progress
 from hfa_support.reporting.checks import Check, Checked, below, checks_block
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import UNSTORED, Result, stored
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, shown_value
 from trim.linear.linear_model import LinearModel
 from trim.point.solve import level_model
@@ -188,8 +188,8 @@ class MarginTable(Checked, Result, Reported):
     rows: one for each scheduling value and set of actuators
     """
 
-    controller: ScheduledController = field(metadata=UNSTORED)
-    rows: tuple[LoopRow, ...] = field(metadata=UNSTORED)
+    controller: ScheduledController
+    rows: tuple[LoopRow, ...]
 
     @property
     def single(self) -> tuple[LoopMargin, ...]:
@@ -199,7 +199,6 @@ class MarginTable(Checked, Result, Reported):
         )
 
     @property
-    @stored()
     def checks(self) -> tuple[Check, ...]:
         """The check that every loop is stable."""
         worst = max(self.rows, key=lambda row: row.abscissa)
@@ -214,6 +213,10 @@ class MarginTable(Checked, Result, Reported):
         """Return the scheduling value of a row as text, such as "5 deg"."""
         model = self.controller.model
         return model.describe(model.schedule, row.scheduled_at)
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {"ok": self.ok, "checks": self.checks, "rows": self.data_rows}
 
     def report(self) -> Report:
         """Return the report: verdict, and tables of the smallest margins of each loop and at each
@@ -237,10 +240,9 @@ class MarginTable(Checked, Result, Reported):
         stable = sum(row.abscissa < 0.0 for row in self.rows)
         verdict = f"{'PASS' if self.ok else 'FAIL'}, {stable} of {len(self.rows)} loops stable"
         title = f"Margins of controller {self.controller.name}, {self.controller.called}: {verdict}"
-        return Report(title, (*tables, checks_block(self.checks)), result=self)
+        return Report(title, (*tables, checks_block(self.checks)), data=self.as_data())
 
     @property
-    @stored("rows")
     def data_rows(self) -> list[dict[str, Any]]:
         """Margins as JSON data, with a row for each scheduling value and set of actuators.
 

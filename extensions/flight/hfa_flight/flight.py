@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -61,7 +61,7 @@ from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.named import with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Part, Report, Reported
-from hfa_support.reporting.results import UNSTORED, Result, Vector, stored, stored_as
+from hfa_support.reporting.results import Result, Vector, given
 from hfa_support.reporting.text import Table, short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
 from trim.tables import draw_curves
@@ -301,28 +301,25 @@ class Flight(StatesAndInputs, Result, Reported):
     """
 
     schema = "hfa.flight/1"
-    made_by = "hfa fly"
 
-    envelope: Limits = field(metadata=UNSTORED)
-    loop: ClosedLoop = field(metadata=UNSTORED)
-    flight: Deviations = field(metadata=UNSTORED)
+    envelope: Limits
+    loop: ClosedLoop
+    flight: Deviations
     departure: Departure | None
-    cycle: LimitCycle | None = field(metadata=stored_as("limit_cycle"))
-    predicted: Deviations | None = field(default=None, metadata=UNSTORED)
+    cycle: LimitCycle | None
+    predicted: Deviations | None = None
     decay: Decay | None = None
     method: str = RUNGE_KUTTA
-    weights: tuple[np.ndarray, np.ndarray] | None = field(default=None, metadata=UNSTORED)
+    weights: tuple[np.ndarray, np.ndarray] | None = None
     integration: IntegrationError | None = None
 
     @property
-    @stored("operating_point")
     def point(self) -> OperatingPoint:
         """Trim from which deviations are measured."""
         point: OperatingPoint = self.loop.plant.point
         return point
 
     @property
-    @stored()
     def dynamics(self) -> str:
         """Name of the model."""
         return self.point.dynamics
@@ -367,7 +364,6 @@ class Flight(StatesAndInputs, Result, Reported):
         return series(self, name, flown.p)
 
     @property
-    @stored()
     def exceeded(self) -> tuple[ControlExcess, ...]:
         """Inputs that exceeded their control limits inside the envelope, largest excess first.
 
@@ -377,7 +373,6 @@ class Flight(StatesAndInputs, Result, Reported):
         return control_excesses(self.point.model, self.inputs[self.flight.times <= until])
 
     @property
-    @stored("within_limits")
     def ok(self) -> bool:
         """True if the flight stayed inside all limits and does not end in a limit cycle.
 
@@ -389,32 +384,27 @@ class Flight(StatesAndInputs, Result, Reported):
         return self.ok
 
     @property
-    @stored()
     def held(self) -> bool:
         """True if the flight stayed inside the envelope and does not end in a limit cycle."""
         return self.departure is None and self.cycle is None
 
     @property
-    @stored()
     def scenario(self) -> Mapping[str, Any]:
         """Scenario of the flight."""
         return self.loop.scenario.to_dict()
 
     @property
-    @stored("envelope")
     def envelope_limits(self) -> Mapping[str, Vector]:
         """Lowest and highest permitted value of each state."""
         limits = envelope_data(self.envelope, bool(self.flight.winds))
         return {name: np.array(pair) for name, pair in limits.items()}
 
     @property
-    @stored()
     def flown(self) -> float:
         """Duration of the flight, s."""
         return float(self.flight.times[-1])
 
     @property
-    @stored()
     def final(self) -> Mapping[str, float]:
         """Final absolute values of all states, and of the output `angle_of_attack` if it exists."""
         values = _by_name(self.model.states, self.states[-1])
@@ -423,7 +413,6 @@ class Flight(StatesAndInputs, Result, Reported):
         return values
 
     @property
-    @stored()
     def largest_deviation(self) -> Mapping[str, float]:
         """Largest deviation from trim of each state.
 
@@ -436,27 +425,23 @@ class Flight(StatesAndInputs, Result, Reported):
         return values
 
     @property
-    @stored()
     def rms_error(self) -> Mapping[str, float]:
         """Root mean square of the error of each state of the linear model, over the second half."""
         late = self.flight.errors[len(self.flight.errors) // 2 :]
         return _by_name(self.model.linear, np.sqrt(np.mean(late**2, axis=0)))
 
     @property
-    @stored()
     def share_beyond_control_limits(self) -> Mapping[str, float]:
         """Fraction of the time during which each input exceeds its control limits."""
         beyond = ~control_limits(self.model).within(self.inputs)
         return _by_name(self.model.inputs, beyond.mean(axis=0))
 
     @property
-    @stored()
     def policy(self) -> Mapping[str, Any]:
         """Name and gain K of the policy, with the breakpoints of scheduled gains."""
         return self.loop.policy.data(self.model)
 
     @property
-    @stored(optional=True)
     def largest_difference_from_linear(self) -> Mapping[str, float] | None:
         """State -> largest difference from the linear prediction, omitted without a prediction."""
         if self.predicted is None:
@@ -465,13 +450,11 @@ class Flight(StatesAndInputs, Result, Reported):
         return _by_name(self.model.states, difference)
 
     @property
-    @stored(optional=True)
     def commanded(self) -> Mapping[str, Any] | None:
         """Tracking errors of the outputs that a controller regulates, omitted if there are none."""
         return self.loop.policy.tracking_errors(self.flight) or None
 
     @property
-    @stored(optional=True)
     def cost(self) -> float | None:
         """Cost ∫ z'Qz + u'Ru dt up to the end of the flight, omitted without weights.
 
@@ -486,7 +469,6 @@ class Flight(StatesAndInputs, Result, Reported):
         return Cost(Q, R).of(self.time, errors, inputs, self.loop.policy.is_held)
 
     @property
-    @stored()
     def warnings(self) -> Sequence[str]:
         """Notes on the operating point, and on moving inputs whose dynamics are not modeled."""
         moved = np.ptp(self.inputs, axis=0) > 0.0
@@ -567,6 +549,38 @@ class Flight(StatesAndInputs, Result, Reported):
 
         return dataset(self)
 
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "departure": self.departure,
+            "limit_cycle": self.cycle,
+            "method": self.method,
+            "states": self.state_names,
+            "state_units": self.state_units,
+            "inputs": self.input_names,
+            "input_units": self.input_units,
+            "operating_point": self.point,
+            "dynamics": self.dynamics,
+            "exceeded": self.exceeded,
+            "within_limits": self.ok,
+            "held": self.held,
+            "scenario": self.scenario,
+            "envelope": self.envelope_limits,
+            "flown": self.flown,
+            "final": self.final,
+            "largest_deviation": self.largest_deviation,
+            "rms_error": self.rms_error,
+            "share_beyond_control_limits": self.share_beyond_control_limits,
+            "policy": self.policy,
+            "warnings": self.warnings,
+        } | given(
+            decay=self.decay,
+            integration=self.integration,
+            largest_difference_from_linear=self.largest_difference_from_linear,
+            commanded=self.commanded,
+            cost=self.cost,
+        )
+
     def report(self) -> Report:
         """Return the report of the flight: outcome, tables of states and inputs, and a picture.
 
@@ -600,7 +614,7 @@ class Flight(StatesAndInputs, Result, Reported):
         parts.append(Picture("flight.png", "States and inputs over time", self.figure))
         largest = max(np.abs(self.flight.states).max(), np.abs(self.flight.inputs).max())
         notes = [UNDISTURBED] if largest <= _STILL else []
-        return Report(self.title(), parts, notes, self, self._records())
+        return Report(self.title(), parts, notes, self.as_data(), self._records())
 
     def _air_notes(self, through_air: bool) -> list[str]:
         """Return notes on moving air: which flow angles are limited, and the gust."""

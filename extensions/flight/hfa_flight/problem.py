@@ -19,7 +19,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.envelope import control_limits, flight_envelope
 from hfa_flight.flight_report import series
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
-from hfa_support.reporting.results import Matrix, stored
+from hfa_support.reporting.results import Matrix
 from trim.linear.linear_model import LinearModel
 from trim.point.linearize import linearize
 from trim.point.operating_point import OperatingPoint
@@ -256,7 +256,6 @@ class OfProblem:
     problem: FlightProblem
 
     @property
-    @stored("operating_point")
     def point(self) -> OperatingPoint:
         """Trim to which flights converge."""
         return self.problem.point

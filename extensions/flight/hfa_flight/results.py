@@ -37,7 +37,6 @@ class MemberSummary(Result):
     """
 
     schema = "hfa.monte-carlo-summary/1"
-    made_by = "hfa fly --samples N"
 
     dynamics: str
     plant: str
@@ -78,7 +77,6 @@ class MemberAttributes(Result):
     """
 
     schema = "hfa.monte-carlo-store/3"
-    made_by = "hfa fly --samples N -o FILE.zarr: attributes of the store"
 
     errors: Sequence[str]
     left: Sequence[str]
@@ -99,6 +97,5 @@ class Exported(Result):
     """
 
     schema = "hfa.export/1"
-    made_by = "hfa export"
 
     files: Sequence[Mapping[str, Any]]

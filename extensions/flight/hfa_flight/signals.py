@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -12,7 +12,7 @@ import numpy as np
 
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.reporting.report import Reported
-from hfa_support.reporting.results import UNSTORED, Result, stored_parts
+from hfa_support.reporting.results import Result
 
 #: Default bandwidth, rad/s, and damping of the command filter, those of SimVFA (Thomsen 2018).
 COMMAND_FILTER = (0.5, 2.0)
@@ -116,13 +116,9 @@ class CommandedStates(Result):
     filtered: True if the reference is the filtered command, False if it is the steps
     """
 
-    commands: CommandSteps = field(
-        metadata=stored_parts(
-            names="names", times="times", values="values", bandwidth="bandwidth", damping="damping"
-        )
-    )
-    states: tuple[str, ...] = field(metadata=UNSTORED)
-    filtered: bool = field(default=True, metadata=UNSTORED)
+    commands: CommandSteps
+    states: tuple[str, ...]
+    filtered: bool = True
 
     @property
     def size(self) -> int:
@@ -140,3 +136,13 @@ class CommandedStates(Result):
         chosen = np.array([[float(name == state) for name in names] for state in self.states])
         value = self.commands.at(t) if self.filtered else self.commands.end(t)
         return ca.mtimes(ca.DM(chosen.reshape(self.size, len(names))), value)
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "names": self.commands.names,
+            "times": self.commands.times,
+            "values": self.commands.values,
+            "bandwidth": self.commands.bandwidth,
+            "damping": self.commands.damping,
+        }

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import LARGEST, quadratic_forms, spectral_radius
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import UNSTORED, Matrix, Result, stored, stored_as, stored_parts
+from hfa_support.reporting.results import Matrix, Result
 from hfa_support.reporting.text import Table
 
 #: Rows of the printed table. A file contains all rows.
@@ -32,31 +33,39 @@ class StepFlight(Result, Reported):
     """
 
     schema = "hfa.step-flight/1"
-    made_by = "hfa fly --model"
 
-    problem: DiscreteGame = field(
-        metadata=stored_parts(
-            plant="step.names.origin", states="step.names.states", inputs="step.names.inputs"
-        )
-    )
+    problem: DiscreteGame
     policy: str
-    states: Matrix = field(metadata=stored_as("x"))
-    inputs: Matrix = field(metadata=stored_as("u"))
-    costs: np.ndarray = field(metadata=UNSTORED)
-    radius: float = field(metadata=stored_as("spectral_radius"))
+    states: Matrix
+    inputs: Matrix
+    costs: np.ndarray
+    radius: float
     warnings: tuple[str, ...] = ()
 
     @property
-    @stored()
     def cost(self) -> float:
         """Discounted cost of all steps."""
         return float(self.costs.sum())
 
     @property
-    @stored()
     def decays(self) -> bool:
         """True if the spectral radius is below 1."""
         return self.radius < 1.0
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "plant": self.problem.step.names.origin,
+            "states": self.problem.step.names.states,
+            "inputs": self.problem.step.names.inputs,
+            "policy": self.policy,
+            "x": self.states,
+            "u": self.inputs,
+            "spectral_radius": self.radius,
+            "warnings": self.warnings,
+            "cost": self.cost,
+            "decays": self.decays,
+        }
 
     def report(self) -> Report:
         """Return the report: verdict, spectral radius, cost and a selection of steps.
@@ -82,7 +91,7 @@ class StepFlight(Result, Reported):
         return Report(
             f"{outcome}\n{flight}",
             (radius, Table(header, texts)),
-            result=self,
+            data=self.as_data(),
             records=Table(header, rows),
         )
 

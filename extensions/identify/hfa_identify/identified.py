@@ -17,7 +17,7 @@ from hfa_identify.records import Record
 from hfa_support.errors import NoSolutionError, refuse_unknown
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import UNSTORED, Matrix, Result, stored, stored_as, stored_parts
+from hfa_support.reporting.results import Matrix, Result, given
 from hfa_support.reporting.text import Table, shown_unit, shown_value, wrapped
 
 if TYPE_CHECKING:
@@ -103,9 +103,8 @@ class Identified(Result, Reported):
     """
 
     schema = "hfa.identified/1"
-    made_by = "hfa identify"
 
-    model: Model = field(metadata=stored_parts(dynamics="name"))
+    model: Model
     records: tuple[str, ...]
     parameters: Mapping[str, Estimate]
     quantities: Mapping[str, FittedQuantity]
@@ -122,8 +121,8 @@ class Identified(Result, Reported):
     turbulence: Mapping[str, float]
     converged: bool
     steps: int
-    fitted: tuple[tuple[Record, np.ndarray], ...] = field(repr=False, metadata=UNSTORED)
-    plan: tuple[Manoeuvre, ...] = field(default=(), metadata=stored_as(optional=True))
+    fitted: tuple[tuple[Record, np.ndarray], ...] = field(repr=False)
+    plan: tuple[Manoeuvre, ...] = ()
 
     def __getitem__(self, name: str) -> Estimate:
         """Return the estimate of a parameter. Raises BadInputError for an unknown name."""
@@ -131,7 +130,6 @@ class Identified(Result, Reported):
         return self.parameters[name]
 
     @property
-    @stored()
     def ok(self) -> bool:
         """True if there are no findings."""
         return not list(self.findings)
@@ -195,7 +193,6 @@ class Identified(Result, Reported):
         return name, self.other_minimum[name]
 
     @property
-    @stored()
     def first_line(self) -> str:
         """The first line of the report: FAIL with at most two findings, or PASS.
 
@@ -243,6 +240,30 @@ class Identified(Result, Reported):
         values = {name: self.parameters[name].value for name in names}
         spread = ParameterSpread(values, self.covariance[np.ix_(places, places)])
         return spread.aircraft(self.model, count, seed)
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "dynamics": self.model.name,
+            "records": self.records,
+            "parameters": self.parameters,
+            "quantities": self.quantities,
+            "covariance": self.covariance,
+            "column_errors": self.column_errors,
+            "coloured": self.coloured,
+            "correlated": self.correlated,
+            "undetermined": self.undetermined,
+            "at_bounds": self.at_bounds,
+            "unexplained": self.unexplained,
+            "faults": self.faults,
+            "other_minimum": self.other_minimum,
+            "parts_disagree": self.parts_disagree,
+            "turbulence": self.turbulence,
+            "converged": self.converged,
+            "steps": self.steps,
+            "ok": self.ok,
+            "first_line": self.first_line,
+        } | given(plan=self.plan)
 
     def report(self) -> Report:
         """Return the report: estimates, quality of the fit, and findings."""

@@ -15,7 +15,7 @@ from hfa_optimal.search import MESHES_AGREE, Found
 from hfa_optimal.smooth import has_kinks
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import UNSTORED, Result, stored, stored_parts
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 
 
@@ -82,21 +82,18 @@ class BestFlight(FoundFlight):
     """
 
     schema = "hfa.best-flight/1"
-    made_by = "hfa optimize"
 
-    problem: FlightProblem = field(metadata=stored_parts(Q="Q", R="R"))
-    found: Found = field(metadata=UNSTORED)
-    others: tuple[SimulatedFlight, ...] = field(default=(), repr=False, metadata=UNSTORED)
-    bracket: Bracket | None = field(default=None, metadata=UNSTORED)
+    problem: FlightProblem
+    found: Found
+    others: tuple[SimulatedFlight, ...] = field(default=(), repr=False)
+    bracket: Bracket | None = None
 
     @property
-    @stored()
     def lower_bound(self) -> float | None:
         """Proved lower bound of the least cost, or None without a certificate."""
         return None if self.bracket is None else self.bracket.lower_bound
 
     @property
-    @stored()
     def cost(self) -> float:
         """Cost of the simulated flight, ∫ z'Qz + v'Rv dt, plus the linear cost after its end.
 
@@ -125,13 +122,11 @@ class BestFlight(FoundFlight):
         return self.seconds
 
     @property
-    @stored()
     def proposed_cost(self) -> float | None:
         """Cost reported by the optimizer for its proposal, or None if no proposal was confirmed."""
         return None if self.found.proposal is None else self.found.proposal.cost
 
     @property
-    @stored()
     def spread(self) -> float | None:
         """Largest relative difference of the flight's cost between meshes or between initial
         guesses, or None if no proposal was confirmed.
@@ -139,7 +134,6 @@ class BestFlight(FoundFlight):
         return None if self.found.proposal is None else self.found.spread
 
     @property
-    @stored()
     def linear_cost(self) -> float:
         """Least cost z'Pz of the linear model without limits, for the initial deviations z.
 
@@ -148,7 +142,6 @@ class BestFlight(FoundFlight):
         return float(self.initial_deviations @ self.problem.P @ self.initial_deviations)
 
     @property
-    @stored()
     def seconds(self) -> float:
         """Horizon of the optimizer, s. After the horizon, the linear policy controls the
         aircraft.
@@ -156,7 +149,6 @@ class BestFlight(FoundFlight):
         return self.found.seconds
 
     @property
-    @stored()
     def policies(self) -> Sequence[PolicyFlight]:
         """Flights of other policies from the initial condition of the best flight.
 
@@ -165,7 +157,6 @@ class BestFlight(FoundFlight):
         return [PolicyFlight.of(flown, self.cost) for flown in self.compared]
 
     @property
-    @stored()
     def over_bound(self) -> float | None:
         """Cost divided by its proved lower bound, or None without a positive bound.
 
@@ -179,6 +170,31 @@ class BestFlight(FoundFlight):
     def compared(self) -> tuple[SimulatedFlight, ...]:
         """Simulated flights of the policies in `policies`, in the same order."""
         return (self.found.linear, *self.others)
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "Q": self.problem.Q,
+            "R": self.problem.R,
+            "states": self.state_names,
+            "state_units": self.state_units,
+            "inputs": self.input_names,
+            "input_units": self.input_units,
+            "operating_point": self.point,
+            "start": self.start,
+            "source": self.source,
+            "reason": self.reason,
+            "saturated": self.saturated,
+            "envelope": self.envelope,
+            "lower_bound": self.lower_bound,
+            "cost": self.cost,
+            "proposed_cost": self.proposed_cost,
+            "spread": self.spread,
+            "linear_cost": self.linear_cost,
+            "seconds": self.seconds,
+            "policies": self.policies,
+            "over_bound": self.over_bound,
+        }
 
     def report(self) -> Report:
         """Return the report: costs and outcomes of all flights, bounds and limits."""
@@ -203,7 +219,7 @@ class BestFlight(FoundFlight):
             "which is not a cost of the aircraft.",
             Picture("flight", "The best flight found and the policies", self.figure),
         )
-        return Report(self.title(), parts, result=self, records=self.records())
+        return Report(self.title(), parts, data=self.as_data(), records=self.records())
 
     def title(self) -> str:
         """Return the first lines of the report: cost, ratios of the policies, initial condition."""

@@ -16,7 +16,7 @@ from hfa_optimal.flights import SimulatedFlight
 from hfa_optimal.picture import drawn
 from hfa_support.reporting.named import with_names
 from hfa_support.reporting.report import Reported
-from hfa_support.reporting.results import Matrix, Result, Vector, stored
+from hfa_support.reporting.results import Matrix, Result, Vector
 from hfa_support.reporting.text import Table, shown_unit
 
 if TYPE_CHECKING:
@@ -51,7 +51,6 @@ class FoundFlight(OfProblem, StatesAndInputs, Result, Reported):
             """First lines of the report."""
 
     @property
-    @stored()
     def start(self) -> Mapping[str, float]:
         """Initial deviations from the trim by name of the state, without deviations of 0."""
         pairs = zip(self.problem.states, self.initial_deviations.tolist(), strict=True)
@@ -65,13 +64,11 @@ class FoundFlight(OfProblem, StatesAndInputs, Result, Reported):
         return (self.flown.states[0] - np.array(self.point.states))[self.problem.places]
 
     @property
-    @stored()
     def source(self) -> str:
         """Name of the flight that is reported: the best flight found, or a policy."""
         return self.flown.name
 
     @property
-    @stored()
     def reason(self) -> str | None:
         """Reason why the simulation confirms no proposal of the optimizer, or None if it does.
 
@@ -80,7 +77,6 @@ class FoundFlight(OfProblem, StatesAndInputs, Result, Reported):
         return self.why_refused or None
 
     @property
-    @stored()
     def saturated(self) -> Sequence[str]:
         """Names of the inputs that reach a limit during the flight."""
         return list(self.flown.saturated)
@@ -101,7 +97,6 @@ class FoundFlight(OfProblem, StatesAndInputs, Result, Reported):
         return with_names(self.flown.inputs, (), self.input_names)
 
     @property
-    @stored()
     def envelope(self) -> Mapping[str, Vector]:
         """Lowest and highest permitted value of each state."""
         return envelope_pairs(self.problem)

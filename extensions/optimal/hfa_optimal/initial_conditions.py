@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.interruption import interruption
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import UNSTORED, Result, stored, stored_parts
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 
 if TYPE_CHECKING:
@@ -46,13 +46,24 @@ class StartFlights(Result):
     spread: float | None
     linear_cost: float
     policies: Sequence[PolicyFlight]
-    bracket: Bracket | None = field(default=None, metadata=UNSTORED)
+    bracket: Bracket | None = None
 
     @property
-    @stored()
     def lower_bound(self) -> float | None:
         """Proved lower bound of the least cost, or None without a certificate."""
         return None if self.bracket is None else self.bracket.lower_bound
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "start": self.start,
+            "cost": self.cost,
+            "reason": self.reason,
+            "spread": self.spread,
+            "linear_cost": self.linear_cost,
+            "policies": self.policies,
+            "lower_bound": self.lower_bound,
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,20 +99,17 @@ class StartsTable(OfProblem, Result, Reported):
     """
 
     schema = "hfa.best-flights/1"
-    made_by = "hfa optimize"
 
-    problem: FlightProblem = field(metadata=stored_parts(Q="Q", R="R"))
+    problem: FlightProblem
     flights: tuple[StartFlights, ...]
-    asked: int = field(metadata=UNSTORED)
+    asked: int
 
     @property
-    @stored()
     def starts(self) -> int:
         """Number of initial conditions whose flights are finished."""
         return len(self.flights)
 
     @property
-    @stored()
     def found(self) -> int:
         """Number of initial conditions from which a best flight was found."""
         return sum(each.cost is not None for each in self.flights)
@@ -112,13 +120,11 @@ class StartsTable(OfProblem, Result, Reported):
         return sum(each.cost is not None and each.reason is not None for each in self.flights)
 
     @property
-    @stored()
     def refused(self) -> int:
         """Number of initial conditions from which no flight was found and confirmed."""
         return self.starts - self.found
 
     @property
-    @stored()
     def policies(self) -> Sequence[PolicySummary]:
         """Summary of the flights of each policy, from initial conditions with a best flight
         only.
@@ -127,7 +133,6 @@ class StartsTable(OfProblem, Result, Reported):
         return [_summary(column) for column in zip(*rows, strict=True)]
 
     @property
-    @stored()
     def over_bound(self) -> Sequence[float]:
         """Cost of each best flight divided by its proved lower bound. Bounds of 0 are left out."""
         return [each.best / each.lower_bound for each in self._bounded if each.best is not None]
@@ -137,6 +142,20 @@ class StartsTable(OfProblem, Result, Reported):
         """Bounds of the least cost that are positive and belong to a best flight."""
         brackets = [each.bracket for each in self.flights if each.bracket is not None]
         return [each for each in brackets if each.best is not None and each.lower_bound > 0.0]
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "Q": self.problem.Q,
+            "R": self.problem.R,
+            "flights": self.flights,
+            "operating_point": self.point,
+            "starts": self.starts,
+            "found": self.found,
+            "refused": self.refused,
+            "policies": self.policies,
+            "over_bound": self.over_bound,
+        }
 
     def report(self) -> Report:
         """Return the report: flights found, cost ratios of policies, refused flights, limits."""
@@ -159,7 +178,9 @@ class StartsTable(OfProblem, Result, Reported):
         parts += [self.weights_text(), limits_table(self.problem)]
         if brackets:
             parts.append(bracket_table(self.problem.model, self._bounded))
-        return Report("\n".join(self._title_lines()), parts, result=self, records=self._records())
+        return Report(
+            "\n".join(self._title_lines()), parts, data=self.as_data(), records=self._records()
+        )
 
     def _title_lines(self) -> list[str]:
         """Return the first lines: flights found, median cost ratios, and what limits the result."""

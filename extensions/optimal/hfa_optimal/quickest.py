@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from hfa_optimal.search import (
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import UNSTORED, stored
+from hfa_support.reporting.results import given
 from hfa_support.reporting.text import Table, short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
 
@@ -72,17 +73,15 @@ class QuickestFlight(FoundFlight):
     """
 
     schema = "hfa.quickest-flight/1"
-    made_by = "hfa optimize"
 
-    problem: FlightProblem = field(metadata=UNSTORED)
-    flown: SimulatedFlight = field(metadata=UNSTORED)
-    proposal: Proposal | None = field(default=None, metadata=UNSTORED)
-    meshes: Mapping[int, float] = field(default_factory=dict, metadata=UNSTORED)
+    problem: FlightProblem
+    flown: SimulatedFlight
+    proposal: Proposal | None = None
+    meshes: Mapping[int, float] = field(default_factory=dict)
     reserve: float | None = None
-    why_refused: str = field(default="", metadata=UNSTORED)
+    why_refused: str = ""
 
     @property
-    @stored()
     def seconds(self) -> float:
         """Duration until the arrival, s. The simulation continues after it."""
         if self.proposal is not None:
@@ -90,7 +89,6 @@ class QuickestFlight(FoundFlight):
         return arrival_time(self.problem, self.flown)
 
     @property
-    @stored()
     def spread(self) -> float | None:
         """Relative difference of the proposed times on the last two meshes, or None."""
         return None if self.proposal is None else difference_of_meshes(self.meshes)
@@ -103,20 +101,17 @@ class QuickestFlight(FoundFlight):
         return np.asarray(np.abs(_deviations(self.problem, self.flown)).max(axis=0))
 
     @property
-    @stored()
     def box(self) -> Mapping[str, float]:
         """Half-width of the arrival box in each state. A flight in the box counts as arrived."""
         return dict(zip(self.problem.states, (ARRIVED * self.largest).tolist(), strict=True))
 
     @property
-    @stored()
     def arrival(self) -> Mapping[str, float]:
         """Deviation of each state from the trim at the time of arrival."""
         at_end = deviations_at(self.problem, self.flown, self.seconds)
         return dict(zip(self.problem.states, at_end.tolist(), strict=True))
 
     @property
-    @stored()
     def saturated(self) -> Sequence[str]:
         """Names of the inputs that reach a limit in the proposal, or in the flight without one.
 
@@ -135,6 +130,25 @@ class QuickestFlight(FoundFlight):
         """End of the time axis of the figure, s."""
         return float(self.time[-1])
 
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "states": self.state_names,
+            "state_units": self.state_units,
+            "inputs": self.input_names,
+            "input_units": self.input_units,
+            "operating_point": self.point,
+            "start": self.start,
+            "source": self.source,
+            "reason": self.reason,
+            "saturated": self.saturated,
+            "envelope": self.envelope,
+            "seconds": self.seconds,
+            "spread": self.spread,
+            "box": self.box,
+            "arrival": self.arrival,
+        } | given(reserve=self.reserve)
+
     def report(self) -> Report:
         """Return the report: duration, deviations, saturated inputs, and limits."""
         rows = []
@@ -152,7 +166,7 @@ class QuickestFlight(FoundFlight):
             "No quicker flight was found. This does not prove that none exists.",
             Picture("flight", "The quickest flight found", self.figure),
         )
-        return Report(self.title(), parts, result=self, records=self.records())
+        return Report(self.title(), parts, data=self.as_data(), records=self.records())
 
     def title(self) -> str:
         """Return the first lines of the report: duration, trim and initial condition."""

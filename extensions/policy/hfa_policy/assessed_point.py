@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from hfa_policy.nonlinearity import Nonlinearity
 from hfa_policy.outcomes import Outcomes, Place
 from hfa_policy.reach import OwnMode, left_alone
 from hfa_policy.rough_flights import RoughFlights
-from hfa_support.reporting.results import UNSTORED, Result, stored, stored_as, stored_parts
+from hfa_support.reporting.results import Result, given
 from trim.point.operating_point import OperatingPoint
 
 #: Fraction of the flights that must converge for a policy to hold.
@@ -54,17 +54,13 @@ class AssessedPoint(Result):
         aircraft.
     """
 
-    deployed: Deployed = field(metadata=UNSTORED)
-    point: OperatingPoint = field(metadata=UNSTORED)
-    place: Place = field(metadata=stored_parts(K="equilibrium.K"))
-    slowest: complex = field(metadata=UNSTORED)
-    delays: Delays | None = field(
-        metadata=stored_parts(
-            delay_limit="limit", delay_limit_fine="fine", delay_searched="searched"
-        )
-    )
-    margins: Margins | None = field(metadata=stored_parts(disk_margin="disk.disk"))
-    cost: CostAboveOptimum | None = field(metadata=stored_as("cost_lost"))
+    deployed: Deployed
+    point: OperatingPoint
+    place: Place
+    slowest: complex
+    delays: Delays | None
+    margins: Margins | None
+    cost: CostAboveOptimum | None
     nonlinearity: Nonlinearity | None
     flights: Outcomes | None
     disturbed: Outcomes | None
@@ -76,7 +72,6 @@ class AssessedPoint(Result):
     integration: IntegrationError | None = None
 
     @property
-    @stored("spectral_radius")
     def radius(self) -> float:
         """Spectral radius of the sampled loop with the deployed delay, or nan."""
         return abs(self.slowest)
@@ -109,7 +104,6 @@ class AssessedPoint(Result):
         return self.place.equilibrium
 
     @property
-    @stored()
     def holds(self) -> bool:
         """True if the policy stabilizes the aircraft.
 
@@ -131,7 +125,6 @@ class AssessedPoint(Result):
         return (self.equilibrium.states - np.array(self.point.states))[rows]
 
     @property
-    @stored()
     def radii(self) -> tuple[float, ...]:
         """Spectral radii of the sampled loop with delays of 0, 1, 2, ... samples.
 
@@ -140,7 +133,6 @@ class AssessedPoint(Result):
         return () if self.delays is None else self.delays.radii
 
     @property
-    @stored("equilibrium")
     def equilibrium_states(self) -> dict[str, float] | None:
         """State -> value at the equilibrium, or None without an equilibrium."""
         if self.equilibrium is None:
@@ -148,7 +140,6 @@ class AssessedPoint(Result):
         return dict(zip(self.point.model.states, self.equilibrium.states.tolist(), strict=True))
 
     @property
-    @stored()
     def equilibrium_inputs(self) -> dict[str, float] | None:
         """Input -> value at the equilibrium, or None without an equilibrium."""
         if self.equilibrium is None:
@@ -165,12 +156,7 @@ class AssessedPoint(Result):
         )
         return converging, f"{self.flights.lost}", after_pulse
 
-    def as_data(self) -> dict[str, Any]:
-        """Return the entries of the JSON output, including the value of the scheduling variable."""
-        return scheduled_value(self.point) | super().as_data()
-
     @property
-    @stored()
     def input_margins(self) -> list[dict[str, float]]:
         """Return gain_low, gain_high, phase_deg and disk of each commanded input.
 
@@ -187,6 +173,34 @@ class AssessedPoint(Result):
             }
             for loop in self.margins.inputs
         ]
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value, with that of the scheduling variable."""
+        equilibrium, delays, margins = self.equilibrium, self.delays, self.margins
+        return (
+            scheduled_value(self.point)
+            | {
+                "K": None if equilibrium is None else equilibrium.K,
+                "delay_limit": None if delays is None else delays.limit,
+                "delay_limit_fine": None if delays is None else delays.fine,
+                "delay_searched": None if delays is None else delays.searched,
+                "disk_margin": None if margins is None else margins.disk.disk,
+                "cost_lost": self.cost,
+                "nonlinearity": self.nonlinearity,
+                "flights": self.flights,
+                "disturbed": self.disturbed,
+                "actions": self.actions,
+                "observations": self.observations,
+                "remarks": self.remarks,
+                "spectral_radius": self.radius,
+                "holds": self.holds,
+                "radii": self.radii,
+                "equilibrium": self.equilibrium_states,
+                "equilibrium_inputs": self.equilibrium_inputs,
+                "input_margins": self.input_margins,
+            }
+            | given(best=self.best, rough=self.rough, integration=self.integration)
+        )
 
 
 def scheduled_value(point: OperatingPoint) -> dict[str, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from textwrap import shorten
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import UNSTORED, Result, stored, stored_as, stored_parts
+from hfa_support.reporting.results import Result, given
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -52,46 +52,30 @@ class Assessment(Result, Reported):
     """
 
     schema = "hfa.assessment/1"
-    made_by = "hfa assess"
 
-    deployed: Deployed = field(
-        metadata=stored_parts(
-            dynamics="model.name",
-            deployment_file="deployment.origin",
-            dt="deployment.dt",
-            delay="deployment.delay",
-            history="deployment.history",
-            network="deployment.actor.chain",
-            commanded="commanded",
-            states="model.linear",
-        )
-    )
+    deployed: Deployed
     points: tuple[AssessedPoint, ...]
-    needs: Mapping[str, float] = field(default_factory=dict, metadata=UNSTORED)
-    variations: tuple[Variation, ...] = field(default=(), metadata=stored_as(optional=True))
-    assumed: str = field(default="", metadata=UNSTORED)
+    needs: Mapping[str, float] = field(default_factory=dict)
+    variations: tuple[Variation, ...] = ()
+    assumed: str = ""
 
     @property
-    @stored()
     def holds(self) -> bool:
         """True if the policy holds at every trim."""
         return all(point.holds for point in self.points)
 
     @property
-    @stored()
     def notes(self) -> list[str]:
         """Contradictions between the policy's files and the deployment file, one sentence each."""
         return notes_on_files(self.deployed)
 
     @property
-    @stored()
     def warnings(self) -> list[str]:
         """Warnings about the trims, each once."""
         sentences = [text for point in self.points for text in point.point.warnings]
         return list(dict.fromkeys(sentences))
 
     @property
-    @stored()
     def unmet(self) -> list[str]:
         """Requirements that are not satisfied, one sentence each.
 
@@ -127,7 +111,6 @@ class Assessment(Result, Reported):
         return self.ok
 
     @property
-    @stored()
     def findings(self) -> list[Finding]:
         """Findings over all trims, worst first: severity and text."""
         unmet = [Finding(Severity.FAILURE, text) for text in self.unmet]
@@ -135,7 +118,6 @@ class Assessment(Result, Reported):
         return worst_first([*unmet, *changed, *findings_at_trims(self.points)])
 
     @property
-    @stored()
     def first_line(self) -> str:
         """Verdict, the trims at which the policy holds or the worst failure, and the cost ratio.
 
@@ -181,6 +163,26 @@ class Assessment(Result, Reported):
         count = f"{len(failing)} of {len(self.variations)} changed aircraft"
         return [f"does not hold {count}, the first{place}: {failing[0].text}"]
 
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "dynamics": self.deployed.model.name,
+            "deployment_file": self.deployed.deployment.origin,
+            "dt": self.deployed.deployment.dt,
+            "delay": self.deployed.deployment.delay,
+            "history": self.deployed.deployment.history,
+            "network": self.deployed.deployment.actor.chain,
+            "commanded": self.deployed.commanded,
+            "states": self.deployed.model.linear,
+            "points": self.points,
+            "holds": self.holds,
+            "notes": self.notes,
+            "warnings": self.warnings,
+            "unmet": self.unmet,
+            "findings": self.findings,
+            "first_line": self.first_line,
+        } | given(variations=self.variations)
+
     def report(self) -> Report:
         """Return the report as text and tables, with its data and a table of all digits."""
         title = [self.first_line, *self._further(), ""]
@@ -191,7 +193,7 @@ class Assessment(Result, Reported):
         return Report(
             "\n".join(title),
             report_parts(self.deployed, self.points, self.variations),
-            result=self,
+            data=self.as_data(),
             records=records_table(self.points),
         )
 

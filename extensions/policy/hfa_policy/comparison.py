@@ -7,12 +7,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from os.path import commonpath
 from pathlib import Path
+from typing import Any
 
 from hfa_policy.assessed_point import AssessedPoint
 from hfa_policy.assessment import Assessment
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result, stored
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 
 
@@ -24,22 +25,23 @@ class Comparison(Result, Reported):
     """
 
     schema = "hfa.assessments/1"
-    made_by = "hfa assess"
 
     assessments: tuple[Assessment, ...]
 
     @property
-    @stored()
     def ok(self) -> bool:
         """True if every policy passes."""
         return all(assessment.ok for assessment in self.assessments)
 
     @property
-    @stored()
     def first_line(self) -> str:
         """Verdict and number of deployments that pass."""
         count = sum(assessment.ok for assessment in self.assessments)
         return f"{verdict_text(self.ok)}: {count} of {len(self.assessments)} deployments pass"
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {"assessments": self.assessments, "ok": self.ok, "first_line": self.first_line}
 
     def report(self) -> Report:
         """Return a report with the table of the deployments, and their first lines."""
@@ -55,7 +57,7 @@ class Comparison(Result, Reported):
         return Report(
             self.first_line,
             (_table(names, rows), *lines),
-            result=self,
+            data=self.as_data(),
             records=_table(origins, rows),
         )
 

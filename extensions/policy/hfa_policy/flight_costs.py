@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from hfa_optimal.search import BestFlights
 from hfa_policy.cost_above_optimum import weights_at
 from hfa_policy.outcomes import Place
 from hfa_support.progress import Progress
-from hfa_support.reporting.results import Result, stored_as
+from hfa_support.reporting.results import Result
 
 
 class Ratios(NamedTuple):
@@ -89,7 +89,7 @@ class FlightCosts(Result):
     searched: bool
     found: int
     refused: int
-    lost: int = field(metadata=stored_as("not_converged"))
+    lost: int
     policy_over_best: Ratios | None
     lqr_over_best: Ratios | None
     policy_over_lqr: Ratios | None
@@ -154,6 +154,23 @@ class FlightCosts(Result):
         text = f"{returns.mean:.4g} ± {returns.deviation:.3g}"
         some = f" in {returns.flights} of {self.starts} flights"
         return text if returns.flights == self.starts else text + some
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "starts": self.starts,
+            "searched": self.searched,
+            "found": self.found,
+            "refused": self.refused,
+            "not_converged": self.lost,
+            "policy_over_best": self.policy_over_best,
+            "lqr_over_best": self.lqr_over_best,
+            "policy_over_lqr": self.policy_over_lqr,
+            "returns": self.returns,
+            "lqr_returns": self.lqr_returns,
+            "offset_rate": self.offset_rate,
+            "brackets": self.brackets,
+        }
 
 
 def _number(ratio: float) -> str:

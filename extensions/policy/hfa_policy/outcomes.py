@@ -29,7 +29,7 @@ from hfa_policy.flights import CompiledSamples, SampledFlight, SampledRows, in_t
 from hfa_policy.reach import HORIZON, Reach
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
-from hfa_support.reporting.results import Result, stored_as
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
 
@@ -176,18 +176,35 @@ class Outcomes(Result):
     departure: departure of the flight that leaves the envelope first, or None if no flight leaves.
     """
 
-    starts: int = field(metadata=stored_as("flights"))
-    returned: int = field(metadata=stored_as("converged"))
-    lost: int = field(metadata=stored_as("left_envelope"))
-    worst_start: dict[str, float] = field(metadata=stored_as("worst_initial"))
+    starts: int
+    returned: int
+    lost: int
+    worst_start: dict[str, float]
     worst_outcome: str
-    slowest: float = field(metadata=stored_as("slowest_convergence"))
-    cycle: LimitCycle | None = field(metadata=stored_as("limit_cycle"))
-    elsewhere: int = field(metadata=stored_as("converged_elsewhere"))
-    elsewhere_at: dict[str, float] = field(metadata=stored_as("other_equilibrium"))
+    slowest: float
+    cycle: LimitCycle | None
+    elsewhere: int
+    elsewhere_at: dict[str, float]
     moving: int
     seconds: float
     departure: Departure | None
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "flights": self.starts,
+            "converged": self.returned,
+            "left_envelope": self.lost,
+            "worst_initial": self.worst_start,
+            "worst_outcome": self.worst_outcome,
+            "slowest_convergence": self.slowest,
+            "limit_cycle": self.cycle,
+            "converged_elsewhere": self.elsewhere,
+            "other_equilibrium": self.elsewhere_at,
+            "moving": self.moving,
+            "seconds": self.seconds,
+            "departure": self.departure,
+        }
 
 
 def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[Any, Any]:

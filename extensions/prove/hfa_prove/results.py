@@ -17,7 +17,7 @@ from hfa_prove.statements.region import RegionStatement
 from hfa_prove.statements.schedule import Run, ScheduleStatement, UncertainActuators
 from hfa_prove.statements.value import ValueStatement
 from hfa_prove.words import ProvedResult
-from hfa_support.reporting.results import UNSTORED, Matrix, Result, Vector, stored
+from hfa_support.reporting.results import Matrix, Result, Vector, given
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,7 +46,6 @@ class ScheduleProof(Result):
     """
 
     schema = "hfa.proof-schedule/1"
-    made_by = "hfa prove schedule"
 
     statement: Literal["schedule"]
     dynamics: str
@@ -89,7 +88,6 @@ class GameProof(Result):
     """
 
     schema = "hfa.proof-game/1"
-    made_by = "hfa prove solution, hfa prove critic"
 
     statement: Literal["solution", "critic"]
     proved: bool
@@ -144,7 +142,6 @@ class ProofCheck(Result):
     """
 
     schema = "hfa.proof-check/1"
-    made_by = "hfa prove --check FILE"
 
     statement: Literal["check"]
     kind: Literal["schedule", "game"]
@@ -192,7 +189,6 @@ class CertificateData(Result):
     """
 
     schema = "hfa.certificate/10"
-    made_by = "hfa prove -o FILE.json: the certificate"
 
     kind: Literal["schedule", "game", "region", "cost", "value"]
     toolchain: str
@@ -219,10 +215,10 @@ class ProvedRegion(ProvedResult):
     reaches: state -> lowest and highest deviation in the set.
     """
 
-    statement: RegionStatement = field(metadata=UNSTORED)
+    statement: RegionStatement
     prover: str
-    size: int = field(metadata=UNSTORED)
-    reaches: Mapping[str, tuple[float, float]] = field(metadata=UNSTORED)
+    size: int
+    reaches: Mapping[str, tuple[float, float]]
 
     @property
     def subject(self) -> Loop:
@@ -230,13 +226,11 @@ class ProvedRegion(ProvedResult):
         return self.statement.loop
 
     @property
-    @stored()
     def rho(self) -> float:
         """Level of V. The set is {V(z) <= rho}, with z the deviation from the equilibrium."""
         return self.statement.rho
 
     @property
-    @stored()
     def policy(self) -> str | Mapping[str, Any]:
         """Coefficients of a polynomial policy, or the SHA-256 of the policy's instructions.
 
@@ -246,13 +240,11 @@ class ProvedRegion(ProvedResult):
         return stored_policy(self.statement.loop.policy)
 
     @property
-    @stored()
     def disturbances(self) -> Mapping[str, float]:
         """Disturbance -> its largest absolute value."""
         return self.statement.loop.disturbances
 
     @property
-    @stored()
     def extents(self) -> Mapping[str, float]:
         """State -> upper bound of the absolute deviation in the set.
 
@@ -261,7 +253,6 @@ class ProvedRegion(ProvedResult):
         return {name: max(-low, high) for name, (low, high) in self.reaches.items()}
 
     @property
-    @stored()
     def terms(self) -> Sequence[Any]:
         """Terms of V = Σ coefficient z^exponents, as a list of [coefficient, exponents].
 
@@ -273,13 +264,11 @@ class ProvedRegion(ProvedResult):
         return PolynomialFunction.of_terms(piece.W.terms).substituted(piece.M).terms
 
     @property
-    @stored()
     def degree(self) -> int:
         """Degree of V."""
         return self.statement.degree
 
     @property
-    @stored(optional=True)
     def P(self) -> Matrix | None:
         """Matrix P (n, n) of V = z'P z, or None if V has a degree above 2."""
         if self.degree > 2:
@@ -287,16 +276,32 @@ class ProvedRegion(ProvedResult):
         return PolynomialFunction.of_terms(self.terms).matrix()
 
     @property
-    @stored(optional=True)
     def parts(self) -> int | None:
         """Number of parts of the set, or of its boundary, in a proof by sums of squares."""
         return self.size if self.prover == "squares" else None
 
     @property
-    @stored(optional=True)
     def boxes(self) -> int | None:
         """Number of boxes that a proof on boxes evaluated."""
         return self.size if self.prover == "boxes" else None
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "prover": self.prover,
+            "proved": self.proved,
+            "states": self.states,
+            "state_units": self.state_units,
+            "trim": self.trim,
+            "parameters": self.parameters,
+            "limits": self.limits,
+            "rho": self.rho,
+            "policy": self.policy,
+            "disturbances": self.disturbances,
+            "extents": self.extents,
+            "terms": self.terms,
+            "degree": self.degree,
+        } | given(P=self.P, parts=self.parts, boxes=self.boxes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -315,7 +320,6 @@ class FoundRegion(ProvedRegion):
     """
 
     schema = "hfa.region/1"
-    made_by = "hfa prove region"
 
     origin: str
     decrease_fails_at: Place | None
@@ -324,6 +328,18 @@ class FoundRegion(ProvedRegion):
     limits_that_bind: Sequence[str]
     stopped: str = ""
     others: Mapping[str, str] = field(default_factory=dict)
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return super().contents() | {
+            "origin": self.origin,
+            "decrease_fails_at": self.decrease_fails_at,
+            "leaves_limits_at": self.leaves_limits_at,
+            "lost_at": self.lost_at,
+            "limits_that_bind": self.limits_that_bind,
+            "stopped": self.stopped,
+            "others": self.others,
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -335,10 +351,13 @@ class CheckedRegion(ProvedRegion):
     """
 
     schema = "hfa.region-check/1"
-    made_by = "hfa prove region --check FILE"
 
     written: Mapping[str, str]
     not_given: Sequence[str] = ()
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return super().contents() | {"written": self.written, "not_given": self.not_given}
 
 
 @dataclass(frozen=True, eq=False)
@@ -370,8 +389,8 @@ class LowerBound(ProvedResult):
     boxes: number of boxes that the proof of each piece evaluated.
     """
 
-    statement: CostStatement = field(metadata=UNSTORED)
-    boxes: Sequence[int] = field(metadata=UNSTORED)
+    statement: CostStatement
+    boxes: Sequence[int]
 
     @property
     def subject(self) -> Plant:
@@ -379,25 +398,21 @@ class LowerBound(ProvedResult):
         return self.statement.plant
 
     @property
-    @stored()
     def equilibrium(self) -> Mapping[str, float]:
         """State or input -> approximate value at the proved equilibrium."""
         return self.statement.equilibrium
 
     @property
-    @stored()
     def Q(self) -> Matrix:
         """Weight of the states, (n, n)."""
         return self.statement.Q
 
     @property
-    @stored()
     def R(self) -> Matrix:
         """Weight of the inputs, (m, m)."""
         return self.statement.R
 
     @property
-    @stored()
     def pieces(self) -> Sequence[BoundPiece]:
         """Bounds by single polynomials. The cost is at least the largest of these bounds."""
         found = []
@@ -406,6 +421,21 @@ class LowerBound(ProvedResult):
             powers = [powers for _, powers in piece.W.terms]
             found.append(BoundPiece(piece.c, piece.M, values, powers, boxes))
         return found
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "proved": self.proved,
+            "states": self.states,
+            "state_units": self.state_units,
+            "trim": self.trim,
+            "parameters": self.parameters,
+            "limits": self.limits,
+            "equilibrium": self.equilibrium,
+            "Q": self.Q,
+            "R": self.R,
+            "pieces": self.pieces,
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -417,10 +447,13 @@ class FoundLowerBound(LowerBound):
     """
 
     schema = "hfa.lower-bound/1"
-    made_by = "hfa prove cost"
 
     covered: Sequence[float]
     stopped: str
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return super().contents() | {"covered": self.covered, "stopped": self.stopped}
 
 
 @dataclass(frozen=True, eq=False)
@@ -432,10 +465,13 @@ class CheckedLowerBound(LowerBound):
     """
 
     schema = "hfa.lower-bound-check/1"
-    made_by = "hfa prove cost --check FILE"
 
     written: Mapping[str, str]
     not_given: Sequence[str] = ()
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return super().contents() | {"written": self.written, "not_given": self.not_given}
 
 
 @dataclass(frozen=True, eq=False)
@@ -446,7 +482,7 @@ class ProvedValue(ProvedResult):
     rays: number of rays of the proof.
     """
 
-    statement: ValueStatement = field(metadata=UNSTORED)
+    statement: ValueStatement
     rays: int
 
     @property
@@ -455,28 +491,40 @@ class ProvedValue(ProvedResult):
         return self.statement.plant
 
     @property
-    @stored()
     def order(self) -> int:
         """Degree D of V; the policy has the degree D - 1."""
         return self.statement.order
 
     @property
-    @stored()
     def residual(self) -> float:
         """Bound of every coefficient of the equation, relative to the sum of its terms."""
         return self.statement.residual
 
     @property
-    @stored("W")
     def V(self) -> Vector:
         """Weights of all monomials of degree 2 to D, (M,), with the last index fastest."""
         return self.statement.V
 
     @property
-    @stored("policy_weights")
     def u(self) -> Matrix:
         """Weights of u, (m, K), of all monomials of degree 1 to D - 1."""
         return self.statement.u
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "rays": self.rays,
+            "proved": self.proved,
+            "states": self.states,
+            "state_units": self.state_units,
+            "trim": self.trim,
+            "parameters": self.parameters,
+            "limits": self.limits,
+            "order": self.order,
+            "residual": self.residual,
+            "W": self.V,
+            "policy_weights": self.u,
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -484,7 +532,6 @@ class FoundValue(ProvedValue):
     """Value that has been computed and proved."""
 
     schema = "hfa.proof-value/1"
-    made_by = "hfa prove value"
 
 
 @dataclass(frozen=True, eq=False)
@@ -496,10 +543,13 @@ class CheckedValue(ProvedValue):
     """
 
     schema = "hfa.value-check/1"
-    made_by = "hfa prove --check FILE: a value"
 
     written: Mapping[str, str]
     not_given: Sequence[str] = ()
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return super().contents() | {"written": self.written, "not_given": self.not_given}
 
 
 Content = dict[str, Any]

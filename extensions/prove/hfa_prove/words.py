@@ -10,7 +10,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_prove.statements.piece import Piece
 from hfa_prove.statements.plant import Plant
-from hfa_support.reporting.results import Result, stored
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 
 #: Note below a table of extents.
@@ -26,37 +26,31 @@ class ProvedResult(Result):
         raise NotImplementedError
 
     @property
-    @stored()
     def proved(self) -> bool:
         """True, because results exist only for proved claims."""
         return True
 
     @property
-    @stored()
     def states(self) -> Sequence[str]:
         """Names of the states that are not held constant, in the order of the deviations z."""
         return self.subject.states
 
     @property
-    @stored()
     def state_units(self) -> Sequence[str]:
         """Unit of each state."""
         return self.subject.model.units(self.states)
 
     @property
-    @stored()
     def trim(self) -> Mapping[str, float]:
         """State or input -> value at the trim."""
         return {**self.subject.trim, **self.subject.inputs, **self.subject.held}
 
     @property
-    @stored()
     def parameters(self) -> Mapping[str, float]:
         """Parameter -> value, for every parameter of the model."""
         return self.subject.parameters
 
     @property
-    @stored()
     def limits(self) -> Mapping[str, Sequence[float]]:
         """Signal -> lowest and highest value, for every signal with a limit."""
         return self.subject.limits

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 
@@ -12,7 +13,7 @@ from hfa_aircraft.readers.daveml.functions import Expressions
 from hfa_aircraft.readers.daveml.names import spelled
 from hfa_aircraft.rigid.tables import Interpolator
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import UNSTORED, Result, stored
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 
 
@@ -34,10 +35,13 @@ class CheckedOutput(Result):
     tolerance: float
 
     @property
-    @stored()
     def ok(self) -> bool:
         """True if the printed and computed values differ by at most the tolerance."""
         return abs(self.computed - self.printed) <= self.tolerance
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return super().contents() | {"ok": self.ok}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -49,31 +53,26 @@ class CheckedDocument(Result, Reported):
     """
 
     schema = "hfa.daveml-check/1"
-    made_by = "hfa daveml"
 
-    document: Document = field(metadata=UNSTORED)
+    document: Document
     outputs: Sequence[CheckedOutput]
 
     @property
-    @stored()
     def path(self) -> str:
         """Path of the file."""
         return self.document.path
 
     @property
-    @stored()
     def title(self) -> str:
         """Title in the header of the file."""
         return self.document.title
 
     @property
-    @stored()
     def cases(self) -> int:
         """Number of check cases."""
         return len(self.document.cases)
 
     @property
-    @stored()
     def ok(self) -> bool:
         """True if there are outputs and all agree within their tolerances."""
         return bool(self.outputs) and all(output.ok for output in self.outputs)
@@ -87,6 +86,16 @@ class CheckedDocument(Result, Reported):
             for each in self.document.variables.values()
             if each.is_output and each.name not in compared
         ]
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "outputs": self.outputs,
+            "path": self.path,
+            "title": self.title,
+            "cases": self.cases,
+            "ok": self.ok,
+        }
 
     def report(self) -> Report:
         """Return the report with the outputs that differ and the inputs and outputs of the file."""
@@ -120,7 +129,7 @@ class CheckedDocument(Result, Reported):
             parts.append("Internal values of the cases are not compared.")
             if self.unchecked:
                 parts.append(f"Outputs without a check case: {', '.join(self.unchecked)}.")
-        return Report(first, parts, result=self)
+        return Report(first, parts, data=self.as_data())
 
 
 def checked_document(document: Document) -> CheckedDocument:

@@ -34,7 +34,7 @@ def report(drawn: list[str]) -> Report:
         title="Title & more\nof it",
         parts=("first", inner),
         notes=("take care",),
-        result={
+        data={
             "schema": "hfa.test/1",
             "values": np.array([0.1, np.inf]),
             "rows": [{"name": "a"}, {"name": "b"}],

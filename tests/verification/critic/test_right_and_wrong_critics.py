@@ -27,7 +27,7 @@ from verification import Scope
 from verification.critic.critic_check import axis_of
 
 pytestmark = pytest.mark.usefixtures("folder")
-FAST = Scope(seconds=0.0, flights=4)
+FAST = Scope(flights=4)
 DEGREE = np.pi / 180.0
 
 
@@ -223,7 +223,7 @@ import sys
 from hfa.main import main
 code = main(["verify", "--dihedral", "15", "--weights", "{path}"])
 others = ("controller.critic.network", "controller.discrete", "verification.network",
-          "verification.reasons", "verification.enclosure")
+          "verification.reasons", "hfa_prove.enclosure")
 print(code, [name for name in sys.modules if name.startswith(others)])
 """
     words = [sys.executable, "-c", program]

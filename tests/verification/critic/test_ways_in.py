@@ -28,21 +28,15 @@ from verification.box import ordinary_box
 from verification.scope import Scope
 from verification.verdict import Verdict
 
-pytestmark = pytest.mark.usefixtures("folder", "no_proof")
+pytestmark = pytest.mark.usefixtures("folder")
 GAME = game_at(8.0)
 AT_8 = ("--dihedral", "8")
 #: Weights of the fourth powers of airspeed, angle of attack, dihedral and pitch rate. With them,
 #: the policy diverges from corners of the box of typical deviations.
 TAIL = np.array([0.0, -200.0, -50.0, -50.0])
 CHANNELS = [0, 1, 3, 4]
-FAST = Scope(seconds=0.0, flights=4)
+FAST = Scope(flights=4)
 DISCOUNT, DT = 0.999, 0.05
-
-
-@pytest.fixture
-def no_proof(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Omit the proof of a bound on a network's errors, which takes up to 20 s."""
-    monkeypatch.setattr("hfa.commands.verify.SECONDS", 0.0)
 
 
 @cache

@@ -30,7 +30,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 A = np.array([[1.02, 0.1], [0.1, 1.0]])
 B = np.array([[0.0], [0.1]])
 BOX = np.array([0.5, 0.2])
-SCOPE = Scope(Box(BOX, "planted"), flights=20, seconds=5.0)
+SCOPE = Scope(Box(BOX, "planted"), flights=20)
 Z = ca.SX.sym("z", 2)
 
 
@@ -70,7 +70,7 @@ NAMES = [
 
 @pytest.mark.parametrize("name", NAMES)
 def test_networks_of_exact_values_and_policies_pass(name: str) -> None:
-    """Networks of the exact V, its gradient or the exact u pass, with a proof over the box."""
+    """Networks of the exact V, its gradient or the exact u pass."""
     problem = PROBLEMS[name]
     V = exact_value(problem)
     for outputs in (
@@ -81,9 +81,6 @@ def test_networks_of_exact_values_and_policies_pass(name: str) -> None:
     ):
         verdict = verify(problem, critic_of(problem, **outputs), scope=SCOPE)
         assert verdict.ok, failed_names(verdict.checks)
-        assert verdict.proof is not None
-        assert verdict.proof.fraction == 1.0
-        assert verdict.proof.is_of_all == ("policy" in outputs)
         assert "searched_policy_error" in [check.name for check in verdict.checks]
 
 
@@ -220,7 +217,7 @@ def test_the_exact_network_of_a_discounted_game_passes(game: Game) -> None:
     assert verdict.ok, failed_names(verdict.checks)
     layers = {"0.weight": 1e3 * K, "2.weight": -1e-3 * np.eye(5)}
     bent = from_network(game, torch_file("bent.pt", layers), activation="tanh")
-    verdict = verify(problem, bent, scope=Scope(seconds=1.0, flights=2))
+    verdict = verify(problem, bent, scope=Scope(flights=2))
     assert verdict.K_rel_error < 1e-9
     assert "searched_policy_error" in failed_names(verdict.checks)
 
@@ -240,7 +237,7 @@ def test_verify_reports_how_networks_are_read() -> None:
     assert right.code == DONE
     assert right.out.startswith(
         "PASS on the discrete game, balanced box, 100 flights: optimal cost\n"
-        "no error above 1e-06 in the box, proved as simplified"
+        "no error above 1e-06 found at 20000 states"
     )
     assert "Read: network right.pt: policy 2 -> 1" in right.out
     shifted = torch_file("shifted.pt", {"weight": -exact.K, "bias": np.array([0.2])})

@@ -17,7 +17,6 @@ from hfa import Game, from_gain, from_network, solve, verify
 from verification.box import ordinary_box
 from verification.critic.in_time import InTime
 from verification.critic_errors import SMALL, box_errors
-from verification.network.bound import _halves
 from verification.network.flights import (
     _reach,
     costs_above_optimum,
@@ -25,7 +24,7 @@ from verification.network.flights import (
     starts_in,
     worst_start,
 )
-from verification.network.search import Comparison, _rounded_up, search
+from verification.network.search import Comparison, search
 from verification.scope import Scope
 
 BOX = np.array(ORDINARY_DEVIATIONS)
@@ -127,7 +126,7 @@ def biased(game: Game, share: float) -> Critic:
 def test_the_cost_of_a_very_small_bias_is_printed(game: Game) -> None:
     """At the trim within 1e-6 of the box, the cost decides; the cost per second is z'Qz + u'Ru."""
     critic = biased(game, 1e-8)
-    scope = Scope(box=ordinary_box(), flights=4, seconds=0.0)
+    scope = Scope(box=ordinary_box(), flights=4)
     verdict = verify(game, critic, limit=1e-9, scope=scope)
     assert "rest_point" in failed_names(verdict.checks)
     assert verdict.grade == "near"
@@ -148,7 +147,7 @@ def test_a_gain_costs_the_same_as_a_network(game: Game) -> None:
     policy = ca.Function("policy", [z], [-ca.DM(K) @ z])
     for game_of in (game, game.with_delta(np.inf)):
         network = from_network(game_of, policy, network="policy")
-        scope = Scope(box=ordinary_box(), flights=4, seconds=0.0)
+        scope = Scope(box=ordinary_box(), flights=4)
         as_network = verify(game_of, network, scope=scope)
         as_gain = verify(game_of, from_gain(game_of, K), scope=scope)
         assert as_gain.cost_lost > 1.0
@@ -162,7 +161,7 @@ def test_a_low_cost_is_no_reason_to_pass_off_the_trim(game: Game, share: float) 
     The cost counts from the equilibrium. From the trim, the cost grows without bound.
     """
     critic = biased(game, share)
-    verdict = verify(game, critic, scope=Scope(box=ordinary_box(), flights=4, seconds=0.0))
+    verdict = verify(game, critic, scope=Scope(box=ordinary_box(), flights=4))
     assert verdict.cost_lost <= 1.0
     assert "rest_point" in failed_names(verdict.checks)
     assert verdict.grade == "fail"
@@ -198,13 +197,6 @@ def test_errors_are_relative_to_the_largest_exact_numbers_in_the_box() -> None:
     wrong = K * [[1.0], [1.2]]  # the input with the small effect
     (policy,) = box_errors(game, from_gain(game, wrong), exact, box, 1e-6)
     assert policy.value == pytest.approx(0.2 * inputs[1] / (SMALL * inputs[0]))
-
-
-@pytest.mark.parametrize("number", [0.0123, 1.0, 1.01, 99.5, 3.1e-7, math.inf])
-def test_a_bound_to_prove_is_rounded_up_to_two_digits(number: float) -> None:
-    rounded = _rounded_up(number)
-    assert number <= rounded <= 1.1 * number
-    assert rounded == float(f"{rounded:.1e}")
 
 
 def test_the_worst_start_has_the_largest_ratio_in_the_box() -> None:
@@ -249,19 +241,3 @@ def test_the_equilibrium_is_measured_in_boxes() -> None:
     assert (found.value, found.ok, found.kind) == (pytest.approx(0.5), True, "rest")
     assert not equilibrium_check(np.array([0.2, -0.05]), b, 0.49).ok
     assert equilibrium_check(None, b, 9.0).value == math.inf
-
-
-def test_boxes_are_halved_across_the_largest_gap() -> None:
-    """Without a known gap, the widest side is halved; both halves cover the box."""
-    centres = np.array([[0.0, 1.0], [0.5, 0.5], [0.0, 0.0]])
-    widths = np.array([[1.0, 0.5], [0.25, 0.5], [1.0, 0.125]])
-    gaps = np.array([[0.1, 0.9], [np.inf, 1.0], [0.0, 0.0]])
-    found, halved = _halves(centres, widths, gaps)
-    for k, side in enumerate((1, 1, 0)):
-        expected = widths[k].copy()
-        expected[side] /= 2.0
-        for half, sign in ((k, -1.0), (k + 3, 1.0)):
-            np.testing.assert_array_equal(halved[half], expected)
-            moved = found[half] - centres[k]
-            assert moved[side] == sign * expected[side]
-            assert moved[1 - side] == 0.0

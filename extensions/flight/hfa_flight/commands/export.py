@@ -193,5 +193,5 @@ def _report(written: list[Path]) -> Report:
     return Report(
         f"Exported: {len(rows)} {'files' if len(rows) > 1 else 'file'}",
         [table],
-        result=Exported(files=listed),
+        data=Exported(files=listed).as_data(),
     )

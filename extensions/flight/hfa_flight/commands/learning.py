@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ from hfa_flight.scenario import Scenario
 from hfa_flight.simulation import CompiledLoop
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import UNSTORED, Result, Vector, stored
+from hfa_support.reporting.results import Result, Vector
 from hfa_support.reporting.text import Table, shown_unit, shown_value
 
 #: Time between two gains of a law that hands over gains, s, and the integration step.
@@ -60,28 +60,33 @@ class LearningFlight(Result, Reported):
     names: names of the states
     """
 
-    flown: Deviations = field(metadata=UNSTORED)
-    reference: Waveform = field(metadata=UNSTORED)
-    names: PlantNames = field(metadata=UNSTORED)
+    flown: Deviations
+    reference: Waveform
+    names: PlantNames
 
     @property
-    @stored()
     def duration(self) -> float:
         """Duration of the flight, s."""
         return float(self.flown.times[-1])
 
     @property
-    @stored()
     def late_rms_errors(self) -> Vector:
         """Root mean square of each error in the second half, (n,)."""
         late = self.flown.times >= 0.5 * self.duration
         return np.asarray(np.sqrt(np.mean(self.flown.errors[late] ** 2, axis=0)))
 
     @property
-    @stored()
     def largest_errors(self) -> Vector:
         """Largest magnitude of each error, (n,)."""
         return np.asarray(np.abs(self.flown.errors).max(axis=0))
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "duration": self.duration,
+            "late_rms_errors": self.late_rms_errors,
+            "largest_errors": self.largest_errors,
+        }
 
     def report(self) -> Report:
         """Return a report of the errors."""
@@ -95,7 +100,7 @@ class LearningFlight(Result, Reported):
         return Report(
             title=f"Flight of the linear model while the law learns, {self.duration:g} s",
             parts=(Table(("error of", "unit", "command", "rms, 2nd half", "largest"), rows),),
-            result=self,
+            data=self.as_data(),
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -16,7 +16,7 @@ from hfa_flight.policies.tables import table_expression
 from hfa_flight.signals import CommandSteps
 from hfa_support.errors import BadInputError
 from hfa_support.linear_table import LinearTable
-from hfa_support.reporting.results import UNSTORED, Result, stored, stored_parts
+from hfa_support.reporting.results import Result
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
@@ -37,12 +37,10 @@ class TrimPath(Result):
     commands: r as a deviation from its value at `base`
     """
 
-    base: OperatingPoint = field(metadata=UNSTORED)
-    states: LinearTable = field(metadata=UNSTORED)
-    inputs: LinearTable = field(metadata=UNSTORED)
-    commands: CommandSteps = field(
-        metadata=stored_parts(names="names", values="values", times="times")
-    )
+    base: OperatingPoint
+    states: LinearTable
+    inputs: LinearTable
+    commands: CommandSteps
 
     @property
     def size(self) -> int:
@@ -76,10 +74,18 @@ class TrimPath(Result):
         return table_expression(self.inputs, self.commanded(t)) - ca.DM(np.array(self.base.inputs))
 
     @property
-    @stored()
     def filter(self) -> tuple[float, float]:
         """Bandwidth, rad/s, and damping of the filter of the commands."""
         return self.commands.bandwidth, self.commands.damping
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "names": self.commands.names,
+            "values": self.commands.values,
+            "times": self.commands.times,
+            "filter": self.filter,
+        }
 
 
 @dataclass(frozen=True, eq=False, repr=False)

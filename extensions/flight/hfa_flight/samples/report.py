@@ -86,7 +86,7 @@ def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
         parts += [gust.text(plan.model), *gust.left_out(plan.model)]
     alike = plan.scenario.uncertainty == Uncertainty() and plan.spread is None
     notes = [_ALIKE] if alike else []
-    return Report(title, parts, notes, found)
+    return Report(title, parts, notes, found.as_data())
 
 
 def _outcomes(found: MemberSummary) -> list[str]:

@@ -218,7 +218,7 @@ def _quickest(request: OptimizeRequest) -> int:
 def _bound(path: Path, search: BestFlights) -> CostStatement:
     """Return the lower bound of the cost that a verified certificate proves."""
     from hfa_prove.bound import lower_bound
-    from verification.enclosure.precision import flint_or_refusal
+    from hfa_prove.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
     return lower_bound(path, search.problem, ProgressLine("bound"))

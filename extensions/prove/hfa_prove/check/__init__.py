@@ -14,7 +14,7 @@ from typing import Any
 import casadi as ca
 
 # Refuses a missing python-flint before any module imports it, and sets the precision of balls.
-import verification.enclosure.precision  # noqa: F401
+import hfa_prove.enclosure.precision  # noqa: F401
 from hfa_aircraft.model import Model
 from hfa_prove.certificate import Certificate, read_certificate
 from hfa_prove.fields import naming

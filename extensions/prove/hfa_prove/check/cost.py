@@ -23,14 +23,14 @@ import numpy as np
 from hfa_prove.check.cover import Boxes, RefutedError, refute
 from hfa_prove.check.equilibrium import check_near, equilibrium_near
 from hfa_prove.check.piece import ROUNDING, OnPiece
+from hfa_prove.enclosure.balls import hull, is_positive_definite
+from hfa_prove.enclosure.elementary import TINY
+from hfa_prove.enclosure.taylor import Models, TaylorProgram, highest, lowest
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.cost import CostStatement, CostWitness
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import RowFunction
 from hfa_support.progress import Progress
-from verification.enclosure.balls import hull, is_positive_definite
-from verification.enclosure.elementary import TINY
-from verification.enclosure.taylor import Models, TaylorProgram, highest, lowest
 
 #: Newton steps that improve an estimate of the best inputs, on which no proof depends.
 _STEPS = 12

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from flint import arb, arb_mat
 
+from hfa_prove.enclosure.ball_function import BallFunction, Undecided
+from hfa_prove.enclosure.balls import exact, hull, matrix, norm
+from hfa_prove.enclosure.slopes import Intervals, jacobian
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.plant import SAME_TRIM, Plant
-from verification.enclosure.ball_function import BallFunction, Undecided
-from verification.enclosure.balls import exact, hull, matrix, norm
-from verification.enclosure.slopes import Intervals, jacobian
 
 #: Number of Newton steps.
 _STEPS = 20

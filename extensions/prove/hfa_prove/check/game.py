@@ -20,6 +20,8 @@ from flint import acb, acb_mat, arb, arb_mat, ctx
 from hfa_prove.check.equilibrium import root_offsets
 from hfa_prove.check.modes import check_runs, eigenvalue_signs, least_and_most, modes_right_of
 from hfa_prove.check.trims import check_branches, linear_model_on
+from hfa_prove.enclosure.balls import doubles, matrix, norm, symmetric
+from hfa_prove.enclosure.series import TaylorModel
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.flight import Line, TrimBox
 from hfa_prove.statements.game import (
@@ -31,8 +33,6 @@ from hfa_prove.statements.game import (
     Weights,
 )
 from hfa_prove.statements.schedule import Run
-from verification.enclosure.balls import doubles, matrix, norm, symmetric
-from verification.enclosure.series import TaylorModel
 
 
 class Solution(NamedTuple):

@@ -18,10 +18,10 @@ from flint import arb, arb_mat
 
 from hfa_aircraft.model import Model
 from hfa_prove.check.trims import LinearModelBox
+from hfa_prove.enclosure.balls import matrix
+from hfa_prove.enclosure.series import TaylorModel
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.schedule import Actuators, Controller, FixedActuators, UncertainActuators
-from verification.enclosure.balls import matrix
-from verification.enclosure.series import TaylorModel
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,14 +15,14 @@ from flint import arb
 
 from hfa_aircraft.layout import components
 from hfa_prove.check.equilibrium import check_near, equilibrium_near
+from hfa_prove.enclosure.ball_function import BallFunction
+from hfa_prove.enclosure.balls import exact, matrix, norm, symmetric
+from hfa_prove.enclosure.polynomial import Key, Polynomial, key_of
+from hfa_prove.enclosure.series import TaylorOnBall
 from hfa_prove.fields import Rejected, Terms
 from hfa_prove.statements.loop import FREE, LOWEST, Loop
 from hfa_prove.statements.region import RegionStatement
 from hfa_support.errors import BadInputError
-from verification.enclosure.ball_function import BallFunction
-from verification.enclosure.balls import exact, matrix, norm, symmetric
-from verification.enclosure.polynomial import Key, Polynomial, key_of
-from verification.enclosure.series import TaylorOnBall
 
 #: A coefficient and the exponents of its monomial.
 _Term = tuple[arb, tuple[int, ...]]

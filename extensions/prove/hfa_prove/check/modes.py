@@ -16,11 +16,11 @@ from flint import arb, arb_mat
 
 from hfa_prove.check.cover import check_covered
 from hfa_prove.check.linear_loop import LoopBox
+from hfa_prove.enclosure.balls import is_positive_definite, matrix, pivots
+from hfa_prove.enclosure.series import TaylorModel
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.flight import Line
 from hfa_prove.statements.schedule import Piece, Run, UncertainActuators
-from verification.enclosure.balls import is_positive_definite, matrix, pivots
-from verification.enclosure.series import TaylorModel
 
 
 def modes_right_of(A: TaylorModel, line: Line) -> int:

@@ -17,13 +17,13 @@ import numpy as np
 
 from hfa_prove.check.cover import Boxes, Question, cover
 from hfa_prove.check.equilibrium import Equilibrium
+from hfa_prove.enclosure.balls import matrix
+from hfa_prove.enclosure.program import Program
+from hfa_prove.enclosure.taylor import TaylorProgram, amounts_by_edge, lowest
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.piece import Piece
 from hfa_prove.statements.plant import Plant
 from hfa_support.progress import Progress
-from verification.enclosure.balls import matrix
-from verification.enclosure.program import Program
-from verification.enclosure.taylor import TaylorProgram, amounts_by_edge, lowest
 
 #: Largest error of a few sums and products of doubles, relative to the sizes of the terms.
 ROUNDING = 1e-13

@@ -16,10 +16,10 @@ from collections.abc import Mapping
 
 from flint import arb, arb_mat
 
+from hfa_prove.enclosure.balls import is_positive_definite
+from hfa_prove.enclosure.polynomial import Key, Polynomial, monomials
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.evidence import Evidence, Square
-from verification.enclosure.balls import is_positive_definite
-from verification.enclosure.polynomial import Key, Polynomial, monomials
 
 
 def check_positive(

@@ -21,13 +21,13 @@ import numpy as np
 from hfa_prove.check.cover import Boxes, refute
 from hfa_prove.check.equilibrium import check_near, equilibrium_near
 from hfa_prove.check.piece import ROUNDING, OnPiece
+from hfa_prove.enclosure.balls import hull, is_positive_definite, matrix
+from hfa_prove.enclosure.slopes import Intervals, jacobian
+from hfa_prove.enclosure.taylor import TaylorProgram, lowest
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.region import BoxWitness, RegionStatement
 from hfa_support.progress import Progress
-from verification.enclosure.balls import hull, is_positive_definite, matrix
-from verification.enclosure.slopes import Intervals, jacobian
-from verification.enclosure.taylor import TaylorProgram, lowest
 
 #: Largest k for which the hole |y_i| <= 2^-k is tried.
 _SMALLEST_HOLE = 30

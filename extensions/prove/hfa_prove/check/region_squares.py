@@ -23,6 +23,9 @@ from flint import arb, ctx
 from hfa_prove.check.cover import check_covered
 from hfa_prove.check.loop_on_ball import LoopOnBall
 from hfa_prove.check.positivity import check_positive
+from hfa_prove.enclosure.balls import exact, matrix, norm
+from hfa_prove.enclosure.polynomial import Polynomial, power_of_length
+from hfa_prove.enclosure.precision import PRECISION
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.evidence import Evidence
 from hfa_prove.statements.loop import FREE, HIGHEST, LOWEST
@@ -37,9 +40,6 @@ from hfa_prove.statements.region import (
     SquaresWitness,
 )
 from hfa_support.progress import Progress, with_progress
-from verification.enclosure.balls import exact, matrix, norm
-from verification.enclosure.polynomial import Polynomial, power_of_length
-from verification.enclosure.precision import PRECISION
 
 #: Command interval of an input that is free or at a limit, with 0 its lowest and 1 its highest
 #: value.

@@ -21,12 +21,12 @@ from flint import arb, arb_mat
 from hfa_aircraft.model import Model
 from hfa_prove.check.cover import check_covered
 from hfa_prove.check.equilibrium import root_offsets
+from hfa_prove.enclosure.ball_function import BallFunction
+from hfa_prove.enclosure.balls import READING, symmetric
+from hfa_prove.enclosure.series import TaylorModel
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.flight import Flight, StatedTrim, TrimBox
 from hfa_prove.statements.plant import SAME_TRIM
-from verification.enclosure.ball_function import BallFunction
-from verification.enclosure.balls import READING, symmetric
-from verification.enclosure.series import TaylorModel
 
 Rows = list[list[Any]]
 

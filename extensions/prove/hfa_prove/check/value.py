@@ -19,11 +19,11 @@ from flint import arb, arb_mat, arb_series
 
 from hfa_prove.check.game import riccati_S
 from hfa_prove.check.modes import modes_right_of
+from hfa_prove.enclosure.ball_function import BallFunction
+from hfa_prove.enclosure.balls import lowest_sign, matrix, symmetric
+from hfa_prove.enclosure.series import TaylorModel
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.value import ValueStatement, ValueWitness, powers_of
-from verification.enclosure.ball_function import BallFunction
-from verification.enclosure.balls import lowest_sign, matrix, symmetric
-from verification.enclosure.series import TaylorModel
 
 #: Largest rate at the trim, relative to the scale of the rate.
 _STEADY = 1e-6

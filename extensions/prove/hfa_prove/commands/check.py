@@ -89,7 +89,7 @@ def prove(request: CheckRequest) -> int:
     Exit code 0: the statement is proved. Exit code 1: the statement is not proved, or differs from
     an option. The command requires the package python-flint."""
     from hfa_prove.certificate import kind_in
-    from verification.enclosure.precision import flint_or_refusal
+    from hfa_prove.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
     if request.check is None:

@@ -28,7 +28,7 @@ def cost(request: CostRequest) -> int:
     certificate. `hfa optimize --bound FILE` compares flights with the bound. Exit code 0 if the
     bound is proved. The command requires the package python-flint.
     """
-    from verification.enclosure.precision import flint_or_refusal
+    from hfa_prove.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
     if request.check is not None:

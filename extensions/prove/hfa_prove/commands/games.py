@@ -136,7 +136,7 @@ def critic(request: CriticRequest) -> int:
 
 def _prepared(request: SolutionRequest) -> None:
     """Raise BadInputError if python-flint is missing or the output file is not a .json file."""
-    from verification.enclosure.precision import flint_or_refusal
+    from hfa_prove.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
     refuse_no_certificate(request.output.file)

@@ -40,7 +40,7 @@ def region(request: RegionRequest) -> int:
     --weights or --policy again.
     Not covered: sampling, actuators, delays, and a linearization that is not Hurwitz. Exit code 0:
     the set is proved. The command requires the package python-flint."""
-    from verification.enclosure.precision import flint_or_refusal
+    from hfa_prove.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
     request.refuse(

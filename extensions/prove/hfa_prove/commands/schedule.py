@@ -127,7 +127,7 @@ def schedule(request: ScheduleRequest) -> int:
     -o FILE.json writes a certificate for `hfa prove --check FILE`. Exit code 0: the statement is
     proved. Exit code 1: the statement is refuted or remains open. The command requires
     the package python-flint, and --bandwidth also cvxpy."""
-    from verification.enclosure.precision import flint_or_refusal
+    from hfa_prove.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
     refuse_no_certificate(request.output.file, resume=request.resume)

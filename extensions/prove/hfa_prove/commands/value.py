@@ -36,9 +36,9 @@ def value(request: ValueRequest) -> int:
     """
     from controller.expansion.expansion import expand
     from controller.riccati.gare import solve
+    from hfa_prove.enclosure.precision import flint_or_refusal
     from hfa_prove.report_value import found_value_report
     from hfa_prove.search.value import prove_value
-    from verification.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
     refuse_no_certificate(request.output.file)

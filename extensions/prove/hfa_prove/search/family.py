@@ -23,6 +23,9 @@ from hfa_prove.check.trims import (
     linear_model_on,
     stacked,
 )
+from hfa_prove.enclosure.ball_function import Undecided
+from hfa_prove.enclosure.balls import doubles, matrix
+from hfa_prove.enclosure.series import TaylorModel
 from hfa_prove.statements.flight import Flight, StatedTrim, TrimBox, in_model_unit
 from hfa_prove.statements.game import PointTrim
 from hfa_support.arguments import checks_arguments
@@ -31,9 +34,6 @@ from hfa_support.linear_table import LinearTable
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
-from verification.enclosure.ball_function import Undecided
-from verification.enclosure.balls import doubles, matrix
-from verification.enclosure.series import TaylorModel
 
 Proved = TypeVar("Proved")
 #: Limits beyond this value are treated as infinite.

@@ -29,6 +29,8 @@ from hfa_prove.check.game import (
     solution_on,
 )
 from hfa_prove.check.trims import Rejected, linear_model_on
+from hfa_prove.enclosure.balls import doubles, lowest_sign, matrix, norm
+from hfa_prove.enclosure.series import TaylorModel
 from hfa_prove.results import GameProof
 from hfa_prove.search.family import Family, TrimSearch
 from hfa_prove.search.lines import bounds_of_modes, find_line
@@ -38,8 +40,6 @@ from hfa_prove.statements.game import GameStatement, Plant, PointTrim, SolutionB
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
-from verification.enclosure.balls import doubles, lowest_sign, matrix, norm
-from verification.enclosure.series import TaylorModel
 
 #: Relative width of the bracket at which the bisection ends.
 WIDTH = 1e-6

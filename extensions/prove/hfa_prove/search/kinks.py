@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from hfa_prove.check.equilibrium import Equilibrium
+from hfa_prove.enclosure.slopes import Intervals, jacobian
 from hfa_prove.statements.plant import Plant
-from verification.enclosure.slopes import Intervals, jacobian
 
 #: A slope changes at the equilibrium where it varies by more than this part of the largest, in
 #: nominal values.

@@ -12,6 +12,8 @@ from scipy.optimize import nnls
 
 from hfa_prove.check.loop_on_ball import LoopOnBall
 from hfa_prove.check.region_squares import check_region, limits_of
+from hfa_prove.enclosure.polynomial import Polynomial, key_of, power_of_length
+from hfa_prove.enclosure.series import TaylorOnBall
 from hfa_prove.fields import Fields
 from hfa_prove.monomials import PolynomialFunction, edge_points, ellipsoid
 from hfa_prove.search.clock import Clock
@@ -27,8 +29,6 @@ from hfa_prove.statements.region import (
     read_region_witness,
 )
 from hfa_support.errors import NoSolutionError
-from verification.enclosure.polynomial import Polynomial, key_of, power_of_length
-from verification.enclosure.series import TaylorOnBall
 
 #: Least margin of a sum of squares, relative to the largest coefficient. The check adds errors
 #: of the solver, about 1e-8, to the Gram matrices.

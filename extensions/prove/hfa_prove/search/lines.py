@@ -9,10 +9,10 @@ import numpy as np
 from flint import arb_mat
 
 from hfa_prove.check.modes import least_and_most, modes_right_of
+from hfa_prove.enclosure.balls import doubles
+from hfa_prove.enclosure.series import TaylorModel
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.flight import Line
-from verification.enclosure.balls import doubles
-from verification.enclosure.series import TaylorModel
 
 #: Condition number above which eigenvectors are treated as dependent.
 _DEPENDENT = 1e12

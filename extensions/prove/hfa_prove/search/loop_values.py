@@ -8,11 +8,11 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.march.ending import FAR
+from hfa_prove.enclosure.program import Program
+from hfa_prove.enclosure.slopes import Intervals, jacobian, values_at
 from hfa_prove.search.clock import Clock
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_support.native.bound import RowFunction
-from verification.enclosure.program import Program
-from verification.enclosure.slopes import Intervals, jacobian, values_at
 
 #: Number of operations of a loop above which fewer samples are used.
 _OPERATIONS = 6000

@@ -21,6 +21,9 @@ from controller.schedule.gain_schedule import GainSchedule
 from hfa_prove.check.linear_loop import between, closed_loop
 from hfa_prove.check.modes import check_motion, eigenvalue_signs, least_and_most
 from hfa_prove.check.trims import LinearModelBox, Rejected
+from hfa_prove.enclosure.ball_function import Undecided
+from hfa_prove.enclosure.balls import doubles, is_positive_definite, matrix
+from hfa_prove.enclosure.series import TaylorModel
 from hfa_prove.results import breakpoint_data, schedule_data
 from hfa_prove.search.family import Box, Family, TrimSearch, bisected
 from hfa_prove.search.lines import find_line, lines_near_axis
@@ -32,9 +35,6 @@ from hfa_prove.statements.schedule import Run, ScheduleStatement, UncertainActua
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress, with_progress
-from verification.enclosure.ball_function import Undecided
-from verification.enclosure.balls import doubles, is_positive_definite, matrix
-from verification.enclosure.series import TaylorModel
 
 Found = TypeVar("Found")
 #: Widths of the narrowest boxes, in steps of the family; narrower parts remain open. They are

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from hfa_prove.enclosure.polynomial import exponents_of, monomials, power_of_length
 from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.search.level import MARGIN, LevelSearch, limits_within, lowest_degree
 from hfa_prove.search.squares import BASE, Identity, Squares, Terms, packed_monomials
 from hfa_prove.statements.region import LEVEL
-from verification.enclosure.polynomial import exponents_of, monomials, power_of_length
 
 #: Least ratio of V to |y|².
 _LEAST = 1e-3

@@ -23,8 +23,8 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 
+from hfa_prove.enclosure.polynomial import Polynomial, exponents_of, monomials
 from hfa_prove.monomials import PolynomialFunction
-from verification.enclosure.polynomial import Polynomial, exponents_of, monomials
 
 #: Base of the exponents in one whole number.
 BASE = 16

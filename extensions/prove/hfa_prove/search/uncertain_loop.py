@@ -15,9 +15,9 @@ from hfa_aircraft.model import Model
 from hfa_prove.check.linear_loop import LoopBox, actuated_loop
 from hfa_prove.check.modes import check_pieces
 from hfa_prove.check.trims import LinearModelBox, Rejected
+from hfa_prove.enclosure.balls import doubles, exact
 from hfa_prove.search.loops import Loop
 from hfa_prove.statements.schedule import Piece, UncertainActuators
-from verification.enclosure.balls import doubles, exact
 
 #: Largest number of halvings of the interval of bandwidths.
 _HALVINGS = 3

@@ -10,6 +10,7 @@ from controller.expansion.expansion import Expansion
 from hfa_prove.certificate import write_certificate
 from hfa_prove.check.game import riccati_S
 from hfa_prove.check.value import ValueEquation, check_value
+from hfa_prove.enclosure.balls import matrix
 from hfa_prove.problem import plant_at
 from hfa_prove.search.lines import find_line
 from hfa_prove.search.proof import witness_content
@@ -18,7 +19,6 @@ from hfa_prove.statements.value import LARGEST_RESIDUAL, ValueStatement, ValueWi
 from hfa_support.errors import NoSolutionError
 from hfa_support.provenance import Provenance
 from trim.point.operating_point import OperatingPoint
-from verification.enclosure.balls import matrix
 
 #: Factor on the enclosed residual that is claimed.
 _CLAIMED = 1.01

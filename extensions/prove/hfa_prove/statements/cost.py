@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from hfa_prove.enclosure.balls import lowest_sign
 from hfa_prove.fields import Fields, Statement, Witness, entry, part, require
 from hfa_prove.statements.piece import Piece
 from hfa_prove.statements.plant import Plant
-from verification.enclosure.balls import lowest_sign
 
 #: Largest number of boxes that a certificate may state.
 _MOST_BOXES = 1_000_000_000

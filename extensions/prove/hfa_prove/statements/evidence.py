@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from flint import arb
 
+from hfa_prove.enclosure.balls import is_positive_definite, matrix
+from hfa_prove.enclosure.polynomial import Key, Polynomial, monomials
 from hfa_prove.fields import Fields, Rejected, require
-from verification.enclosure.balls import is_positive_definite, matrix
-from verification.enclosure.polynomial import Key, Polynomial, monomials
 
 #: Highest degree of the monomials of a Gram matrix.
 _HIGHEST = 12

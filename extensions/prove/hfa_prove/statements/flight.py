@@ -15,9 +15,9 @@ import numpy as np
 from flint import arb
 
 from hfa_aircraft.model import Model
+from hfa_prove.enclosure.series import TaylorModel
 from hfa_prove.fields import Fields, Stated, entry, require
 from hfa_prove.statements.plant import facts, read_model
-from verification.enclosure.series import TaylorModel
 
 
 class StatedTrim(NamedTuple):

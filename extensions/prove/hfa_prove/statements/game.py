@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from flint import arb, arb_mat
 
+from hfa_prove.enclosure.balls import lowest_sign
+from hfa_prove.enclosure.series import TaylorModel
 from hfa_prove.fields import Fields, Stated, Statement, Witness, entry, part, require
 from hfa_prove.statements.flight import Flight, Line
-from verification.enclosure.balls import lowest_sign
-from verification.enclosure.series import TaylorModel
 
 #: Largest relative difference of a gain from the gain of a value (Frobenius norm).
 SAME_GAIN = 1e-9

@@ -12,11 +12,11 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_prove.enclosure.program import LARGEST, Program
+from hfa_prove.enclosure.splines import is_table, tables_of
 from hfa_prove.fields import Fields, Rejected, Stated, entry, require
 from hfa_prove.hfa import aircraft_of
 from hfa_support.errors import BadInputError, shown
-from verification.enclosure.program import LARGEST, Program
-from verification.enclosure.splines import is_table, tables_of
 
 #: Largest difference of a trim from the stated one, in nominal values of its unknowns.
 SAME_TRIM = 1e-6

@@ -19,11 +19,11 @@ from hfa_prove.check.cover import Boxes, RefutedError
 from hfa_prove.check.equilibrium import Equilibrium, check_near
 from hfa_prove.check.piece import OnPiece
 from hfa_prove.check.region_boxes import Decrease
+from hfa_prove.enclosure.taylor import lowest
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.plant import Plant
-from verification.enclosure.taylor import lowest
 
 AT = {"a": 0.0, "b": 0.0}
 INPUTS = {"u": 0.0, "v": 0.0}

@@ -37,6 +37,8 @@ from hfa_prove.check.cover import (
 from hfa_prove.check.equilibrium import equilibrium_near
 from hfa_prove.check.region_boxes import check_region
 from hfa_prove.commands.policies import scalars
+from hfa_prove.enclosure.program import Program
+from hfa_prove.enclosure.taylor import TaylorProgram, lowest
 from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.search.clock import Clock
 from hfa_prove.search.region_boxes import BoxesSearch
@@ -48,8 +50,6 @@ from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.region import BoxWitness, RegionStatement
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.interruption import interruptible
-from verification.enclosure.program import Program
-from verification.enclosure.taylor import TaylorProgram, lowest
 
 PENDULUM = "examples/pendulum.py:PENDULUM"
 K = np.array([[1.97725, 0.97624]])

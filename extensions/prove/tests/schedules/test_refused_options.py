@@ -87,7 +87,7 @@ def test_each_command_requires_ball_arithmetic(
     def refuse() -> None:
         raise BadInputError("python-flint is missing")
 
-    monkeypatch.setattr("verification.enclosure.precision.flint_or_refusal", refuse)
+    monkeypatch.setattr("hfa_prove.enclosure.precision.flint_or_refusal", refuse)
     for words in (*COMMANDS, ("--check", str(CERTIFICATES / "solution.json"))):
         assert_refused(hfa("prove", *words), 2, "python-flint is missing")
 

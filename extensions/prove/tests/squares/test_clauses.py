@@ -24,14 +24,14 @@ from hfa_prove.certificate import read_statement
 from hfa_prove.check.loop_on_ball import LoopOnBall
 from hfa_prove.check.positivity import check_positive
 from hfa_prove.check.region_squares import _check_extents, check_parts, extents_of, limits_of
+from hfa_prove.enclosure.polynomial import Polynomial, key_of
+from hfa_prove.enclosure.series import TaylorOnBall
 from hfa_prove.fields import Fields, Malformed, Rejected
 from hfa_prove.statements.evidence import Evidence, Square
 from hfa_prove.statements.loop import FREE, HIGHEST, LOWEST, Gain, Loop
 from hfa_prove.statements.plant import Subject, limits_hold, model_limits
 from hfa_prove.statements.region import RegionStatement, _read_parts
 from hfa_support.errors import BadInputError
-from verification.enclosure.polynomial import Polynomial, key_of
-from verification.enclosure.series import TaylorOnBall
 
 Content = dict[str, Any]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import complaints_about, hfa
+from cli import hfa
 from flint import arb
 from forged_regions import DISTURBED_KINDS, KINDS
 from pendulum_regions import (
@@ -29,6 +29,8 @@ from hfa_prove.certificate import read_content
 from hfa_prove.check import check_certificate
 from hfa_prove.check.loop_on_ball import LoopOnBall
 from hfa_prove.check.region_squares import check_region
+from hfa_prove.enclosure.ball_function import Undecided
+from hfa_prove.enclosure.polynomial import Polynomial
 from hfa_prove.fields import Rejected
 from hfa_prove.monomials import PolynomialFunction, edge_points
 from hfa_prove.problem import loop_at
@@ -44,8 +46,6 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from trim.point.linearize import linearize
 from trim.point.solve import trim
-from verification.enclosure.ball_function import Undecided
-from verification.enclosure.polynomial import Polynomial
 
 OF_CHECK = ("prove", "--aircraft", PENDULUM, "--check")
 SIZE = 0.1
@@ -124,7 +124,6 @@ def test_the_command_reports_the_invariant_set(tmp_path: Path) -> None:
     """
     words = ("--disturbance", f"push={SIZE}", "--json")
     data = json.loads(quickly_proved(tmp_path / "pendulum.json", PENDULUM, *words))
-    assert complaints_about(data) == []
     assert data["disturbances"] == {"push": SIZE}
     assert data["rho"] < data["decrease_fails_at"]["V"] < 1.2 * data["rho"]
 

@@ -21,6 +21,7 @@ from hfa_prove.certificate import read_content
 from hfa_prove.check import check_certificate
 from hfa_prove.check.loop_on_ball import LoopOnBall
 from hfa_prove.commands.polynomials import policy_terms
+from hfa_prove.enclosure.polynomial import exponents_of
 from hfa_prove.monomials import PolynomialFunction, edge_points
 from hfa_prove.search.clock import Clock
 from hfa_prove.search.loop_values import LoopValues
@@ -28,7 +29,6 @@ from hfa_prove.search.obstacles import outcomes
 from hfa_prove.statements.loop import Gain
 from hfa_prove.statements.plant import Subject
 from hfa_support.errors import BadInputError
-from verification.enclosure.polynomial import exponents_of
 
 BASIS = "x1**2, x1*x2, x2**2, x1**3*x2, x2**4"
 WEIGHTS = [1.4, 0.148, 0.0366, 0.02, 0.0005]

@@ -32,6 +32,8 @@ from hfa_prove.check.trims import (
     check_branches,
     linear_model_on,
 )
+from hfa_prove.enclosure.balls import doubles, matrix
+from hfa_prove.enclosure.series import TaylorModel
 from hfa_prove.fields import Fields, Malformed, Rejected
 from hfa_prove.statements.flight import Line, TrimBox, _read_limits, in_model_unit
 from hfa_prove.statements.game import GameWitness, Plant, SolutionBox, Weights
@@ -42,8 +44,6 @@ from hfa_prove.statements.schedule import (
     Piece,
     UncertainActuators,
 )
-from verification.enclosure.balls import doubles, matrix
-from verification.enclosure.series import TaylorModel
 
 _NO_SOLUTION = "a root|eigenvalue|Hurwitz"
 

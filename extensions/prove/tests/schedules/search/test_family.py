@@ -16,13 +16,13 @@ from hfa import BadInputError, NoSolutionError
 from hfa.paper import default_parameters, level_model
 from hfa_prove import Family
 from hfa_prove.check.trims import LinearModelBox, Rejected, linear_model_on
+from hfa_prove.enclosure.ball_function import Undecided
+from hfa_prove.enclosure.balls import exact
 from hfa_prove.search.family import Box, TrimSearch, bisected
 from hfa_prove.statements.flight import TrimBox
 from hfa_support.linear_table import LinearTable
 from trim import release
 from trim.hfa.level_flight import LEVEL_FLIGHT
-from verification.enclosure.ball_function import Undecided
-from verification.enclosure.balls import exact
 
 
 def linear_model(flights: Family, low: float, high: float) -> LinearModelBox:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from flint import arb, arb_mat
 
+from hfa_prove.enclosure.balls import lowest_sign, matrix
+from hfa_prove.enclosure.series import TaylorModel
 from hfa_prove.search.lines import bounds_of_modes, find_line, lines_near_axis
-from verification.enclosure.balls import lowest_sign, matrix
-from verification.enclosure.series import TaylorModel
 
 
 def unstable_modes(A: arb_mat) -> int | None:

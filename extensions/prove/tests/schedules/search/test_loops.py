@@ -22,12 +22,12 @@ from hfa_flight.actuators import Actuator
 from hfa_model import INPUTS, LINEAR_STATES, choice
 from hfa_prove import Family, check_certificate, prove_schedule
 from hfa_prove.check.linear_loop import closed_loop
+from hfa_prove.enclosure.balls import doubles
 from hfa_prove.fields import Rejected
 from hfa_prove.report import checked_report
 from hfa_prove.search.family import Box, TrimSearch
 from hfa_prove.search.loops import loop_of_gains, loop_of_servo
 from hfa_prove.search.uncertain_loop import common_lyapunov, decrease
-from verification.enclosure.balls import doubles
 
 SENSORS = (*LINEAR_STATES, "vertical_acceleration_short_period")
 

@@ -25,11 +25,11 @@ from controller.schedule.gain_schedule import GainSchedule
 from hfa import BadInputError
 from hfa.paper import default_parameters
 from hfa_prove import check_certificate, prove_schedule
+from hfa_prove.enclosure.precision import PRECISION
 from hfa_prove.search import proof as certificate
 from hfa_prove.search.loops import Loop
 from hfa_prove.search.proof import CertificateFile, Proof
 from hfa_prove.statements.schedule import Run
-from verification.enclosure.precision import PRECISION
 
 
 def counts(runs: tuple[Run, ...]) -> list[tuple[int, int]]:

@@ -21,12 +21,12 @@ from hfa import BadInputError, Game, NoSolutionError, prove_critic, prove_soluti
 from hfa.main import main
 from hfa_prove import check_certificate
 from hfa_prove.check.game import solution_on
+from hfa_prove.enclosure.balls import matrix, norm
+from hfa_prove.enclosure.series import TaylorModel
 from hfa_prove.fields import Rejected
 from hfa_prove.report import checked_report
 from hfa_prove.search.game import ExactGame, prove_delta_min, weights_of
 from hfa_prove.statements.game import GameStatement
-from verification.enclosure.balls import matrix, norm
-from verification.enclosure.series import TaylorModel
 
 ONE = np.eye(1)
 

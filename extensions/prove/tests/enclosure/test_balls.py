@@ -19,8 +19,8 @@ from random_points import rates_function
 
 import hfa_model
 from hfa_model import VARIANTS
-from verification.enclosure.ball_function import BallFunction
-from verification.enclosure.balls import (
+from hfa_prove.enclosure.ball_function import BallFunction
+from hfa_prove.enclosure.balls import (
     doubles,
     exact,
     hull,
@@ -31,8 +31,8 @@ from verification.enclosure.balls import (
     pivots,
     symmetric,
 )
-from verification.enclosure.precision import PRECISION
-from verification.enclosure.series import TaylorModel
+from hfa_prove.enclosure.precision import PRECISION
+from hfa_prove.enclosure.series import TaylorModel
 
 
 @pytest.mark.parametrize(("off", "second"), [(1.0, 1.5), (2.0, 0.0), (3.0, -2.5)])
@@ -196,7 +196,7 @@ def test_parameter_errors_are_propagated_to_first_order() -> None:
     )
 
 
-@pytest.mark.parametrize("module", ["verification.enclosure.series", "hfa_prove.search.game"])
+@pytest.mark.parametrize("module", ["hfa_prove.enclosure.series", "hfa_prove.search.game"])
 def test_importing_balls_sets_their_precision(module: str) -> None:
     """Whoever imports balls in a new process computes with the bits of proofs."""
     program = f"import {module}, flint; print(flint.ctx.prec)"

@@ -10,7 +10,7 @@ from typing import Any
 
 from flint import arb, fmpq
 
-import verification.enclosure.precision  # noqa: F401  # sets the precision of balls
+import hfa_prove.enclosure.precision  # noqa: F401  # sets the precision of balls
 
 #: Bits of the exponent of one variable in a key.
 _BITS = 8

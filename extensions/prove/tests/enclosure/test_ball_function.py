@@ -19,8 +19,8 @@ from random_points import rates_function
 import hfa_model
 from hfa import BadInputError
 from hfa_model import VARIANTS
-from verification.enclosure.ball_function import BallFunction, Undecided
-from verification.enclosure.balls import exact
+from hfa_prove.enclosure.ball_function import BallFunction, Undecided
+from hfa_prove.enclosure.balls import exact
 
 
 def escaped(dynamics: str, radius: float, points: int, seed: int = 0) -> int:

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from flint import arb
 
-import verification.enclosure.precision  # noqa: F401  # sets the precision of balls
-from verification.enclosure.elementary import (
+import hfa_prove.enclosure.precision  # noqa: F401  # sets the precision of balls
+from hfa_prove.enclosure.elementary import (
     EXP_ERROR,
     SIN_ERROR,
     TANH_ERROR,
@@ -23,8 +23,8 @@ from verification.enclosure.elementary import (
     sin_cos,
     tanh,
 )
-from verification.enclosure.lines import ENCLOSED, Enclosed, enclosed
-from verification.enclosure.splines import Spline, tables_of
+from hfa_prove.enclosure.lines import ENCLOSED, Enclosed, enclosed
+from hfa_prove.enclosure.splines import Spline, tables_of
 
 Function = Callable[[np.ndarray], np.ndarray]
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from verification.enclosure.elementary import (
+from hfa_prove.enclosure.elementary import (
     EXP_ERROR,
     ROUNDING,
     SIN_ERROR,
@@ -26,7 +26,7 @@ from verification.enclosure.elementary import (
     sin_cos,
     tanh,
 )
-from verification.enclosure.splines import HIGHEST, Spline
+from hfa_prove.enclosure.splines import HIGHEST, Spline
 
 #: Arrays of one shape: center, lowest and highest argument.
 Ranges = tuple[np.ndarray, np.ndarray, np.ndarray]

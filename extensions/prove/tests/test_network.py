@@ -11,15 +11,13 @@ import numpy as np
 import pytest
 
 from controller.hfa_game import ORDINARY_DEVIATIONS
-from hfa import Game, from_network, solve, verify
-from verification import Scope
+from hfa import Game, from_network, solve
+from hfa_prove.enclosure.relaxation import Relaxation
+from hfa_prove.network import Proof, _halves, error_bound, prove
 from verification.box import Box, ordinary_box
-from verification.enclosure.relaxation import Relaxation
-from verification.network.bound import Proof, prove
-from verification.verdict import Verdict
 
 BOX = np.array(ORDINARY_DEVIATIONS)
-TRAINED = Path(__file__).parent / "trained"
+TRAINED = Path(__file__).parents[3] / "tests" / "verification" / "network" / "trained"
 ACTIVATIONS: dict[str, Callable[[ca.SX], ca.SX]] = {
     "tanh": ca.tanh,
     "relu": lambda t: ca.fmax(t, 0.0),
@@ -103,11 +101,12 @@ def test_the_bound_includes_rounding() -> None:
 # Right policies.
 
 
-def verdict_on(game: Game, policy: Callable[[ca.SX], ca.SX], seconds: float = 20.0) -> Verdict:
+def bound_on(game: Game, policy: Callable[[ca.SX], ca.SX], limit: float = 1e-6) -> Proof | None:
     z = ca.SX.sym("z", 6)
     function = ca.Function("policy", [z], [policy(z)])
-    scope = Scope(box=ordinary_box(), flights=1, seconds=seconds)
-    return verify(game, from_network(game, function, network="policy"), scope=scope)
+    return error_bound(
+        game, from_network(game, function, network="policy"), box=ordinary_box(), limit=limit
+    )
 
 
 def linear(game: Game, z: ca.SX) -> ca.SX:
@@ -118,7 +117,6 @@ def test_a_linear_policy_of_relu_pairs_is_proved(game: Game) -> None:
     """A linear policy written with pairs max(t, 0) - max(-t, 0), t = W z, is proved exact in one
     box.
 
-    Without time for a proof, the headline reports the number of states searched.
     """
     W = np.random.default_rng(3).normal(size=(6, 6))
     back = ca.DM(solve(game).K @ np.linalg.inv(W))
@@ -127,23 +125,14 @@ def test_a_linear_policy_of_relu_pairs_is_proved(game: Game) -> None:
         t = ca.DM(W) @ z
         return -back @ ca.fmax(t, 0.0) + back @ ca.fmax(-t, 0.0)
 
-    verdict = verdict_on(game, policy)
-    assert verdict.headline().startswith(
-        "PASS on the linear game, typical box, 1 flight: optimal cost"
-    )
-    assert "\nno error above 1e-06 in the box, proved as simplified" in str(verdict)
-    assert verdict.to_dict()["network"]["proved"]["boxes"] == 1
-    searched = str(verdict_on(game, policy, seconds=0.0))
-    assert "\nno error above 1e-06 found at 1000 states" in searched
+    assert bound_on(game, policy) == Proof("error", 1e-6, 1.0, 1)
 
 
 def test_no_bound_is_proved_for_unsupported_operations(game: Game) -> None:
     """For operations without an enclosure, errors are searched for at random states and no bound is
     proved.
     """
-    verdict = verdict_on(game, lambda z: linear(game, z) + 1e-12 * ca.erf(z[1]))
-    assert "no error above 1e-06 found at 1000 states" in str(verdict)
-    assert verdict.to_dict()["network"]["proved"] is None
+    assert bound_on(game, lambda z: linear(game, z) + 1e-12 * ca.erf(z[1])) is None
 
 
 # Planted errors.
@@ -174,14 +163,9 @@ def test_a_narrow_bump_is_found_by_proof(game: Game, seed: int) -> None:
         off = ca.vertcat(3.0 * size * bump(z / ca.DM(BOX), at, 0.05), *[0.0] * 4)
         return linear(game, z) + off
 
-    verdict = verdict_on(game, policy, seconds=0.0)
-    assert "optimal cost\nno error above 1e-06 found at" in str(verdict)
-    verdict = verdict_on(game, policy)
-    assert not verdict.ok
-    assert verdict.value_of("searched_policy_error") > 1.0
-    proof = verdict.proof
+    proof = bound_on(game, policy)
     assert proof is not None
-    assert proof.fraction <= np.abs(at).max() + 0.05 or proof.error >= 3.0
+    assert proof.beyond is not None or proof.fraction <= np.abs(at).max() + 0.05
 
 
 def test_a_fraction_ends_before_the_first_error() -> None:
@@ -226,17 +210,16 @@ def test_no_fraction_is_proved_without_a_bound() -> None:
 def test_a_trained_network_is_proved_within_its_error(game: Game) -> None:
     """The error of the stored 6-32-32-5 policy is proved to be at most 0.051."""
     critic = from_network(game, TRAINED / "policy.npz", activation="tanh", scale=1.0 / BOX)
-    verdict = verify(game, critic, scope=Scope(box=ordinary_box(), flights=1))
-    assert not verdict.ok
-    assert "policy proved within 0.051 in the box" in repr(verdict)
-    assert 0.04 < verdict.value_of("searched_policy_error") < 0.051
+    proof = error_bound(game, critic, box=ordinary_box(), limit=0.051)
+    assert proof is not None
+    assert (proof.fraction, proof.beyond) == (1.0, None)
 
 
 # Kinks and jumps: |t|, max, min and their slopes.
 
 
-def with_hat(game: Game, of_abs: bool) -> Verdict:
-    """Return the verdict on a critic whose V is exact except for a narrow hat between the samples.
+def with_hat(game: Game, of_abs: bool) -> Proof | None:
+    """Return the bound of a critic whose V is exact except for a narrow hat between the samples.
 
     The hat is three times as large as the largest V in the box and 1/250 of the box wide.
 
@@ -251,17 +234,16 @@ def with_hat(game: Game, of_abs: bool) -> Verdict:
 
     hat = 3.0 * float(np.abs(P).sum()) * slope(z[0] - 0.611) * slope(z[1] - 0.611)
     V = ca.Function("V", [z], [ca.bilin(ca.DM(P), z, z) + hat])
-    scope = Scope(Box(np.ones(2), "planted"), flights=2, seconds=10.0)
-    return verify(game, from_network(game, V, network="V"), scope=scope)
+    return error_bound(game, from_network(game, V, network="V"), box=Box(np.ones(2), "planted"))
 
 
 @pytest.mark.parametrize("of_abs", [True, False])
 def test_a_narrow_hat_is_found_by_proof(of_abs: bool) -> None:
     """A narrow hat on V, written with relu units or with absolute values, is found."""
     game = Game([[0.0, 1.0], [-1.0, -1.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [[1.0]], 10.0)
-    verdict = with_hat(game, of_abs)
-    assert not verdict.ok
-    assert verdict.value_of("searched_value_error") == pytest.approx(3.0, rel=1e-3)
+    proof = with_hat(game, of_abs)
+    assert proof is not None
+    assert proof.beyond is not None
 
 
 @pytest.mark.parametrize("kind", ["fabs", "sign", "fmax", "fmin", "slope of fmax", "comparison"])
@@ -303,3 +285,19 @@ def test_no_bound_is_proved_if_numbers_underflow() -> None:
     function = ca.Function("f", [y], [1e300 * (1e-320 * y[0] - 1e-320 * y[1])])
     proof = prove("error", function, np.full(2, 1e300), 1e-6, 0.2)
     assert proof is None or proof.fraction == 0.0
+
+
+def test_boxes_are_halved_across_the_largest_gap() -> None:
+    """Without a known gap, the widest side is halved; both halves cover the box."""
+    centres = np.array([[0.0, 1.0], [0.5, 0.5], [0.0, 0.0]])
+    widths = np.array([[1.0, 0.5], [0.25, 0.5], [1.0, 0.125]])
+    gaps = np.array([[0.1, 0.9], [np.inf, 1.0], [0.0, 0.0]])
+    found, halved = _halves(centres, widths, gaps)
+    for k, side in enumerate((1, 1, 0)):
+        expected = widths[k].copy()
+        expected[side] /= 2.0
+        for half, sign in ((k, -1.0), (k + 3, 1.0)):
+            np.testing.assert_array_equal(halved[half], expected)
+            moved = found[half] - centres[k]
+            assert moved[side] == sign * expected[side]
+            assert moved[1 - side] == 0.0

@@ -22,8 +22,8 @@ import casadi as ca
 import numpy as np
 from scipy.sparse import csr_array
 
+from hfa_prove.enclosure.splines import Spline, Table, is_table, tables_of
 from hfa_support.errors import BadInputError
-from verification.enclosure.splines import Spline, Table, is_table, tables_of
 
 #: Operation of CasADi -> method of an `Arithmetic`.
 OPERATIONS: Mapping[int, str] = {

@@ -2,18 +2,84 @@
 
 from __future__ import annotations
 
+import math
 import time
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
+from controller.critic.critic import Critic
+from controller.game.linear_game import Game
+from hfa_prove.enclosure.relaxation import Relaxation
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
-from verification.enclosure.relaxation import Relaxation
-from verification.verdict import Proof
+from verification.box import Box, usual_box
+from verification.critic.critic_check import axis_of
+from verification.network.search import Comparison
+from verification.scope import LIMIT
 
 #: Number of boxes for which bounds are computed before the next boxes are chosen.
 _BATCH = 1024
+
+
+class Proof(NamedTuple):
+    """Proved bound on the errors of a network.
+
+    what: the covered errors, such as "error of the policy". "error" means all errors.
+    error: proved upper bound on the relative error.
+    fraction: the bound is proved for |z_i| <= fraction b_i. It is 0 if nothing is proved.
+    boxes: number of boxes for which bounds were computed.
+    beyond: state (n,) whose error exceeds the bound, or None if no such state was found.
+    is_of_all: whether the bound covers all errors that are compared.
+    """
+
+    what: str
+    error: float
+    fraction: float
+    boxes: int
+    beyond: np.ndarray | None = None
+    is_of_all: bool = True
+
+    @property
+    def where(self) -> str:
+        """Proved part of the box in words, such as "in the box" or "on 0.96 times the box".
+
+        The factor is rounded down.
+        """
+        if self.fraction == 1.0:
+            return "in the box"
+        return f"on {math.floor(100.0 * self.fraction) / 100.0:g} times the box"
+
+
+def error_bound(
+    game: Game,
+    critic: Critic,
+    *,
+    box: Box | None = None,
+    limit: float = LIMIT,
+    seconds: float = 20.0,
+    progress: Progress | None = None,
+) -> Proof | None:
+    """Prove that no error of a network exceeds a limit in a box of states.
+
+    The errors are those of all functions that the network has, V, dV/dz and the policy, relative to
+    the exact solution of the game. The proof holds for the expression as CasADi simplifies it. The
+    result is None if no bound is implemented for an operation of the network.
+
+    box: box of states, by default the usual box of the game
+    limit: relative error to be proved
+    seconds: time after which the proof ends, with the fraction of the box that is proved
+    """
+    axis = axis_of(game)
+    b = (usual_box(axis.step) if box is None else box).half_widths
+    about = Comparison(critic, axis.exact, np.sqrt(np.diag(axis.price)), b, axis.exact_at)
+    functions = about.functions
+    kinds = tuple(kind for kind in functions if functions[kind].is_a("SXFunction"))
+    if not kinds:
+        return None
+    proof = prove("error", about.function(kinds), b, limit, seconds, progress)
+    return None if proof is None else proof._replace(is_of_all=kinds == tuple(functions))
 
 
 def prove(

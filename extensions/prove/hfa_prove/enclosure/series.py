@@ -15,8 +15,8 @@ from typing import Any, Self
 
 from flint import arb, arb_series
 
-from verification.enclosure.ball_function import Undecided, tanh_of_series
-from verification.enclosure.polynomial import (
+from hfa_prove.enclosure.ball_function import Undecided, tanh_of_series
+from hfa_prove.enclosure.polynomial import (
     Key,
     Polynomial,
     exponents_of,

@@ -9,10 +9,10 @@ from typing import Any
 import casadi as ca
 from flint import arb, arb_series, fmpq
 
-import verification.enclosure.precision  # noqa: F401  # sets the precision of balls
+import hfa_prove.enclosure.precision  # noqa: F401  # sets the precision of balls
+from hfa_prove.enclosure.program import Arithmetic, Reading
+from hfa_prove.enclosure.splines import Spline
 from hfa_support.errors import NoSolutionError
-from verification.enclosure.program import Arithmetic, Reading
-from verification.enclosure.splines import Spline
 
 
 class Undecided(NoSolutionError):

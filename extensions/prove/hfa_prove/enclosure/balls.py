@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from flint import arb, arb_mat, fmpq
 
-import verification.enclosure.precision  # noqa: F401  # sets the precision of balls
+import hfa_prove.enclosure.precision  # noqa: F401  # sets the precision of balls
 
 #: Relative radius about a double that contains the decimal from which it was read, also if it was
 #: converted from degrees: four units of 2^-53.

@@ -22,9 +22,9 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from verification.enclosure.elementary import ROUNDING
-from verification.enclosure.lines import enclosed
-from verification.enclosure.program import Argument, Kind, Program
+from hfa_prove.enclosure.elementary import ROUNDING
+from hfa_prove.enclosure.lines import enclosed
+from hfa_prove.enclosure.program import Argument, Kind, Program
 
 #: Largest degree of a product of polynomials that is expanded to monomials.
 _LARGEST_DEGREE = 4

@@ -9,14 +9,14 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from hfa_prove.enclosure import splines
+from hfa_prove.enclosure.ball_function import BallFunction, Undecided
+from hfa_prove.enclosure.balls import exact, symmetric
+from hfa_prove.enclosure.program import Program
+from hfa_prove.enclosure.slopes import between, jacobian, values_at
+from hfa_prove.enclosure.splines import HIGHEST, tables_of
+from hfa_prove.enclosure.taylor import TaylorProgram, highest, lowest
 from hfa_support.errors import BadInputError
-from verification.enclosure import splines
-from verification.enclosure.ball_function import BallFunction, Undecided
-from verification.enclosure.balls import exact, symmetric
-from verification.enclosure.program import Program
-from verification.enclosure.slopes import between, jacobian, values_at
-from verification.enclosure.splines import HIGHEST, tables_of
-from verification.enclosure.taylor import TaylorProgram, highest, lowest
 
 GRIDS = ([-1.0, 0.0, 0.5, 2.0, 3.0], [0.0, 1.0, 2.5, 4.0], [-2.0, 0.0, 1.0, 3.0])
 

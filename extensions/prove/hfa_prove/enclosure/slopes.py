@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from verification.enclosure.elementary import TINY, UNIT, UPWARD
-from verification.enclosure.lines import enclosed
-from verification.enclosure.program import Argument, Kind, Program
+from hfa_prove.enclosure.elementary import TINY, UNIT, UPWARD
+from hfa_prove.enclosure.lines import enclosed
+from hfa_prove.enclosure.program import Argument, Kind, Program
 
 #: Number of points at a time, whose values fit in the cache of a processor.
 _TOGETHER = 4000

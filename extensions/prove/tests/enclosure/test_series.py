@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from flint import arb
 
-from verification.enclosure.ball_function import BallFunction, Undecided
-from verification.enclosure.polynomial import Polynomial, exponents_of, monomials
-from verification.enclosure.series import TaylorModel, TaylorOnBall
+from hfa_prove.enclosure.ball_function import BallFunction, Undecided
+from hfa_prove.enclosure.polynomial import Polynomial, exponents_of, monomials
+from hfa_prove.enclosure.series import TaylorModel, TaylorOnBall
 
 TABLE = ca.interpolant("table", "bspline", [[-9.0, 0.0, 1.0, 9.0]], [1.0, 0.3, -0.2, 1.0])
 

@@ -9,11 +9,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from hfa_prove.enclosure.program import Program
+from hfa_prove.enclosure.relaxation import Relaxation
+from hfa_prove.enclosure.slopes import Intervals, between, jacobian, values_at
+from hfa_prove.enclosure.taylor import TaylorProgram, highest, lowest
 from hfa_support.errors import BadInputError
-from verification.enclosure.program import Program
-from verification.enclosure.relaxation import Relaxation
-from verification.enclosure.slopes import Intervals, between, jacobian, values_at
-from verification.enclosure.taylor import TaylorProgram, highest, lowest
 
 TABLE = ca.interpolant("table", "linear", [[-1.0, -0.2, 0.0, 0.3]], [0.3, -0.2, 0.0, 0.1])
 SMOOTH = ca.interpolant(
@@ -301,8 +301,8 @@ def test_unsupported_functions_are_refused(
     expression: Callable[[ca.SX], ca.SX], named: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A function that cannot be enclosed, or that is too large, is refused in one line."""
-    monkeypatch.setattr("verification.enclosure.program.LARGEST", 20)
-    monkeypatch.setattr("verification.enclosure.program.MOST_NODES", 5)
+    monkeypatch.setattr("hfa_prove.enclosure.program.LARGEST", 20)
+    monkeypatch.setattr("hfa_prove.enclosure.program.MOST_NODES", 5)
     y = ca.SX.sym("y")
     with pytest.raises(BadInputError, match=named):
         Program(ca.Function("f", [y], [expression(y)]), "f")
@@ -357,7 +357,7 @@ def test_only_steps_of_opposite_arguments_are_a_slope() -> None:
 
 def test_evaluated_values_equal_the_function(monkeypatch: pytest.MonkeyPatch) -> None:
     """`values_at` equals the function, also at more points than are evaluated together."""
-    monkeypatch.setattr("verification.enclosure.slopes._TOGETHER", 100)
+    monkeypatch.setattr("hfa_prove.enclosure.slopes._TOGETHER", 100)
     points = np.random.default_rng(0).uniform(-0.5, 0.5, (250, 3))
     expected = np.array(every_operation()(points.T)).T
     assert values_at(Program(every_operation(), "f"), points) == pytest.approx(expected, rel=1e-12)

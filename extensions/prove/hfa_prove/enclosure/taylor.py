@@ -21,9 +21,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from verification.enclosure.elementary import TINY, UNIT, UPWARD
-from verification.enclosure.lines import Parabola, Ranges, enclosed
-from verification.enclosure.program import Argument, Group, Kind, Program
+from hfa_prove.enclosure.elementary import TINY, UNIT, UPWARD
+from hfa_prove.enclosure.lines import Parabola, Ranges, enclosed
+from hfa_prove.enclosure.program import Argument, Group, Kind, Program
 
 #: Largest error of a coefficient of a product, or of a function of one variable, relative to the
 #: sizes: at most 8 terms, twice.
