@@ -6,10 +6,8 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
 from game_files import SMALL, stored
@@ -22,7 +20,6 @@ from controller.critic.critic import from_parts, from_q_function, polynomial_pol
 from controller.critic.critic_file import critic_in
 from controller.critic.network import onnx_graph
 from controller.critic.reading import Reading
-from controller.discrete.step_model import step_model
 from controller.game.basis import monomials
 from controller.game.discrete_game import DiscreteGame
 from controller.game.weights import cost_text, nominal_weights
@@ -122,10 +119,6 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         "give stacks (N, n, n) and (N, n, m)",
     ),
     "one plant": (lambda: solve_games(np.eye(2), np.ones((2, 1)), GAME), "give stacks (N, n, n)"),
-    "continuous time": (
-        lambda: step_model(Path(stored("plant.json", **SMALL))),
-        'requires time = "discrete"',
-    ),
     "size of the cast": (
         lambda: onnx_graph._cast(np.ones(2), to=10),
         "Cast to the ONNX type number 10 is not supported",
@@ -151,19 +144,6 @@ def test_an_unsuitable_argument_is_refused_in_one_line(case: str) -> None:
     with pytest.raises(BadInputError, match=re.escape(said)) as refusal:
         call()
     assert "\n" not in str(refusal.value)
-
-
-def test_a_discrete_plant_flies_its_step() -> None:
-    """The rates of its model are A x + B u - x, with the names and units of the file."""
-    path = stored(
-        "step.json", **SMALL, time="discrete", states=["a", "b"], state_units=["m", "m/s"]
-    )
-    model = step_model(Path(path))
-    x, u = [0.3, -0.7], [0.2]
-    rates, _ = model.layout.expressions((x, u, []), ())
-    expected = GAME.A @ x + GAME.B @ u - x
-    assert np.array(ca.evalf(ca.densify(rates))).ravel() == pytest.approx(expected)
-    assert [model.unit(name) for name in ("a", "b")] == ["m", "m/s"]
 
 
 def test_starts_of_laws_solve_their_riccati_equations() -> None:

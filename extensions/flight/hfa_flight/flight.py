@@ -43,13 +43,6 @@ from hfa_flight.limit_cycle import (
     oscillation,
     slowest_recognized,
 )
-from hfa_flight.own_steps import (
-    JSBSIM,
-    RUNGE_KUTTA,
-    in_own_steps,
-    refuse_method,
-    timed_by,
-)
 from hfa_flight.policies.given import PythonPolicy, policy_and_scenario
 from hfa_flight.policies.policy import GainPolicy
 from hfa_flight.scenario import MOST_STEPS, Scenario, Uncertainty, with_errors
@@ -94,8 +87,6 @@ def fly(
     scenario: Scenario | None = None,
     envelope: Limits | Mapping[str, tuple[float, float]] | None = None,
     predict: bool = True,
-    method: str = RUNGE_KUTTA,
-    step: float | None = None,
     weights: tuple[np.ndarray, np.ndarray] | None = None,
     progress: Progress | None = None,
 ) -> Flight:
@@ -121,14 +112,11 @@ def fly(
     scenario: disturbances, noise and faults. Its random quantities must be drawn already
     envelope: limits of the states, or only those that differ from `flight_envelope(model, point)`
     predict: whether the linear model is simulated too
-    method: "runge-kutta", or for a JSBSim aircraft "jsbsim": JSBSim's integration steps and Earth
-      model, with the lags of engines and filters
-    step: integration step of method "jsbsim", s. Default: 1/120
     weights: Q (k, k) and R (m, m) of the cost of the flight, or None without a cost
     progress: called during the nonlinear flight
 
     Raises BadInputError if the flight does not begin inside the envelope, the scenario has random
-    quantities that are not drawn yet, or the policy or method is not supported.
+    quantities that are not drawn yet, or the policy is not supported.
 
     >>> import hfa
     >>> model = hfa.aircraft()
@@ -139,11 +127,9 @@ def fly(
     """
     need(model, Model, "fly: model", Model.how_to_make)
     need(point, OperatingPoint, "fly: point", "a trim: hfa.trim(model)")
-    refuse_method(model, method, step)
     happens = _scenario_of_flight(
         model, Scenario() if scenario is None else scenario, seconds, initial
     )
-    happens = timed_by(method, step, happens)
     flown, happens = policy_and_scenario(policy, point, happens)
     plant = NonlinearPlant(with_errors(model, happens), point)
     loop = ClosedLoop(plant, flown, happens)
@@ -151,14 +137,13 @@ def fly(
         happens = lengthened(loop)
         loop = replace(loop, scenario=happens)
     within = envelope if isinstance(envelope, Limits) else flight_envelope(model, point, envelope)
-    compiled = in_own_steps(loop) if method == JSBSIM else CompiledLoop(loop)
+    compiled = CompiledLoop(loop)
 
     def flown_in(parts: int) -> Flight:
         finer = compiled if parts == 1 else compiled.refined(parts)
-        flight = fly_within(finer, within, progress=progress)
-        return replace(flight, method=method, weights=weights)
+        return replace(fly_within(finer, within, progress=progress), weights=weights)
 
-    if method == JSBSIM or isinstance(flown, PythonPolicy):
+    if isinstance(flown, PythonPolicy):
         result = flown_in(1)
     else:
         result, error = resolved(flown_in, _figures, happens.step)
@@ -288,10 +273,9 @@ class Flight(StatesAndInputs, Result, Reported):
         none.
     predicted: flight of the linear model, or None if it was not simulated
     decay: decaying oscillation at the end: name, time to half in s, frequency in rad/s, or None.
-    method: "runge-kutta" or "jsbsim"
     weights: Q (k, k) and R (m, m) of the cost of the flight, or None without a cost
-    integration: change of the reported figures with half the integration step, or None for a method
-        or a policy that cannot be simulated with it
+    integration: change of the reported figures with half the integration step, or None for a policy
+        that cannot be simulated with it
 
     >>> import hfa
     >>> model = hfa.aircraft()
@@ -309,7 +293,6 @@ class Flight(StatesAndInputs, Result, Reported):
     cycle: LimitCycle | None
     predicted: Deviations | None = None
     decay: Decay | None = None
-    method: str = RUNGE_KUTTA
     weights: tuple[np.ndarray, np.ndarray] | None = None
     integration: IntegrationError | None = None
 
@@ -488,8 +471,6 @@ class Flight(StatesAndInputs, Result, Reported):
         if scheduled:
             flight += f", {scheduled}"
         flight += f", law {self.loop.policy.name}"
-        if self.method == JSBSIM:
-            flight += f", JSBSim's steps of 1/{1.0 / self.loop.scenario.step:g} s and Earth model"
         if isinstance(self.loop.policy, GainPolicy):
             flight += ", frozen"
         duration = f"{self.flown:g} s"
@@ -554,7 +535,6 @@ class Flight(StatesAndInputs, Result, Reported):
         return {
             "departure": self.departure,
             "limit_cycle": self.cycle,
-            "method": self.method,
             "states": self.state_names,
             "state_units": self.state_units,
             "inputs": self.input_names,

@@ -33,21 +33,15 @@ _MOST_PARTS = 10_000
 class CompiledLoop:
     """A closed loop, compiled once and simulated many times.
 
-    By default, the integration is the classical Runge-Kutta method of order 4, with substeps
-    according to the policy's fastest mode.
+    The integration is the classical Runge-Kutta method of order 4, with substeps according to the
+    policy's fastest mode.
 
     flights: expected number of flights. With enough of them, machine code is compiled.
-    stepper: function from this loop to the stepper that advances it, in place of Runge-Kutta.
 
     Raises BadInputError if the fastest mode requires too many substeps.
     """
 
-    def __init__(
-        self,
-        loop: ClosedLoop,
-        flights: int = 1,
-        stepper: Callable[[CompiledLoop], Stepper] | None = None,
-    ) -> None:
+    def __init__(self, loop: ClosedLoop, flights: int = 1) -> None:
         self.loop = loop
         arguments = loop.symbols()
         now = loop.at(*arguments)
@@ -65,7 +59,7 @@ class CompiledLoop:
         if now.angle.numel():
             self._alpha = list(loop.plant.point.model.states).index(ALPHA)
         self._flights = flights
-        self.stepper = self._runge_kutta(1) if stepper is None else stepper(self)
+        self.stepper = self._runge_kutta(1)
 
     def refined(self, parts: int) -> CompiledLoop:
         """Return the loop with several Runge-Kutta steps in place of each."""
@@ -82,13 +76,6 @@ class CompiledLoop:
         return RungeKutta(
             self.rate, self.observed, scenario.step, steps, parts=parts, is_long=is_long
         )
-
-    def inputs_in(self, observed: np.ndarray) -> np.ndarray:
-        """Return the deviations of the plant inputs, (m,), from the values observed at a time.
-
-        observed: error, inputs, disturbances of the scenario, angle of attack relative to the air
-        """
-        return observed[self._ends[0] : self._ends[1]]
 
     def fly(
         self,

@@ -60,7 +60,7 @@ class Aerodynamics:
         where = element.where if element else ""
         computed = {
             "aero/cl-squared": self._lift_squared,
-            "forces/load-factor": lambda: self._known_lift() / body.mass.weight,
+            "forces/load-factor": lambda: self._lift() / body.mass.weight,
         }
         for name, compute in computed.items():
             properties.compute(name, Writer(compute, where))
@@ -82,11 +82,7 @@ class Aerodynamics:
         stall: Any = 0.0
         band = self._limits("hysteresis_limits")
         if band is not None and band["min"] and band["max"]:
-            below: Any = 0.0
-            if self._properties.step:  # between the limits the value of the previous frame is kept
-                last = self._properties.remember("stall", lambda: stall)
-                below = ca.if_else(alpha < band["min"], 0.0, last)
-            stall = ca.if_else(alpha > band["max"], 1.0, below)
+            stall = ca.if_else(alpha > band["max"], 1.0, 0.0)
             low, high = (math.degrees(band[name]) for name in ("min", "max"))
             where = self.element.need("hysteresis_limits").where if self.element else ""
             span = f"between alpha {low:g} and {high:g} deg the flow is attached"
@@ -135,16 +131,9 @@ class Aerodynamics:
         force = self._force(False) + self._force(True)
         return -ca.dot(self._motion.wind_to_body[:, 2], force)
 
-    def _known_lift(self) -> Any:
-        """Return the lift on which functions of the aerodynamics may depend, lb."""
-        # In a simulation with JSBSim's time steps, this is the lift of the previous step.
-        if self._properties.step:
-            return self._properties.remember("lift", self._lift)
-        return self._lift()
-
     def _lift_squared(self) -> Any:
         """Return the square of the lift coefficient, (lift / (q S))²."""
-        return (self._known_lift() / (self._motion.pressure_head * self._wings.area)) ** 2
+        return (self._lift() / (self._motion.pressure_head * self._wings.area)) ** 2
 
     def loads(self) -> tuple[ca.SX, ca.SX]:
         """Return the force, lb, and the moment about the center of gravity, ft lb, body axes."""

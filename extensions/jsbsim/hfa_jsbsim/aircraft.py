@@ -35,11 +35,9 @@ from hfa_jsbsim.control_system import add_control_systems
 from hfa_jsbsim.engines import STEP, Effect, EngineFile, Surroundings
 from hfa_jsbsim.functions import function_value, named, table_value
 from hfa_jsbsim.notes import Note
-from hfa_jsbsim.parts import LOADED, SYSTEMS, Parts
+from hfa_jsbsim.parts import LOADED, Parts
 from hfa_jsbsim.powerplant import computing
 from hfa_jsbsim.properties import (
-    AFTER_ALL,
-    BEFORE_AIR,
     Properties,
     Writer,
     identifier,
@@ -99,7 +97,7 @@ class Equations:
         """
         self.parts = parts
         self.notes: list[Note] = []
-        self.properties = Properties(parts.choices.filters, parts.choices.step)
+        self.properties = Properties(parts.choices.filters)
         #: Property that the user made an input -> name of the input.
         self.chosen: dict[str, str] = {}
         self.starts: dict[str, float] = {}
@@ -129,8 +127,6 @@ class Equations:
             x,
             parts.tanks,
             self.parameters,
-            self.properties.step or STEP,
-            self._planet_rates(),
         )
         self._engines = [self._add_engine(file, self._around) for file in parts.engines]
         self._reach_throttles()
@@ -172,7 +168,7 @@ class Equations:
         properties.define("simulation/sim-time-sec", self._time)
         for name, value in state_properties(x, self.motion, self.parts.wings).items():
             properties.define(name, value)
-        inertial = ca.vertsplit(self.motion.rates + self._planet_rates())
+        inertial = ca.vertsplit(self.motion.rates)
         for letter, rate in zip("pqr", inertial, strict=True):
             properties.define(f"velocities/{letter}i-rad_sec", rate)
         for name, symbol in zip(("alpha", "beta"), self.rate_symbols, strict=True):
@@ -186,10 +182,6 @@ class Equations:
         self.replaced_commands = [
             command.symbol for name, command in given.items() if self.inputs[name] is not command
         ]
-
-    def _planet_rates(self) -> Any:
-        """Return 0 as the angular velocity of the earth, rad/s. These equations neglect it."""
-        return 0.0
 
     def _throttles(self) -> list[str]:
         """Return the names of the throttle inputs: one for each engine, or one for all engines."""
@@ -258,7 +250,7 @@ class Equations:
             properties.define(full_name, self.inputs[name].symbol)
         for name, full_name in _LEVERS.items():
             properties.define(full_name, self.parameters[name])
-        pressure_ratio = properties.before("atmosphere/delta")
+        pressure_ratio = properties.read("atmosphere/delta", "")
         for file in self.parts.engines:
             own_throttle = f"throttle{file.number}"
             name = own_throttle if own_throttle in self.inputs else "throttle"
@@ -271,7 +263,7 @@ class Equations:
             for lever, value in levers.items():
                 command = f"fcs/{lever}-cmd-norm[{file.number}]"
                 properties.define(command, value)
-                follow = Writer(partial(properties.read_commanded, command), "", -1)
+                follow = Writer(partial(properties.read, command, ""), "", -1)
                 properties.compute(f"fcs/{lever}-pos-norm[{file.number}]", follow)
         symbols = {name: each.symbol for name, each in self.inputs.items()}
         for full_name, name in self.chosen.items():
@@ -285,7 +277,7 @@ class Equations:
             properties.define(full_name, symbols[name])
         properties.define_initial("gear/gear-pos-norm", 1.0)
         properties.define("accelerations/gravity-ft_sec2", self.parameters["gravity"])
-        properties.define_initial("simulation/dt", properties.step or STEP)
+        properties.define_initial("simulation/dt", STEP)
         for name in ("gear/wow", "propulsion/refuel"):
             properties.define_initial(name, 0.0)
         for along, turn in zip("xyz", "lmn", strict=True):
@@ -373,20 +365,7 @@ class Equations:
             for element in section.all("property"):
                 self._define_property(element, overrides=element.file != section.file)
             for part in named(section):
-                self._define_function(part, number, self._order_of(section, part))
-
-    def _order_of(self, section: Element, function: Element) -> int:
-        """Return the position of a function in JSBSim's order of evaluation."""
-        # In a simulation with JSBSim's frames, functions of a control system precede its
-        # components, and aerodynamic functions outside an <axis> precede those in an <axis>. All
-        # others have the position AFTER_ALL.
-        if not self.properties.step:
-            return AFTER_ALL
-        if section.name in SYSTEMS:
-            return 0
-        if section.name == "aerodynamics" and function in section.children:
-            return BEFORE_AIR
-        return AFTER_ALL
+                self._define_function(part, number)
 
     def _define_property(self, element: Element, overrides: bool) -> None:
         """Set the property of a <property> element."""
@@ -422,7 +401,7 @@ class Equations:
         elif not rights and (overrides or not self.properties.is_known(element.text)):
             self.properties.define_initial(element.text, value)
 
-    def _define_function(self, element: Element, number: int | None, order: int) -> None:
+    def _define_function(self, element: Element, number: int | None) -> None:
         """Define the property named by a function or table, computed at the first read."""
         # The copy of the property named by `copyto` is not supported. Reading it raises
         # BadInputError.
@@ -450,7 +429,7 @@ class Equations:
             if first is not element:
                 fault = f"{shortened(full_name)} is the name of another function ({first.where})"
                 raise element.error(f"{fault}; give this function another name")
-            writer = Writer(compute, element.where, order, element=element)
+            writer = Writer(compute, element.where, element=element)
             self.properties.compute(full_name, writer)
 
     def _add_engine(self, file: EngineFile, around: Surroundings) -> Writer:

@@ -25,7 +25,6 @@ from hfa_jsbsim.component_parts import (
     settling,
     travels,
 )
-from hfa_jsbsim.frame_components import WITH_MEMORY
 from hfa_jsbsim.functions import function_value, table_value
 from hfa_jsbsim.notes import Note
 from hfa_jsbsim.properties import (
@@ -178,11 +177,8 @@ def join_surface(
 
 def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
     """Return the output of a component, within its limits."""
-    # - In a simulation with JSBSim's frames: the output of dynamic components in this frame.
-    # - Otherwise: the steady-state output, or an expression of filter states.
-    if properties.step and component.name in WITH_MEMORY:
-        value = WITH_MEMORY[component.name](component, properties)
-    elif component.name in ("pid", "integrator"):
+    # The output is the steady-state output, or an expression of filter states.
+    if component.name in ("pid", "integrator"):
         value = _controller(component, properties, commands)
     elif component.name in _COMPONENTS:
         value = _COMPONENTS[component.name](component, properties)

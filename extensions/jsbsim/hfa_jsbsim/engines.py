@@ -205,8 +205,6 @@ class Surroundings:
     body: object with `mass`.
     states: object with the states as attributes.
     parameters: name -> symbol.
-    step: duration of JSBSim's frame, s.
-    planet_rates: angular velocity of the earth in body axes, rad/s.
     """
 
     properties: Properties
@@ -215,8 +213,6 @@ class Surroundings:
     states: Any
     tanks: Sequence[Tank]
     parameters: Mapping[str, ca.SX]
-    step: float = STEP
-    planet_rates: Any = 0.0
 
     @property
     def mass(self) -> Mass:
@@ -364,37 +360,14 @@ def lag_rates(file: EngineFile, around: Surroundings) -> dict[str, Any]:
         return rates
     delay = file.engine.value_of("n1idle_max_delay", 1.0)
     low, high = file.shaft("n1")
-    wanted = low + _limited_throttle(file, around) * (high - low)
+    wanted = low + throttle_of(file, around) * (high - low)
     is_on = running(file, around)
     wanted = ca.if_else(is_on, wanted, around.motion.pressure_head / 15.0)
     up = ca.if_else(is_on, delay, 2.5 * delay)
     down = ca.if_else(is_on, 2.4 * delay, 5.0 * delay)
     behind = wanted - state
     slowness = ca.if_else(behind > 0.0, up, down)
-    if around.properties.step:  # `FGTurboProp::ExpSeek`
-        return {file.lag: behind * (1.0 - ca.exp(-around.step / slowness)) / around.step}
     return {file.lag: behind / slowness}
-
-
-def _limited_throttle(file: EngineFile, around: Surroundings) -> Any:
-    """Return the throttle of a turboprop after its torque limiter (`FGTurboProp::Calculate`)."""
-    # The limiter changes the throttle from frame to frame of JSBSim. In steady-state equations, and
-    # without limiter or propeller, the throttle is returned unchanged.
-    given = throttle_of(file, around)
-    properties = around.properties
-    most = file.engine.value_of("ielumaxtorque", 0.0, "FT*LB")
-    if not properties.step or most <= 0.0 or not file.has_propeller:
-        return given
-    torque = properties.before(file.full_name("propeller-torque-ftlb"))
-    last = properties.remember(file.full_name("limited-throttle"), lambda: limited)
-    was_limiting = properties.remember(file.full_name("limiting"), lambda: limits)
-    is_up = given >= last
-    is_beyond = ca.logic_and(ca.fabs(torque) > most, is_up)
-    recovers = ca.logic_and(was_limiting, is_up)
-    limits = ca.logic_or(is_beyond, recovers)
-    rising = ca.if_else(recovers, last + 0.05 * around.step, given)
-    limited = ca.if_else(is_beyond, last - 0.1 * around.step, rising)
-    return limited
 
 
 def _leave_out_spools(file: EngineFile, names: tuple[str, ...]) -> None:
@@ -418,7 +391,7 @@ def _spool_rate(file: EngineFile, around: Surroundings, speed: ca.SX) -> Any:
     least = 0.0 if file.engine.value_of("disable-windmill", 0.0) else 0.1
     up = ca.if_else(is_on, up, 0.5 * speed + least)
     down = ca.if_else(is_on, down, speed / file.engine.value_of("n2spindown", 2.0))
-    return ca.fmin(ca.fmax(spool_error(file, around) / around.step, -down), up)
+    return ca.fmin(ca.fmax(spool_error(file, around) / STEP, -down), up)
 
 
 def turbine_thrust(file: EngineFile, around: Surroundings) -> Any:
@@ -463,18 +436,12 @@ def _augmented(
         lit = ca.logic_and(share > 0.99, speed > 97.0)
     if method == 2:
         lit = position > 1.0
-    unlit = bled
-    # JSBSim omits the bleed loss in the frame in which the afterburner goes out.
-    if around.properties.step:
-        was_lit = around.properties.remember(file.full_name("augmentation"), lambda: lit)
-        unlit = ca.if_else(was_lit, dry, bled)
-        dry = unlit
     if method == 1 and engine.value_of("augmented", 0.0) == 1.0:
-        return ca.if_else(lit, strongest, unlit)
+        return ca.if_else(lit, strongest, bled)
     if method == 2:
         wet = dry + ca.fmin(position - 1.0, 1.0) * (strongest - dry)
-        return ca.if_else(lit, wet, unlit)
-    return unlit
+        return ca.if_else(lit, wet, bled)
+    return bled
 
 
 def _share(file: EngineFile, around: Surroundings, name: str, default: Any = 0.0) -> Any:
@@ -537,7 +504,7 @@ def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
         factor = table_value(tables["EnginePowerVC"], around.properties, file.number)
     power = ca.fmin(power * factor, engine.need("maxpower").number())
     limiter = engine.find("ielumaxtorque")
-    if limiter is not None and file.has_propeller and not around.properties.step:
+    if limiter is not None and file.has_propeller:
         torque = limiter.number("FT*LB")
         turns = getattr(around.states, f"rpm{file.number}") / 60.0
         most = torque * ca.fmax(2.0 * np.pi * turns, 0.01) / HP

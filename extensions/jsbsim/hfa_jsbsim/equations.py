@@ -17,8 +17,6 @@ class EquationsOfMotion:
     still: function (x, u, p) -> (rates, outputs) as columns, without gusts.
     gusty: function without arguments that builds (x, u, p, w) -> (rates, outputs), called when
         gusts are first not 0.
-    jsbsim_steps: function (step, s) -> simulation of the model with JSBSim's frames
-        (`frame.Frames`).
     """
 
     def __init__(
@@ -27,11 +25,9 @@ class EquationsOfMotion:
         gusty: Callable[[], ca.Function],
         rates: list[str],
         outputs: list[str],
-        jsbsim_steps: Callable[[float], Any],
     ) -> None:
         self.function = still
         self._make_gusty = gusty
-        self.jsbsim_steps = jsbsim_steps
         self._rates = rates
         self._outputs = outputs
 

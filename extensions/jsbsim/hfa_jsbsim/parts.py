@@ -38,7 +38,6 @@ class Choices:
     engines: whether the lags of engines are states. Otherwise engines follow their throttles at
         once.
     inputs: properties that are inputs of the model, in addition to the pilot's commands.
-    step: duration of JSBSim's frame (time step), s, or 0 for equations in continuous time.
     """
 
     partial: bool = False
@@ -46,7 +45,6 @@ class Choices:
     throttles: bool = False
     engines: bool = False
     inputs: tuple[str, ...] = ()
-    step: float = 0.0
 
 
 class Parts:

@@ -9,6 +9,7 @@ import casadi as ca
 
 from hfa_jsbsim.engines import (
     HP,
+    STEP,
     Effect,
     EngineFile,
     Surroundings,
@@ -56,17 +57,13 @@ def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effe
     version = float(prop.attributes.get("version", "0") or "0")
     momentum = inertia * omega * sense * (-1.0 if version > 1.0 else 1.0)
     along = turned[:, 0]
-    own_moment = (
-        ca.cross(motion.rates + around.planet_rates, along * momentum)
-        - along * sense * power / omega
-    )
+    own_moment = ca.cross(motion.rates, along * momentum) - along * sense * power / omega
     location = _acting_location(file, place, local, induced, sense)
     force, moment = thrust_force_and_moment(file, around, thrust, location, own_moment)
     speed_rate = (power - needed) / omega / inertia * 30.0 / math.pi
     rpm = getattr(around.states, f"rpm{number}")
     # The propeller does not turn backwards: at rest, a braking torque has no effect.
-    step = around.step
-    speed_rate = ca.if_else(rpm + speed_rate * step > 0.0, speed_rate, -rpm / step)
+    speed_rate = ca.if_else(rpm + speed_rate * STEP > 0.0, speed_rate, -rpm / STEP)
     return Effect(
         force,
         moment,
@@ -103,12 +100,11 @@ def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]
         where = file.mount.where
         advance = around.properties.read(f"fcs/advance-pos-norm[{file.number}]", where)
         feather = around.properties.read(f"fcs/feather-pos-norm[{file.number}]", where)
-    step = around.step
     wanted = slowest + (prop.value_of("maxrpm", 0.0) - slowest) * advance
     rate = getattr(around.states, f"rpm{file.number}") - wanted
-    rate = ca.if_else(ca.SX(feather) > 0.5, (highest - blade) * _FEATHERING / step, rate)
-    next_blade = ca.fmin(ca.fmax(blade + rate * step, lowest), highest)
-    return blade, {f"blade{file.number}": (next_blade - blade) / step}
+    rate = ca.if_else(ca.SX(feather) > 0.5, (highest - blade) * _FEATHERING / STEP, rate)
+    next_blade = ca.fmin(ca.fmax(blade + rate * STEP, lowest), highest)
+    return blade, {f"blade{file.number}": (next_blade - blade) / STEP}
 
 
 def _coefficient(

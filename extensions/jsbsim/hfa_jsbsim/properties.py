@@ -26,17 +26,6 @@ _TAKEN = {
 }
 #: Order of evaluation of elements outside the control system: after all components.
 AFTER_ALL = 1 << 30
-#: Order of evaluation of functions in <aerodynamics> outside an <axis>, which JSBSim evaluates
-#: first.
-BEFORE_AIR = AFTER_ALL - 1
-#: Properties that `FGAuxiliary` and later models set. A component of the control system reads their
-#: values of the previous frame.
-_LATE = re.compile(
-    "aero/|flight-path/|propulsion/|forces/|moments/|velocities/(vt|vc|ve-|vg-|mach|[a-z]+dot-rad)"
-    "|velocities/[a-z]-aero|systems/stall"
-)
-#: Properties that `FGAerodynamics` sets after its first functions.
-_SET_IN_AIR = ("aero/bi2vel", "aero/ci2vel", "aero/alpha-wing-rad", "aero/qbar-area")
 #: Properties that depend on the total force. The control system must not depend on them.
 _OF_ALL_FORCES = ("accelerations/", "forces/", "moments/")
 #: Properties of wheels, which are 0 in flight.
@@ -94,18 +83,6 @@ class FilterState:
     writer: Writer | None = None
 
 
-@dataclass(eq=False)
-class Memory:
-    """Value that is stored from one frame to the next.
-
-    symbol: value at the end of the previous frame
-    writer: writer of the value in this frame
-    """
-
-    symbol: ca.SX
-    writer: Writer
-
-
 class Properties:
     """All properties of an aircraft.
 
@@ -115,8 +92,6 @@ class Properties:
     interpolate: interpolation of tables.
     centered: whether values that depend on themselves are set to 0 instead of raising LoopError.
     has_filter_states: whether dynamic components have states.
-    step: duration of JSBSim's frame (time step), s, or 0 for equations in continuous time.
-    memories: name -> value that is stored for the next frame.
     travels: (component, target) of each <kinematic> that takes time to move.
     asked: names of the properties that were read.
     ranges: argument of a table -> lowest and highest breakpoint of its tables.
@@ -124,10 +99,8 @@ class Properties:
     left_out: dynamic components whose dynamics are omitted.
     """
 
-    def __init__(self, has_filter_states: bool = False, step: float = 0.0) -> None:
+    def __init__(self, has_filter_states: bool = False) -> None:
         self.has_filter_states = has_filter_states
-        self.step = step
-        self.memories: dict[str, Memory] = {}
         self.travels: list[tuple[Element, ca.SX]] = []
         self.filters: list[FilterState] = []
         self.asked: set[str] = set()
@@ -198,43 +171,6 @@ class Properties:
         state = next(each for each in self.filters if each.symbol is symbol)
         state.writer = Writer(compute, state.component.where, self._order, state.component)
 
-    def remember(self, name: str, compute: Callable[[], Any]) -> ca.SX:
-        """Return the symbol of a value at the end of the previous frame.
-
-        name: key of the value
-        compute: function without arguments that returns the value in this frame
-        """
-        if name not in self.memories:
-            writer = Writer(compute, "", self._order)
-            self.memories[name] = Memory(ca.SX.sym("memory"), writer)
-        return self.memories[name].symbol
-
-    def before(self, name: str) -> Any:
-        """Return the value of a property at the end of the previous frame.
-
-        In steady-state equations, the present value is returned.
-        """
-        key = plain(name)
-        if not self.step:
-            return self.read(key, "")
-        writer = self.writer(key)
-        if writer is None:
-            return self.read(key, "")
-        return self.remember(key, lambda: self.value_of(writer, key, ""))
-
-    def read_commanded(self, name: str) -> Any:
-        """Return the value of a pilot command that JSBSim copies to a surface or lever.
-
-        In a simulation with JSBSim's frames, this is the value of the previous frame if a component
-        sets the command.
-
-        name: name of the command
-        """
-        writer = self.writer(name)
-        if self.step and writer is not None and writer.component is not None:
-            return self.before(name)
-        return self.read(name, "")
-
     def leave_out(self, component: Element, what: str, is_never: bool = False) -> None:
         """Record for a note that the dynamics of a component are omitted.
 
@@ -296,18 +232,7 @@ class Properties:
                     self.unset.setdefault(key, where)
             return self._initial.get(key, 0.0)
         before = [writer for writer in writers if writer.order < self._order]
-        if self.step and self._is_late(key, before):
-            return self.before(key)
         return self.value_of(before[-1] if before else writers[-1], key, where)
-
-    def _is_late(self, key: str, before: list[Writer]) -> bool:
-        """Return whether a component reads the value of a property from the previous frame."""
-        # The component is the one that is evaluated now.
-        if self._order == BEFORE_AIR:
-            return key in _SET_IN_AIR
-        if not 0 <= self._order < BEFORE_AIR:
-            return False
-        return not before or (before[-1].order < 0 and bool(_LATE.match(key)))
 
     def value_of(self, writer: Writer, name: str, where: str) -> Any:
         """Return the value that a writer gives to a property, computed only once.

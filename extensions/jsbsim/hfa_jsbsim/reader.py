@@ -472,7 +472,7 @@ class _Declaration:
         return float(brentq(lambda rpm: rates(np.array([rpm]))[0], *speeds[first - 1 : first + 1]))
 
     def _equations(self, outputs: list[str]) -> EquationsOfMotion:
-        """Return the equations of motion with and without gusts, and in JSBSim's time steps."""
+        """Return the equations of motion with and without gusts."""
 
         def gusty() -> ca.Function:
             equations = Equations(self.parts, gusty=True)
@@ -481,18 +481,8 @@ class _Declaration:
                 equations.outputs[name] = ca.SX(value)
             return self._function(equations, outputs, list(equations.gusts.values()))
 
-        def jsbsim_steps(step: float) -> Any:
-            from hfa_jsbsim.frame import Frames, refuse_surface
-
-            for name, pilot_input in self.inputs.items():
-                refuse_surface(name, pilot_input, name in self.equations.cut_throttles)
-            names = ([*self._states()], [*self.inputs], [*self.parameters])
-            return Frames(self.parts, step, names)
-
         self._still = self._function(self.equations, outputs)
-        return EquationsOfMotion(
-            self._still, gusty, list(self.equations.rates), outputs, jsbsim_steps
-        )
+        return EquationsOfMotion(self._still, gusty, list(self.equations.rates), outputs)
 
     def _function(
         self, equations: Equations, outputs: list[str], gusts: list[ca.SX] | None = None

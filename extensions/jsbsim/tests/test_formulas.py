@@ -5,11 +5,9 @@ import math
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.signal import bilinear, lfilter
 
 from hfa import BadInputError
 from hfa_jsbsim.control_system import _COMPONENTS, _controller
-from hfa_jsbsim.frame_components import WITH_MEMORY
 from hfa_jsbsim.functions import function_value
 from hfa_jsbsim.properties import Properties
 from hfa_jsbsim.xml_file import parsed
@@ -165,33 +163,6 @@ def test_faults_of_functions_are_refused(text, said):
         values_of(text, PAIRS)
 
 
-STEP = 0.05
-SIGNAL = np.concatenate([[0.4], np.sin(0.7 * np.arange(60)) + 0.3 * np.arange(60) / 20.0])
-
-
-def framed(text, signal=SIGNAL, b=0.0):
-    """Return the outputs of a component with the input a in JSBSim's frames.
-
-    signal: a in each frame
-    b: another property, constant
-    """
-    properties = known(step=STEP)
-    component = parsed(text.encode(), "f.xml")
-    value = ca.SX(WITH_MEMORY[component.name](component, properties))
-    after = []
-    while len(after) < len(properties.memories):
-        name = list(properties.memories)[len(after)]
-        after.append(ca.SX(properties.value_of(properties.memories[name].writer, name, "")))
-    kept = ca.vertcat(*(memory.symbol for memory in properties.memories.values()))
-    step = ca.Function("step", [A, B, kept], [value, ca.vertcat(*after)])
-    memory = np.zeros(len(after))
-    outputs = []
-    for each in signal:
-        output, memory = step(each, b, memory)
-        outputs.append(float(output))
-    return np.array(outputs)
-
-
 @pytest.mark.parametrize(
     ("name", "coefficients", "numerator", "denominator"),
     [
@@ -201,16 +172,9 @@ def framed(text, signal=SIGNAL, b=0.0):
         ("second_order", [1.0, 2.0, 3.0, 4.0, 5.0, 6.0], [1.0, 2.0, 3.0], [4.0, 5.0, 6.0]),
     ],
 )
-def test_filters_are_tustins_and_their_states_the_transfer_function(
-    name, coefficients, numerator, denominator
-):
-    """In frames, by Tustin's rule, with the input 0 in the first; else a state-space model."""
+def test_states_of_filters_have_the_transfer_function(name, coefficients, numerator, denominator):
     numbers = "".join(f"<c{i + 1}>{c}</c{i + 1}>" for i, c in enumerate(coefficients))
     text = f"<{name}_filter name='f'><input>a</input>{numbers}</{name}_filter>"
-    seen = SIGNAL.copy()
-    seen[0] = 0.0
-    expected = lfilter(*bilinear(numerator, denominator, 1.0 / STEP), seen)
-    np.testing.assert_allclose(framed(text), expected, atol=1e-12)
     properties = known(has_filter_states=True)
     component = parsed(text.encode(), "f.xml")
     output = ca.SX(_COMPONENTS[component.name](component, properties))
@@ -228,101 +192,6 @@ def test_filters_are_tustins_and_their_states_the_transfer_function(
     gain = float(ca.DM(ca.jacobian(ca.SX(value), A)))
     assert gain == pytest.approx(np.polyval(numerator, 0.0) / np.polyval(denominator, 0.0))
     assert len(steady.left_out) == 1
-
-
-def test_actuators_lag_slow_down_and_stick():
-    """First the lag, then rate limits up and down, the deadband, the hysteresis and the bias."""
-    lag = framed("<actuator name='x'><input>a</input><lag>4</lag><bias>2</bias></actuator>")
-    b, a = bilinear([4.0], [1.0, 4.0], 1.0 / STEP)
-    expected = lfilter(b, a, SIGNAL - SIGNAL[0]) + SIGNAL[0]
-    np.testing.assert_allclose(lag, expected + 2.0, atol=1e-12)
-    limits = "<rate_limit sense='incr'>3</rate_limit><rate_limit sense='decr'>5</rate_limit>"
-    slow = framed(f"<actuator name='x'><input>a</input>{limits}</actuator>")
-    both = framed("<actuator name='x'><input>a</input><rate_limit>3</rate_limit></actuator>")
-    play = framed(
-        "<actuator name='x'><input>a</input><hysteresis_width>0.4</hysteresis_width></actuator>"
-    )
-    last, of_both, stuck = SIGNAL[0], SIGNAL[0], SIGNAL[0]
-    for row, value in enumerate(SIGNAL):
-        last += min(max(value - last, -5.0 * STEP), 3.0 * STEP)
-        of_both += min(max(value - of_both, -3.0 * STEP), 3.0 * STEP)
-        stuck = min(max(stuck, value - 0.2), value + 0.2)
-        assert (slow[row], both[row], play[row]) == pytest.approx((last, of_both, stuck))
-    dead = framed(
-        "<actuator name='x'><input>a</input><deadband_width>0.6</deadband_width></actuator>"
-    )
-    beyond = np.sign(SIGNAL) * np.maximum(np.abs(SIGNAL) - 0.3, 0.0)
-    np.testing.assert_allclose(dead, beyond, atol=1e-12)
-
-
-def test_sensors_have_a_lag_a_gain_and_a_bias():
-    b, a = bilinear([4.0], [1.0, 4.0], 1.0 / STEP)
-    found = framed(
-        "<sensor name='x'><input>a</input><lag>4</lag><gain>3</gain><bias>2</bias></sensor>"
-    )
-    np.testing.assert_allclose(found[1:] - 2.0, 3.0 * lfilter(b, a, [0.0, *SIGNAL])[2:], atol=0.8)
-    plain = framed("<sensor name='x'><input>a</input><gain>3</gain><bias>2</bias></sensor>")
-    np.testing.assert_allclose(plain, 3.0 * SIGNAL + 2.0)
-
-
-WEIGHTS = {
-    "rect": (1.0, 0.0, 0.0),
-    "trap": (0.5, 0.5, 0.0),
-    "ab2": (1.5, -0.5, 0.0),
-    "ab3": (23.0 / 12.0, -16.0 / 12.0, 5.0 / 12.0),
-}
-
-
-@pytest.mark.parametrize("rule", WEIGHTS)
-def test_controllers_integrate_by_their_rule(rule):
-    """kp u + ki sum of the weighted inputs + kd u', and kp times all of it in the standard form."""
-    parts = f"<input>a</input><kp>2</kp><ki type='{rule}'>3</ki><kd>0.5</kd>"
-    u = SIGNAL
-    last, older = np.array([0.0, *u])[:-1], np.array([0.0, 0.0, *u])[:-2]
-    weighted = sum(w * each for w, each in zip(WEIGHTS[rule], (u, last, older), strict=True))
-    integral = 3.0 * STEP * np.cumsum(weighted)
-    slope = (u - last) / STEP
-    plain = framed(f"<pid name='p'>{parts}</pid>")
-    np.testing.assert_allclose(plain, 2.0 * u + integral + 0.5 * slope, atol=1e-12)
-    standard = framed(f"<pid name='p' type='standard'>{parts}</pid>")
-    np.testing.assert_allclose(standard, 2.0 * (u + integral + 0.5 * slope), atol=1e-12)
-    given = framed(f"<pid name='p'>{parts}<pvdot>b</pvdot></pid>", b=7.0)
-    np.testing.assert_allclose(given, 2.0 * u + integral + 3.5, atol=1e-12)
-    held = framed(f"<pid name='p'>{parts}<trigger>b</trigger></pid>", b=1.0)
-    np.testing.assert_allclose(held, 2.0 * u + 0.5 * slope, atol=1e-12)
-    integrator = framed(
-        f"<integrator name='p'><input>a</input><c1 type='{rule}'>3</c1></integrator>"
-    )
-    np.testing.assert_allclose(integrator, integral, atol=1e-12)
-
-
-def test_default_rules_of_integration_differ():
-    """A <pid> without a rule is that of Adams and Bashforth, an <integrator> the trapezoidal one."""
-    for text, rule in (("pid name='p'><input>a</input><ki{}>3</ki></pid", "ab2"),
-                       ("integrator name='p'><input>a</input><c1{}>3</c1></integrator", "trap")):  # fmt: skip
-        usual, named = (framed(f"<{text.format(each)}>") for each in ("", f" type='{rule}'"))
-        np.testing.assert_array_equal(usual, named)
-
-
-def test_a_kinematic_travels_from_detent_to_detent():
-    """From 0 to 10 in 1 s, to 30 in 4 s; the input is a share of 30. Twice as fast below 10."""
-    settings = "".join(
-        f"<setting><position>{position}</position><time>{time}</time></setting>"
-        for position, time in ((0, 0), (10, 1), (30, 4))
-    )
-    text = f"<kinematic name='k'><input>a</input><traverse>{settings}</traverse></kinematic>"
-    up = framed(text, np.full(150, 2.0))
-    t = STEP * (1.0 + np.arange(150))
-    np.testing.assert_allclose(
-        up, np.where(t <= 1.0, 10.0 * t, np.minimum(10.0 + 5.0 * (t - 1.0), 30.0))
-    )
-    signal = np.concatenate([np.full(110, 1.0), np.full(130, 0.1)])
-    down = framed(text, signal)[110:]
-    t = STEP * (1.0 + np.arange(130))
-    back = np.where(t <= 4.0, 30.0 - 5.0 * t, np.maximum(10.0 - 10.0 * (t - 4.0), 3.0))
-    np.testing.assert_allclose(down, back, atol=1e-9)
-    free = framed(text.replace("<input>", "<noscale/><input>"), np.full(60, 4.0))
-    assert free[-1] == pytest.approx(4.0)
 
 
 @pytest.mark.parametrize(

@@ -6,18 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from controller.critic.critic_file import critic_in
 from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import (
-    input_file,
     number,
-    one_of,
-    positive,
     quantity,
     whole,
 )
@@ -34,11 +29,9 @@ from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.envelope import flight_envelope
 from hfa_flight.flight import lengthened
 from hfa_flight.options import NONE, PolicyGiven, ScenarioGiven, noted_linear_model
-from hfa_flight.own_steps import JSBSIM, METHODS, RUNGE_KUTTA
 from hfa_flight.scenario import Scenario, with_errors
 from hfa_flight.signals import CommandedStates, CommandSteps
 from hfa_support.errors import BadInputError, refuse_unknown, warn
-from hfa_support.files import MATRIX_FILES
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
@@ -62,13 +55,6 @@ def _command(model: Model, name: str, text: str) -> list[tuple[float, float]]:
     return steps
 
 
-def _fraction(text: str) -> float:
-    """Return the positive number that a text such as 0.01 or 1/120 represents."""
-    above, slash, below = text.partition("/")
-    value = positive(above)
-    return value / positive(below) if slash else value
-
-
 class PlannedFlight(NamedTuple):
     """A flight to be simulated.
 
@@ -90,33 +76,10 @@ class PlannedFlight(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FlownAircraft(Aircraft):
-    """The aircraft of a flight, or a discrete-time plant."""
-
-    steps: Path | None = option(
-        "simulate the discrete-time plant in FILE from --initial for --duration steps; policy: "
-        "optimum of the game, or --weights",
-        "FILE",
-        input_file(*MATRIX_FILES),
-        names="--model",
-        rare=True,
-    )
-
-    @classmethod
-    def declared_model(cls, typed: Mapping[str, Any]) -> Model:
-        """Return the model of --model, of --aircraft, or the HFA."""
-        if "steps" not in typed:
-            return super().declared_model(typed)
-        from controller.discrete.step_model import step_model
-
-        return step_model(typed["steps"])
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class FlyRequest(Request):
     """Options of `hfa fly`."""
 
-    aircraft: FlownAircraft = part(FlownAircraft)
+    aircraft: Aircraft = part(Aircraft)
     trim: Trim = part(Trim)
     policy: PolicyGiven = part(PolicyGiven)
     scenario: ScenarioGiven = part(ScenarioGiven)
@@ -134,21 +97,6 @@ class FlyRequest(Request):
         named=True,
     )
     reference: Mapping[str, Waveform] = reference_option()
-    method: str = option(
-        f"integration: {RUNGE_KUTTA} (default), or {JSBSIM} (JSBSim's own steps; JSBSim aircraft "
-        "only)",
-        "NAME",
-        one_of(*METHODS),
-        default=RUNGE_KUTTA,
-        rare=True,
-    )
-    frame: float | None = option(
-        f"step of --method {JSBSIM}, s; default 1/120",
-        "S",
-        _fraction,
-        names="--step",
-        rare=True,
-    )
     samples: int | None = option(
         "simulate N flights, each with its own random errors, noise and turbulence",
         "N",
@@ -161,11 +109,6 @@ class FlyRequest(Request):
         whole(1),
         rare=True,
     )
-
-    def origin(self) -> Mapping[str, Any]:
-        """Return the provenance of the model: path of the discrete-time plant, or the aircraft."""
-        steps = self.aircraft.steps
-        return super().origin() if steps is None else {"model": str(steps)}
 
     @property
     def members(self) -> int | None:
@@ -259,17 +202,10 @@ def fly(request: FlyRequest) -> int:
     Exit code 1 if a state leaves its envelope, an input exceeds its control limits, or an
     oscillation does not decay (--samples: in every flight; --draws: in any).
     """
-    if request.aircraft.steps is not None:
-        return _fly_steps(request, request.aircraft.steps)
     if request.members is not None:
-        many = "--samples" if request.draws is None else "--draws"
-        request.refuse(
-            ("method", "frame"), f"applies only to a single flight; remove this option or {many}"
-        )
         return _fly_members(request)
     from hfa_flight.flight import fly
     from hfa_flight.flight_report import flight_figure
-    from hfa_flight.own_steps import refuse_method
     from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
     from trim.point.linearize import linearize
 
@@ -281,7 +217,6 @@ def fly(request: FlyRequest) -> int:
         raise BadInputError(
             f"{file} is a store for the flights of --samples or --draws; add --samples N"
         )
-    refuse_method(request.model, request.method, request.frame)
     planned = request.flight()
     if "scenario.duration" not in request.typed:
         planned = planned.lengthened()
@@ -300,8 +235,6 @@ def fly(request: FlyRequest) -> int:
         scenario=planned.scenario,
         envelope=planned.envelope,
         predict=predict,
-        method=request.method,
-        step=request.frame,
         weights=weights,
         progress=ProgressLine("simulate"),
     )
@@ -323,55 +256,6 @@ def fly(request: FlyRequest) -> int:
         notes=result.warnings,
     )
     return 0 if result.ok else 1
-
-
-def _fly_steps(request: FlyRequest, path: Path) -> int:
-    """Simulate the discrete-time plant of --model, print the report and return the exit code."""
-    from controller.discrete.implied_policy import discrete_critic
-    from controller.discrete.solution import solve_discrete
-    from controller.game.game_file import stored_game
-    from hfa_flight.step_flight import fly_steps
-
-    used = {
-        "aircraft.steps",
-        "scenario.initial",
-        "scenario.duration",
-        "policy.weights",
-        "policy.reading.basis",
-        "policy.reading.network",
-        "policy.learning.set",
-        "output.file",
-        "output.json",
-        "quiet",
-    }
-    others = request.typed.keys() - used
-    request.refuse(sorted(others), "applies only to an aircraft; remove this option or --model")
-    stored = stored_game(path)
-    problem = stored.discrete
-    assert problem is not None  # the caller found a discrete plant
-    if not request.scenario.initial:
-        raise BadInputError("--model requires an initial state; add --initial NAME=VALUE")
-    duration = request.scenario.duration
-    assert duration is not None  # has a default
-    if not (duration == int(duration) and 1 <= duration <= _MOST_STEPS):
-        raise BadInputError(
-            f"--duration is {duration:g}; give a whole number of steps from 1 to {_MOST_STEPS}"
-        )
-    weights = request.policy.weights
-    if weights is None:
-        K = solve_discrete(problem).K
-        policy = "the game's policy"
-    else:
-        critic = critic_in(
-            weights, problem, request.policy.reading.reading(request.policy.learning.set)
-        )
-        K = discrete_critic(problem, critic).K
-        policy = f"the policy of {weights}"
-    start = np.array([request.scenario.initial.get(name, 0.0) for name in request.model.states])
-    flight = fly_steps(problem, K, policy, start, int(duration))
-    flight = replace(flight, warnings=tuple(stored.notes))
-    request.show(flight.report(), notes=stored.notes)
-    return 0 if flight.decays else 1
 
 
 def _fly_members(request: FlyRequest) -> int:
