@@ -30,7 +30,7 @@ BREACHES = {
     },
     "The core imports no extension": {"verification/error_table.py": "hfa_prove.certificate"},
     "JSBSim is a door": {"extensions/jsbsim/hfa_jsbsim/engines.py": "trim.point.solve"},
-    "Nothing imports JSBSim's reader": {f"{FLIGHT}/flight.py": "hfa_jsbsim.reader"},
+    "Nothing imports JSBSim's reader": {f"{FLIGHT}/initial_box.py": "hfa_jsbsim.reader"},
     "Trims:": {
         "trim/point/halving.py": "trim.sweeps.sweep",
         "trim/linear/modes.py": "trim.sweeps.sweep",
