@@ -167,31 +167,6 @@ class DrawnAircraft:
         drawn = [linearize(point.model, point) for point in points]
         return self._alone(bands, drawn)
 
-    def linear_models(self, linear: LinearModel, progress: Progress | None = None) -> Draws:
-        """Return the bands of the modes, and of the largest real part of the eigenvalues.
-
-        If a mode does not exist for all aircraft, the names of its bands contain the number of
-        aircraft that have it. A mode whose name occurs twice in the given aircraft has no bands.
-
-        linear: linear model of the given aircraft
-        """
-        points = self.points(progress)
-        drawn = [linearize(point.model, point) for point in points]
-        own = _abscissa(linear.A)
-        bands = {"abscissa": band_of(own, [_abscissa(each.A) for each in drawn], "1/s")}
-        names = [mode.name for mode in linear.modes]
-        for mode in linear.modes:
-            if names.count(mode.name) > 1:
-                continue
-            same = [each for model in drawn for each in model.modes if each.name == mode.name]
-            if same:
-                of = "" if len(same) == len(drawn) else f" of {len(same)} aircraft"
-                damping = [each.damping for each in same]
-                frequency = [each.frequency for each in same]
-                bands[f"{mode.name} damping{of}"] = band_of(mode.damping, damping, "1")
-                bands[f"{mode.name} frequency{of}"] = band_of(mode.frequency, frequency, "1/s")
-        return self._alone(bands, drawn)
-
     def gain(self, game: Game, K: np.ndarray, progress: Progress | None = None) -> Draws:
         """Return the stability and the largest excess cost of u = -K z on the drawn aircraft.
 

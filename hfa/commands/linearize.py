@@ -12,7 +12,6 @@ import hfa_model
 from hfa.commands.trim import OneTrimRequest
 from hfa.options.aircraft import Aircraft, aircraft_help
 from hfa.options.argument_types import some_of
-from hfa.options.draws import draws_option, with_draws
 from hfa.options.output import Output, picture_option
 from hfa.options.part import OfModel, option, part
 from hfa.options.request import command
@@ -78,7 +77,6 @@ class LinearizeRequest(OneTrimRequest):
         default=(),
     )
     bode: bool = option("add transmission zeros and transfer functions")
-    draws: int | None = draws_option()
 
 
 @command(LinearizeRequest)
@@ -112,9 +110,6 @@ def linearize(request: LinearizeRequest) -> int:
     notes = [*report.notes, reduction_note(model.matrices, full.select(usual).matrices, follow)]
     notes = [note for note in notes if note]
     report = replace(report, notes=notes).with_data(warnings=notes)
-    if request.draws is not None:
-        subject = full.select(usual)
-        report = with_draws(report, request.draws, request.aircraft, request.trim, subject)
 
     def figure() -> Figure:
         from trim.linear.frequency import bode_figure

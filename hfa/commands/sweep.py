@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ import numpy as np
 from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import quantity
 from hfa.options.output import Output, ProgressLine, output_option, picture_option
-from hfa.options.part import OfModel, is_installed, option, part
+from hfa.options.part import OfModel, option, part
 from hfa.options.ranges import Range, array_of, scheduled_range, value_range
 from hfa.options.request import Request, command
 from hfa.options.trim import Trim, called_at, condition_help, condition_or_list, scheduled
@@ -32,27 +32,10 @@ if TYPE_CHECKING:
 OF_A_STORE = ("workers", "resume")
 #: Suffix of a store.
 STORE = ".zarr"
-#: Suffix of an FMU with the interpolated models, which the package hfa_flight writes.
-FMU = ".fmu"
-
-
-def _suffixes() -> tuple[str, ...]:
-    """Return the suffixes of files besides those of a report."""
-    return (FMU,) if is_installed("hfa_flight") else ()
-
-
-def _purpose() -> str:
-    """Return the help text on the special suffixes of the output."""
-    said = [
-        f"{suffix}: interpolated models as an FMU with the inputs of the aircraft and the swept "
-        "variables"
-        for suffix in _suffixes()
-    ]
-    said.append(
-        f"{STORE}: store of a sweep larger than memory, or by several processes or machines "
-        "(--workers)"
-    )
-    return f" ({'; '.join(said)})"
+_PURPOSE = (
+    f" ({STORE}: store of a sweep larger than memory, or by several processes or machines "
+    "(--workers))"
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -141,7 +124,7 @@ class SweepRequest(Request):
     processes: Workers = part(Workers)
     output: Output = part(
         Output,
-        file=output_option(*_suffixes(), stores=(STORE,), purpose=_purpose),
+        file=output_option(stores=(STORE,), purpose=_PURPOSE),
         picture=picture_option("the root locus"),
     )
 
@@ -180,13 +163,8 @@ def _in_memory(request: SweepRequest) -> int:
     if picture is not None and not result.trimmed.any():
         notes.append(f"nothing to draw: {picture} is not written")
         figure = None
-    write = None
-    if request.output.file is not None and request.output.file.suffix.lower() == FMU:
-        from hfa_flight.export.fmu import write_sweep
-
-        write = partial(write_sweep, result, provenance=request.provenance)
     # Notes are printed on standard error, so that standard output contains only the table.
-    request.show(replace(report, notes=()), figure=figure, write=write, notes=notes)
+    request.show(replace(report, notes=()), figure=figure, notes=notes)
     return 0 if result.trimmed.any() else 1
 
 

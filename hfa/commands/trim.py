@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import hfa_model
 from hfa.options.aircraft import Aircraft, of_hfa
 from hfa.options.argument_types import breakpoint_value
-from hfa.options.draws import draws_option, with_draws
 from hfa.options.output import Output, picture_option
 from hfa.options.part import option, part
 from hfa.options.request import Request, command
@@ -59,7 +58,6 @@ class TrimRequest(OneTrimRequest):
         picture=picture_option(_shown),
     )
     full: bool = option("print each equation, all near limits, outputs and participations")
-    draws: int | None = draws_option()
 
 
 @command(TrimRequest)
@@ -69,8 +67,6 @@ def trim(request: TrimRequest) -> int:
     point = request.trimmed()
     aircraft = request.trim.aircraft
     report = trim_report(aircraft, request.trim.condition, point, full=request.full)
-    if request.draws is not None:
-        report = with_draws(report, request.draws, request.aircraft, request.trim, point)
 
     def figure() -> Figure:
         if not hfa_model.is_hfa(aircraft):

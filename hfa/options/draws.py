@@ -11,11 +11,11 @@ from hfa.options.part import option
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import WIDTH, Table, shown_unit, shown_value, wrapped
-from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
     from hfa.options.aircraft import Aircraft
     from hfa.options.trim import Trim
+    from trim.point.operating_point import OperatingPoint
     from verification.drawn import DrawnAircraft, Draws
 
 #: Seed of the draws.
@@ -37,19 +37,12 @@ def with_draws(report: Report, count: int, aircraft: Aircraft, trim: Trim, subje
     report: report without the section
     count: number of --draws
     aircraft, trim: the options of the aircraft and its trim
-    subject: the reported operating point, linear model, or pair (`NamedGame`, gain)
+    subject: the reported pair (`NamedGame`, gain)
 
     Raises BadInputError if the covariance of the parameters is unknown, or if the game has no
     aircraft.
     """
-    from trim.linear.linear_model import LinearModel
-
     progress = ProgressLine("draws")
-    if isinstance(subject, OperatingPoint):
-        return reported(report, _drawn(count, aircraft, trim, subject).trims(progress))
-    if isinstance(subject, LinearModel):
-        drawn = _drawn(count, aircraft, trim, subject.point)
-        return reported(report, drawn.linear_models(subject, progress))
     named, gain = subject
     if named.linear is None:
         raise BadInputError("--draws does not support --design; remove one of the two")

@@ -26,7 +26,6 @@ LINES = (
     "fly --dihedral 15",
     "solve --dihedral 11 --design paper",
     "verify --dihedral 11 --flights 3",
-    "sweep --dihedral 10:11:1 -o sweep.fmu",
     "prove region --dihedral 15",
 )
 PROGRAM = """
@@ -94,7 +93,6 @@ def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
     for line, message in (
         ("solve --dihedral 11 --design paper", "--design requires the package hfa_design"),
         ("verify --dihedral 11 --flights 3", "--flights requires the package hfa_optimal"),
-        ("sweep --dihedral 10:11:1 -o sweep.fmu", "sweep.fmu"),
         ("prove region --dihedral 15", "unknown command 'prove'"),
     ):
         code, output = run(*line.split())

@@ -1,7 +1,8 @@
 """Kinks of the equations: points at which the slopes on both sides differ.
 
 A kink is the knot of a table, or the switching point of |x|, min, max, sign, a comparison or a
-rounding. At a kink, the affected entries of A and B are the means of the slopes on both sides.
+rounding. At a kink, a column of A or B has the slopes of one side: that of the initial value from
+which the search of a trim comes.
 """
 
 from __future__ import annotations
@@ -22,18 +23,20 @@ _TWO_ARGUMENTS = {ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE
 _ROUNDING = {ca.OP_FLOOR, ca.OP_CEIL}
 #: Step for the slopes, as a fraction of the nominal value.
 STEP = 1e-6
-#: Number of points near a switch at which slopes are compared together.
-_AT_ONCE = 1_000
-#: Largest difference of equal slopes, as a fraction of 1 + |derivative|, in scaled units.
-_APART = 1e-4
-#: Fraction of this difference that is significant in a column with a kink in another entry.
-_FELT = 1e-2
+#: Distance of the points beside a kink from it, in steps. A switch is at most two steps away.
+_BESIDE = 3.0
+#: Number of points near a switch at which slopes are computed together.
+_AT_ONCE = 10_000
+#: Largest difference of equal slopes, as a fraction of 1 + |slope|, in scaled units.
+_APART = 1e-6
+#: Smallest jump of a rate, as a fraction of the change due to the slopes, and of the rate's scale.
+_JUMP, _LEAST_JUMP = 1e-2, 1e-9
 #: Empty result: no points, no states and inputs.
 _NOWHERE = (np.zeros(0, dtype=int), np.zeros(0, dtype=int))
 
 
-class Smoothed(NamedTuple):
-    """A and B at N points, with mean slopes at kinks.
+class OneSided(NamedTuple):
+    """A and B at N points, with slopes of one side at kinks.
 
     A: (N, n, n)
     B: (N, n, m)
@@ -45,35 +48,37 @@ class Smoothed(NamedTuple):
     notes: dict[int, tuple[str, ...]]
 
 
-def with_means_at_kinks(
+def one_sided_at_kinks(
     model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray, A: np.ndarray, B: np.ndarray
-) -> Smoothed:
-    """Return A and B at N points, with the mean of the slopes on both sides in each entry at a
-    kink.
+) -> OneSided:
+    """Return A and B at N points, with the slopes of one side in each column at a kink.
+
+    The side is that of the declared initial value, or above if the point has this value. If a rate
+    jumps, the slope of this side does not contain the jump, and a note names it. Points without a
+    trim (nan) are skipped.
 
     x: (N, n), states
     u: (N, m), inputs
     p: (N, k), parameters
     A: (N, n, n), derivatives of the rates with respect to the states
     B: (N, n, m), derivatives of the rates with respect to the inputs
-
-    An entry is at a kink if the finite-difference slopes are constant on each side, but differ from
-    the derivative on at least one side. If the rate itself jumps, the entry is unchanged and gets a
-    note. Points without a trim (nan) are skipped.
     """
     near, columns = near_switches(model, x, u, p)
     if not near.size:
-        return Smoothed(A, B, {})
+        return OneSided(A, B, {})
     jacobian = np.concatenate([A, B], axis=2)
-    notes: dict[int, tuple[str, ...]] = {}
+    notes: dict[int, list[str]] = {}
     for first in range(0, len(near), _AT_ONCE):
         points = near[first : first + _AT_ONCE]
         z = np.concatenate([x[points], u[points]], axis=1)
-        means, words = _means(model, z, p[points], jacobian[points], columns)
-        jacobian[points] = means
-        notes |= {point: said for point, said in zip(points.tolist(), words, strict=True) if said}
+        for column in columns.tolist():
+            slopes, words = _beside(model, z, p[points], jacobian[points, :, column], column)
+            jacobian[points, :, column] = slopes
+            for row, said in words.items():
+                notes.setdefault(int(points[row]), []).extend(said)
     n = len(model.states)
-    return Smoothed(jacobian[:, :, :n], jacobian[:, :, n:], notes)
+    said_at = {point: tuple(notes[point]) for point in sorted(notes)}
+    return OneSided(jacobian[:, :, :n], jacobian[:, :, n:], said_at)
 
 
 def linearization_at(
@@ -83,8 +88,8 @@ def linearization_at(
     outputs: Sequence[str] = (),
     disturbances: Sequence[str] = (),
 ) -> tuple[Linearization, tuple[str, ...]]:
-    """Return the derivatives of a model at a point, with mean slopes at kinks, and notes on the
-    kinks.
+    """Return the derivatives of a model at a point, with slopes of one side at kinks, and notes on
+    the kinks.
 
     x: (n,), state
     u: (m,), input
@@ -94,10 +99,10 @@ def linearization_at(
     """
     exact = model.at(x, u, outputs, disturbances)
     X, U = (np.asarray(vector, dtype=float)[None] for vector in (x, u))
-    smoothed = with_means_at_kinks(model, X, U, model.p[None], exact.A[None], exact.B[None])
-    if not smoothed.notes:
+    found = one_sided_at_kinks(model, X, U, model.p[None], exact.A[None], exact.B[None])
+    if not found.notes:
         return exact, ()
-    return exact._replace(A=smoothed.A[0], B=smoothed.B[0]), smoothed.notes[0]
+    return exact._replace(A=found.A[0], B=found.B[0]), found.notes[0]
 
 
 def near_switches(
@@ -204,125 +209,75 @@ def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
     return RowFunction(ca.Function("switches", vectors, parts))
 
 
-def _slopes_around(model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Return the slopes of the rates around N points along some states and inputs, (N, 6, n,
-    columns).
-
-    The six slopes are those between adjacent points at -3, -2, ..., 3 finite-difference steps.
-
-    z: (N, n + m), states and inputs
-    p: (N, k), parameters
-    columns: indices of the states and inputs that are varied
-    """
-    n = len(model.states)
-    count, size = z.shape
-    steps = np.array(steps_of(model))
-    offsets = np.arange(-3, 4)[:, None, None] * np.diag(steps)[columns]
-    places = (z[:, None, None, :] + offsets).reshape(-1, size)
-    parameters = np.repeat(p, 7 * len(columns), axis=0)
-    (rates,) = _rate_rows(model.layout)(places[:, :n], places[:, n:], parameters)
-    by_place = rates.reshape(count, 7, len(columns), n).swapaxes(2, 3)
-    return np.diff(by_place, axis=1) / steps[columns]
-
-
-@lru_cache(maxsize=16)
-def _rate_rows(layout: Layout) -> RowFunction:
-    """Return `rates_of(layout)` as a function of many rows."""
-    vectors = layout.symbols("x", "u", "p")
-    return RowFunction(ca.Function("rows", vectors, [ca.densify(rates_of(layout)(*vectors))]))
-
-
-def _exact_sides(
-    model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the exact derivatives of the rates just below and just above N kinks, (N, n) each.
-
-    The derivatives are extrapolated by 15 J(2 h) - 24 J(2.5 h) + 10 J(3 h) from exact derivatives J
-    at multiples of a step h from the point. A kink may be up to one step from the point.
-    The error is of the order of h³ J'''.
+def _beside(
+    model: Model, z: np.ndarray, p: np.ndarray, slopes: np.ndarray, column: int
+) -> tuple[np.ndarray, dict[int, list[str]]]:
+    """Return the slopes of the rates at N points along one state or input, (N, n), and the notes of
+    points at a kink.
 
     z: (N, n + m), states and inputs
     p: (N, k), parameters
-    columns: (N,), index of the state or input at a kink
+    slopes: (N, n), derivatives at the points
+    column: index of the state or input
+    """
+    name, signal = [*(model.states | model.inputs).items()][column]
+    rate_scales = np.array([model.rate_scale(state) for state in model.states])
+    step = _BESIDE * steps_of(model)[column]
+    rates_below, below, bent_below = _extrapolated(model, z, p, column, -step)
+    rates_above, above, bent_above = _extrapolated(model, z, p, column, step)
+    bent = bent_below + bent_above
+    allowed = _APART * (rate_scales / signal.nominal + np.abs(slopes)) + bent
+    kinks = np.maximum(np.abs(below - slopes), np.abs(above - slopes)) > allowed
+    gap = np.abs(rates_above - rates_below - step * (above + below))
+    usual = step * (np.abs(above) + np.abs(below) + bent / _JUMP)
+    jumps = gap > _JUMP * usual + _LEAST_JUMP * rate_scales
+    is_below = (signal.start < z[:, column])[:, None]
+    chosen = np.where(kinks, np.where(is_below, below, above), slopes)
+    matrix = "A" if column < len(model.states) else "B"
+    notes: dict[int, list[str]] = {}
+    for k, i in np.argwhere(kinks | jumps).tolist():
+        state = model.state_names[i]
+        entry = f"{matrix}({state}, {name})"
+        side = "below" if is_below[k, 0] else "above"
+        if jumps[k, i]:
+            note = (
+                f"jump: the rate of {state} jumps as {name} passes its value; {entry} is "
+                f"{chosen[k, i] + 0.0:.5g}, without the jump"
+            )
+        else:
+            note = (
+                f"kink: {entry} is {below[k, i] + 0.0:.5g} below and {above[k, i] + 0.0:.5g} above "
+                f"the trim; the slope {side} is used"
+            )
+        notes.setdefault(k, []).append(note)
+    return chosen, notes
+
+
+def _extrapolated(
+    model: Model, z: np.ndarray, p: np.ndarray, column: int, step: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the rates a step away from N points, the slopes on this side of the points, and the
+    change of the slopes in a step, (N, n) each.
+
+    The slopes are 2 J(step) - J(2 step), with an error of the order of step² J''.
     """
     n = len(model.states)
-    directions = np.eye(z.shape[1])[columns]
-    steps = directions * steps_of(model)
-    derivative = _derivative_of(model.layout)
-
-    def extrapolated(steps: np.ndarray) -> np.ndarray:
-        """Return the derivatives on the side of the points to which the steps lead, (N, n)."""
-        near, middle, far = (
-            derivative(at[:, :n], at[:, n:], p, directions)[0]
-            for at in (z + 2.0 * steps, z + 2.5 * steps, z + 3.0 * steps)
-        )
-        return 15.0 * near - 24.0 * middle + 10.0 * far
-
-    return extrapolated(-steps), extrapolated(steps)
+    direction = np.zeros(z.shape)
+    direction[:, column] = 1.0
+    along = _rates_along(model.layout)
+    at, farther = z + step * direction, z + 2.0 * step * direction
+    rates, near = along(at[:, :n], at[:, n:], p, direction)
+    _, far = along(farther[:, :n], farther[:, n:], p, direction)
+    return rates, 2.0 * near - far, np.abs(near - far)
 
 
 @lru_cache(maxsize=16)
-def _derivative_of(layout: Layout) -> RowFunction:
-    """Return the function (x, u, p, direction) -> derivatives of the rates along it, (N, n)."""
+def _rates_along(layout: Layout) -> RowFunction:
+    """Return the function (x, u, p, direction) -> rates, derivatives of the rates along it."""
     rates = rates_of(layout)
     x, u, p = rates.sx_in()
     z = ca.vertcat(x, u)
     direction = ca.SX.sym("direction", z.numel())
-    along = ca.densify(ca.jtimes(rates(x, u, p), z, direction))
-    return RowFunction(ca.Function("along", [x, u, p, direction], [along]))
-
-
-def _means(
-    model: Model, z: np.ndarray, p: np.ndarray, jacobian: np.ndarray, columns: np.ndarray
-) -> tuple[np.ndarray, list[tuple[str, ...]]]:
-    """Return the Jacobians of N points with means of both slopes in the entries at a kink, and the
-    notes of each point.
-
-    Each note is a sentence on one entry at a kink. An entry at which the rate jumps also gets a
-    note, but is not replaced.
-
-    z: (N, n + m), states and inputs
-    p: (N, k), parameters
-    jacobian: (N, n, n + m)
-    columns: indices of the states and inputs that affect a switch
-    """
-    n = len(model.states)
-    names = (*model.states, *model.inputs)
-    slopes = _slopes_around(model, z, p, columns)
-    derivative = jacobian[:, :, columns]
-    below = 2.5 * slopes[:, 1] - 1.5 * slopes[:, 0]
-    above = 2.5 * slopes[:, 4] - 1.5 * slopes[:, 5]
-    nominal = np.array(steps_of(model))[columns] / STEP
-    scale = nominal / np.array([[model.rate_scale(name)] for name in model.states])
-    allowed = _APART * (1 + np.abs(derivative) * scale) / scale
-    smooth_below = np.abs(slopes[:, 1] - slopes[:, 0]) <= allowed
-    smooth_above = np.abs(slopes[:, 5] - slopes[:, 4]) <= allowed
-    differs = np.maximum(np.abs(below - derivative), np.abs(above - derivative)) > allowed
-    # Across a kink, the two middle slopes are between the outer ones, or mixtures of them.
-    across = np.abs(slopes[:, 2] + slopes[:, 3] - below - above)
-    jumps = smooth_below & smooth_above & (across > 2 * np.abs(above - below) + allowed)
-    kinks = smooth_below & smooth_above & differs & ~jumps
-    # A kink in one rate is also one in other rates, even if its effect on them is small.
-    felt = np.abs(above - below) > _FELT * allowed
-    kinks |= kinks.any(axis=1, keepdims=True) & smooth_below & smooth_above & felt & ~jumps
-    point, place = np.nonzero(kinks.any(axis=1))
-    if point.size:
-        sides = _exact_sides(model, z[point], p[point], columns[place])
-        below[point, :, place], above[point, :, place] = sides
-    means = jacobian.copy()
-    notes: list[list[str]] = [[] for _ in z]
-    for k, j, i in np.argwhere((kinks | jumps).swapaxes(1, 2)).tolist():
-        column = int(columns[j])
-        entry = f"{'A' if column < n else 'B'}({names[i]}, {names[column]})"
-        if jumps[k, i, j]:
-            notes[k].append(
-                f"jump: the rate of {names[i]} jumps as {names[column]} passes its value; {entry} "
-                f"is {jacobian[k, i, column] + 0.0:.5g}, without the jump"
-            )
-        else:
-            means[k, i, column] = (below[k, i, j] + above[k, i, j]) / 2
-            notes[k].append(
-                f"kink: {entry} is {means[k, i, column] + 0.0:.5g}, the mean of the slopes below "
-                f"and above, {below[k, i, j]:.5g} and {above[k, i, j]:.5g}"
-            )
-    return means, [tuple(words) for words in notes]
+    f = rates(x, u, p)
+    parts = [ca.densify(f), ca.densify(ca.jtimes(f, z, direction))]
+    return RowFunction(ca.Function("along", [x, u, p, direction], parts))

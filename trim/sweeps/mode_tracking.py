@@ -20,9 +20,8 @@ _DISTANCE = 2.0
 _TIE = 1e-9
 #: Number of pairs of points that are compared together.
 _AT_ONCE = 10_000
-#: Eigenvalues coincide if their distance is below this fraction of |A|: rounding then mixes their
-#: eigenvectors.
-_MEETING = 1e-9
+#: Relative size below which singular values of eigenvectors count as zero.
+_PARALLEL = 1e-9
 
 
 class _Modes(NamedTuple):
@@ -35,11 +34,6 @@ class _Modes(NamedTuple):
     def at(self, points: np.ndarray) -> _Modes:
         """Return all modes of the points with these indices."""
         return _Modes(self.values[points], self.right[points], self.left[points])
-
-    def some(self, point: int, modes: np.ndarray) -> _Modes:
-        """Return some modes of one point."""
-        right = self.right[point][:, modes]
-        return _Modes(self.values[point, modes], right, self.left[point, modes])
 
 
 def track_modes(
@@ -55,9 +49,8 @@ def track_modes(
     first point is sorted as in `fastest_first`.
 
     The columns of modes that cross between two points can be interchanged if their shapes are
-    nearly parallel or change much from point to point. A finer grid avoids such interchanges.
-    Eigenvalues that coincide at a point have no individual shapes. After this point the modes are
-    paired with those at the last point at which the eigenvalues were distinct.
+    nearly parallel or change much from point to point, and where they coincide at a point of the
+    grid. A finer grid avoids such interchanges.
 
     A: (N, n, n)
     states: names of the rows of each matrix, states of the model
@@ -72,23 +65,13 @@ def track_modes(
     nominal = np.array([model.states[name].nominal for name in states])
     right = vectors / nominal[:, None]
     right = right / np.linalg.norm(right, axis=1, keepdims=True)
-    near = _MEETING * np.linalg.norm(A * nominal / nominal[:, None], axis=(1, 2))[:, None]
-    # Rounding can turn two equal real eigenvalues into a pair.
-    compared = np.where(np.abs(values.imag) <= near, values.real, values)
-    meeting = np.abs(compared[:, :, None] - compared[:, None, :]) <= near[:, :, None]
-    met = meeting.sum(axis=(1, 2)) > values.shape[1]
-    modes = _Modes(compared, right, _inverse(right))
-
+    modes = _Modes(values, right, _inverse(right))
     path = np.arange(len(values) - 1)[:, None] + [0, 1]
     pairs = path if neighbours is None else _connected(neighbours, path)
     order = np.empty(values.shape, dtype=int)
     order[0] = order_fastest_first(values[0])
-    origin = np.full(len(values), -1)
     for before, point, pairing in _along_tree(pairs, modes):
         order[point] = pairing[order[before]]
-        origin[point] = before
-        if met[before]:
-            _pair_over_meetings(point, origin, order, modes, meeting)
     return np.take_along_axis(values.astype(complex), order, axis=1)
 
 
@@ -99,41 +82,10 @@ def _inverse(right: np.ndarray) -> np.ndarray:
     try:
         left = np.linalg.inv(right)
     except np.linalg.LinAlgError:
-        return np.linalg.pinv(right, rcond=_MEETING)
-    shared = ~(np.abs(left).max(axis=(1, 2)) < 1.0 / _MEETING)
-    left[shared] = np.linalg.pinv(right[shared], rcond=_MEETING)
+        return np.linalg.pinv(right, rcond=_PARALLEL)
+    shared = ~(np.abs(left).max(axis=(1, 2)) < 1.0 / _PARALLEL)
+    left[shared] = np.linalg.pinv(right[shared], rcond=_PARALLEL)
     return left
-
-
-def _pair_over_meetings(
-    point: int, origin: np.ndarray, order: np.ndarray, modes: _Modes, meeting: np.ndarray
-) -> None:
-    """Correct the pairing of modes at a point if their eigenvalues coincide at the point before."""
-    # The modes are paired with those at the last earlier point where they are distinct, by their
-    # shapes and their eigenvalues. The mean of the coinciding eigenvalues is subtracted. The
-    # difference from the mean changes sign at a crossing.
-    # origin (N,), order (N, n), meeting (N, n, n)
-    from scipy.optimize import linear_sum_assignment
-
-    before = origin[point]
-    together = meeting[before][np.ix_(order[before], order[before])]
-    parted = together & ~meeting[point][np.ix_(order[point], order[point])]
-    for members in {tuple(np.flatnonzero(row)) for row in together[parted.any(axis=1)]}:
-        columns = np.array(members)
-        earlier = before
-        while (
-            earlier >= 0
-            and meeting[earlier, order[earlier, columns[0]], order[earlier, columns]].all()
-        ):
-            earlier = origin[earlier]
-        if earlier >= 0:
-            there = modes.some(earlier, order[earlier, columns])
-            here = order[point, columns]
-            behind = modes.some(point, here)
-            opposite = there._replace(values=there.values.mean() - there.values)
-            centred = behind._replace(values=behind.values - behind.values.mean())
-            gain = _gain(opposite, centred)
-            order[point, columns] = here[linear_sum_assignment(gain, maximize=True)[1]]
 
 
 def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import ByValue, Matrix, Result, RootTable, Stack
 from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value
-from trim.linear.kinks import with_means_at_kinks
+from trim.linear.kinks import one_sided_at_kinks
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import fastest_first, modes_of
 from trim.point.condition import TrimCondition, usual_condition
@@ -55,10 +55,6 @@ _SLOW = 0.15
 _LONGEST = 200
 #: Number of rows printed at each end, and of reasons for failures.
 _SHOWN = 20
-#: Length of a line of the root locus, as a fraction of the figure, above which it has an arrow, and
-#: above which it has values.
-_DIRECTED = 0.05
-_LABELLED = 0.2
 #: Number of points trimmed one by one from which a note is printed.
 _MANY_SLOW = 20
 
@@ -79,7 +75,7 @@ def run_points(
     The arguments are those of `trim_points`.
     """
     points = trim_points(model, variables, values, condition, start=start, progress=progress)
-    smoothed = with_means_at_kinks(
+    found = one_sided_at_kinks(
         model,
         points.states,
         points.inputs,
@@ -87,9 +83,9 @@ def run_points(
         points.A,
         points.B,
     )
-    points = points._replace(A=smoothed.A, B=smoothed.B)
+    points = points._replace(A=found.A, B=found.B)
     kinks = np.zeros(len(values), dtype=int)
-    for point, notes in smoothed.notes.items():
+    for point, notes in found.notes.items():
         kinks[point] = len(notes)
     trimmed = points.status == TRIMMED
     eigenvalues = np.full(points.states.shape, np.nan, dtype=complex)
@@ -100,7 +96,7 @@ def run_points(
         "values": values,
         "eigenvalues": eigenvalues,
         "kinks": kinks,
-        "kinked": smoothed.notes,
+        "kinked": found.notes,
     }
 
 
@@ -293,7 +289,6 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             label = name if column == self.mode_names.index(name) else None
             axes.plot(roots.real, roots.imag, style, color=f"C{number}", label=label)
         unit = self.plan.units[-1]
-        self._mark_values(axes, columns)
         for end, marker in zip(np.flatnonzero(self.trimmed)[[0, -1]], "os", strict=True):
             roots = self.eigenvalues[end, ends]
             value = shown_value(self.values[end, -1], unit, ".4g")
@@ -312,79 +307,6 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         axes.set_xlabel(f"real part, 1/{self.model.time_unit}")
         axes.set_ylabel(f"imaginary part, 1/{self.model.time_unit}")
         axes.grid(alpha=0.3)
-
-    def _mark_values(self, axes: Axes, columns: np.ndarray) -> None:
-        """Mark direction and values of the last variable along the paths of eigenvalues."""
-        # Only paths in the upper half-plane are marked.
-        # columns (k,)
-        names = list(dict.fromkeys(self.mode_names))
-        width, height = axes.dataLim.size
-        trimmed = np.flatnonzero(self.trimmed)
-        unit = self.plan.units[-1]
-        for column in np.flatnonzero(columns).tolist():
-            roots = self.eigenvalues[trimmed, column]
-            if len(roots) < 3 or roots.imag.min() < 0:
-                continue
-            length = np.hypot(np.ptp(roots.real) / width, np.ptp(roots.imag) / height)
-            if length < _DIRECTED:
-                continue
-            color = f"C{names.index(self.mode_names[column])}"
-            steps = np.hypot(np.diff(roots.real) / width, np.diff(roots.imag) / height)
-            walked = np.cumsum(steps) / max(float(steps.sum()), 1e-300)
-            marked = np.unique(np.linspace(0, len(roots) - 1, 5).round().astype(int))
-            widest = int(np.argmax(np.diff(np.append(0.0, walked)[marked])))
-            arrow_at = np.append(0.0, walked)[marked[widest : widest + 2]].mean()
-            tip = min(int(np.searchsorted(walked, arrow_at)) + 1, len(roots) - 1)
-            axes.annotate(
-                "",
-                xy=(roots[tip].real, roots[tip].imag),
-                xytext=(roots[tip - 1].real, roots[tip - 1].imag),
-                arrowprops={"arrowstyle": "-|>", "color": color, "shrinkA": 0, "shrinkB": 0},
-            )
-            if length < _LABELLED:
-                continue
-            for i in marked[1:-1]:
-                axes.plot(roots[i].real, roots[i].imag, ".", color=color, markersize=5)
-                # The label is beside the line, to its right or above it.
-                step = roots[min(i + 1, len(roots) - 1)] - roots[max(i - 1, 0)]
-                across = np.array([step.imag / height, -step.real / width])
-                across *= np.sign(across.sum()) or 1.0
-                x_offset, y_offset = 9.0 * across / max(float(np.hypot(*across)), 1e-300)
-                side = "center"
-                if abs(x_offset) > 4.0:
-                    side = "left" if x_offset > 0.0 else "right"
-                axes.annotate(
-                    shown_value(self.values[trimmed[i], -1], unit, ".4g"),
-                    (roots[i].real, roots[i].imag),
-                    xytext=(x_offset, y_offset),
-                    textcoords="offset points",
-                    ha=side,
-                    va="center",
-                    fontsize=7,
-                )
-
-    def contents(self) -> dict[str, Any]:
-        """Return the entries of the file, name -> value."""
-        return {
-            "dynamics": self.plan.model.name,
-            "variables": self.plan.variables,
-            "variable_units": self.plan.units,
-            "grid": self.plan.grid,
-            "condition": self.plan.condition.changes,
-            "values": self.values,
-            "reasons": self.reasons,
-            "operating_states": self.states,
-            "operating_inputs": self.inputs,
-            "A": self.A,
-            "B": self.B,
-            "eigenvalues": self.eigenvalues,
-            "mode_names": self.mode_names,
-            "states": self.state_names,
-            "state_units": self.state_units,
-            "inputs": self.input_names,
-            "input_units": self.input_units,
-            "warnings": self.warnings,
-        }
 
     def report(self) -> Report:
         """Return a report with the values and eigenvalues at each point, or the reason for a

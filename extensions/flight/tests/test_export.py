@@ -139,18 +139,3 @@ def test_an_fmu_needs_a_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         hfa("export", "-o", str(tmp_path / "a.fmu")), 1, "requires a C compiler", "install gcc"
     )
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.skipif(c_compiler() is None, reason="there is no C compiler")
-def test_the_fmu_of_a_sweep_has_swept_inputs(tmp_path: Path) -> None:
-    """The FMU of a sweep has inputs for the swept variables. A sweep of one point is refused."""
-    path = tmp_path / "models.fmu"
-    words = ("sweep", "--dihedral", "5,15", "--hold", "speed=64,68")
-    assert hfa(*words, "-o", str(path)).code == 0
-    with zipfile.ZipFile(path) as archive:
-        described = archive.read("modelDescription.xml").decode()
-    for name in ("scheduled_dihedral", "scheduled_speed", "aileron_outer", "pitch_rate"):
-        assert f'name="{name}"' in described
-    assert_refused(
-        hfa("sweep", "--dihedral", "5", "-o", str(path)), 2, "fewer than two values of dihedral"
-    )

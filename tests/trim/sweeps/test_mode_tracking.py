@@ -48,27 +48,6 @@ def test_eigenvalues_that_cross_keep_their_columns(shapes: np.ndarray) -> None:
     np.testing.assert_allclose(tracked, expected[:, :2], atol=1e-11)
 
 
-@pytest.mark.parametrize("seed", [18, 38, 69, 71, 79, 83])
-def test_eigenvalues_equal_at_a_point_cross(seed: int) -> None:
-    """Two eigenvalues that are equal at a grid point (s = 1) cross there."""
-    shapes = np.random.default_rng(seed).normal(size=(3, 3))
-    nominal = [hfa.aircraft().states[name].nominal for name in STATES]
-    vectors = np.array(nominal)[:, None] * shapes / np.linalg.norm(shapes, axis=0)
-    s = np.array([0.0, 0.3, 0.8, 1.0, 1.1, 1.6])
-    expected = np.stack([-3.0 + s, -1.0 - s, np.full_like(s, -0.1)], axis=1)
-    A = np.einsum("ik,nk,kj->nij", vectors, expected, np.linalg.inv(vectors))
-    tracked = track_modes(A, STATES, hfa.aircraft())
-    np.testing.assert_allclose(tracked, expected, atol=1e-7)
-
-
-def test_a_mode_crosses_two_integrators_on_a_point() -> None:
-    """A mode keeps its column where its eigenvalue and two others are 0."""
-    s = np.linspace(-1.0, 1.0, 5)
-    expected = np.stack([s, np.zeros(5), np.zeros(5)], axis=1)
-    tracked = track_modes(models_with(expected), STATES, hfa.aircraft())
-    np.testing.assert_allclose(tracked, expected, atol=1e-12)
-
-
 def test_modes_are_followed_along_the_most_similar_neighbors() -> None:
     """Two shapes turn by 40 deg from point to point, too far between the first and the last."""
     nominal = np.array([hfa.aircraft().states[name].nominal for name in STATES[:2]])

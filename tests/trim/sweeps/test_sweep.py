@@ -479,14 +479,13 @@ def test_a_long_sweep_prints_its_ends(
     assert kept["B(alpha, throttle) [(rad/s)/(1)]"] == result.B[7, 1, 0]
 
 
-def test_the_root_locus_has_paths_ends_and_values(published_aircraft: Model) -> None:
-    """Paths over the trimmed points begin at o and end at s; arrows lead to the next point."""
+def test_the_root_locus_has_paths_and_ends(published_aircraft: Model) -> None:
+    """Paths over the trimmed points begin at o and end at s."""
     speeds = [30.0, *np.linspace(56.0, 100.0, 9)]
     swept = sweep(published_aircraft, {"speed": speeds})
     roots = swept.eigenvalues
     assert not swept.trimmed[0]
     whole, near = swept.plot()
-    tips: list[int] = []
     for panel, shown, ends in (
         (whole, ~swept.slow | swept.slow, ~swept.slow),
         (near, swept.slow, swept.slow),
@@ -501,17 +500,6 @@ def test_the_root_locus_has_paths_ends_and_values(published_aircraft: Model) -> 
             ((said, marked),) = drawn[marker]
             assert said == label
             np.testing.assert_array_equal(marked, roots[row, ends])
-        for text in panel.texts:
-            at = complex(*text.xy)
-            if text.get_text().isdigit():
-                assert at in roots[speeds.index(float(text.get_text()))]
-            elif not text.get_text():
-                ((tip, column),) = np.argwhere(roots == at)
-                x, y = text.xyann
-                tips.append(tip)
-                assert complex(x, y) == roots[tip - 1, column]
-    assert min(tips) < 9
-    assert {text.get_text() for text in near.texts} == {"67", "78", "89", ""}
     assert [axes.get_xlabel() for axes in (whole, near)] == ["real part, 1/s"] * 2
     pyplot.close("all")
 

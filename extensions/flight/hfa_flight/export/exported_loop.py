@@ -1,4 +1,4 @@
-"""Loops for export: an aircraft with or without a policy, and interpolated linear models.
+"""Loops for export: an aircraft with or without a policy.
 
 Signals that a simulation computes from time, such as references and disturbances, are inputs of an
 exported loop.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -19,9 +19,6 @@ from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.scenario import Scenario
 from trim.point.operating_point import OperatingPoint
-
-if TYPE_CHECKING:
-    from trim.sweeps.interpolated import InterpolatedModel
 
 #: Longest step, s, of a loop whose modes are not faster than those of the aircraft.
 LONGEST_STEP = 1e-3
@@ -198,33 +195,6 @@ def _actuator_channels(model: Model, actuators: ActuatorBank | None) -> list[Cha
         for name, signal in model.inputs.items():
             channels.append(Channel(f"{name}_actuator_rate", None, size=signal.nominal))
     return channels
-
-
-def interpolated_loop(between: InterpolatedModel) -> ExportedLoop:
-    """Return the interpolated loop x' = A(s) (x - X0(s)) + B(s) (u - U0(s)) of a sweep.
-
-    The inputs are v = [u; s]. The variables s of the sweep are named `scheduled_NAME`. Their
-    initial values are the middle of the grid.
-    """
-    sweep = between.sweep
-    model = sweep.model
-    middle = {
-        name: float(axis[0] + axis[-1]) / 2
-        for name, axis in zip(sweep.variables, between.axes, strict=True)
-    }
-    trimmed = between.at(**middle)
-    rows = model.state_places(model.linear)
-    x = ca.SX.sym("x", len(rows))
-    u = ca.SX.sym("u", len(model.inputs))
-    s = ca.SX.sym("s", len(middle))
-    X0, U0, A, B = between.to_casadi()(s)
-    rate = ca.mtimes(A, x - X0[rows]) + ca.mtimes(B, u - U0)
-    function = ca.Function("loop", [x, ca.vertcat(u, s)], [rate, ca.DM(0, 1)], {"cse": True})
-    inputs = _channels(model, model.inputs, trimmed.inputs)
-    for name, value in middle.items():
-        inputs.append(Channel(f"scheduled_{name}", model.unit(name), value))
-    states = _channels(model, model.linear, trimmed.states[rows], rates=True)
-    return ExportedLoop(function, tuple(states), (), tuple(inputs), len(states))
 
 
 def _channels(

@@ -19,15 +19,13 @@ from xml.etree import ElementTree as xml
 import casadi as ca
 
 from hfa_flight.export.c_text import braced, comment_lines
-from hfa_flight.export.exported_loop import ExportedLoop, interpolated_loop
+from hfa_flight.export.exported_loop import ExportedLoop
 from hfa_support.errors import NoSolutionError
 from hfa_support.files import temporary_folder, written_whole
 from hfa_support.native.c_code import c_function
 from hfa_support.native.machine_code import c_compiler
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.data_files import json_text
-from trim.sweeps.interpolated import InterpolatedModel
-from trim.sweeps.sweep import Sweep
 
 #: Folder and suffix of the library in the FMU, by platform.
 IDENTIFIER = "hfa_aircraft"
@@ -218,11 +216,3 @@ def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
                 "CC to another compiler"
             )
         return (folder / "library").read_bytes()
-
-
-def write_sweep(sweep: Sweep, path: Path, provenance: Provenance) -> None:
-    """Write the interpolated linear models of a sweep as an FMU, for `hfa sweep`.
-
-    Raises the errors of `InterpolatedModel` and `write_fmu`.
-    """
-    write_fmu(interpolated_loop(InterpolatedModel(sweep)), path, provenance)

@@ -10,10 +10,8 @@ import numpy as np
 import pytest
 from c_files import compiled, needs_gcc
 from controllers import integrating_controller
-from own_models import NAVION
-from scipy.integrate import solve_ivp
 
-from hfa import OperatingPoint, sweep
+from hfa import OperatingPoint
 from hfa_aircraft.model import Model
 from hfa_flight import ActuatorBank, CommandSteps, GainPolicy, Policy, Scenario, Waveform
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
@@ -23,7 +21,6 @@ from hfa_flight.export.exported_loop import (
     ExportedLoop,
     exported_loop,
     following_a_reference,
-    interpolated_loop,
 )
 from hfa_flight.export.fmu import description, write_fmu
 from hfa_flight.policies.controller import servo_policy
@@ -31,7 +28,6 @@ from hfa_flight.signals import CommandedStates
 from hfa_flight.simulation import CompiledLoop
 from hfa_model import LINEAR_STATES, STATES, Input
 from hfa_support.provenance import Provenance
-from trim.sweeps.interpolated import InterpolatedModel
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 pytest.importorskip("fmpy.validation")  # not loaded with FMPy
@@ -183,38 +179,3 @@ def test_fmu_sources_compile_without_warnings(unit: Unit, tmp_path: Path) -> Non
     with zipfile.ZipFile(unit.path) as archive:
         archive.extractall(tmp_path)
     compiled(tmp_path / "sources", "-Wno-shadow", "-fsyntax-only", fmu.WRAPPER, fmu.SOURCE)
-
-
-def test_the_fmu_of_a_sweep_agrees_with_scipy(tmp_path: Path) -> None:
-    """The FMU of a sweep over two variables agrees with SciPy's integration between grid points.
-
-    The integration uses A and B interpolated by the product.
-    """
-    between = InterpolatedModel(
-        sweep(NAVION, {"speed": [170.0, 180.0, 190.0], "gamma": [0.0, 0.02]})
-    )
-    write_fmu(interpolated_loop(between), tmp_path / "a.fmu", ORIGIN)
-    assert fmpy.validation.validate_fmu(str(tmp_path / "a.fmu")) == []
-    at = {"speed": 183.0, "gamma": 0.013}
-    start = {f"scheduled_{name}": value for name, value in at.items()} | {
-        "pitch_rate": 0.02,
-        "elevator": 0.01,
-    }
-    found = fmpy.simulate_fmu(
-        str(tmp_path / "a.fmu"),
-        fmi_type="CoSimulation",
-        stop_time=2.0,
-        output_interval=0.1,
-        start_values=start,
-    )
-    middle = between.at(speed=180.0, gamma=0.01)
-    here = between.at(**at)
-    rows = [list(NAVION.states).index(name) for name in NAVION.linear]
-    x = middle.states[rows].copy()
-    u = middle.inputs.copy()
-    x[NAVION.linear.index("pitch_rate")], u[list(NAVION.inputs).index("elevator")] = 0.02, 0.01
-    rate = lambda _, x: here.A @ (x - here.states[rows]) + here.B @ (u - here.inputs)  # noqa: E731
-    known = solve_ivp(rate, (0.0, 2.0), x, rtol=1e-10, atol=1e-12).y[:, -1]
-    np.testing.assert_allclose(
-        [found[name][-1] for name in NAVION.linear], known, rtol=1e-7, atol=1e-9
-    )
