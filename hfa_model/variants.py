@@ -3,7 +3,7 @@
 `published` reproduces the matrices printed in the paper. `newton` has the exact mechanics of three
 rigid panels, which `lagrangian.py` derives independently. All six terms are in this module. The
 printed matrices require each term except the η'² term, which has no effect on a linear model
-(`docs/identification.md`). η is the dihedral, q the pitch rate, and s and m are the span and mass
+(`docs/paper.md`). η is the dihedral, q the pitch rate, and s and m are the span and mass
 of one panel.
 
 | term | published | newton |
@@ -69,7 +69,7 @@ class Published:
 
         I_xx, m and s are the roll inertia, mass and span of a panel. The paper prints cos² η. Only
         the cosine of the squared angle reproduces the printed matrices, and the released simulation
-        up to 45 deg (`docs/validation.md`).
+        up to 45 deg (`docs/paper.md`).
         """
         mass_moment = p.panel_mass * p.panel_span**2
         return p.inertia_roll + mass_moment / 4 + mass_moment / 6 * ca.cos(dihedral**2)

@@ -39,7 +39,7 @@ from studies.section5.flights import (
 STORED: dict[str, Any] = json.loads(
     (ROOT / "studies/section5/results/claims.json").read_text(encoding="utf-8")
 )
-DOCUMENT = (ROOT / "docs" / "experiments.md").read_text(encoding="utf-8")
+DOCUMENT = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
 #: Row of the table of numbers: description, claim, and a number for each law.
 ROW = re.compile(r"^\|[^|]*\| (?:claim|5\.\d-\d+) \|.*\|$", re.M)
 
@@ -59,7 +59,7 @@ def wrong_numbers(text: str) -> list[str]:
 
 
 def test_the_document_shows_the_stored_results() -> None:
-    """docs/experiments.md shows the stored numbers and counts. A planted wrong number is found."""
+    """docs/paper.md shows the stored numbers and counts. A planted wrong number is found."""
     assert len(ROW.findall(DOCUMENT)) >= 10
     assert wrong_numbers(DOCUMENT) == []
     planted = "| | claim | exact |\n|---|---|---|\n| error | 5.1-6 | 0.5 |\n"

@@ -246,7 +246,7 @@ def error_of_alpha(**changes: object) -> float:
 
 
 def test_the_document_states_alphas_error_for_signs() -> None:
-    """docs/experiments.md states the range of the error of alpha for signs that are not printed.
+    """docs/paper.md states the range of the error of alpha for signs that are not printed.
 
     The sign of the disturbance or of one command is reversed.
     """
@@ -258,7 +258,7 @@ def test_the_document_states_alphas_error_for_signs() -> None:
     for commands in ((7.0, -0.1, 0.0, 0.0, 0.5, 0.0), (7.0, 0.1, 0.0, 0.0, -0.5, 0.0)):
         reference = Waveform(np.array(commands), own.slope, own.harmonics)
         errors.append(error_of_alpha(reference=reference))
-    document = " ".join((ROOT / "docs" / "experiments.md").read_text(encoding="utf-8").split())
+    document = " ".join((ROOT / "docs" / "paper.md").read_text(encoding="utf-8").split())
     stated = f"{min(errors):.3g} to {max(errors):.3g} if the sign of the disturbance or of one"
     assert f"{error_of_alpha():.3g} for the assumed signs, and {stated}" in document
 
