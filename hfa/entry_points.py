@@ -142,12 +142,6 @@ COMMANDS = {
         "hfa_optimal.commands.optimize:optimize",
         example="hfa optimize --dihedral 15 --start speed=5,alpha=2.865",
     ),
-    "printed": CommandEntry(
-        "critic",
-        "compare every printed digit of P, K, L, W or H, name wrong entries",
-        "hfa.commands.printed:printed",
-        example="hfa printed studies/published/sources/radp_suspension.toml",
-    ),
     "prove": CommandEntry(
         "proof",
         "verify a certificate of the commands below: --check FILE",

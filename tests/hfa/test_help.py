@@ -16,7 +16,7 @@ NAMES = list(commands())
 EXAMPLES = sorted(
     (entry.example for entry in commands().values()), key=lambda words: "hfa prove --check" in words
 )
-QUICK = [name for name in ("trim", "linearize", "sweep", "solve", "printed") if name in NAMES]
+QUICK = [name for name in ("trim", "linearize", "sweep", "solve") if name in NAMES]
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -78,7 +78,6 @@ BREACHES = {
     "Only the commands that learn": {
         "hfa/options/game.py": "controller.learning.certified",
         "verification/regeneration.py": "controller.learning.certified",
-        "verification/printed/exact_answer.py": "controller.learning.certified",
         "extensions/policy/hfa_policy/assess.py": "controller.learning.certified",
         f"{PROVE}/search/lines.py": "controller.learning.recording",
         f"{PROVE}/check/loop_on_ball.py": "controller.learning.recording",

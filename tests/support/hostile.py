@@ -36,15 +36,6 @@ _LONG = (("prove", "schedule"),)
 
 _AT = ("--dihedral", "15")
 _PROVED = ("prove", "schedule", "--dihedral", "15:15.001")
-PRINTED = """time = "continuous"
-[plant]
-A = "0 1; 2 -1"
-B = "0; 1"
-Q = "1 0; 0 1"
-R = "1"
-[printed]
-K = "4.2361 2.2361"
-"""
 CONDITION = """description = "slow"
 free = ["speed"]
 [impose]
@@ -105,7 +96,6 @@ WAYS: dict[str, tuple[str, ...]] = {
         ("certificate.json", "game.json", "sealed certificate.json", "sealed game.json"),
         ("prove", "--check", "{}"),
     ),
-    "printed.toml": ("printed", "{}"),
     "network.onnx": _NETWORK,
     "network.pt": (*_NETWORK, "--set", "activation=tanh"),
     "network.safetensors": (*_NETWORK, "--set", "activation=tanh"),
@@ -196,7 +186,6 @@ def seeds() -> Mapping[str, bytes]:
         ]
         commands.append(("prove", "solution", *_AT, "-o", "game.json"))
         commands.append(("sweep", *STORED, "-o", "store.zarr"))
-        Path("printed.toml").write_text(PRINTED, encoding="utf-8")
         quadratic = {"P": [[2.0, 0.5], [0.5, 3.0]], "ones": np.ones((2, 1))}
         onnx_file("network.onnx", QUADRATIC, quadratic, states=2)
         layers = {"0.weight": [[0.5, 0.2]] * 3, "0.bias": [0.0] * 3, "2.weight": [[1.0] * 3]}

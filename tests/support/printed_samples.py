@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfa_support.errors import NoSolutionError
-from verification.printed.exact_answer import Plant, answer_of, certified_value
+from studies.published.exact_answer import Plant, answer_of, certified_value
 
 Texts = dict[str, list[list[str]]]
 SLIPS = ("sign", "interchanged", "dropped", "added", "changed", "point")

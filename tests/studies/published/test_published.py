@@ -17,7 +17,7 @@ from studies.published.__main__ import (
     results_of,
     row_of,
 )
-from verification.printed.printed_file import load_printed
+from studies.published.printed_file import load_printed
 
 PATHS = sorted(SOURCES.glob("*.toml"))
 SUSPENSION = SOURCES / "radp_suspension.toml"

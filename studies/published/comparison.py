@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from verification.printed.exact_answer import Plant, answer_change, answer_of
-from verification.printed.printed_file import PrintedFile
+from studies.published.exact_answer import Plant, answer_change, answer_of
+from studies.published.printed_file import PrintedFile
 
 #: Accuracy of answers printed with 15 to 17 digits, relative to the largest entry of their block.
 FLOOR = 1e-12

@@ -11,15 +11,15 @@ import numpy as np
 
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
-from verification.printed.changed_entry import (
+from studies.published.changed_entry import (
     ChangedEntry,
     changed_entries,
     edits_tried,
     not_searched,
 )
-from verification.printed.comparison import Comparison, Position, change, compare, compare_answer
-from verification.printed.exact_answer import answer_of, certified_value
-from verification.printed.printed_file import TIMES, PrintedFile
+from studies.published.comparison import Comparison, Position, change, compare, compare_answer
+from studies.published.exact_answer import answer_of, certified_value
+from studies.published.printed_file import TIMES, PrintedFile
 from verification.reasons.diagnosis import named_with_noise
 from verification.reasons.hypotheses import Hypothesis, View
 

@@ -18,9 +18,9 @@ import numpy as np
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress, with_progress
 from hfa_support.reporting.results import Result
-from verification.printed.comparison import Position, change, compare, in_signs
-from verification.printed.exact_answer import answer_of, certified_value, rough_values
-from verification.printed.printed_file import PrintedFile
+from studies.published.comparison import Position, change, compare, in_signs
+from studies.published.exact_answer import answer_of, certified_value, rough_values
+from studies.published.printed_file import PrintedFile
 
 #: Accuracy of an approximate answer, relative to the largest entry of its block.
 _ROUGH = 1e-9

@@ -25,7 +25,7 @@ from hfa_support.errors import (
     shown,
 )
 from hfa_support.files import note_read, read_toml
-from verification.printed.exact_answer import Plant
+from studies.published.exact_answer import Plant
 
 TIMES = ("continuous", "discrete")
 #: Keys of the file, of its plant and of its printed answer.

@@ -15,17 +15,17 @@ from printed_samples import printed_sample
 from controller.critic.critic import from_q_function
 from hfa import from_gain, from_value, from_weights, verify
 from hfa_support.errors import BadInputError, NoSolutionError
-from verification.printed.classes import _by_digits, rounding_used
-from verification.printed.comparison import compare
-from verification.printed.exact_answer import (
+from studies.published.classes import _by_digits, rounding_used
+from studies.published.comparison import compare
+from studies.published.exact_answer import (
     Plant,
     answer_change,
     answer_of,
     certified_value,
     weights_of,
 )
-from verification.printed.printed_file import load_printed, read_block
-from verification.printed.verdict import check_printed
+from studies.published.printed_file import load_printed, read_block
+from studies.published.verdict import check_printed
 
 #: Game in discrete time with a missing digit in A21. Its K and L belong to A21 = 0.0741349.
 MULTIPLAYER = '''
@@ -150,7 +150,6 @@ def test_a_digit_dropped_in_the_plant_is_named(verdict_of):
     """A missing digit in the plant is found, with the range of values that explain the answer."""
     verdict = verdict_of(MULTIPLAYER)
     assert verdict.classified.name == "the answer belongs to another plant"
-    assert not replace(verdict, limit_cost=100.0).ok
     (entry,) = verdict.classified.changed
     assert str(entry) == "A21 = 0.0741349, not 0.074349 (a digit is missing)"
     assert entry.lowest == pytest.approx(0.0741338, abs=1e-7)
@@ -218,8 +217,6 @@ def test_a_learned_answer_is_close(verdict_of):
     assert verdict.classified.changed == ()
     assert 0.0 < verdict.cost_lost < 0.01
     assert not verdict.ok
-    assert replace(verdict, limit_cost=0.01).ok
-    assert not replace(verdict, limit_cost=verdict.cost_lost / 2.0).ok
 
 
 def test_a_rounded_plant_leaves_the_class_undecided(verdict_of):

@@ -19,9 +19,9 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 from verification.critic.critic_check import verify
-from verification.printed.classes import Classified, classify
-from verification.printed.comparison import Comparison
-from verification.printed.printed_file import PrintedFile, load_printed
+from studies.published.classes import Classified, classify
+from studies.published.comparison import Comparison
+from studies.published.printed_file import PrintedFile, load_printed
 
 #: Number of entries in a report. A file contains all entries.
 _ENTRIES = 12
@@ -35,8 +35,6 @@ class PrintedVerdict(Result, Reported):
     classified: class of the answer, with the comparison and the result of the search
     cost_lost: upper bound on the cost above the optimum, percent, for an answer of the class
         "close", or nan for other classes
-    limit_cost: largest cost above the optimum, percent, at which a close answer passes, or None if
-        no close answer passes
     """
 
     schema = "hfa.printed-check/1"
@@ -44,13 +42,10 @@ class PrintedVerdict(Result, Reported):
     file: PrintedFile
     classified: Classified
     cost_lost: float
-    limit_cost: float | None = None
 
     @property
     def ok(self) -> bool:
-        """True if the answer is as printed, cut off, or close with a cost within `limit_cost`."""
-        if self.classified.name == "close":
-            return self.limit_cost is not None and self.cost_lost <= self.limit_cost
+        """True if the answer is as printed or cut off."""
         return self.classified.name in ("as printed", "cut off")
 
     @property

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from verification.printed.comparison import Comparison, Position
+from studies.published.comparison import Comparison, Position
 
 
 def test_a_mirrored_pair_of_a_symmetric_matrix_is_one_piece_of_evidence() -> None:

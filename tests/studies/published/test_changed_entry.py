@@ -9,7 +9,7 @@ import pytest
 from printed_samples import SLIPS, printed_sample
 
 from hfa_support.errors import NoSolutionError
-from verification.printed.verdict import check_printed
+from studies.published.verdict import check_printed
 
 SLOW = pytest.mark.slow
 ANOTHER_PLANT = "the answer belongs to another plant"

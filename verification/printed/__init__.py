@@ -1,1 +1,0 @@
-"""Printed answers: numbers in a paper or manual, compared with their plant's exact solution."""
