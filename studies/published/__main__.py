@@ -64,7 +64,7 @@ file](../studies/published/results.csv). The table shows the number of files wit
 | as printed | 0 | every entry agrees within half a unit of its last printed digit |
 | cut off | 0 | the digits are truncated instead of rounded |
 | one entry of the answer | 1 | exactly one entry of the published solution differs |
-| the answer belongs to another plant | 1 | one misprint in one entry of the plant explains every digit |
+| the answer belongs to another plant | 1 | one misprint of the plant explains every digit |
 | wrong | 1 | a known mistake explains the differences, or no explanation is found |
 | not decided | 1 | `plant_rounded = true`, and rounding of the plant explains the differences |
 | close | 1 | `learned = true`, and none of the above |

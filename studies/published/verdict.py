@@ -18,10 +18,10 @@ from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
-from verification.critic.critic_check import verify
 from studies.published.classes import Classified, classify
 from studies.published.comparison import Comparison
 from studies.published.printed_file import PrintedFile, load_printed
+from verification.critic.critic_check import verify
 
 #: Number of entries in a report. A file contains all entries.
 _ENTRIES = 12

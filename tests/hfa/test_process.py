@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from cli import SCRIPT, hfa, hfa_process
-from project import FOLDERS, ROOT
+from project import FOLDERS
 
 from hfa.main import BAD_INPUT, DONE, FAILED
 
