@@ -11,7 +11,6 @@ import numpy as np
 from hfa.learning import Learning
 from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import linear_state, whole
-from hfa.options.draws import draws_option, with_draws
 from hfa.options.game import CONTINUOUS, GameGiven, NamedGame
 from hfa.options.output import Output, ProgressLine, picture_option
 from hfa.options.part import OfModel, option, part
@@ -93,7 +92,6 @@ class SolveRequest(GameRequest):
         whole(2, 5),
     )
     reference: Mapping[str, Waveform] = reference_option()
-    draws: int | None = draws_option()
 
 
 @command(SolveRequest)
@@ -150,9 +148,6 @@ def solve(request: SolveRequest) -> int:
         parts = (*solved.parts, expanded.title, *expanded.parts)
         solved = replace(solved, parts=parts).with_data(expanded.data)
     solved = with_tracking(solved, request.reference, named, solution.P, solution.K)
-    if request.draws is not None:
-        subject = (named, solution.K)
-        solved = with_draws(solved, request.draws, request.aircraft, request.trim, subject)
     request.show(solved.with_data(named), figure=figure, notes=named.warnings)
     return 0
 
@@ -161,7 +156,6 @@ def _solve_discrete(request: SolveRequest, named: NamedGame, problem: DiscreteGa
     """Solve a game in discrete time and return the exit code."""
     from controller.discrete.solution import solve_discrete
 
-    request.refuse(("draws",), CONTINUOUS)
     report = solve_discrete(problem, ProgressLine("solve")).report()
     request.show(report.with_data(named), notes=named.warnings)
     return 0

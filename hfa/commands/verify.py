@@ -16,7 +16,6 @@ from hfa.commands.game import GameRequest
 from hfa.learning import Learning, setting_option
 from hfa.options.argument_types import positive, whole
 from hfa.options.critics import READING_SETTINGS, ReadingGiven, critic_path
-from hfa.options.draws import draws_option, with_draws
 from hfa.options.game import CONTINUOUS, NamedGame
 from hfa.options.output import Output, ProgressLine, picture_option
 from hfa.options.part import option, part
@@ -116,7 +115,6 @@ class VerifyRequest(GameRequest):
         whole(1),
         package="hfa_optimal",
     )
-    draws: int | None = draws_option()
 
 
 @command(VerifyRequest)
@@ -129,12 +127,12 @@ def verify(request: VerifyRequest) -> int:
     _refuse_unused(request, paths)
     if len(paths) > 1:
         request.refuse(
-            ("draws", "reference"),
+            ("reference",),
             "requires a single critic; remove it, or give a single file with --weights",
         )
     named = request.named_game() if paths else request.game.game(request.aircraft, request.trim)
     if named.discrete is not None:
-        request.refuse(("discount", "dt", "flights", "draws", "reference"), CONTINUOUS)
+        request.refuse(("discount", "dt", "flights", "reference"), CONTINUOUS)
     game = _judged_game(request, named)
     scope = Scope(
         nearby=None if request.trim.at is None else partial(_nearby, request, named.game),
@@ -171,9 +169,6 @@ def verify(request: VerifyRequest) -> int:
         report = with_flights(report, judged, named, request.flights)
     last = judged[-1]
     report = with_tracking(report, request.reference, named, last.exact.P, last.critic.K)
-    if request.draws is not None:
-        subject = (named, last.critic.K)
-        report = with_draws(report, request.draws, request.aircraft, request.trim, subject)
     request.show(report, figure=partial(_figure, verdicts, origin), notes=named.warnings)
     return 0 if all(verdict.holds(cost) for verdict in judged) else 1
 

@@ -11,6 +11,7 @@ from project import ROOT
 
 import hfa
 from hfa import BadInputError
+from hfa.main import main
 from hfa.paper import default_parameters
 from hfa_aircraft.uncertain import ParameterSpread, spread_of, spread_of_file
 from hfa_aircraft.units import in_si
@@ -97,3 +98,30 @@ def test_parameters_of_the_flexible_aircraft_have_spread_logarithms() -> None:
     assert spread.covariance[own, own] == known.covariance[place, place]
     with pytest.raises(BadInputError, match="requires the covariance of the parameters"):
         spread_of(hfa.aircraft(), replace(known, covariance=np.zeros((0, 0))), ())
+
+
+@pytest.mark.parametrize(
+    ("entries", "message"),
+    [
+        (
+            "[bands]\nCm_q = [-30.0, -40.0]",
+            "band of Cm_q is [-30.0, -40.0]; give the lower limit first",
+        ),
+        ("[bands]\nCm_q = [-2.0, -1.0]", "outside the band [-2.0, -1.0]; correct the value or the"),
+        ("[bands]\nCm_p = [-2.0, -1.0]", "unknown parameter 'Cm_p'; did you mean"),
+        ("[bands]\nCm_q = [nan, 1.0]", "band of Cm_q is [nan, 1.0]"),
+        ("[bands]\nCm_q = 3.0", "band of Cm_q is 3.0; give [low, high]"),
+        ("bands = 3.0", "bands is 3.0; give a table [bands]"),
+        ("[sensors]\nbias_alpha = 2.0\n[bands]\nbias_alpha = [0.0, 1.0]", "bias_alpha is 2.0, out"),
+    ],
+)
+@pytest.mark.usefixtures("folder")
+def test_a_wrong_band_is_refused(
+    entries: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Bands with reversed limits, unknown names or wrong values are refused in one line."""
+    Path("found.toml").write_text(f"aircraft = '{ROOT}/examples/uav.toml'\n{entries}")
+    assert main(["trim", "--aircraft", "found.toml"]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1

@@ -105,7 +105,6 @@ def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
     assert [word for word in of_others if word in helps] == []
     of_the_core = (
         "unsteady",
-        "--draws",
         "--discount",
         ".zarr",
         ".onnx",

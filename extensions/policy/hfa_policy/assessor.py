@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -41,17 +40,6 @@ SAMPLES = 300
 _TO_REST = 200.0
 #: Two equilibria closer than this are equal, in half-widths of the initial-condition box.
 _ELSEWHERE = 1e-3
-
-
-class SampledLoop(NamedTuple):
-    """Sampled loop about one equilibrium.
-
-    radius: spectral radius, or nan without an equilibrium.
-    cost: cost above the optimum, or None without an equilibrium, weights or an optimum.
-    """
-
-    radius: float
-    cost: CostAboveOptimum | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,21 +152,6 @@ class Assessor:
             seen = observation_ranges(flight, places, self.seed)
         rows = zip(places, late, plain, disturbed, seen, strict=True)
         return [replace(self._point(*row), integration=error) for row in rows]
-
-    def sampled_loops(self) -> list[SampledLoop]:
-        """Return the spectral radius and the cost of the sampled loop at each trim.
-
-        No flights are simulated. Raises BadInputError as `assessed` does.
-        """
-        refuse_edges(self.points)
-        self.deployed.refuse_undefined_at(self.points)
-        return [self._sampled_loop(place) for place in self.places(self.flight())]
-
-    def _sampled_loop(self, place: Place) -> SampledLoop:
-        if place.reach is None:
-            return SampledLoop(math.nan, None)
-        chain = self._chain(place.reach)
-        return SampledLoop(chain.radius, self._cost(place.reach, chain, []))
 
     def _delays(self, place: Place) -> Delays | None:
         deployment = self.deployed.deployment

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from hfa.options.draws import SEED
 from hfa_aircraft.model import Model
-from hfa_aircraft.uncertain import ParameterSpread
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_policy.assessed_point import AssessedPoint
 from hfa_policy.assessor import Assessor
@@ -20,7 +17,6 @@ from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 from trim.point.operating_point import OperatingPoint
-from verification.drawn import Draws, band_of
 
 #: Number of evenly spaced values of a range, including its ends.
 VALUES = 5
@@ -194,55 +190,3 @@ def variation_table(found: Sequence[Variation], trims: Sequence[str]) -> Table:
         rows.append(tuple(cells))
     header = ("trim", "changed aircraft", "holds", "radius", "converge", "leave", "disturbed")
     return Table(header, rows)
-
-
-def drawn_policy(
-    assessor: Assessor,
-    assessed: Sequence[AssessedPoint],
-    aircraft: Model,
-    spread: ParameterSpread,
-    count: int,
-) -> Draws:
-    """Return stability and linear cost of the sampled loop on `count` random aircraft.
-
-    An aircraft counts as trimmed if the policy has an equilibrium at every trim. An aircraft counts
-    as stable if the sampled loop is also stable at every trim.
-
-    assessed: results on the original aircraft, at each trim
-    aircraft: the original aircraft
-    spread: its uncertain parameters
-    """
-    models = spread.aircraft(aircraft, count, SEED)
-    rests = np.ones(len(models), dtype=bool)
-    stable = np.ones(len(models), dtype=bool)
-    bands = {}
-    costs = []
-    unsolved = np.zeros(len(models), dtype=bool)
-    for point, itself in zip(assessor.points, assessed, strict=True):
-        changed = replace(
-            assessor,
-            deployed=frozen_at(assessor.deployed, point),
-            points=tuple(replace(point, model=model, problem=None) for model in models),
-            samples=0,
-            steady=point,
-        )
-        loops = changed.sampled_loops()
-        radii = np.array([loop.radius for loop in loops])
-        rests &= np.isfinite(radii)
-        stable &= radii < 1.0
-        seen = radii[np.isfinite(radii)].tolist()
-        where = f" at {point.title}" if len(assessed) > 1 else ""
-        bands[f"spectral radius{where}"] = band_of(itself.radius, seen, "1")
-        unsolved |= [math.isfinite(loop.radius) and loop.cost is None for loop in loops]
-        costs += [loop.cost.largest for loop in loops if loop.cost is not None]
-    has_cost = all(each.cost is not None for each in assessed)
-    return Draws(
-        len(models),
-        SEED,
-        tuple(spread.values),
-        int(rests.sum()),
-        int(stable.sum()),
-        max(costs, default=math.nan) if has_cost else None,
-        bands,
-        int(unsolved.sum()) if has_cost else None,
-    )

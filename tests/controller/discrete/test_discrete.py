@@ -331,9 +331,6 @@ def test_the_other_time_is_suggested():
     refused = hfa("solve", "--model", stored("other.json", **parts, discount=0.9))
     assert "discount requires a discrete-time plant" in refused.err
     assert question in refused.err
-    for words in (("solve",), ("verify", "--weights", stored("K.npz", K=solution.K))):
-        refused = hfa(*words, "--model", steps, "--draws", "3")
-        assert "--draws applies only to continuous time" in refused.err
     # No input reaches the second state. It decays in discrete time and would grow in continuous
     # time.
     decays = {"A": np.diag([0.5, 0.9]), "B": [[1.0], [0.0]], "Q": np.eye(2), "R": [[1.0]]}

@@ -260,9 +260,10 @@ def fly(request: FlyRequest) -> int:
 
 def _fly_members(request: FlyRequest) -> int:
     """Simulate the flights of --samples or --draws, print the report and return the exit code."""
-    from hfa_flight.samples.drawn_aircraft import drawn_figure, with_stability
+    from hfa_flight.samples.drawn_aircraft import drawn_figure
     from hfa_flight.samples.monte_carlo import MonteCarlo
     from hfa_flight.samples.report import member_report
+    from hfa_flight.samples.stability import with_stability
     from hfa_flight.samples.store import run_monte_carlo, stream_members
 
     members = request.members

@@ -1,4 +1,4 @@
-"""Results for drawn aircraft: stability of their linear loops, and a figure of their flights."""
+"""Figure of the flights of drawn aircraft."""
 
 from __future__ import annotations
 
@@ -6,16 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa.options.draws import reported
 from hfa_flight.flight import Flight, fly_within
-from hfa_flight.policies.policy import OpenLoop
 from hfa_flight.samples.monte_carlo import MonteCarlo, fly_member, member_loop
-from hfa_support.progress import Progress
 from hfa_support.reporting.figure import new_figure
-from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import shown_unit, shown_values
-from trim.point.condition import TrimCondition
-from verification.drawn import DrawnAircraft
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,31 +20,6 @@ _MOST_SHOWN = 200
 _BAND = (2.5, 97.5)
 #: A state is drawn if it changes by more than this fraction of its nominal size.
 _STILL = 1e-9
-
-
-def with_stability(
-    report: Report, plan: MonteCarlo, condition: TrimCondition, progress: Progress
-) -> Report:
-    """Return the report of a Monte Carlo simulation with the stability of each drawn aircraft.
-
-    For each aircraft, the loop is linearized at the aircraft's own trim.
-
-    - Without a policy, the stability is that of the uncontrolled aircraft.
-    - The report is unchanged if the policy has no constant gain, or if the loop has delay or
-      actuators.
-
-    condition: trim condition of all aircraft
-    progress: callback for the progress of the trims
-    """
-    assert plan.spread is not None  # the plan draws aircraft
-    names = tuple(plan.spread.values)
-    drawn = DrawnAircraft(plan.aircraft, names, plan.seed, condition, plan.point)
-    if isinstance(plan.policy, OpenLoop):
-        return reported(report, drawn.trims(progress))
-    K = plan.policy.gain
-    if K is None or plan.scenario.delay or plan.scenario.actuators is not None:
-        return report
-    return reported(report, drawn.loops(K, progress))
 
 
 def drawn_figure(plan: MonteCarlo) -> Figure:

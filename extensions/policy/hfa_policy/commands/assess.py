@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from controller.critic.critic_file import critic_suffixes
 from hfa.options.aircraft import Aircraft, aircraft_help
 from hfa.options.argument_types import input_file, linear_state, number, span, whole
-from hfa.options.draws import draws_option
 from hfa.options.output import Output, ProgressLine, picture_option
 from hfa.options.part import OfModel, option, part
 from hfa.options.ranges import array_of, scheduled_range
@@ -153,7 +152,6 @@ class AssessRequest(Request):
         "K",
         whole(0, _MOST_SAMPLES),
     )
-    draws: int | None = draws_option()
     reference: Mapping[str, Waveform] = reference_option()
     bound: Path | None = option(
         "compare the costs of the flights of --best with the lower bound in this certificate of "
@@ -249,7 +247,7 @@ def _refuse_contradictions(request: AssessRequest, deployed: list[Deployed]) -> 
     """Raise BadInputError for options that contradict each other or the deployments."""
     if len(deployed) > 1:
         request.refuse(
-            ("draws", "reference", "output.picture"),
+            ("reference", "output.picture"),
             "requires a single deployment file; give only one file",
         )
     for each in deployed:
@@ -302,16 +300,8 @@ def _assessments(
 
 
 def _show_one(request: AssessRequest, assessor: Assessor, result: Assessment) -> int:
-    """Print the report of one assessment, with --draws, and return the exit code."""
-    from hfa.options.draws import reported
-    from hfa_policy.variations import drawn_policy
-
+    """Print the report of one assessment and return the exit code."""
     report = result.report()
-    if request.draws is not None:
-        spread = request.aircraft.spread(request.trim.held_parameters)
-        model = request.trim.aircraft
-        draws = drawn_policy(assessor, result.points, model, spread, request.draws)
-        report = reported(report, draws)
     if request.reference:
         report = _with_tracking(request, assessor, report)
     request.show(report, figure=result.figure, notes=result.warnings)
