@@ -170,9 +170,7 @@ def deployment_that_observes_its_elevator(share, dt):
 def test_the_cost_of_an_observed_input_is_the_limit_of_fast_sampling():
     """With an observed input, the continuous cost is the limit of the cost of the sampled loop."""
     deployment = deployment_that_observes_its_elevator(0.4, 1e-4)
-    deployed = Deployed(deployment, model_of(GTM))
-    assessor = Assessor(deployed, trims_of(deployed.model, [45.0]), samples=0)
-    (loop,) = assessor.sampled_loops()
+    (loop,) = hfa.assess(model_of(GTM), deployment, [45.0], samples=0).points
     assert loop.cost.worst > 5.0
     assert loop.cost.worst == pytest.approx(loop.cost.sampled_worst, rel=0.03)
     assert loop.cost.mean == pytest.approx(loop.cost.sampled_mean, rel=0.2)
@@ -180,9 +178,8 @@ def test_the_cost_of_an_observed_input_is_the_limit_of_fast_sampling():
 
 def test_an_integrator_has_no_cost_in_continuous_time():
     """The inputs of an integrator do not settle at a constant state: only the sampled cost exists."""
-    deployed = Deployed(deployment_that_observes_its_elevator(1.0, DT), model_of(GTM))
-    assessor = Assessor(deployed, trims_of(deployed.model, [45.0]), samples=0)
-    (loop,) = assessor.sampled_loops()
+    deployment = deployment_that_observes_its_elevator(1.0, DT)
+    (loop,) = hfa.assess(model_of(GTM), deployment, [45.0], samples=0).points
     assert math.isnan(loop.cost.worst)
 
 
