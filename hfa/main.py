@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from hfa.entry_points import command_named, commands, found_in, words_after
-from hfa.exit_codes import BAD_INPUT, DONE, FAILED, INTERRUPTED
+from hfa.exit_codes import BAD_INPUT, DONE, FAILED, INTERRUPTED, TERMINATED
 from hfa.options.parser import Parser, unknown
 from hfa_support.errors import BadInputError, NoSolutionError, on_one_line, shortened
 from hfa_support.progress import drop, print_notes, print_to_stderr
@@ -30,9 +30,6 @@ if TYPE_CHECKING:
 
 #: Exceptions caused by the user's input or system, reported in one line. Any other is a bug.
 FAILURES = (BadInputError, NoSolutionError, OverflowError, UnicodeError, MemoryError, OSError)
-#: Megabytes of address space that every command needs. With less, OpenBLAS would retry its
-#: allocation forever while it is loaded, and no signal would end the process.
-_ADDRESS_SPACE = 384
 #: Largest number of printed warnings from numerical libraries.
 _MOST_NOTES = 5
 #: Warnings that do not concern a result.
@@ -45,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     - 0: the command succeeded.
     - 1: a check failed or no solution exists.
     - 2: the usage or the input is invalid.
-    - 130: the run was interrupted by Ctrl-C.
+    - 130: the run was interrupted by Ctrl-C; 143: it was terminated.
 
     argv: command line without the program name, or None for the command line of this process
     """
@@ -94,7 +91,7 @@ def _failure(error: BaseException) -> tuple[str, int]:
         case NoSolutionError():
             return str(error), FAILED
         case KeyboardInterrupt():
-            return "interrupted", INTERRUPTED
+            return ("terminated", TERMINATED) if error.args else ("interrupted", INTERRUPTED)
         case OverflowError():
             return (
                 "a number is too large or too small to compute with; check the options",
@@ -118,7 +115,6 @@ def _run(words: list[str], find: Find) -> int:
     """Run the command given by the command line, and return its exit code."""
     from hfa_support.files import inputs_kept
 
-    _refuse_small_address_space()
     with contextlib.ExitStack() as around:
         around.enter_context(inputs_kept())
         try:
@@ -154,21 +150,6 @@ def _run(words: list[str], find: Find) -> int:
                 f"{program} requires the module {error.name}; type python -m pip install "
                 f"{' '.join(command.install)}"
             ) from error
-
-
-def _refuse_small_address_space() -> None:
-    """Raise BadInputError if the memory limit is below `_ADDRESS_SPACE` megabytes."""
-    try:
-        import resource
-    except ImportError:  # Windows has no such limit
-        return
-    allowed, _ = resource.getrlimit(resource.RLIMIT_AS)
-    megabytes = allowed // 2**20
-    if allowed != resource.RLIM_INFINITY and megabytes < _ADDRESS_SPACE:
-        raise BadInputError(
-            f"this process is limited to {megabytes} MB of address space (ulimit -v), but "
-            f"{_ADDRESS_SPACE} is required; raise the limit"
-        )
 
 
 def _request(command: Command, program: str, words: list[str]) -> Request:

@@ -24,7 +24,7 @@ from hfa.options.request import command
 from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Waveform
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown
-from hfa_support.files import MATRIX_FILES, note_read
+from hfa_support.files import MATRIX_FILES
 from hfa_support.progress import with_progress
 from verification.critic.critic_check import verify as judge
 from verification.scope import FLIGHTS, LIMIT, Nearby, Scheduled, Scope
@@ -55,7 +55,6 @@ def _critics(text: str) -> list[Path]:
         return [critic_path(text)]
     suffixes = critic_suffixes()
     paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in suffixes)
-    note_read(folder)
     if not paths:
         raise BadInputError(
             f"{text}: the folder contains no critic ({' '.join(suffixes)}); choose another folder"

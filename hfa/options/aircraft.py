@@ -14,7 +14,6 @@ from hfa_aircraft.model import Model
 from hfa_model.choice import aircraft
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters
 from hfa_support.errors import BadInputError
-from hfa_support.files import note_read
 from hfa_support.units import SYSTEMS
 
 if TYPE_CHECKING:
@@ -131,7 +130,6 @@ class Aircraft(Part):
             raise BadInputError(
                 "--dynamics applies only to the HFA; remove this option or --aircraft"
             )
-        note_read(typed["source"].rpartition(":")[0])
         return load_model(typed["source"], typed.get("parameters"), mass=typed.get("mass"))
 
     def origin(self, held: Mapping[str, float]) -> dict[str, Any]:

@@ -123,7 +123,7 @@ class Request(Part):
     ) -> None:
         """Write the files of -o and --picture, then print the report, with the run's provenance.
 
-        Either both files are written or none. Notes are printed after the report.
+        Notes are printed after the report.
 
         report: the report
         figure: function that draws the picture, or None if there is none
@@ -134,19 +134,16 @@ class Request(Part):
 
         Raises NoSolutionError with `report.failure` if this text is not empty.
         """
-        from hfa_support.files import all_or_none
-
         file = self.output.file
         picture = None if figure is None else self.output.picture
-        with all_or_none():
-            if file is not None and write is not None:
-                write(file)
-            elif file is not None:
-                write_report(self.stated(report).with_data(only_in_files or {}), file)
-            if picture is not None and figure is not None:
-                from hfa_support.reporting.figure import save
+        if file is not None and write is not None:
+            write(file)
+        elif file is not None:
+            write_report(self.stated(report).with_data(only_in_files or {}), file)
+        if picture is not None and figure is not None:
+            from hfa_support.reporting.figure import save
 
-                save(figure(), picture, self.provenance.text())
+            save(figure(), picture, self.provenance.text())
         self.print(printed or report, notes=notes)
         for written in filter(None, (file, picture)):
             print_to_stderr(f"wrote {printable(written)}")

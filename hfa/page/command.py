@@ -23,7 +23,7 @@ from hfa.page.main_job import ASKED, MOST_ASKED, MOST_SWEPT, SWEEP, MainJob, mai
 from hfa_model.outputs import OUTPUTS
 from hfa_model.vectors import STATES
 from hfa_support.errors import BadInputError, printable
-from hfa_support.files import all_or_none, write_text
+from hfa_support.files import write_text
 from hfa_support.reporting.data_files import jsonable
 from hfa_support.reporting.figure import save
 from hfa_support.reporting.report import Report
@@ -146,11 +146,11 @@ def _written(job: MainJob, report: Report, place: Path, provenance: Provenance) 
     pictures = list(report.pictures())
     earlier = _pictures_of_angles(place / "numbers.json")
     numbers = json.dumps(jsonable(report.data), allow_nan=False) + "\n"
-    with all_or_none(folder=place):
-        for picture in pictures:
-            save(picture.figure, place / picture.name, report.source)
-        write_text(place / "numbers.json", numbers)
-        write_text(place / "report.html", html)
+    place.mkdir(exist_ok=True)
+    for picture in pictures:
+        save(picture.figure, place / picture.name, report.source)
+    write_text(place / "numbers.json", numbers)
+    write_text(place / "report.html", html)
     for name in earlier - {picture.name for picture in pictures}:
         (place / name).unlink(missing_ok=True)
     names = ", ".join(picture.name for picture in pictures)

@@ -12,6 +12,7 @@ import os
 import shutil
 import stat
 import subprocess
+import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -19,7 +20,6 @@ from typing import Any, TypeVar
 
 import casadi as ca
 
-from hfa_support.files import temporary_folder
 from hfa_support.progress import print_to_stderr
 
 #: Products and sums are rounded separately, even on processors with fused multiply-add.
@@ -120,13 +120,13 @@ def _own_folder(folder: Path) -> Path:
 
 
 def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
-    with temporary_folder(folder) as temporary:
-        source = temporary / "generated.c"
-        made = temporary / "generated.so"
+    with tempfile.TemporaryDirectory(dir=folder) as temporary:
+        source = Path(temporary, "generated.c")
+        made = Path(temporary, "generated.so")
         source.write_text(text, encoding="utf-8")
         words = [*compiler, str(source), "-o", str(made), "-lm"]
         subprocess.run(
-            words, env={**os.environ, "TMPDIR": str(temporary)}, check=True, capture_output=True
+            words, env={**os.environ, "TMPDIR": temporary}, check=True, capture_output=True
         )
         made.chmod(0o700)
         return made.replace(folder / f"{symbol}-{_digest(made, symbol)}.so")

@@ -13,6 +13,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +23,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from hfa_support.errors import BadInputError, missing_package, on_one_line, shown, warn
-from hfa_support.files import read_json, temporary_folder
+from hfa_support.files import read_json
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
 from hfa_support.rows.workers import open_workers
@@ -263,9 +264,10 @@ def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> No
     )
     if path.exists():
         raise taken
-    with temporary_folder(path.parent) as folder:
-        # This thread writes all files. A signal that ends the process therefore also ends the
-        # writing. Threads of Zarr could create a removed folder again.
+    with tempfile.TemporaryDirectory(
+        prefix=".hfa-", dir=path.parent, ignore_cleanup_errors=True
+    ) as temporary:
+        folder = Path(temporary)
         for name, content in _template(job, provenance).items():
             file = folder / "store" / name
             file.parent.mkdir(parents=True, exist_ok=True)

@@ -24,7 +24,7 @@ from hfa_support.errors import (
     shortened,
     shown,
 )
-from hfa_support.files import note_read, read_toml
+from hfa_support.files import read_toml
 from studies.published.exact_answer import Plant
 
 TIMES = ("continuous", "discrete")
@@ -110,7 +110,6 @@ def load_printed(path: Path) -> PrintedFile:
     """
     with file_faults(path):
         content = read_toml(path)
-    note_read(path)
     with prefix_errors(path):
         return _printed_file(content)
 

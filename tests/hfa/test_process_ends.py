@@ -1,58 +1,13 @@
-"""The end of a run by a signal, and the conversion of warnings to notes."""
+"""Warnings of a run are notes."""
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import warnings
 from pathlib import Path
 
 import pytest
 from cli import hfa, hfa_process
 from game_files import small
-
-from hfa.exit_codes import INTERRUPTED, TERMINATED
-
-#: Program that receives a signal while it imports a module, or in a destructor, where Python
-#: discards exceptions.
-EDGE = """
-import os, signal, sys, time
-from hfa import entry
-class Signalled:
-    def __del__(self):
-        os.kill(os.getpid(), signal.{name})
-class Finder:
-    def find_spec(name, *_):
-        if name == "{module}":
-            {where}
-            time.sleep(20)
-signal.signal(signal.SIGINT, signal.default_int_handler)
-sys.meta_path.insert(0, Finder)
-sys.exit(entry.main())
-"""
-
-
-@pytest.mark.parametrize(
-    ("module", "where"),
-    [
-        ("hfa.main", "os.kill(os.getpid(), signal.{name})"),
-        ("hfa.main", "Signalled()"),
-        ("tomllib", "os.kill(os.getpid(), signal.{name})"),  # hfa_support.files is partly loaded
-    ],
-)
-@pytest.mark.parametrize(
-    ("name", "code", "said"),
-    [("SIGINT", INTERRUPTED, "hfa: interrupted\n"), ("SIGTERM", TERMINATED, "hfa: terminated\n")],
-)
-def test_a_signal_ends_the_run_at_any_time(
-    module: str, where: str, name: str, code: int, said: str
-) -> None:
-    """A signal ends the run with its exit code and one line, even while modules are imported."""
-    program = EDGE.format(name=name, module=module, where=where.format(name=name))
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=15
-    )
-    assert (done.returncode, done.stdout, done.stderr) == (code, "", said)
 
 
 @pytest.mark.filterwarnings("default")

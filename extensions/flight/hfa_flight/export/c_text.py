@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_support.files import all_or_none, write_text
+from hfa_support.files import write_text
 
 #: Name of the only entry of an array that would be empty, which C does not permit.
 UNUSED = "unused"
@@ -111,13 +111,13 @@ def displaced_state(model: Model) -> tuple[str, float]:
 
 
 def write_texts(folder: Path, texts: Mapping[str, str]) -> list[Path]:
-    """Write text files in UTF-8 to a folder, all or none, and return their paths.
+    """Write text files in UTF-8 to a folder, and return their paths.
 
     The folder is created if necessary.
 
     texts: file name -> text
     """
-    with all_or_none(folder):
-        for name, text in texts.items():
-            write_text(folder / name, text)
+    folder.mkdir(exist_ok=True)
+    for name, text in texts.items():
+        write_text(folder / name, text)
     return [folder / name for name in texts]

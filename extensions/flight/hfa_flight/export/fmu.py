@@ -9,6 +9,7 @@ import hashlib
 import math
 import subprocess
 import sys
+import tempfile
 import zipfile
 from collections.abc import Mapping
 from datetime import datetime
@@ -21,7 +22,7 @@ import casadi as ca
 from hfa_flight.export.c_text import braced, comment_lines
 from hfa_flight.export.exported_loop import ExportedLoop
 from hfa_support.errors import NoSolutionError
-from hfa_support.files import temporary_folder, written_whole
+from hfa_support.files import written_whole
 from hfa_support.native.c_code import c_function
 from hfa_support.native.machine_code import c_compiler
 from hfa_support.provenance import Provenance
@@ -193,7 +194,8 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
 
 def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
     """Compile C sources and return the content of the shared library."""
-    with temporary_folder() as folder:
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
         for name, text in sources.items():
             (folder / name).write_text(text, encoding="utf-8")
         words = [
