@@ -106,12 +106,6 @@ COMMANDS = {
         "hfa_policy.commands.assess:assess",
         example="hfa assess examples/gtm_policy/late.toml --aircraft examples/gtm.py:GTM",
     ),
-    "daveml": CommandEntry(
-        "model",
-        "compute the check cases of a DAVE-ML file",
-        "hfa.commands.daveml:daveml",
-        example="hfa daveml examples/uav.dml",
-    ),
     "design": CommandEntry(
         "flight",
         "design a certified controller for every point of a schedule",

@@ -23,7 +23,7 @@ from hfa_support.errors import BadInputError, file_faults, prefix_errors, shown
 from hfa_support.files import read_toml, regular_file
 
 #: Suffixes of the data files that the project reads.
-DATA_FILES = (".csv", ".dml", ".json", ".mat", ".npz", ".st", ".toml")
+DATA_FILES = (".csv", ".json", ".mat", ".npz", ".st", ".toml")
 
 
 #: What precedes the table of masses in the text of an aircraft: "wing.st?mass=mass.toml".
@@ -269,10 +269,6 @@ def _reader_of(kind: str) -> AircraftReader:
         from hfa_aircraft.readers.derivatives import read as derivatives
 
         return derivatives.read_avl
-    if kind == ".dml":
-        from hfa_aircraft.readers.daveml import read as daveml
-
-        return daveml.read_model
     if kind in (".json", ".mat", ".npz"):
         from hfa_aircraft.readers.matrices_file import linear_plant
 

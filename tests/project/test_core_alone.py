@@ -101,14 +101,13 @@ def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
     code, output = run("trim", "--aircraft", "jsbsim:737")
     assert (code, output.count("\n")) == (2, 1)
     helps = "".join(output for line, (_, output) in answers.items() if "--help" in line)
-    of_others = ("--design", "--flights", ".fmu", "jsbsim")
+    of_others = ("--design", "--flights", ".fmu", "jsbsim", ".dml")
     assert [word for word in of_others if word in helps] == []
     of_the_core = (
         "unsteady",
         "--discount",
         ".zarr",
         ".onnx",
-        "FILE.dml",
         "--limit-cost",
     )
     assert [word for word in of_the_core if word not in helps] == []

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from hfa_aircraft.readers.daveml.tables import GriddedTable, UngriddedTable, table_of_points
+from hfa_daveml.tables import GriddedTable, UngriddedTable, table_of_points
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.files import regular_file
 

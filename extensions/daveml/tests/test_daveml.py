@@ -11,17 +11,12 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from cli import assert_refused, hfa as run
 from project import ROOT
 from scipy.interpolate import LinearNDInterpolator
 
 import hfa
-from hfa_aircraft.readers.daveml.check_cases import checked_document
-from hfa_aircraft.readers.daveml.document import read_document
-from hfa_aircraft.readers.daveml.functions import Expressions
-from hfa_aircraft.readers.daveml.names import model_unit
-from hfa_aircraft.rigid.tables import Interpolator
-from hfa_support.errors import BadInputError
+from hfa import BadInputError
+from hfa_daveml import checked_outputs, model_unit, read_document, value_of
 
 UAV = ROOT / "examples" / "uav.dml"
 TEXT = UAV.read_text(encoding="utf-8")
@@ -48,20 +43,19 @@ def formula(text: str, x: float, folder: Path) -> float:
     """Return the value at x of a MathML formula in a DAVE-ML file."""
     path = folder / "one.dml"
     path.write_text(_ONE.format(f"<calculation><math>{text}</math></calculation>", ""))
-    values = Expressions(read_document(str(path)), {"x": ca.SX(x)}, Interpolator())
-    return float(ca.evalf(ca.SX(values["y"])))
+    return float(ca.evalf(value_of(read_document(str(path)), "y", {"x": x})))
 
 
 def test_the_example_passes_its_check_cases() -> None:
     """The example passes its check cases and has twelve outputs."""
-    checked = checked_document(read_document(str(UAV)))
-    assert checked.ok
-    assert len(checked.outputs) == 12
+    outputs = checked_outputs(read_document(str(UAV)))
+    assert len(outputs) == 12
+    assert all(output.ok for output in outputs)
 
 
 @pytest.mark.parametrize("wrong", ["-0.36", "3.45", "0.5"])
-def test_a_wrong_number_fails_a_check_case(wrong: str, tmp_path: Path) -> None:
-    """A changed coefficient, table value or input makes a check case fail."""
+def test_a_wrong_number_is_refused_by_the_check_cases(wrong: str, tmp_path: Path) -> None:
+    """A file with a changed coefficient, table value or input of a check case is refused."""
     old = {
         "-0.36": "<cn>-0.36</cn>",
         "3.45": re.search(r"<dataTable>([-.\d]+)", TEXT)[1],
@@ -69,24 +63,14 @@ def test_a_wrong_number_fails_a_check_case(wrong: str, tmp_path: Path) -> None:
     }[wrong]
     new = {"-0.36": "<cn>0.36</cn>", "3.45": "-0.5", "0.5": "<signalValue>-0.5</signalValue>"}
     path = changed(tmp_path, old, new[wrong])
-    result = run("daveml", path)
-    assert result.code == 1
-    assert result.out.startswith("FAIL: ")
+    with pytest.raises(BadInputError, match="differ from the tables"):
+        hfa.load_model(path)
 
 
 def test_spellings_of_a_unit_are_equal(tmp_path: Path) -> None:
     """A check case in m/s is accepted for a variable in m_s."""
     path = changed(tmp_path, "<signalValue>35.0", "<signalUnits>m/s</signalUnits><signalValue>35.0")
-    assert checked_document(read_document(path)).ok
-
-
-def test_a_file_without_check_cases_fails(tmp_path: Path) -> None:
-    """For a file without check cases, the exit code is 1."""
-    path = tmp_path / "bare.dml"
-    path.write_text(re.sub(r"<checkData>.*</checkData>", "", TEXT, flags=re.S), encoding="utf-8")
-    result = run("daveml", str(path))
-    assert result.code == 1
-    assert "no check case" in result.out
+    assert all(output.ok for output in checked_outputs(read_document(path)))
 
 
 def test_the_dml_aircraft_equals_the_toml_aircraft() -> None:
@@ -249,7 +233,7 @@ def test_a_file_without_an_element_is_refused(
     path = tmp_path / "without.dml"
     path.write_text(re.sub(pattern, new, TEXT, flags=re.S), encoding="utf-8")
     with pytest.raises(BadInputError, match=message):
-        checked_and_loaded(str(path))
+        hfa.load_model(str(path))
 
 
 def test_files_are_joined_by_their_names(tmp_path: Path) -> None:
@@ -299,8 +283,7 @@ def surface(points: np.ndarray, values: np.ndarray, folder: Path) -> ca.Function
         '<functionDefn><ungriddedTableRef utID="t"/></functionDefn></function></DAVEfunc>'
     )
     given = {name: ca.SX.sym(name) for name in names}
-    values = Expressions(read_document(str(path)), given, Interpolator())
-    return ca.Function("y", list(given.values()), [values["y"]])
+    return ca.Function("y", list(given.values()), [value_of(read_document(str(path)), "y", given)])
 
 
 def test_ungridded_tables_equal_scipys_linear_interpolation(tmp_path: Path) -> None:
@@ -451,12 +434,7 @@ def test_unsupported_definitions_are_refused(
     path = tmp_path / "one.dml"
     path.write_text(_ONE.format(body, more))
     with pytest.raises(BadInputError, match=message):
-        Expressions(read_document(str(path)), {"x": ca.SX(1.0)}, Interpolator())["y"]
-
-
-def checked_and_loaded(path: str) -> None:
-    checked_document(read_document(path))
-    hfa.load_model(path)
+        value_of(read_document(str(path)), "y", {"x": 1.0})
 
 
 @pytest.mark.parametrize(
@@ -503,7 +481,7 @@ def test_a_damaged_file_is_refused(old: str, new: str, message: str, tmp_path: P
     """A file with a faulty entry is refused, and the entry is named."""
     path = changed(tmp_path, old, new)
     with pytest.raises(BadInputError, match=message):
-        checked_and_loaded(path)
+        hfa.load_model(path)
 
 
 @pytest.mark.parametrize(
@@ -542,8 +520,8 @@ def test_an_unsupported_encoding_is_refused(encoding: str, tmp_path: Path) -> No
     path = tmp_path / "encoded.dml"
     head = '<?xml version="1.0" encoding="{}"?>\n'
     path.write_bytes((head.format(encoding) + "<DAVEfunc/>").encode())
-    result = run("daveml", str(path))
-    assert_refused(result, 2, "encod")
+    with pytest.raises(BadInputError, match="encod"):
+        hfa.load_model(str(path))
     path.write_bytes(
         (head.format("iso-8859-1") + '<DAVEfunc><fileHeader name="\xe4"/></DAVEfunc>').encode(
             "latin-1"
@@ -562,9 +540,7 @@ _POINTS = (
 
 def value_at(path: Path, x: float, z: float) -> float:
     """Return y of a file at x and z."""
-    given = {"x": ca.SX(x), "z": ca.SX(z)}
-    values = Expressions(read_document(str(path)), given, Interpolator())
-    return float(ca.evalf(ca.SX(values["y"])))
+    return float(ca.evalf(value_of(read_document(str(path)), "y", {"x": x, "z": z})))
 
 
 def test_a_function_of_points_equals_a_gridded_table(tmp_path: Path) -> None:

@@ -8,9 +8,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.readers.daveml.document import Document, Variable
-from hfa_aircraft.readers.daveml.mathml import expression
 from hfa_aircraft.rigid.tables import Interpolator
+from hfa_daveml.document import Document, Variable
+from hfa_daveml.mathml import expression
 from hfa_support.errors import BadInputError
 
 

@@ -28,14 +28,15 @@ import casadi as ca
 
 from hfa_aircraft.about import About, Domain, Source
 from hfa_aircraft.model import Model
-from hfa_aircraft.readers.daveml import names
-from hfa_aircraft.readers.daveml.document import Document, Variable, read_document
-from hfa_aircraft.readers.daveml.functions import Expressions
 from hfa_aircraft.rigid.aircraft import GRAVITY, Motion, rigid_aircraft
 from hfa_aircraft.rigid.atmosphere import SEA_LEVEL
 from hfa_aircraft.rigid.motion import STATES, inertia_matrix, wind_axes
 from hfa_aircraft.rigid.tables import Interpolator
 from hfa_aircraft.signals import Signal
+from hfa_daveml import names
+from hfa_daveml.check_cases import refuse_wrong
+from hfa_daveml.document import Document, Variable, read_document
+from hfa_daveml.functions import Expressions
 from hfa_support.errors import BadInputError, shortened
 
 _GRAVITY = GRAVITY["english"]
@@ -57,6 +58,7 @@ def read_model(text: str) -> Model:
     Raises BadInputError if
 
     - a file cannot be read or is not a valid DAVE-ML file,
+    - an output of a check case differs from the tables and formulas,
     - a required output is missing, defined twice, in a wrong unit or not positive,
     - the aerodynamic force at alpha = 5 deg is not upward.
     """
@@ -69,7 +71,10 @@ def read_model(text: str) -> Model:
             f"{error.filename} cannot be read ({error.strerror}); give readable files joined by +"
         ) from error
     digest = hashlib.sha256(b"".join(contents)).hexdigest()
-    return _Files(documents).model(Source(text, digest))
+    model = _Files(documents).model(Source(text, digest))
+    for document in documents:
+        refuse_wrong(document)
+    return model
 
 
 class _Files:
