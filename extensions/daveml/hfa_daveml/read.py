@@ -26,6 +26,7 @@ from typing import Any
 
 import casadi as ca
 
+import hfa_daveml.names as names
 from hfa_aircraft.about import About, Domain, Source
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.aircraft import GRAVITY, Motion, rigid_aircraft
@@ -33,7 +34,6 @@ from hfa_aircraft.rigid.atmosphere import SEA_LEVEL
 from hfa_aircraft.rigid.motion import STATES, inertia_matrix, wind_axes
 from hfa_aircraft.rigid.tables import Interpolator
 from hfa_aircraft.signals import Signal
-from hfa_daveml import names
 from hfa_daveml.check_cases import refuse_wrong
 from hfa_daveml.document import Document, Variable, read_document
 from hfa_daveml.functions import Expressions

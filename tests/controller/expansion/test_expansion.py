@@ -193,9 +193,7 @@ def smooth_aircraft(name: str) -> LinearModel:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", ["flexible", "gtm", "navion", "uav.toml", "f16_constant.py:F16"]
-)
+@pytest.mark.parametrize("name", ["flexible", "gtm", "navion", "uav.toml", "f16_constant.py:F16"])
 def test_smooth_aircraft_satisfy_the_identity(name: str) -> None:
     linear = smooth_aircraft(name)
     solution = hfa.solve(usual_game(linear.model, linear.A, linear.B))
