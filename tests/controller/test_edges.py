@@ -18,7 +18,6 @@ import hfa
 from controller import GeneralizedPlant, basis, random_pool
 from controller.critic.critic import from_parts, from_q_function, polynomial_policy
 from controller.critic.critic_file import critic_in
-from controller.critic.network import onnx_graph
 from controller.critic.reading import Reading
 from controller.game.basis import monomials
 from controller.game.discrete_game import DiscreteGame
@@ -119,22 +118,6 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         "give stacks (N, n, n) and (N, n, m)",
     ),
     "one plant": (lambda: solve_games(np.eye(2), np.ones((2, 1)), GAME), "give stacks (N, n, n)"),
-    "size of the cast": (
-        lambda: onnx_graph._cast(np.ones(2), to=10),
-        "Cast to the ONNX type number 10 is not supported",
-    ),
-    "training norm": (
-        lambda: onnx_graph._batch_norm(np.ones((2, 2)), 1, 0, 0, 1, training_mode=1),
-        "BatchNormalization is in training mode",
-    ),
-    "axes of the norm": (
-        lambda: onnx_graph._batch_norm(np.ones((2, 2, 2)), 1, 0, 0, 1),
-        "BatchNormalization acts on an array with 3 axes",
-    ),
-    "training dropout": (
-        lambda: onnx_graph._dropout(np.ones(2), training=True),
-        "Dropout is in training mode",
-    ),
 }  # fmt: skip
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from functools import partial, reduce
+from functools import partial
 from inspect import signature
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -52,10 +52,6 @@ def _reshape(x: np.ndarray, shape: np.ndarray, allowzero: int = 0) -> np.ndarray
     return x.reshape(sizes)
 
 
-def _expanded(x: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    return np.broadcast_to(x, np.broadcast_shapes(x.shape, tuple(map(int, sizes))))
-
-
 def _slice(
     x: np.ndarray, starts: Any, ends: Any, axes: Any = None, steps: Any = None
 ) -> np.ndarray:
@@ -92,19 +88,12 @@ def _clip(x: np.ndarray, low: Any = None, high: Any = None, **ends: float) -> np
 
 
 def _cast(x: np.ndarray, to: int, **_: Any) -> np.ndarray:
-    kind = np.asarray(x).dtype.kind
-    if to == _BOOL:
-        return x if kind == "b" else np.frompyfunc(lambda entry: entry != 0.0, 1, 1)(x)
-    if kind in "bi" and to in (_FLOAT, _DOUBLE):
-        return x.astype(float)
-    if kind in "bi" and to == _INT64:
-        return x.astype(int)
-    if to not in (_FLOAT, _DOUBLE):
+    if to not in (_FLOAT, _DOUBLE, _INT64) or (to == _INT64 and np.asarray(x).dtype.kind != "i"):
         raise BadInputError(
-            f"Cast to the ONNX type number {to} is not supported (only to float, double and bool); "
+            f"Cast to the ONNX type number {to} is not supported (only to float and double); "
             "export the network without this Cast"
         )
-    return x
+    return x if to == _INT64 or x.dtype.kind == "O" else x.astype(float)
 
 
 def _split(
@@ -123,41 +112,6 @@ def _split(
 
 def _shape(x: np.ndarray, start: int = 0, end: int | None = None) -> np.ndarray:
     return np.array(x.shape[start:end], dtype=int)
-
-
-def _einsum(*arrays: np.ndarray, equation: str) -> np.ndarray:
-    letters = equation.partition("->")[0].replace(" ", "").split(",")
-    if "." in equation or len(letters) != len(arrays):
-        raise BadInputError(
-            f"the Einsum equation {shortened(equation)!r} is not supported; use "
-            "MatMul instead of Einsum"
-        )
-    lengths: dict[str, int] = {}
-    for word, array in zip(letters, arrays, strict=True):
-        lengths |= dict(zip(word, array.shape, strict=True))
-    _refuse_more("Einsum", math.prod(lengths.values()), arrays)
-    return np.asarray(np.einsum(equation, *arrays))
-
-
-def _group_norm(
-    x: np.ndarray, scale: Any, bias: Any, num_groups: int, epsilon: float = 1e-5, **_: Any
-) -> np.ndarray:
-    channels = x.shape[1]
-    grouped = x.reshape(len(x), num_groups, -1)
-    scaled = normalized(grouped, (2,), epsilon).reshape(x.shape)
-    per_channel = (1, channels, *[1] * (x.ndim - 2))
-    factors = [
-        np.repeat(part, channels // len(part)).reshape(per_channel) for part in (scale, bias)
-    ]
-    return scaled * factors[0] + factors[1]
-
-
-def _instance_norm(x: np.ndarray, scale: Any, bias: Any, epsilon: float = 1e-5) -> np.ndarray:
-    return _group_norm(x, scale, bias, x.shape[1], epsilon)
-
-
-def _root_of_squares(x: np.ndarray, *axes: Any, **how: Any) -> np.ndarray:
-    return on_entries(ca.sqrt)(_reduced(np.sum, x**2, *axes, **how))
 
 
 def normalized(x: np.ndarray, axes: tuple[int, ...], epsilon: float) -> np.ndarray:
@@ -194,48 +148,20 @@ def _batch_norm(
     return (x - mean) / np.sqrt(variance + how.get("epsilon", 1e-5)) * scale + bias
 
 
-def _dropout(x: np.ndarray, ratio: Any = None, training: Any = False, **_: Any) -> np.ndarray:
-    if training:
-        raise BadInputError(
-            "Dropout is in training mode; call eval() on the network before the export"
-        )
-    return x
-
-
-def _softmax(x: np.ndarray, axis: int = -1) -> np.ndarray:
-    largest = _LARGER.reduce(x, axis=axis, keepdims=True)  # the largest exp is then 1
-    powers = on_entries(ca.exp)(x - largest)
-    return powers / np.sum(powers, axis=axis, keepdims=True)
-
-
-def _hard_sigmoid(x: np.ndarray, alpha: float = 0.2, beta: float = 0.5) -> np.ndarray:
-    return _clip(alpha * x + beta, 0.0, 1.0)
-
-
-def _prelu(x: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    return _LARGER(x, 0.0) + slope * _SMALLER(x, 0.0)
-
-
-def _celu(x: np.ndarray, alpha: float = 1.0) -> np.ndarray:
-    return _LARGER(x, 0.0) + alpha * on_entries(ca.expm1)(_SMALLER(x, 0.0) / alpha)
-
-
 def _chosen(condition: Any, value: Any, otherwise: Any) -> Any:
     if isinstance(condition, ca.SX):
         return ca.if_else(condition, value, otherwise)
     return value if condition else otherwise
 
 
-_LARGER = np.frompyfunc(ca.fmax, 2, 1)
-_SMALLER = np.frompyfunc(ca.fmin, 2, 1)
-#: ONNX operators except products, as functions of inputs, with attributes as keywords.
+#: ONNX operators of exported MLPs with normalizers, except products, as functions of inputs, with
+#: attributes as keywords.
 _OPERATORS: Mapping[str, Callable[..., Any]] = {
     "Add": lambda a, b: a + b,
     "Sub": lambda a, b: a - b,
     "Mul": lambda a, b: a * b,
     "Div": _divided,
     "Neg": lambda a: -a,
-    "Sum": lambda *terms: sum(terms[1:], terms[0]),
     "Tanh": ACTIVATIONS["tanh"],
     "Relu": ACTIVATIONS["relu"],
     "LeakyRelu": ACTIVATIONS["leaky_relu"],
@@ -244,28 +170,12 @@ _OPERATORS: Mapping[str, Callable[..., Any]] = {
     "Elu": ACTIVATIONS["elu"],
     "Selu": ACTIVATIONS["selu"],
     "Gelu": ACTIVATIONS["gelu"],
-    "PRelu": _prelu,
-    "Celu": _celu,
-    "HardSigmoid": _hard_sigmoid,
-    "HardSwish": lambda x: x * _hard_sigmoid(x, 1.0 / 6.0),
-    "Mish": lambda x: x * on_entries(ca.tanh)(ACTIVATIONS["softplus"](x)),
-    "Softmax": _softmax,
     "Sin": ACTIVATIONS["sin"],
-    "Cos": on_entries(ca.cos),
     "Erf": on_entries(ca.erf),
     "Exp": on_entries(ca.exp),
-    "Log": on_entries(ca.log),
     "Sqrt": on_entries(ca.sqrt),
-    "Abs": on_entries(ca.fabs),
-    "Reciprocal": lambda a: 1.0 / a,
     "Clip": _clip,
-    "Min": lambda *arrays: reduce(_SMALLER, arrays),
-    "Max": lambda *arrays: reduce(_LARGER, arrays),
-    "Greater": np.frompyfunc(lambda a, b: a > b, 2, 1),
-    "GreaterOrEqual": np.frompyfunc(lambda a, b: a >= b, 2, 1),
-    "Equal": np.frompyfunc(lambda a, b: a == b, 2, 1),
-    "Less": np.frompyfunc(lambda a, b: a < b, 2, 1),
-    "LessOrEqual": np.frompyfunc(lambda a, b: a <= b, 2, 1),
+    "Greater": np.frompyfunc(lambda a, b: a > b, 2, 1),  # these two are in torch's Softplus
     "Where": np.frompyfunc(_chosen, 3, 1),
     "LayerNormalization": _layer_norm,
     "BatchNormalization": _batch_norm,
@@ -277,46 +187,24 @@ _OPERATORS: Mapping[str, Callable[..., Any]] = {
     "Transpose": lambda a, perm=None: a.transpose(perm),
     "ReduceSum": partial(_reduced, np.sum),
     "ReduceMean": partial(_reduced, np.mean),
-    "Trilu": lambda x, k=0, upper=1: (np.triu if upper else np.tril)(x, int(k)),
     "Concat": lambda *parts, axis: np.concatenate(parts, axis=axis),
     "Slice": _slice,
     "Gather": lambda x, places, axis=0: np.take(x, np.asarray(places, dtype=int), axis=axis),
     "Shape": _shape,
     "Split": _split,
-    "Einsum": _einsum,
-    "GroupNormalization": _group_norm,
-    "InstanceNormalization": _instance_norm,
-    "ReduceL2": _root_of_squares,
-    "Sign": on_entries(ca.sign),
-    "Atan": on_entries(ca.atan),
     "Identity": lambda a: a,
-    "ConstantOfShape": lambda sizes, value=0.0: np.full(tuple(map(int, sizes)), value),
-    "EyeLike": lambda x, k=0, **_: np.eye(len(x), x.shape[1], k),
-    "Expand": _expanded,
-    "Dropout": _dropout,
     "Cast": _cast,
     "Constant": lambda **values: np.array(next(iter(values.values()))),
 }
 #: Operators that only arrange numbers. The chain of a network omits them.
 _ARRANGING = {"Identity", "Reshape", "Flatten", "Squeeze", "Unsqueeze", "Constant", "Shape"}
-_ARRANGING |= {"Cast", "Dropout", "Transpose", "Split"}
+_ARRANGING |= {"Cast", "Transpose", "Split"}
 #: Type numbers of ONNX.
 _FLOAT = 1
 _INT64 = 7
-_BOOL = 9
 _DOUBLE = 11
-#: Operators whose result does not have the common shape of their inputs -> size of the result.
-_SIZES: Mapping[str, Callable[..., int]] = {
-    "ConstantOfShape": lambda sizes, **_: math.prod(map(int, sizes)),
-    "Expand": lambda x, sizes: math.prod(np.broadcast_shapes(x.shape, tuple(map(int, sizes)))),
-    "Gather": lambda x, places, axis=0: x.size // max(x.shape[axis], 1) * np.size(places),
-    "EyeLike": lambda x, **_: np.size(x),
-}
 _PRODUCTS = ("MatMul", "Gemm")
-_ELEMENTWISE = (
-    *("Add", "Sub", "Mul", "Div", "Sum", "Pow", "Min", "Max", "Where", "PRelu"),
-    *("Greater", "GreaterOrEqual", "Equal", "Less", "LessOrEqual"),
-)
+_ELEMENTWISE = ("Add", "Sub", "Mul", "Div", "Pow", "Greater", "Where")
 
 
 class GraphFunctions(NamedTuple):
@@ -534,7 +422,7 @@ def _evaluated(
     if name == "Split":
         attributes.setdefault("num_outputs", len(node.output))
     precision = "float64"
-    if name in ("Constant", "ConstantOfShape") and "value" in attributes:
+    if name == "Constant" and "value" in attributes:
         attributes, precision = _constants(onnx, attributes)
     inputs = [arrays[item] if item else None for item in node.input]
     _refuse_unread(name, operators[name], inputs, attributes)
@@ -567,8 +455,9 @@ def _refuse_unread(
 
 def _size_of(name: str, inputs: list[Any], attributes: Mapping[str, Any]) -> int:
     """Return the number of entries of an operator's result, before the result is computed."""
-    if name in _SIZES:
-        return _SIZES[name](*inputs, **attributes)
+    if name == "Gather":
+        x, places = inputs
+        return x.size // max(x.shape[attributes.get("axis", 0)], 1) * np.size(places)
     shapes = [np.shape(array) for array in inputs if array is not None]
     if name in _PRODUCTS:
         first, second = shapes[:2]

@@ -16,7 +16,6 @@ from controller.critic.network.network_file import network_in
 
 RNG = np.random.default_rng(0)
 X = RNG.normal(size=(7, 6)).astype("float32")
-TRAINING = {"ratio": np.array(0.5, "float32"), "training": np.array(True)}
 pytestmark = pytest.mark.usefixtures("folder")
 
 
@@ -147,7 +146,13 @@ def test_wrong_graphs_are_refused() -> None:
     not_a_number = {"P": np.full((6, 6), np.nan, "float32")}
     for said, nodes, numbers, states in (
         ("has 10 inputs, but 6 observations are given", [("MatMul", "x P", "y")], ten, 10),
-        ("Dropout is in training mode", [("Dropout", "x ratio training", "y")], TRAINING, 6),
+        ("Cast to the ONNX type number 10", [("Cast", "x", "y", {"to": 10})], constants, 6),
+        (
+            "BatchNormalization is in training mode",
+            [("BatchNormalization", "x o o o o", "y", {"training_mode": 1})],
+            {"o": np.ones(6, "float32")},
+            6,
+        ),
         ("operator Loop is not supported", [("Loop", "x", "y")], constants, 6),
         ("has the type float16; save the weights as float32", QUADRATIC, half, 6),
         ("not finite", QUADRATIC, constants | not_a_number, 6),
@@ -175,23 +180,12 @@ def test_without_onnx_only_onnx_files_are_refused(
     network_in(torch_file("a.pt", {"weight": np.zeros((5, 6))}), 6)
 
 
-_NORM = {
-    "scale": np.array([0.5, 2.0, 1.5], "float32"),
-    "bias": np.array([0.1, -0.2, 0.3], "float32"),
-}
-_THREE = ("Reshape", "x three", "h")
-_BACK = ("Reshape", "n flat", "y")
-_SHAPES = {"three": np.array([1, 3, 2]), "flat": np.array([1, 6])}
 #: Operators of x alone, some with attributes.
 _UNARY: list[tuple[str, dict[str, Any]]] = [
     *((name, {}) for name in ("Neg", "Tanh", "Relu", "LeakyRelu", "Sigmoid", "Softplus", "Elu")),
-    *((name, {}) for name in ("Selu", "Gelu", "Celu", "HardSigmoid", "HardSwish", "Mish", "Abs")),
-    *((name, {}) for name in ("Softmax", "Sin", "Cos", "Erf", "Exp", "Reciprocal", "Identity")),
+    *((name, {}) for name in ("Selu", "Gelu", "Sin", "Erf", "Exp", "Identity")),
     ("Elu", {"alpha": 0.7}),
-    ("Celu", {"alpha": 0.7}),
     ("Selu", {"alpha": 1.5, "gamma": 1.1}),
-    ("HardSigmoid", {"alpha": 0.3, "beta": 0.4}),
-    ("Softmax", {"axis": 0}),
     ("LeakyRelu", {"alpha": 0.2}),
     ("Gelu", {"approximate": "tanh"}),
     ("Transpose", {"perm": [0, 1]}),
@@ -203,14 +197,12 @@ _WEIGHTS = RNG.normal(size=(6, 4)).astype("float32")
 #: Graphs with one operator each, compared with ONNX Runtime: nodes, constants, outputs.
 GRAPHS: dict[str, tuple[list[tuple[Any, ...]], dict[str, Any], int]] = {
     **{f"{name} {how or ''}": ([(name, "x", "y", how)], {}, 6) for name, how in _UNARY},
-    **{
-        name: ([(name, "x c", "y")], _FIRST, 6)
-        for name in ("Add", "Sub", "Mul", "Div", "Sum", "Min", "Max", "PRelu")
-    },
-    **{
-        name: ([(name, "x c", "b"), ("Where", "b two x", "y")], _FIRST | {"two": np.float32(2)}, 6)
-        for name in ("Greater", "GreaterOrEqual", "Equal", "Less", "LessOrEqual")
-    },
+    **{name: ([(name, "x c", "y")], _FIRST, 6) for name in ("Add", "Sub", "Mul", "Div")},
+    "Where": (
+        [("Greater", "x c", "b"), ("Where", "b two x", "y")],
+        _FIRST | {"two": np.float32(2)},
+        6,
+    ),
     **{
         f"{name} {keepdims}": (
             [(name, "x axes", "r", {"keepdims": keepdims}), ("Reshape", "r one_row", "y")],
@@ -221,14 +213,8 @@ GRAPHS: dict[str, tuple[list[tuple[Any, ...]], dict[str, Any], int]] = {
         for keepdims in (0, 1)
     },
     "ReduceSum of all": ([("ReduceSum", "x", "y")], {}, 1),
-    "Sum of three": ([("Sum", "x c x", "y")], _FIRST, 6),
     "Pow": ([("Pow", "x two", "y")], {"two": np.float32(2)}, 6),
-    "Sqrt": ([("Abs", "x", "a"), ("Sqrt", "a", "y")], {}, 6),
-    "Log": (
-        [("Exp", "x", "a"), ("Add", "a c", "b"), ("Abs", "b", "p"), ("Log", "p", "y")],
-        _FIRST,
-        6,
-    ),
+    "Sqrt": ([("Relu", "x", "a"), ("Sqrt", "a", "y")], {}, 6),
     "Gemm": (
         [("Gemm", "x W c", "y", {"transB": 1, "alpha": 0.5, "beta": 2.0})],
         {"W": _WEIGHTS.T, "c": _WEIGHTS[0]},
@@ -269,17 +255,6 @@ GRAPHS: dict[str, tuple[list[tuple[Any, ...]], dict[str, Any], int]] = {
         {"n": np.array([7])},
         6,
     ),
-    "Cast of a truth": (
-        [("Cast", "t", "b", {"to": 9}), ("Where", "b x c", "y")],
-        _FIRST | {"t": np.array([True, False, True, False, False, True])},
-        6,
-    ),
-    "Trilu": (
-        [("Reshape", "x sizes", "s"), ("Trilu", "s k", "h", {"upper": 1}), _FLAT],
-        {"sizes": np.array([1, 2, 3]), "k": np.array(1), "flat": np.array([1, 6])},
-        6,
-    ),
-    "EyeLike": ([("EyeLike", "W", "e", {"k": 1}), ("MatMul", "x e", "y")], {"W": _WEIGHTS}, 4),
     "Clip": ([("Clip", "x low high", "y")], {"low": np.float32(-0.5), "high": np.float32(1.5)}, 6),
     "LayerNormalization": (
         [("LayerNormalization", "x c two_c", "y", {"epsilon": 1e-4})],
@@ -296,25 +271,7 @@ GRAPHS: dict[str, tuple[list[tuple[Any, ...]], dict[str, Any], int]] = {
         {"none": np.zeros(0, "int64")},
         6,
     ),
-    "ConstantOfShape": (
-        [("ConstantOfShape", "sizes", "zeros"), ("Equal", "x zeros", "b"), ("Where", "b x c", "y")],
-        _FIRST | {"sizes": np.array([1, 6])},
-        6,
-    ),
-    "Expand": (
-        [("Expand", "two sizes", "e"), ("Mul", "x e", "y")],
-        {"two": np.float32(2), "sizes": np.array([1, 6])},
-        6,
-    ),
-    "Trilu below": (
-        [("Reshape", "x sizes", "s"), ("Trilu", "s", "h", {"upper": 0}), _FLAT],
-        {"sizes": np.array([1, 2, 3]), "flat": np.array([1, 6])},
-        6,
-    ),
     "Clip above": ([("Clip", "x low", "y")], {"low": np.float32(-0.5)}, 6),
-    "Sign": ([("Sign", "x", "y")], {}, 6),
-    "Atan": ([("Atan", "x", "y")], {}, 6),
-    "ReduceL2": ([("ReduceL2", "x axes", "y")], {"axes": np.array([1])}, 1),
     "Split": (
         [("Split", "x sizes", "a b", {"axis": 1}), ("Concat", "b a", "y", {"axis": 1})],
         {"sizes": np.array([2, 4])},
@@ -338,30 +295,9 @@ GRAPHS: dict[str, tuple[list[tuple[Any, ...]], dict[str, Any], int]] = {
         {},
         6,
     ),
-    "Einsum": (
-        [("Einsum", "x W", "y", {"equation": "bi,oi->bo"})],
-        {"W": RNG.normal(size=(4, 6)).astype("float32")},
-        4,
-    ),
-    "Cast": (
-        [("Greater", "x zero", "g"), ("Cast", "g", "f", {"to": 1}), ("Mul", "f x", "y")],
-        {"zero": np.array(0.0, "float32")},
-        6,
-    ),
-    "Cast to bool": (
-        [("Relu", "x", "r"), ("Cast", "r", "c", {"to": 9}), ("Where", "c x two", "y")],
-        {"two": np.array(2.0, "float32")},
-        6,
-    ),
-    "Transpose": ([("Transpose", "x", "t"), ("Reshape", "t flat", "y")], _SHAPES, 6),
-    "InstanceNormalization": (
-        [_THREE, ("InstanceNormalization", "h scale bias", "n", {"epsilon": 1e-3}), _BACK],
-        _NORM | _SHAPES,
-        6,
-    ),
-    "GroupNormalization": (
-        [_THREE, ("GroupNormalization", "h scale bias", "n", {"num_groups": 3}), _BACK],
-        _NORM | _SHAPES,
+    "Transpose": (
+        [("Transpose", "x", "t"), ("Reshape", "t flat", "y")],
+        {"flat": np.array([1, 6])},
         6,
     ),
 }
@@ -385,15 +321,11 @@ def test_unsupported_attributes_are_refused() -> None:
 
 def test_a_graph_with_huge_results_is_refused() -> None:
     """A small graph whose results would need gigabytes is refused before it is evaluated."""
-    sizes = {"sizes": np.array([2**14, 2**14])}
     tall = {"a": np.ones((2**12, 1), "float32"), "b": np.ones((1, 2**12), "float32")}
     for nodes, constants in (
-        ([("ConstantOfShape", "sizes", "h")], sizes),
-        ([("Expand", "x sizes", "h")], {"sizes": np.array([2**20, 6])}),
         ([("Mul", "a b", "h")], tall),
         ([("MatMul", "a b", "h")], tall),
         ([("Gather", "x places", "h", {"axis": 1})], {"places": np.zeros(2**19, int)}),
-        ([("Einsum", "a b", "h", {"equation": "ij,kl->il"})], tall),
     ):
         graph = [*nodes, ("ReduceSum", "h", "y")]
         said = refusal(onnx_file("large.onnx", graph, {"P": np.eye(6)} | constants))
