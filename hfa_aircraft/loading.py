@@ -26,6 +26,8 @@ from hfa_support.files import read_toml, regular_file
 DATA_FILES = (".csv", ".json", ".mat", ".npz", ".st", ".toml")
 
 
+#: Suffix of aircraft that are compiled programs (FMI), which `hfa_fmu` executes.
+COMPILED = ".fmu"
 #: What precedes the table of masses in the text of an aircraft: "wing.st?mass=mass.toml".
 MASS = "?mass="
 
@@ -48,8 +50,8 @@ def load_model(
 ) -> Model:
     """Return the model of an aircraft.
 
-    Python files and modules are executed. Data files (`DATA_FILES`) are not. Other schemes and
-    suffixes are read by installed packages (`hfa_support.entry_points.AIRCRAFT`).
+    Python files, modules and FMUs are executed. Data files (`DATA_FILES`) are not. Other schemes
+    and suffixes are read by installed packages (`hfa_support.entry_points.AIRCRAFT`).
 
     text: `FILE.py:NAME`, `package.module:NAME`, `FILE.suffix` or `scheme:NAME`
     parameters: TOML file with new values of parameters, as `hfa identify -o FILE.toml` writes it
@@ -84,8 +86,8 @@ def load_changed(path: str) -> Model:
     path: a TOML file with the entry `aircraft`
 
     Raises BadInputError if a file cannot be read or belongs to an aircraft with another hash, if
-    files name each other, or if the other aircraft is defined in Python, which a data file never
-    executes.
+    files name each other, or if the other aircraft is code (Python or an FMU), which a data file
+    never executes.
     """
     files = [ParameterFile.read(path)]
     paths = [Path(path).resolve()]
@@ -93,12 +95,12 @@ def load_changed(path: str) -> Model:
         last = files[-1]
         base = _in_folder(last.aircraft, str(Path(last.path).parent))
         kind = _format_of(base)
-        if not kind:
+        if kind in ("", COMPILED):
             with prefix_errors(last.path):
-                _refuse_unnamed(base)
+                _refuse_unnamed(base if not kind else "FILE.py:NAME")
             raise BadInputError(
-                f"{last.path} changes parameters of {shown(base)}, which is Python code, and a "
-                f"data file executes none; give --aircraft {base} --parameters {last.path}"
+                f"{last.path} changes parameters of {shown(base)}, which is code, and a data file "
+                f"executes none; give --aircraft {base} --parameters {last.path}"
             )
         if not is_parameter_file(base):
             break

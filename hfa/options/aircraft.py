@@ -41,7 +41,7 @@ def aircraft_help(model: Model | None) -> str:
     """Return the help of --aircraft, with the formats of the core and of installed packages."""
     from hfa_aircraft.loading import forms_of_packages
 
-    forms = ("aircraft (Python is executed): package.module:NAME", *forms_of_packages())
+    forms = ("aircraft (Python and FMUs are executed): package.module:NAME", *forms_of_packages())
     return ", ".join(forms) + of_hfa("; default: HFA")(model)
 
 

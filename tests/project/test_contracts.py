@@ -31,6 +31,7 @@ BREACHES = {
     "The core imports no extension": {"verification/error_table.py": "hfa_prove.certificate"},
     "Readers of aircraft import": {
         "extensions/daveml/hfa_daveml/read.py": "trim.point.solve",
+        "extensions/fmu/hfa_fmu/read.py": "trim.point.solve",
         "extensions/jsbsim/hfa_jsbsim/engines.py": "trim.point.solve",
     },
     "Nothing imports the readers": {f"{FLIGHT}/actuators.py": "hfa_jsbsim.reader"},

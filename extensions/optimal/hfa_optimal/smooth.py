@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_flight.problem import FlightProblem
+from hfa_support.errors import BadInputError
 
 _COMPARISONS = (ca.OP_LT, ca.OP_LE)
 _KINKS = (ca.OP_FMIN, ca.OP_FMAX, ca.OP_FABS)
@@ -188,6 +189,11 @@ class _Replay:
             return ca.SX(self.function.instruction_constant(number)), False
         if code == ca.OP_INPUT:
             return self.symbol[places[1]], False
+        if code == ca.OP_CALL:
+            raise BadInputError(
+                "the equations call a compiled function, such as an FMU, which the search for best "
+                "flights does not support; use an aircraft with equations"
+            )
         operands = [self.work[place] for place in places]
         if code in _COMPARISONS:
             return self._compared(code, *operands)
