@@ -28,6 +28,7 @@ from hfa_identify.estimation import identify as identify
 from hfa_model.choice import aircraft as aircraft
 from hfa_optimal.best_flight import BestFlight as BestFlight
 from hfa_optimal.optimize import optimize as optimize
+from hfa_optimal.predictive import predictive as predictive
 from hfa_policy.assess import assess as assess
 from hfa_policy.assessment import Assessment as Assessment
 from hfa_policy.environment import (

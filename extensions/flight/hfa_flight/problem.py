@@ -166,8 +166,24 @@ class FlightProblem:
         The argument is one column of deviations. All deviations and derivatives are divided by
         nominal values. Inputs that do not move have their trim values.
         """
-        of_states, of_inputs = self.sizes
         both = ca.SX.sym("both", len(self.followed) + len(self.inputs))
+        return ca.Function("rates", [both], [self._rates(both, {})], {"cse": True})
+
+    def rates_in(self, disturbance: str) -> ca.Function:
+        """CasADi function (followed states and v, w) -> time derivatives, as `rates`, with a
+        disturbance w of the model.
+
+        disturbance: name of the disturbance
+        """
+        both = ca.SX.sym("both", len(self.followed) + len(self.inputs))
+        w = ca.SX.sym("w")
+        nominal = self.model.disturbances[disturbance].nominal
+        rates = self._rates(both, {disturbance: nominal * w})
+        return ca.Function("rates", [both, w], [rates], {"cse": True})
+
+    def _rates(self, both: ca.SX, winds: Mapping[str, ca.SX]) -> ca.SX:
+        """Return the time derivatives of the followed states, in nominal values."""
+        of_states, of_inputs = self.sizes
         X = [ca.SX(value) for value in self.point.states]
         U = [ca.SX(value) for value in self.point.inputs]
         for row, place in enumerate(self.followed_places):
@@ -175,9 +191,9 @@ class FlightProblem:
         for row, place in enumerate(self.moved):
             U[place] += float(of_inputs[row]) * both[len(self.followed) + row]
         vectors = X, U, components(ca.DM(self.model.p))
-        every_rate, _ = self.model.layout.expressions(vectors, ())
-        rates = every_rate[self.followed_places] / ca.DM(of_states)
-        return ca.Function("rates", [both], [ca.densify(rates)], {"cse": True})
+        every_wind = [winds.get(name, 0.0) for name in self.model.disturbances] if winds else None
+        every_rate, _ = self.model.layout.expressions(vectors, (), every_wind)
+        return ca.densify(every_rate[self.followed_places] / ca.DM(of_states))
 
     def scaled_weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return Q, (followed, followed), R, (m, m), and P, (followed, followed), for nominal

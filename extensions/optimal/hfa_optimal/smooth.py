@@ -55,6 +55,22 @@ def has_kinks(problem: FlightProblem) -> bool:
 
 
 @lru_cache(maxsize=16)
+def disturbed_rates(problem: FlightProblem, disturbance: str) -> ca.Function:
+    """Return the function (followed states and v, w) -> smoothed rates, in nominal values.
+
+    disturbance: name of the disturbance w of the model, or "" for none
+    """
+    calm = smooth_rates(problem)
+    both = ca.SX.sym("both", calm.numel_in(0))
+    w = ca.SX.sym("w", 1 if disturbance else 0)
+    rates = calm(both)
+    if disturbance:
+        moved = problem.rates_in(disturbance)
+        rates += moved(both, w) - moved(both, 0.0)
+    return ca.Function("disturbed", [both, w], [ca.densify(rates)], {"cse": True})
+
+
+@lru_cache(maxsize=16)
 def smooth_slopes(problem: FlightProblem) -> ca.Function:
     """Return the function (followed states, v) -> Jacobian of `smooth_rates`, in nominal values."""
     rates = smooth_rates(problem)

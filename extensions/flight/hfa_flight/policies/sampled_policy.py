@@ -1,0 +1,91 @@
+"""Policies that are computed once a sample, in Python, with a memory between samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
+
+import casadi as ca
+import numpy as np
+
+from hfa_flight.policies.policy import Measurements, Policy
+from hfa_flight.scenario import Scenario
+from hfa_support.errors import BadInputError
+from trim.point.operating_point import OperatingPoint
+
+#: Tolerance of a ratio of times that must be a whole number.
+_WHOLE = 1e-6
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SampledPolicy(Policy):
+    """Policy U = policy(t, X), computed every dt seconds and held.
+
+    A flight calls `reset` before its first sample.
+
+    point: trim from which deviations are measured
+    dt: sample time, s
+    tick: tick of the flight, s
+    delay: time from a sample until its command acts, s
+    """
+
+    is_held = True
+
+    point: OperatingPoint
+    dt: float
+    tick: float = field(default=0.0, kw_only=True)
+    delay: float = field(default=0.0, kw_only=True)
+
+    def __call__(self, t: float, X: Any) -> np.ndarray:
+        """Return the inputs U (m,) from the time of the sample, s, and all states X (n,).
+
+        X and U are absolute values.
+        """
+        raise NotImplementedError
+
+    def reset(self) -> None:
+        """Forget the samples of an earlier flight."""
+
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+        """Return the inputs held since the last sample, as deviations from trim, (m,)."""
+        return held
+
+    def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
+        """Return the function (tick, measured) -> inputs as deviations from trim, (m,).
+
+        The policy is reset, and computed at the ticks that are samples.
+        """
+        self.reset()
+        states, inputs = np.array(self.point.states), np.array(self.point.inputs)
+        ticks = round(self.dt / (self.tick or self.dt))
+        held = [np.zeros(len(inputs))]
+
+        def sample(tick: int, measured: np.ndarray) -> np.ndarray:
+            if tick % ticks == 0:
+                held[0] = np.asarray(self(tick * self.tick, states + measured)) - inputs
+            return held[0]
+
+        return sample
+
+    def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
+        """Return the policy and the scenario with ticks that divide samples and delays.
+
+        Raises BadInputError if the delay is not a whole number of the ticks.
+        """
+        tick = scenario.tick
+        if not _is_whole(self.dt / tick):
+            tick = self.dt
+            if not _is_whole(scenario.delay / tick):
+                raise BadInputError(
+                    f"the delay is {scenario.delay:g} s; give a multiple of the sample time "
+                    f"{self.dt:g} s, or a tick that divides both"
+                )
+            parts = max(1, int(np.ceil(tick / scenario.step - _WHOLE)))
+            count = max(1, round(scenario.duration / tick))
+            scenario = replace(scenario, duration=count * tick, tick=tick, step=tick / parts)
+        return replace(self, tick=tick, delay=scenario.delay), scenario
+
+
+def _is_whole(ratio: float) -> bool:
+    return round(ratio) >= 0 and abs(ratio - round(ratio)) <= _WHOLE * max(ratio, 1.0)

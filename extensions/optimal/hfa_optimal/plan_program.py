@@ -1,0 +1,137 @@
+"""Quadratic program for the change of a plan, solved with PIQP.
+
+The unknowns of hold i are the changes of the states and inputs at its start, and the slacks of the
+soft limits. The last unknowns are the changes of the states at the end.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+#: The number of iterations bounds the time of a sample. Ten to twenty solve a program.
+_OPTIONS: dict[str, Any] = {
+    "error_on_fail": False,
+    "print_time": False,
+    "piqp": {"max_iter": 60},
+}
+
+
+class PlanProgram:
+    """Quadratic model of a plan's cost about the plan, with the equations linearized along it.
+
+    weights: W of each hold, (N, n + m, n + m); the cost of a hold is [z; v]' W [z; v]
+    prices: slope and curvature of the cost of a slack s >= 0 of each soft limit at the start of
+        each hold, (N, S) each; a slack costs slope s + curvature s²/2
+    soft: indices of the states with soft limits, (S,)
+    """
+
+    def __init__(
+        self, weights: np.ndarray, prices: tuple[np.ndarray, np.ndarray], soft: np.ndarray, m: int
+    ) -> None:
+        count, size, _ = weights.shape
+        n = size - m
+        slacks = len(soft)
+        width = size + slacks
+        height = n + 2 * slacks
+        self._weights = 2.0 * weights
+        self._prices = prices
+        # unknowns and rows of each hold
+        unknowns = width * np.arange(count)[:, None]
+        rows = height * np.arange(count)[:, None]
+        self._z = unknowns + np.arange(n)
+        self._v = unknowns + n + np.arange(m)
+        self._slacks = unknowns + size + np.arange(slacks)
+        self._end = width * count + np.arange(n)
+        self._moves = rows + np.arange(n)
+        self._above = rows + n + np.arange(slacks)
+        self._below = rows + n + slacks + np.arange(slacks)
+        self._soft = soft
+        self._shape = height * count, width * count + n
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Store the patterns and the constant entries of the matrices, and make the solver."""
+        following = np.vstack([self._z[1:], self._end])
+        values = np.zeros(self._shape)
+        used = np.zeros(self._shape, dtype=bool)
+        both = np.hstack([self._z, self._v])
+        used[self._moves[:, :, None], both[:, None, :]] = True
+        values[self._moves, following] = -1.0
+        for rows, sign in ((self._above, -1.0), (self._below, 1.0)):
+            values[rows, self._z[:, self._soft]] = 1.0
+            values[rows, self._slacks] = sign
+        used |= values != 0.0
+        hessian = np.zeros((self._shape[1],) * 2)
+        curved = np.zeros_like(hessian, dtype=bool)
+        hessian[both[:, :, None], both[:, None, :]] = self._weights
+        hessian[self._slacks, self._slacks] = self._prices[1]
+        curved[both[:, :, None], both[:, None, :]] = True
+        curved[self._slacks, self._slacks] = True
+        curved[self._end[:, None], self._end[None]] = True
+        pattern, places, self._entries = _sparse(used, values)
+        self._slopes_at = places[self._moves[:, :, None], both[:, None, :]]
+        self._hessian, places, self._curvature = _sparse(curved, hessian)
+        self._end_at = places[self._end[:, None], self._end[None]]
+        self._matrix = pattern
+        self._solver = ca.conic("plan", "piqp", {"h": self._hessian, "a": pattern}, _OPTIONS)
+
+    def step(
+        self,
+        z: np.ndarray,
+        v: np.ndarray,
+        P: np.ndarray,
+        slopes: np.ndarray,
+        room: tuple[np.ndarray, np.ndarray],
+        inputs: tuple[np.ndarray, np.ndarray],
+    ) -> np.ndarray:
+        """Return the change of the inputs that minimizes the quadratic model, (N, m).
+
+        The result may contain values that are not finite.
+
+        z: states at the nodes of the plan minus those of the target, (N + 1, n)
+        v: inputs of the plan minus those of the target, (N, m)
+        P: matrix of the cost at the end, (n, n)
+        slopes: derivatives of the states after each hold by those before it and by the inputs,
+            (N, n, n + m)
+        room: least and largest changes within the soft limits at the start of each hold, (N, S)
+        inputs: least and largest changes of the inputs, (N, m)
+        """
+        n = self._z.shape[1]
+        self._entries[self._slopes_at] = slopes
+        self._curvature[self._end_at] = 2.0 * P
+        gradient = np.zeros(self._shape[1])
+        pull = np.einsum("kij,kj->ki", self._weights, np.hstack([z[:-1], v]))
+        gradient[self._z], gradient[self._v] = pull[:, :n], pull[:, n:]
+        gradient[self._slacks] = self._prices[0]
+        gradient[self._end] = 2.0 * P @ z[-1]
+        least, most = np.zeros(self._shape[0]), np.zeros(self._shape[0])
+        least[self._above], most[self._above] = -np.inf, room[1]
+        least[self._below], most[self._below] = room[0], np.inf
+        lowest = np.full(self._shape[1], -np.inf)
+        highest = np.full(self._shape[1], np.inf)
+        lowest[self._z[0]] = highest[self._z[0]] = 0.0
+        lowest[self._v], highest[self._v] = inputs
+        lowest[self._slacks] = 0.0
+        solved = self._solver(
+            h=ca.DM(self._hessian, self._curvature),
+            a=ca.DM(self._matrix, self._entries),
+            g=gradient,
+            lba=least,
+            uba=most,
+            lbx=lowest,
+            ubx=highest,
+        )
+        return np.array(solved["x"]).ravel()[self._v]
+
+
+def _sparse(used: np.ndarray, values: np.ndarray) -> tuple[ca.Sparsity, np.ndarray, np.ndarray]:
+    """Return a pattern, the place of each entry in its list of values or -1, and these values."""
+    height, width = used.shape
+    columns, rows = np.nonzero(used.T)
+    pattern = ca.Sparsity.triplet(height, width, rows.tolist(), columns.tolist())
+    places = np.full(used.shape, -1)
+    places[rows, columns] = np.arange(len(rows))
+    return pattern, places, values[rows, columns]

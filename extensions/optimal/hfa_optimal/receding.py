@@ -1,0 +1,211 @@
+"""Receding horizon in nominal units: a plan at each sample, whose first inputs are applied.
+
+Source: Rawlings, Mayne and Diehl, Model Predictive Control, 2nd edition, Chapters 2 and 8.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import NamedTuple
+
+import numpy as np
+
+from hfa_optimal.disturbance_estimate import DisturbanceEstimate
+from hfa_optimal.end_law import EndLaw
+from hfa_optimal.holds import hold_of
+from hfa_optimal.planner import Plan, Planner
+from hfa_support.errors import NoSolutionError
+from hfa_support.matrices import spectral_radius
+
+#: Largest numbers of steps of the quadratic program at the first sample, and at each later one.
+_FIRST = 15
+_LATER = 1
+#: The linear policy takes over where z'Pz is within this fraction of the plan's cost.
+_LINEAR = 0.01
+#: Number of samples after which the linear policy is computed again at the estimated equilibrium.
+_RENEWED = 10
+#: Relative tolerance of times that are whole numbers of samples.
+_WHOLE = 1e-9
+
+
+class Samples(NamedTuple):
+    """Samples of a flight of a predictive policy.
+
+    planned: number of samples with a plan
+    refused: number of them at which the step of the quadratic program was refused
+    linear: number of samples of the linear policy near the equilibrium
+    first: the first plan, or None without one
+    first_seconds: processor time of the first plan, s
+    seconds: processor time of each later sample with a plan, s
+    radius: largest spectral radius of the loop of the trim's held gain, linearized at the estimated
+        equilibrium, or None without a disturbance of the model
+    """
+
+    planned: int
+    refused: int
+    linear: int
+    first: Plan | None
+    first_seconds: float
+    seconds: np.ndarray
+    radius: float | None
+
+
+class RecedingHorizon:
+    """Policy v = controller(z) in nominal units, with a memory of the samples of one flight.
+
+    planner: plans
+    end: linear policy near the equilibrium
+    estimates: whether constant disturbances are estimated
+    """
+
+    def __init__(self, planner: Planner, end: EndLaw, *, estimates: bool) -> None:
+        self.planner = planner
+        self.estimate = DisturbanceEstimate(planner)
+        self._estimates = estimates
+        self._nominal = planner.P, end
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin a flight: forget its plans, commands, estimates and times."""
+        self.planner.P, self._end = self._nominal
+        self.estimate.clear()
+        self._plan: Plan | None = None
+        self._near = False
+        self._commands: list[np.ndarray] = []
+        self._count = 0
+        self._before: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+        self._first: Plan | None = None
+        self._seconds: list[float] = []
+        self._refused = self._linear = 0
+        self._radius: float | None = None
+
+    @property
+    def nominal_gain(self) -> np.ndarray:
+        """Gain of the linear policy near the trim, (m, k)."""
+        return self._nominal[1].K
+
+    @property
+    def nominal_poles(self) -> np.ndarray:
+        """Eigenvalues of the held linear loop of the trim, (k,)."""
+        return self._nominal[1].poles
+
+    @property
+    def samples(self) -> Samples:
+        """Record of the flight since the last reset."""
+        seconds = np.array(self._seconds)
+        first = float(seconds[0]) if len(seconds) else 0.0
+        counts = len(seconds), self._refused, self._linear
+        return Samples(*counts, self._first, first, seconds[1:], self._radius)
+
+    def __call__(self, z: np.ndarray, delay: float = 0.0) -> np.ndarray:
+        """Return the inputs v of the next sample, (m,), within their limits.
+
+        z: measured deviations of the followed states, (n,)
+        delay: time after which v acts, s
+        """
+        if self._estimates and self._before is not None:
+            self.estimate.update(z, self._before)
+            self._renew_end()
+        v = self._input(self._moved(z, delay, delay))
+        self._commands.append(v)
+        self._remember(z, delay)
+        self._count += 1
+        return v
+
+    def _input(self, z: np.ndarray) -> np.ndarray:
+        """Return the inputs from the states at the time at which they act, (m,)."""
+        target = self.estimate.target
+        inside = self._end.contains(z, target)
+        if self._near and inside:
+            self._linear += 1
+            self._plan = None
+            return self._end.inputs(z, target)
+        began = time.process_time()
+        plan = self._planned(z)
+        self._plan = plan
+        away = z - target.z
+        agree = abs(away @ self.planner.P @ away - plan.cost) <= _LINEAR * plan.cost
+        self._near = inside and bool(agree)
+        self._seconds.append(time.process_time() - began)
+        return plan.v[0]
+
+    def _planned(self, z: np.ndarray) -> Plan:
+        """Return the plan from the states z: the last one, improved, or the better of two new."""
+        planner, d, target = self.planner, self.estimate.d, self.estimate.target
+        if self._plan is None:
+            plans = [
+                planner.improved(guess, d, target, _FIRST)[0]
+                for guess in planner.guesses(z, d, target)
+            ]
+            plan = min(plans, key=lambda each: each.cost)
+            if self._first is None:
+                self._first = plan
+            return plan
+        v = np.clip(planner.shifted(self._plan.v), *planner.scaled.input_limits)
+        plan, refused = planner.improved(planner.flown(z, v, d, target), d, target, _LATER)
+        self._refused += refused
+        return plan
+
+    def _remember(self, z: np.ndarray, delay: float) -> None:
+        """Store the states, the acting inputs, and the states predicted for the next sample."""
+        acting = self._acting(delay, self.planner.grid.dt)
+        shares = [seconds / self.planner.grid.dt for _, seconds in acting]
+        average = np.array(shares) @ np.array([v for v, _ in acting])
+        self._before = z, average, self._over(z, acting)
+
+    def _moved(self, z: np.ndarray, delay: float, seconds: float) -> np.ndarray:
+        """Return the states after the commands under way have acted, (n,)."""
+        return self._over(z, self._acting(delay, seconds)) if seconds else z
+
+    def _over(self, z: np.ndarray, acting: list[tuple[np.ndarray, float]]) -> np.ndarray:
+        for v, seconds in acting:
+            z = self.planner.after(z, v, self.estimate.d, seconds)
+        return z
+
+    def _acting(self, delay: float, seconds: float) -> list[tuple[np.ndarray, float]]:
+        """Return the commands that act during the next seconds, each with its duration.
+
+        The command of sample j acts from the delay after its sample until the next one acts.
+        """
+        dt = self.planner.grid.dt
+        late = math.floor(delay / dt + _WHOLE)
+        first = self._count - late - 1
+        acting = []
+        until = delay - late * dt
+        begin = 0.0
+        for number in range(first, self._count + 1):
+            end = min(until, seconds)
+            if end - begin > _WHOLE * dt:
+                acting.append((self._command(number), end - begin))
+                begin = end
+            until += dt
+        return acting
+
+    def _command(self, number: int) -> np.ndarray:
+        """Return the command of a sample, (m,), the trim before the first."""
+        if number < 0:
+            return np.zeros(self.planner.scaled.sizes[2])
+        return self._commands[number]
+
+    def _renew_end(self) -> None:
+        """Linearize the end of a plan at the target, if a disturbance of the model is estimated."""
+        from scipy.linalg import LinAlgError, solve_continuous_are
+
+        planner, target, d = self.planner, self.estimate.target, self.estimate.d
+        k, n, _ = planner.scaled.sizes
+        if len(d) == n or self._count % _RENEWED:
+            return
+        _, slopes, _ = planner.slopes(np.concatenate([target.z, target.v]), d[n:])
+        by_both = np.array(slopes)[:k]
+        linear = by_both[:, :k], by_both[:, n:], *planner.scaled.linear_states[2:]
+        hold = hold_of(*linear, planner.grid.dt)
+        radius = spectral_radius(hold.A - hold.B @ self._nominal[1].K)
+        self._radius = max(radius, self._radius or 0.0)
+        try:
+            K, _ = hold.forever()
+            P = solve_continuous_are(*linear)
+        except (NoSolutionError, LinAlgError):
+            return
+        self._end = EndLaw(planner.scaled, hold, K)
+        self.planner.P = np.pad(P, [(0, n - k)] * 2)

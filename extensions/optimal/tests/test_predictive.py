@@ -1,0 +1,246 @@
+"""Predictive policy: gradient, cost, limits, delays, disturbances and refusals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm, solve_discrete_are
+
+import hfa
+from hfa_flight import Scenario
+from hfa_optimal import plan_program
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+PENDULUM = hfa.load_model(f"{EXAMPLES / 'pendulum.py'}:PENDULUM")
+UPRIGHT = hfa.trim(PENDULUM)
+#: Cart of unit mass on a track, with a limited force and a limited speed.
+CART = hfa.Model(
+    "cart",
+    {
+        "position": hfa.Signal("m", min=-10.0, max=10.0),
+        "speed": hfa.Signal("m/s", min=-1.0, max=1.0),
+    },
+    {"force": hfa.Signal("N", min=-2.0, max=2.0)},
+    lambda x, u, p, w: ({"position": x.speed, "speed": u.force + w.push}, {}),
+    disturbances={"push": hfa.Signal("N")},
+    trim={"position": 0.0},
+)
+AT_REST = hfa.trim(CART)
+WEIGHTS = np.eye(2), np.eye(1)
+
+
+def moved(
+    A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, h: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return Ad, Bd and the exact cost Qd, Nd, Rd over a hold, by a sum over fine steps."""
+    n, m = B.shape
+    rates = np.block([[A, B], [np.zeros((m, n + m))]])
+    weight = np.zeros((n + m, n + m))
+    weight[:n, :n], weight[n:, n:] = Q, R
+    nodes, shares = np.polynomial.legendre.leggauss(20)
+    W = sum(
+        0.5 * h * share * (over.T @ weight @ over)
+        for node, share in zip(nodes, shares, strict=True)
+        for over in [expm(rates * 0.5 * h * (1.0 + node))]
+    )
+    over = expm(rates * h)
+    return over[:n, :n], over[:n, n:], W[:n, :n], W[:n, n:], W[n:, n:]
+
+
+def gradient(policy: Any, point: Any, model: Any, size: float) -> np.ndarray:
+    """Return -dU/dX of the first sample at the trim, by central differences."""
+    columns = []
+    for name in model.linear:
+        X = np.array(point.states)
+        step = size * model.states[name].nominal
+        commands = []
+        for sign in (1.0, -1.0):
+            policy.reset()
+            X[list(model.states).index(name)] = getattr(point.states, name) + sign * step
+            commands.append(policy(0.0, X))
+        columns.append(-(commands[0] - commands[1]) / (2.0 * step))
+    return np.array(columns).T
+
+
+@pytest.mark.parametrize("model", [CART, PENDULUM], ids=["cart", "pendulum"])
+def test_the_gradient_at_the_trim_is_the_exact_gain_of_the_holds(model: Any) -> None:
+    """Backward Riccati over the holds from the exact P gives the gain of the first hold.
+
+    Near the trim the gain of equal holds for ever takes over, by `solve_discrete_are`.
+    """
+    point = hfa.trim(model)
+    linear = hfa.linearize(model, point)
+    Q, R = np.eye(2), np.eye(1)
+    policy = hfa.predictive(model, point, Q, R)
+    plant = np.array(linear.A), np.array(linear.B), Q, R
+    P = np.array(hfa.lqr(*plant).P)
+    for h in policy.holds[::-1]:
+        A, B, Qd, N, Rd = moved(*plant, h)
+        K = np.linalg.solve(Rd + B.T @ P @ B, B.T @ P @ A + N.T)
+        P = Qd + A.T @ P @ A - (A.T @ P @ B + N) @ K
+    np.testing.assert_allclose(gradient(policy, point, model, 1e-5), K, rtol=1e-5)
+    A, B, Qd, N, Rd = moved(*plant, policy.dt)
+    P = solve_discrete_are(A, B, Qd, Rd, s=N)
+    forever = np.linalg.solve(Rd + B.T @ P @ B, B.T @ P @ A + N.T)
+    np.testing.assert_allclose(policy.K, forever, rtol=1e-9)
+
+
+def flown(
+    policy: Any, model: Any, point: Any, start: dict[str, float], seconds: float, **happens: Any
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return cost with z'Pz at the end, states and inputs of a flight with Q = 1 and R = 1."""
+    scenario = Scenario(duration=seconds, **happens)
+    initial = [start.get(name, 0.0) for name in model.states]
+    flight = hfa.fly(
+        model, point, policy, scenario=scenario, initial=initial, predict=False, weights=WEIGHTS
+    )
+    linear = hfa.linearize(model, point)
+    P = np.array(hfa.lqr(linear.A, linear.B, *WEIGHTS).P)
+    z = np.array(flight.states[-1]) - np.array(point.states)
+    return float(flight.cost) + float(z @ P @ z), np.array(flight.states), np.array(flight.inputs)
+
+
+@pytest.mark.parametrize(
+    ("model", "start", "seconds", "ratio"),
+    [
+        (CART, {"position": 4.0}, 12.0, 1.02),
+        (PENDULUM, {"angle": 0.8, "rate": -0.5}, 6.0, 1.01),
+    ],
+    ids=["cart", "pendulum"],
+)
+def test_a_flight_costs_little_more_than_the_best_flight(
+    model: Any, start: dict[str, float], seconds: float, ratio: float
+) -> None:
+    """The flight converges within all limits, and its cost is near that of the best flight found.
+
+    The cart reaches its speed limit and the pendulum its torque limit.
+    """
+    point = hfa.trim(model)
+    best = hfa.optimize(model, point, start, *WEIGHTS)
+    policy = hfa.predictive(model, point, *WEIGHTS, margin=0.0)
+    cost, states, inputs = flown(policy, model, point, start, seconds)
+    assert best.reason is None
+    assert 0.99 * best.cost < cost < ratio * best.cost
+    for column, signal in zip(states.T, model.states.values(), strict=True):
+        assert signal.min - 1e-3 <= column.min()
+        assert column.max() <= signal.max + 1e-3
+    for column, signal in zip(inputs.T, model.inputs.values(), strict=True):
+        assert signal.min <= column.min()
+        assert column.max() <= signal.max
+    assert policy.samples.linear > 0
+    assert policy.samples.refused < 0.2 * policy.samples.planned
+
+
+def test_a_delay_is_bridged_by_the_commands_under_way() -> None:
+    """With a delay, the flight costs its drift until the first command acts, and the cost from
+    there, as long as the equations are linear.
+    """
+    dt = 0.1
+    start, delay = np.array([1.0, 0.3]), 0.2
+    policy = hfa.predictive(CART, AT_REST, *WEIGHTS, dt=dt, estimate="nothing")
+    late, _, _ = flown(
+        policy, CART, AT_REST, dict(zip(CART.states, start.tolist(), strict=True)), 15.0,
+        tick=0.01, step=0.01, delay=delay,
+    )  # fmt: skip
+    A, B = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
+    over, _, drift, _, _ = moved(A, B, *WEIGHTS, delay)
+    after = dict(zip(CART.states, (over @ start).tolist(), strict=True))
+    prompt, _, _ = flown(policy, CART, AT_REST, after, 15.0, tick=0.01, step=0.01)
+    assert late == pytest.approx(start @ drift @ start + prompt, rel=5e-3)
+
+
+def test_a_constant_disturbance_leaves_the_cheapest_equilibrium() -> None:
+    """Under a constant push, the estimate leads to the cheapest equilibrium: of the cart, at rest
+    in the position 0, of a torque-controlled pendulum at min z'Qz + v'Rv with all moments balanced.
+
+    Without the estimate, the flight ends elsewhere.
+    """
+    from hfa_aircraft.waveform import constant
+
+    push = 0.2
+    angles = np.linspace(-0.6, 0.6, 200_001)
+    torques = -push - 0.15 * 9.81 * 0.5 * np.sin(angles)
+    cheapest = angles[np.argmin(angles**2 + torques**2)]
+    ends = {}
+    for estimate in ("rates", "push", "nothing"):
+        policy = hfa.predictive(PENDULUM, UPRIGHT, *WEIGHTS, estimate=estimate)
+        air = {"push": constant(np.array([push]))}
+        _, states, _ = flown(policy, PENDULUM, UPRIGHT, {}, 12.0, air=air)
+        ends[estimate] = states[-1, 0]
+    assert ends["rates"] == pytest.approx(cheapest, abs=2e-3)
+    assert ends["push"] == pytest.approx(cheapest, abs=2e-3)
+    assert abs(ends["nothing"] - cheapest) > 0.02
+
+
+@pytest.mark.parametrize("value", [np.nan, 1e6])
+def test_a_wrong_step_of_the_quadratic_program_leaves_the_old_plan(
+    value: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If every step of the quadratic program is garbage, no cheaper flight is found, and the first
+    plan, the saturated linear optimum, is flown.
+    """
+    monkeypatch.setattr(
+        plan_program.PlanProgram, "step", lambda self, z, v, *_: np.full(v.shape, value)
+    )
+    policy = hfa.predictive(PENDULUM, UPRIGHT, *WEIGHTS)
+    start = np.array([0.8, -0.5])
+    limit = PENDULUM.inputs["torque"].max
+    assert policy(0.0, start) == pytest.approx(np.clip(-policy.K @ start, -limit, limit), rel=0.02)
+    policy(policy.dt, start)
+    assert policy.samples.refused == 1
+
+
+def test_the_game_of_a_finite_delta_is_at_the_end() -> None:
+    """With delta near the least, P and K at the end are those of the game, which act harder."""
+    linear = hfa.linearize(PENDULUM, UPRIGHT)
+    least = hfa.solve(hfa.game(linear, *WEIGHTS, delta=1e3)).delta_min
+    calm = hfa.predictive(PENDULUM, UPRIGHT, *WEIGHTS)
+    tense = hfa.predictive(PENDULUM, UPRIGHT, *WEIGHTS, delta=1.1 * least)
+    exact = np.array(hfa.solve(hfa.game(linear, *WEIGHTS, delta=1.1 * least)).K)
+    np.testing.assert_allclose(tense.K, exact, rtol=0.3)
+    assert (tense.K > 1.2 * calm.K).all()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ({"margin": 1.0}, "margin is 1.0"),
+        ({"estimate": "wind"}, "rates, nothing, push"),
+        ({"dt": -0.1}, "dt"),
+        ({"dt": 0.05, "horizon": 0.01}, "give a horizon from 0.05 to"),
+        ({"horizon": 60.0}, "give a horizon from"),
+        ({"delta": 1e-3}, "delta"),
+    ],
+)
+def test_what_is_refused(wrong: dict[str, Any], says: str) -> None:
+    """Wrong settings are refused in one line that says what to give."""
+    with pytest.raises((hfa.BadInputError, hfa.NoSolutionError), match=says) as refused:
+        hfa.predictive(PENDULUM, UPRIGHT, *WEIGHTS, **wrong)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.slow
+def test_the_flexible_aircraft_converges_inside_its_envelope_from_the_papers_start() -> None:
+    """From x(0) at 10 deg, where the exact policy leaves the envelope, the flight stays inside at
+    1.02 times the best flight, which costs 4559.
+    """
+    model = hfa.aircraft()
+    point = hfa.trim(model, dihedral=np.radians(10.0))
+    game = hfa.paper.published_game(hfa.linearize(model, point))
+    start = {"speed": 5.0, "alpha": 0.05}
+    flights = {
+        name: hfa.fly(
+            model, point, policy, 3.0, initial=start, predict=False, weights=(game.Q, game.R)
+        )
+        for name, policy in [
+            ("predictive", hfa.predictive(model, point, game.Q, game.R)),
+            ("exact", hfa.solve(game)),
+        ]
+    }
+    assert flights["predictive"].ok
+    assert flights["predictive"].cost < 1.02 * 4559.0
+    assert np.abs(flights["predictive"].flight.states[-1]).max() < 0.05
+    assert flights["exact"].departure is not None
