@@ -1,0 +1,81 @@
+"""Tests import the public faces of packages: what `import PACKAGE` offers, and these modules.
+
+`inner_imports.toml` names the exceptions. A file leaves the list when its imports of inner modules
+are replaced; no file may join it.
+"""
+
+from __future__ import annotations
+
+import ast
+import tomllib
+from fnmatch import fnmatch
+
+import pytest
+from project import FOLDERS, ROOT
+
+#: Modules that are public beside the packages themselves: entry points for users and for packages.
+PUBLIC = {"hfa.paper", "hfa.extend", "hfa.main", "hfa.exit_codes", "hfa_support.errors"}
+EXCEPTIONS = tomllib.loads((ROOT / "tests" / "project" / "inner_imports.toml").read_text("utf-8"))
+
+
+def inner_imports(source: str) -> set[str]:
+    """Return the inner modules and private names of the packages that a file imports."""
+    found = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            imported = [(alias.name, "") for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            imported = [(str(node.module), alias.name) for alias in node.names]
+        else:
+            continue
+        for module, name in imported:
+            package = module.partition(".")[0]
+            if package not in FOLDERS:
+                continue
+            is_module = (FOLDERS[package].parent / f"{module}.{name}".replace(".", "/")).with_suffix
+            whole = f"{module}.{name}" if name and is_module(".py").exists() else module
+            if whole not in FOLDERS and whole not in PUBLIC:
+                found.add(whole)
+            if name.startswith("_"):
+                found.add(f"{module}.{name}")
+    return found
+
+
+def files() -> list[str]:
+    """Return the test files and their helpers, relative to the root."""
+    paths = [*ROOT.glob("tests/**/*.py"), *ROOT.glob("extensions/*/tests/**/*.py")]
+    return sorted(str(path.relative_to(ROOT)) for path in paths)
+
+
+def test_no_other_test_imports_inner_modules() -> None:
+    """Only the listed files import inner modules of the packages."""
+    assert [name for name in with_inner_imports() if name not in EXCEPTIONS["still"]] == []
+
+
+def with_inner_imports() -> list[str]:
+    """Return the files that import inner modules, but for those that attack what they import."""
+    return [
+        name
+        for name in files()
+        if inner_imports((ROOT / name).read_text("utf-8"))
+        and not any(fnmatch(name, pattern) for pattern in EXCEPTIONS["attacks"])
+    ]
+
+
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        ("import hfa\nfrom trim import modes_of\nfrom hfa.paper import level_flight", set()),
+        ("from trim.point.solve import trim", {"trim.point.solve"}),
+        ("def test():\n    import controller.riccati.gare as gare", {"controller.riccati.gare"}),
+        ("from hfa_model import choice", {"hfa_model.choice"}),
+        ("from hfa import _private", {"hfa._private"}),
+    ],
+)
+def test_planted_imports_are_found(source: str, found: set[str]) -> None:
+    """Imports of inner modules are found, also in functions; public ones are not."""
+    assert inner_imports(source) == found
+
+
+if __name__ == "__main__":  # the list of the files that remain
+    print(*(f'    "{name}",' for name in with_inner_imports()), sep="\n")
