@@ -27,7 +27,6 @@ from controller.riccati.gare import unconfirmed_solution
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.waveform import Harmonic, Waveform, zero
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant
-from hfa_flight.policies.critic_policy import CriticPolicy
 from hfa_flight.samples.monte_carlo import MonteCarlo, fly_member
 from hfa_flight.samples.store import stream_members
 from hfa_flight.scenario import Scenario, Uncertainty
@@ -35,6 +34,7 @@ from hfa_flight.simulation import CompiledLoop
 from hfa_model.published import published_models
 from hfa_model.vectors import STATES
 from hfa_support.native.machine_code import c_compiler
+from studies.section5.critic_policy import CriticPolicy
 from trim.hfa.level_flight import level_flight
 from trim.point.solve import trim
 

@@ -12,7 +12,7 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.critic.training_run import settled_at
 from controller.game.basis import basis
-from hfa_support.reporting.checks import Check, at_least, at_most
+from hfa_support.reporting.checks import Check, at_least
 from hfa_support.reporting.results import Result, Vector
 from hfa_support.reporting.text import Table
 from verification.critic_errors import relative_error
@@ -48,27 +48,17 @@ class ErrorTable(Result):
     errors: column as in `COLUMNS` -> errors (N,); errors of P are nan if P is unknown.
     decides: name of the column that must settle.
     limit: limit of this column.
-    predefined_time: T_w, s, or None.
     """
 
     times: Vector
     errors: Mapping[str, np.ndarray]
     decides: str
     limit: float
-    predefined_time: float | None = None
 
     @property
     def settling_time(self) -> float:
         """First recorded time from which the error `decides` stays within its limit, s, or inf."""
         return settled_at(self.times, self.errors[self.decides], self.limit)
-
-    @property
-    def predefined_time_kept(self) -> bool | None:
-        """True if the settling time is at most the predefined time; None without a predefined
-        time."""
-        if self.predefined_time is None:
-            return None
-        return self.settling_time <= self.predefined_time
 
     @property
     def records(self) -> Table:
@@ -101,9 +91,7 @@ class ErrorTable(Result):
             "time": self.times,
             **self.errors,
             "limit": self.limit,
-            "predefined_time": self.predefined_time,
             "settling_time": self.settling_time,
-            "predefined_time_kept": self.predefined_time_kept,
         }
 
 
@@ -121,8 +109,7 @@ def run_table(
         "riccati_residual": residuals(values),
         "P_rel_error": np.array([relative_error(P, exact) for P in values]),
     }
-    promised = run.settings.get("predefined_time")
-    return ErrorTable(run.time, errors, "riccati_residual", SETTLED, promised)
+    return ErrorTable(run.time, errors, "riccati_residual", SETTLED)
 
 
 def history_table(
@@ -130,14 +117,12 @@ def history_table(
     errors_of: Callable[[Critic], Sequence[Check]],
     residuals: Callable[[np.ndarray], np.ndarray],
     limit: float,
-    predefined_time: float | None,
 ) -> ErrorTable:
     """Return the errors of each critic of a history.
 
     errors_of: function of a critic -> checks of its errors
     residuals: as for `run_table`
     limit: limit of the largest error
-    predefined_time: T_w, s, from which on every error must be within the limit, or None
     """
     rows = []
     for critic in critics:
@@ -152,7 +137,7 @@ def history_table(
         rows.append(row)
     times = np.array([critic.time for critic in critics], dtype=float)
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    return ErrorTable(times, columns, "largest_error", limit, predefined_time)
+    return ErrorTable(times, columns, "largest_error", limit)
 
 
 def rank_check(run: TrainingRun) -> Check:
@@ -166,12 +151,3 @@ def rank_check(run: TrainingRun) -> Check:
         "however small the residual is"
     )
     return at_least("data_rank", rank.rank, rank.size, poor, kind="data")
-
-
-def time_checks(table: ErrorTable) -> list[Check]:
-    """Return a list with the check of the settling time, or [] without a predefined time."""
-    promised = table.predefined_time
-    if promised is None:
-        return []
-    reason = f"{table.sentence}; T_w is {promised:g} s"
-    return [at_most("settling_time", table.settling_time, promised, reason, kind="data")]

@@ -75,7 +75,7 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
         axes = figure.add_subplot(grid[1, :])
         axes.axhline(table.limit, color="C3", linewidth=0.8, label=f"limit {table.limit:g}")
         curves = {COLUMNS[name]: values for name, values in table.errors.items()}
-        _draw_errors(axes, table.times, curves, table.predefined_time)
+        _draw_errors(axes, table.times, curves)
     return figure
 
 
@@ -103,22 +103,17 @@ def verdicts_figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
             [verdict.cost_lost / 100.0 for verdict in judged]
         ),
     }
-    _draw_errors(axes, positions, curves, None)
+    _draw_errors(axes, positions, curves)
     axes.set_xlabel("")
     names = [Path(name).name for name in verdicts]
     axes.set_xticks(positions, names, rotation=30, ha="right", fontsize=7)
     return figure
 
 
-def _draw_errors(
-    axes: Axes, times: np.ndarray, curves: Mapping[str, np.ndarray], predefined_time: float | None
-) -> None:
+def _draw_errors(axes: Axes, times: np.ndarray, curves: Mapping[str, np.ndarray]) -> None:
     shown = {label: values for label, values in curves.items() if not np.all(np.isnan(values))}
     for (label, values), style in zip(shown.items(), ("-", "--", "-.", ":"), strict=False):
         axes.semilogy(times, np.maximum(values, _ROUNDED), style, label=label)
-    if predefined_time is not None:
-        label = f"T_w = {predefined_time:g} s"
-        axes.axvline(predefined_time, color="black", linestyle=":", label=label)
     if any(np.nanmin(values, initial=np.inf) < _ROUNDED for values in shown.values()):
         axes.set_ylim(bottom=_ROUNDED)
         axes.text(0.0, 0.0, " rounding", transform=axes.transAxes, va="bottom", fontsize=7)

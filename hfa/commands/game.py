@@ -6,20 +6,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from hfa.learning import Learning
 from hfa.options.aircraft import Aircraft
-from hfa.options.argument_types import linear_state, whole
+from hfa.options.argument_types import whole
 from hfa.options.game import CONTINUOUS, GameGiven, NamedGame
 from hfa.options.output import Output, ProgressLine, picture_option
 from hfa.options.part import OfModel, option, part
-from hfa.options.reference import reference_option, signal_option, with_tracking
+from hfa.options.reference import reference_option, with_tracking
 from hfa.options.request import Request, command
 from hfa.options.trim import Trim
-from hfa_aircraft.waveform import Waveform, stacked
+from hfa_aircraft.waveform import Waveform
 from hfa_support.reporting.checks import Check
-from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Matrix, Result, given
 
 if TYPE_CHECKING:
@@ -161,41 +158,11 @@ def _solve_discrete(request: SolveRequest, named: NamedGame, problem: DiscreteGa
     return 0
 
 
-#: Options of a flight in which a law learns.
-_FLOWN = ("reference", "initial", "disturbance", "noise")
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LearnRequest(GameRequest):
     """Options of `hfa learn`."""
 
     learning: Learning = part(Learning)
-    reference: Mapping[str, Waveform] = reference_option("hfa_flight")
-    initial: Mapping[str, float] = option(
-        "learn in a flight of the linear model that begins with a deviation of a state from the "
-        "trim, degrees for angles; repeatable",
-        "NAME=VALUE",
-        OfModel(linear_state),
-        named=True,
-        rare=True,
-        package="hfa_flight",
-    )
-    disturbance: Mapping[str, Waveform] = signal_option(
-        "learn in a flight with a signal added to the rate of a state; repeatable", "hfa_flight"
-    )
-    noise: Mapping[str, Waveform] = signal_option(
-        "learn in a flight with a signal added to the measured error of a state; repeatable",
-        "hfa_flight",
-    )
-
-    def is_flown(self) -> bool:
-        """Return whether the law learns in a flight.
-
-        Raises BadInputError for a plant without the names of an aircraft's states.
-        """
-        if self.game.plant is not None or self.game.design is not None:
-            self.refuse(_FLOWN, "requires an aircraft; remove --model and --design")
-        return any(getattr(self, name) for name in _FLOWN)
 
 
 @command(LearnRequest)
@@ -203,34 +170,15 @@ def learn(request: LearnRequest) -> int:
     """Learn the value and gain of the game, and compare them with the exact solution.
 
     -o FILE saves the weights for `hfa verify`. For a discrete-time plant, Q-learning from recorded
-    steps is used. With --reference, --initial, --disturbance or --noise, the linear model flies
-    while the law learns. The exit code is 1 if a check fails.
+    steps is used. The exit code is 1 if a check fails.
     """
     from verification.critic.critic_check import verify
 
     named = request.named_game()
-    is_flown = request.is_flown()
     if named.discrete is not None:
         return _learn_discrete(request, named, named.discrete)
-    if is_flown:
-        return _learn_in_flight(request, named)
     run = request.learning.learned(named.game)
     return _show_learned(request, named, run, verify(named.game, run))
-
-
-def _learn_in_flight(request: LearnRequest, named: NamedGame) -> int:
-    """Learn in a flight of the linear model, and return the exit code."""
-    from hfa_flight.commands.learning import LearnedInFlight, Signals, learned_in_flight
-    from verification.critic.critic_check import verify
-
-    states = named.game.names.states
-    initial = np.array([request.initial.get(name, 0.0) for name in states])
-    signals = (request.reference, request.disturbance, request.noise)
-    given = Signals(initial, *(stacked(signal, states) for signal in signals))
-    learning = request.learning
-    run, flight = learned_in_flight(named.game, learning.law, learning.seed, learning.set, given)
-    section = replace(flight.report(), data=LearnedInFlight(flight).as_data())
-    return _show_learned(request, named, run, verify(named.game, run), section=section)
 
 
 def _learn_discrete(request: LearnRequest, named: NamedGame, problem: DiscreteGame) -> int:
@@ -239,7 +187,7 @@ def _learn_discrete(request: LearnRequest, named: NamedGame, problem: DiscreteGa
     from controller.learning.q_learning import learn_steps
     from verification.critic.critic_check import verify
 
-    request.learning.refuse(("law", "set"), CONTINUOUS)
+    request.learning.refuse(("law",), CONTINUOUS)
     run, H = learn_steps(problem, request.learning.seed, progress=ProgressLine("learn"))
     return _show_learned(request, named, run, verify(problem, from_q_function(problem, H)), H)
 
@@ -268,7 +216,6 @@ def _show_learned(
     run: TrainingRun,
     verdict: Verdict,
     H: Any = None,
-    section: Report | None = None,
 ) -> int:
     """Print and save a learned critic with its checks, and return the exit code."""
     from hfa_support.reporting.checks import checks_block
@@ -276,9 +223,6 @@ def _show_learned(
     judged: list[Any] = [LearnedChecks(verdict.checks, verdict.ok, H)]
     report = run.report()
     parts = (verdict.headline(), *report.parts, checks_block(verdict.checks))
-    if section is not None:
-        parts = (*parts, section.title, *section.parts)
-        judged.append(section.data)
     title = report.title
     if not verdict.ok:
         title = f"{verdict.grade.upper()}: K is off by {100.0 * verdict.K_rel_error:.2g} %\n{title}"

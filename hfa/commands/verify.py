@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from controller.critic.critic_file import critic_suffixes, critics_in, is_network
 from controller.game.zero_sum import Game
 from hfa.commands.game import GameRequest
-from hfa.learning import Learning, setting_option
 from hfa.options.argument_types import positive, whole
-from hfa.options.critics import READING_SETTINGS, ReadingGiven, critic_path
+from hfa.options.critics import ReadingGiven, critic_path
 from hfa.options.game import CONTINUOUS, NamedGame
 from hfa.options.output import Output, ProgressLine, picture_option
 from hfa.options.part import option, part
@@ -23,7 +22,7 @@ from hfa.options.reference import reference_option, with_tracking
 from hfa.options.request import command
 from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Waveform
-from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown
+from hfa_support.errors import BadInputError, prefix_errors
 from hfa_support.files import MATRIX_FILES
 from hfa_support.progress import with_progress
 from verification.critic.critic_check import verify as judge
@@ -41,11 +40,6 @@ _MANY = 5
 _FEW_FLIGHTS = 10
 #: Dihedral angles, deg, where the search for the angle of a critic begins.
 _ANGLES = (1.0, 3.0, 5.0, 8.0, 12.0, 16.0, 20.0)
-#: Setting of --set -> type of its value, for files of --weights. The last two apply to networks.
-_SETTINGS: dict[str, Callable[[str], Any]] = {
-    "predefined_time": positive,
-    **READING_SETTINGS,
-}
 
 
 def _critics(text: str) -> list[Path]:
@@ -76,15 +70,6 @@ def _about_weights(_: Model) -> str:
 class VerifyRequest(GameRequest):
     """Options of `hfa verify`."""
 
-    learning: Learning = part(
-        Learning,
-        set=setting_option(
-            "setting of the learning law or of a critic: predefined_time=S (critic over time), "
-            "scale=a,b,... (network: factor on each state), activation=HIDDEN[,OUTPUT] (state "
-            "dict)",
-            _SETTINGS,
-        ),
-    )
     reading: ReadingGiven = part(ReadingGiven)
     output: Output = part(
         Output,
@@ -98,6 +83,7 @@ class VerifyRequest(GameRequest):
         _critics,
         default=(),
         count="+",
+        required=True,
     )
     discount: float | None = option("discount factor per sample; requires --dt", "NUMBER", positive)
     dt: float | None = option("sample time, s; requires --discount", "S", positive)
@@ -120,8 +106,7 @@ class VerifyRequest(GameRequest):
 def verify(request: VerifyRequest) -> int:
     """Compare a critic with the exact solution of the game.
 
-    The critic is read from --weights, or learned as by `hfa learn`. The exit code is 0 if
-    every check passes or the cost is within --limit-cost, and 1 otherwise."""
+    The exit code is 0 if every check passes or the cost is within --limit-cost, and 1 otherwise."""
     paths = [path for files in request.weights for path in files]
     _refuse_unused(request, paths)
     if len(paths) > 1:
@@ -129,7 +114,7 @@ def verify(request: VerifyRequest) -> int:
             ("reference",),
             "requires a single critic; remove it, or give a single file with --weights",
         )
-    named = request.named_game() if paths else request.game.game(request.aircraft, request.trim)
+    named = request.named_game()
     if named.discrete is not None:
         request.refuse(("discount", "dt", "flights", "reference"), CONTINUOUS)
     game = _judged_game(request, named)
@@ -139,12 +124,7 @@ def verify(request: VerifyRequest) -> int:
     )
     verdicts = {}
     progress = ProgressLine("compare")
-    if not paths:
-        run = request.learning.learned(named.game)
-        source = f"the law {run.law!r}, seed {run.seed},"
-        verdicts[source] = judge(game, run, limit=request.limit_error, scope=scope)
-    else:
-        progress(0, len(paths))
+    progress(0, len(paths))
     for path in with_progress(paths, progress):
         with named.asking_for_time():
             verdicts[str(path)] = _check_file(
@@ -220,30 +200,13 @@ def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
     """Raise BadInputError if an option has no effect or contradicts another option."""
     if not any(map(is_network, paths)):
         request.refuse(
-            ("reading.network",), "applies only to a network; give a network with --weights"
+            ("reading.network", "reading.set"),
+            "applies only to a network; give a network with --weights",
         )
-        for name in ("activation", "scale") if paths else ():
-            if name in request.learning.set:
-                raise BadInputError(
-                    f"--set {name} applies only to a network; give a network with --weights"
-                )
     if (request.discount is None) != (request.dt is None):
         raise BadInputError("--discount and --dt require each other; give both options")
-    if request.discount is not None and not paths:
-        raise BadInputError("--discount requires a critic; give a file with --weights")
     if request.discount is not None:
         request.refuse(("reference",), "applies only to continuous time; remove it or --discount")
-    if not paths:
-        request.refuse(
-            ("reading.basis",),
-            "applies only to --weights; for a learning law, give --set basis=...",
-        )
-        return
-    request.learning.refuse(
-        ("law", "seed"), "applies only to learning; remove this option or --weights"
-    )
-    for name in request.learning.set:
-        refuse_unknown("a critic of a file has no setting", name, _SETTINGS)
 
 
 def _check_file(
@@ -256,13 +219,8 @@ def _check_file(
     alone: bool,
 ) -> Verdict:
     """Return the verdict on the critic in a file."""
-    critics = critics_in(path, game, request.reading.reading(request.learning.set))
-    predefined_time = request.learning.set.get("predefined_time")
+    critics = critics_in(path, game, request.reading.reading)
     is_history = critics[-1].time is not None
-    if predefined_time is not None and not is_history:
-        raise BadInputError(
-            f"{path} is not a history, but --set predefined_time requires one; remove this setting"
-        )
     if not critics[-1].is_quadratic and named.linear is not None:
         from verification.scope import nonlinear_plant
 
@@ -273,6 +231,5 @@ def _check_file(
             critics if is_history else critics[-1],
             limit=request.limit_error,
             scope=scope,
-            predefined_time=predefined_time,
             linear=named.linear if alone else None,
         )

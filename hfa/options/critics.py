@@ -27,7 +27,7 @@ def listed_numbers(text: str) -> list[float]:
 
 
 #: Setting of --set -> type of its value, for files of --weights.
-READING_SETTINGS: dict[str, Callable[[str], Any]] = {
+_SETTINGS: dict[str, Callable[[str], Any]] = {
     "activation": str,
     "scale": listed_numbers,
 }
@@ -45,23 +45,10 @@ def critic_path(text: str) -> Path:
     return input_file(*critic_suffixes())(text)
 
 
-def settings_option(
-    about: str, kinds: Callable[[], Mapping[str, Callable[[str], Any]]], whose: str
-) -> Any:
-    """Return the repeatable option --set NAME=VALUE.
-
-    about: help of the option
-    kinds: function that returns setting -> type of its value
-    whose: what has the settings, for messages
-    """
-
-    def setting(name: str, text: str) -> Any:
-        known = kinds()
-        if name not in known:
-            raise BadInputError(f"is not a setting of {whose}; {choice_of(name, known)}")
-        return known[name](text)
-
-    return option(about, "NAME=VALUE", setting, named=True, rare=True)
+def _setting(name: str, text: str) -> Any:
+    if name not in _SETTINGS:
+        raise BadInputError(f"is not a setting of a critic; {choice_of(name, _SETTINGS)}")
+    return _SETTINGS[name](text)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,10 +67,16 @@ class ReadingGiven(Part):
         rare=True,
     )
 
-    def reading(self, settings: Mapping[str, Any]) -> Reading:
-        """Return the settings for reading a critic file.
+    set: Mapping[str, Any] = option(
+        "setting of a network: scale=a,b,... (factor on each state), activation=HIDDEN[,OUTPUT] "
+        "(state dict)",
+        "NAME=VALUE",
+        _setting,
+        named=True,
+        rare=True,
+    )
 
-        settings: values of --set
-        """
-        scale = settings.get("scale")
-        return Reading(self.basis, self.network, settings.get("activation"), scale)
+    @property
+    def reading(self) -> Reading:
+        """Settings for reading a critic file."""
+        return Reading(self.basis, self.network, self.set.get("activation"), self.set.get("scale"))

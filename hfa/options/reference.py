@@ -26,21 +26,15 @@ def _signal(model: Model, name: str, text: str) -> Waveform:
     return channel(text).through(np.array([[linear_state(model, name, "1")]]))
 
 
-def signal_option(about: str, package: str) -> Any:
-    """Return a field of a request with a signal for each of several states.
-
-    about: help of the option
-    package: package of an extension that the option requires, or ""
-    """
-    return option(about, "NAME=SIGNAL", OfModel(_signal), named=True, rare=True, package=package)
-
-
-def reference_option(package: str = "") -> Any:
+def reference_option() -> Any:
     """Return the field `reference` of a request, with the option --reference."""
-    return signal_option(
+    return option(
         "track a reference: deviation of a state from the trim, a sum of terms such as 7, 0.01t, "
         "2sin(0.5t) with t in s, degrees for angles; repeatable",
-        package,
+        "NAME=SIGNAL",
+        OfModel(_signal),
+        named=True,
+        rare=True,
     )
 
 

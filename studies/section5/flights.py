@@ -23,14 +23,14 @@ from hfa_aircraft.waveform import zero
 from hfa_flight import Policy, Scenario, Waveform
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant
 from hfa_flight.history import Deviations
-from hfa_flight.policies.critic_policy import CriticPolicy
-from hfa_flight.policies.learned_gains import certified_gains
 from hfa_flight.policies.policy import GainPolicy, Measurements
 from hfa_flight.simulation import CompiledLoop
 from hfa_model import LINEAR_STATES, published_models
 from hfa_model.vectors import CONTROL_LIMITS
 from hfa_support.errors import refuse_unknown
 from studies.section5.configuration import Configuration
+from studies.section5.critic_policy import CriticPolicy
+from studies.section5.learned_gains import certified_gains
 from studies.section5.metrics import Critic, flight_metrics, learning_metrics, residual_at
 from trim.hfa.printed import regenerate
 
@@ -401,7 +401,7 @@ class _Training(NamedTuple):
     gains: np.ndarray  # gain at each tick, (N, m, n)
     certified_from: float  # time when a learned gain replaces the baseline, s
     # whether the last critic passes the checks against the exact solution of the learned problem
-    # (game or LQ)
+    # (game or LQ), and the certified law settles within the predefined time
     certified: bool
 
 
@@ -425,7 +425,9 @@ def _train(setting: Setting, case: PaperCase, law: str, predefined_time: float) 
         case.game, learned, configuration.flight.tick, baseline_gain(case.game)
     )
     verdict = verify(target, learned)
-    return _Training(learned, gains, certified_from, verdict.ok)
+    assert verdict.table is not None  # of a training run
+    in_time = law != "certified" or verdict.table.settling_time <= predefined_time
+    return _Training(learned, gains, certified_from, verdict.ok and in_time)
 
 
 def _learned(

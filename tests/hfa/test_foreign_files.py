@@ -26,7 +26,7 @@ TABLES = {
     "fly --dihedral 10 --duration 0.1": (),
 }
 SLOW_TABLES = {
-    "learn --dihedral 10 --set predefined_time=2": _LEARNED,
+    "learn --dihedral 10": _LEARNED,
     "verify --dihedral 10": (),
 }
 
@@ -76,10 +76,7 @@ def test_csv_tables_are_read_by_pandas_and_polars(
     Each column states its unit in its name or in the column "unit", except for the listed names.
     """
     if "learn.npz" in command:
-        assert (
-            hfa("learn", "--dihedral", "10", "--set", "predefined_time=2", "-o", "learn.npz").code
-            == 0
-        )
+        assert hfa("learn", "--dihedral", "10", "-o", "learn.npz").code == 0
     hfa(*shlex.split(command), "-q", "-o", "table.csv")
     with Path("table.csv").open(encoding="utf-8", newline="") as stream:
         header, *rows = csv.reader(stream)

@@ -7,25 +7,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import answer, assert_refused, hfa
-from game_files import AT_15, LABELS, QUICK, checks_of, small, stored
+from cli import answer, hfa
+from game_files import AT_15, LABELS, checks_of, small, stored
 
 from controller import load_game
 from hfa import Game, solve
-from hfa.main import BAD_INPUT, DONE, FAILED
+from hfa.main import FAILED
 
 # Verify.
 
 
-def test_the_json_of_verify_contains_documented_keys() -> None:
-    """The JSON of `hfa verify` has the documented keys, and the learned critic passes."""
-    data = answer("verify", *AT_15)
-    assert data["ok"] is True
-    assert max(data["P_rel_error"], data["K_rel_error"]) <= 1e-11
+def test_the_json_of_verify_contains_documented_keys(game: Game) -> None:
+    """The JSON of `hfa verify` has the documented keys."""
+    data = answer("verify", *AT_15, "--weights", stored("W.npz", P=solve(game).P))
     assert all(
         set(check) >= {"name", "value", "limit", "ok"} and check["ok"] for check in data["checks"]
     )
-    assert set(checks_of(data)) >= {"data_rank", "settling_time", "l2_gain"}
+    assert "l2_gain" in checks_of(data)
     assert (
         set(data) >= {"schema", "diagnosis", "P", "K", "P_exact", "K_exact", "disk_margin"} | LABELS
     )
@@ -43,7 +41,6 @@ def test_verify_passes_an_exact_critic_file(game: Game, kind: str, suffix: str) 
     assert data["ok"] is True
     assert data["K_rel_error"] <= 1e-14
     assert (data["P_rel_error"] is None) == (kind == "K")
-    assert not {"data_rank", "settling_time"} & set(checks_of(data))
 
 
 def test_the_user_sets_the_error_limit(game: Game) -> None:
@@ -55,26 +52,13 @@ def test_the_user_sets_the_error_limit(game: Game) -> None:
     assert answer("verify", *AT_15, "--weights", file, "--limit-error", "2e-5")["ok"] is True
 
 
-# Pictures.
-
-
-@pytest.mark.slow
-def test_verify_draws_a_run() -> None:
-    """`hfa verify --picture` draws a training run into a PNG file."""
-    assert (
-        hfa("verify", "--model", small("plant.json"), *QUICK, "--picture", "check.png").code == DONE
-    )
-    assert Path("check.png").read_bytes().startswith(b"\x89PNG\r\n")
-
-
 # A critic over time.
 
 
-def test_a_critic_history_must_settle_in_time() -> None:
-    """A critic over time passes only if it settles within its predefined time.
+def test_the_last_critic_of_a_history_is_judged(game: Game) -> None:
+    """The errors at all times are listed, drawn and written; the last critic decides.
 
-    The setting is refused for a critic without time. A history is also compared with the solution
-    of the sampled game.
+    A history is also compared with the solution of the sampled game.
     """
     plant = small("plant.json")
     exact = solve(load_game("plant.json")).P
@@ -82,30 +66,16 @@ def test_a_critic_history_must_settle_in_time() -> None:
     sizes = np.where(times < 2.0, 0.5, 1e-9)
     weights = np.outer(1.0 + sizes, [exact[0, 0], 2.0 * exact[0, 1], exact[1, 1]])
     words = ("verify", "--model", plant, "--weights", stored("history.npz", time=times, W=weights))
-    data = answer(
-        *words, "--set", "predefined_time=2", "--picture", "over_time.svg", "-o", "out.csv"
-    )
-    settling = checks_of(data)["settling_time"]
-    assert (settling["value"], settling["limit"], settling["ok"]) == (2.0, 2.0, True)
-    assert data["history"]["predefined_time_kept"] is True
+    data = answer(*words, "--picture", "over_time.png", "-o", "out.csv")
+    assert data["ok"] is True
+    assert data["history"]["settling_time"] == 2.0
     assert data["history"]["K_rel_error"] == pytest.approx(sizes, rel=1e-4)
-    assert "T_w = 2 s" in Path("over_time.svg").read_text(encoding="utf-8")
+    assert Path("over_time.png").read_bytes().startswith(b"\x89PNG\r\n")
     with Path("out.csv").open(encoding="utf-8") as file:
         assert [float(row["time [s]"]) for row in csv.DictReader(file)] == times.tolist()
-    late = hfa(*words, "--set", "predefined_time=1.9")
-    assert late.code == FAILED
-    assert (
-        "FAIL settling_time: the largest error stays within 1e-06 from 2 s on; T_w is 1.9 s"
-        in " ".join(late.out.split())
-    )
     discounted = answer(*words, "--discount", "0.99", "--dt", "0.1", code=FAILED)
     assert discounted["history"]["time"] == times.tolist()
     assert discounted["history"]["K_rel_error"][-1] > 1e-3
-    single = stored("single.npz", P=exact)
-    refused = hfa("verify", "--model", plant, "--weights", single, "--set", "predefined_time=2")
-    assert_refused(refused, BAD_INPUT, "single.npz is not a history")
-    refused = hfa("verify", "--model", plant, "--set", "predefined_time=2")
-    assert refused.err == ""
 
 
 # The cost of a critic.

@@ -11,7 +11,6 @@ from scipy.io import savemat
 
 AT_15 = ("--dihedral", "15")
 #: Options for a certified run that takes a tenth of a second.
-QUICK = ("--set", "tick=0.1")
 LABELS = {"plant", "states", "inputs", "state_units", "input_units", "delta"}
 HISTORY = {"times", "weights", "residual_norm", "law_residual_norm"}
 #: A plant with two states and one input.

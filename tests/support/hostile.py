@@ -52,8 +52,7 @@ LINES = (
     "sweep --dihedral 0:20:10 --hold panel_mass=0.5:2:0.5 -o a.zarr",
     "solve --dihedral 15 --delta 300 --Q 1,1,1,1,1,1 --R 1,1,1,1,1",
     "solve --dihedral 15 --design paper -o a.mat",
-    "verify --dihedral 15 --law certified --seed 3 --limit-error 0.1 --limit-cost 5",
-    "learn --dihedral 15 --law certified --set predefined_time=2 -o a.npz",
+    "learn --dihedral 15 --law published --seed 3 -o a.npz",
     (
         "fly --dihedral 15 --duration 0.02 --initial speed=1 --gust 25:3:0 --turbulence own:1:500"
         " --noise alpha=0.1"
@@ -195,9 +194,7 @@ def seeds() -> Mapping[str, bytes]:
         Path("glider.xml").write_text(glider(), encoding="utf-8")
         for suffix in SUFFIXES:
             commands.append(("solve", "--model", "plant.json", "-o", f"critic{suffix}"))
-            commands.append(
-                ("learn", "--model", "plant.json", "--set", "tick=0.5", "-o", f"history{suffix}")
-            )
+            commands.append(("learn", "--model", "plant.json", "-o", f"history{suffix}"))
         for words in commands:
             result = hfa(*words)
             assert result.code == 0, (words, result.err)

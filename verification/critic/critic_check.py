@@ -27,7 +27,6 @@ from verification.error_table import (
     history_table,
     rank_check,
     run_table,
-    time_checks,
 )
 from verification.scope import LIMIT, Scope
 from verification.verdict import Details, Section, Verdict, explained
@@ -51,7 +50,6 @@ def verify(
     *,
     limit: float = LIMIT,
     scope: Scope | None = None,
-    predefined_time: float | None = None,
     linear: LinearModel | None = None,
 ) -> Verdict:
     """Return the verdict on a critic, compared with the exact solution of its game.
@@ -80,8 +78,6 @@ def verify(
         training run
     limit: limit of the errors and the residual
     scope: further data for the checks; by default `Scope()`
-    predefined_time: T_w, s; all errors of a history must be within the limit from T_w on. None for
-        no such check.
     linear: the linear model of the game at a trim of an aircraft, or None
 
     Raises NoSolutionError if the game has no certified solution, and BadInputError if `game` is not
@@ -110,12 +106,8 @@ def verify(
     if isinstance(critic, TrainingRun):
         over_time = _run(axis, critic)
     elif _is_history(critic):
-        table = history_table(critics, errors_of, axis.residuals, limit, predefined_time)
-        over_time = _OverTime(table, time_checks(table), [_history_section(table)])
-    elif predefined_time is not None:
-        raise BadInputError(
-            "predefined_time applies to critics over time; create them with critics_over_time"
-        )
+        table = history_table(critics, errors_of, axis.residuals, limit)
+        over_time = _OverTime(table, [], [_history_section(table)])
 
     checks = [*errors, *loop.checks]
     if last.P is not None and last.finite:
@@ -159,7 +151,7 @@ class _OverTime(NamedTuple):
     """What a history or a training run adds to the verdict on its last critic."""
 
     table: ErrorTable | None  # errors over time, or None for a critic without a history
-    checks: list[Check]  # checks of the data and the settling time
+    checks: list[Check]  # checks of the data
     sections: list[Section]  # sections of the report
     reason: str = ""  # why the data do not determine the critic, or ""
 
@@ -168,10 +160,9 @@ _NO_TIME = _OverTime(None, [], [])
 
 
 def _run(axis: TimeAxis, run: TrainingRun) -> _OverTime:
-    """Return the errors, the rank and the settling time of a training run."""
-    table = run_table(run, axis.exact.P, axis.residuals)
+    """Return the errors and the rank of a training run."""
     rank = rank_check(run)
-    return _OverTime(table, [rank, *time_checks(table)], [], rank.reason)
+    return _OverTime(run_table(run, axis.exact.P, axis.residuals), [rank], [], rank.reason)
 
 
 def _history_section(table: ErrorTable) -> Section:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa
-from game_files import AT_15, QUICK
+from game_files import AT_15
 from known_models import model_at
 from project import ROOT
 from scipy.io import loadmat
@@ -62,13 +62,11 @@ def test_the_paper_s_design_is_the_default_game() -> None:
 
 def test_a_critic_for_a_design_is_learned_exactly() -> None:
     """A critic learned for a design agrees with the exact solution within 1e-8."""
-    learned = answer("learn", "--design", SIMVFA["simvfa-1"], *AT_11, *QUICK, "-o", "servo.npz")
+    learned = answer("learn", "--design", SIMVFA["simvfa-1"], *AT_11, "-o", "servo.npz")
     assert (learned["converged"], len(learned["W"]), len(learned["states"])) == (True, 55, 10)
     checked = answer("verify", "--design", SIMVFA["simvfa-1"], *AT_11, "--weights", "servo.npz")
     assert checked["ok"] is True
     assert max(checked["P_rel_error"], checked["K_rel_error"]) <= 1e-8
-    run = answer("verify", "--design", SIMVFA["simvfa-1"], *AT_11, *QUICK)
-    assert run["P_rel_error"] == checked["P_rel_error"]
 
 
 # From measured outputs.

@@ -10,9 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa.learning import DEFAULT_LAW, Learning, law_option, setting_option
-from hfa.options.argument_types import among, input_file, linear_state, number, positive, span
-from hfa.options.critics import READING_SETTINGS, ReadingGiven, critic_path
+from hfa.options.argument_types import (
+    among,
+    input_file,
+    linear_state,
+    number,
+    one_of,
+    positive,
+    span,
+    whole,
+)
+from hfa.options.critics import ReadingGiven, critic_path
 from hfa.options.game import GameWeights
 from hfa.options.part import OfModel, Part, option, part
 from hfa.options.request import Request
@@ -26,7 +34,7 @@ from hfa_flight.air.names import UPDRAFT, gust_speed
 from hfa_flight.air.turbulence import LEVELS, SPECTRA, Turbulence
 from hfa_flight.envelope import control_limits
 from hfa_flight.scenario import Scenario, Uncertainty
-from hfa_support.errors import BadInputError, NoSolutionError, warn
+from hfa_support.errors import BadInputError, warn
 from hfa_support.files import MATRIX_FILES
 from trim.linear.linear_model import LinearModel
 from trim.point.linearize import linearize
@@ -35,8 +43,10 @@ from trim.point.operating_point import OperatingPoint
 if TYPE_CHECKING:
     from hfa_flight.policies.policy import FunctionPolicy, GainPolicy
 
-#: Name of the law without a policy. Commands are then steps of inputs.
+#: Name of the law without a policy, with which commands are steps of inputs; name of the game's
+#: exact policy.
 NONE = "none"
+EXACT = "exact"
 #: Forms of values in the help of options.
 _GUST = "LENGTH:PEAK[:BEGIN]"
 _TURBULENCE = "LEVEL[:ALTITUDE[:SPAN]]"
@@ -48,15 +58,15 @@ _OF_THE_GAME = ("policy.game.delta", "policy.game.Q", "policy.game.R")
 #: Option that replaces the law -> options that have no effect with it, by their paths in a request.
 _IN_PLACE = {
     "controller": (
-        "policy.learning.law",
-        "policy.learning.set",
+        "policy.law",
+        "policy.reading.set",
         "policy.weights",
         *_OF_THE_GAME,
     ),
-    "weights": ("policy.learning.law", "policy.game.delta", "policy.game.Q"),
+    "weights": ("policy.law", "policy.game.delta", "policy.game.Q"),
     "deployment": (
-        "policy.learning.law",
-        "policy.learning.set",
+        "policy.law",
+        "policy.reading.set",
         "policy.weights",
         "policy.controller",
         *_OF_THE_GAME,
@@ -107,20 +117,16 @@ def actuators_option() -> Any:
     return option(about, _ACTUATORS, kind)
 
 
-def policy_setting_option() -> Any:
-    """Return the option --set for the settings of a learning law or of a critic."""
-    return setting_option(
-        "setting of the learning law, such as predefined_time=2, or of a critic: scale=a,b,... "
-        "(network: factor on each state), activation=HIDDEN[,OUTPUT] (state dict)",
-        READING_SETTINGS,
-    )
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PolicyGiven(Part):
     """The policy: a law with its game, or a file with a gain, a critic or a controller."""
 
-    learning: Learning = part(Learning, law=law_option(NONE, "exact"), set=policy_setting_option())
+    law: str = option(
+        f"policy: {NONE}, or {EXACT}, that of the game (default)",
+        "NAME",
+        one_of(NONE, EXACT),
+        default=EXACT,
+    )
     weights: Path | None = option(
         "file with a gain K, a critic (W or P) or a network; replaces --law", "FILE", critic_path
     )
@@ -138,19 +144,12 @@ class PolicyGiven(Part):
     game: GameWeights = part(GameWeights, without=("N",))
     reading: ReadingGiven = part(ReadingGiven)
 
-    @property
-    def law(self) -> str:
-        """The law of --law, by default the exact policy if the command has no other default."""
-        return self.learning.law or "exact"
-
-    def check(self, request: Request, prices: Sequence[str] = (), *, seeded: bool = False) -> None:
+    def check(self, request: Request, prices: Sequence[str] = ()) -> None:
         """Raise BadInputError for an option that has no effect with the chosen policy.
 
         request: the request, whose field `policy` is this group
         prices: paths of weights of the flight's cost, which are not of the policy
-        seeded: whether the scenario has random numbers, too
         """
-        instead = [self.typed[name] for name in _IN_PLACE if name in self.typed]
         for name, without_effect in _IN_PLACE.items():
             if name in self.typed:
                 reason = f"has no effect with {self.typed[name]}; remove this option"
@@ -158,31 +157,17 @@ class PolicyGiven(Part):
         if self.law == NONE:
             of_law = [each for each in _OF_THE_GAME if each not in prices]
             request.refuse(of_law, f"applies only to a law; remove this option or --law {NONE}")
-        settings = self.learning.set
-        reads = {*READING_SETTINGS} & {*settings}
-        if reads and self.weights is None:
-            raise BadInputError(
-                f"--set {min(reads)} applies only to a network; remove this setting, or give a "
-                "network with --weights"
-            )
-        if self.law == DEFAULT_LAW and not instead:
-            return
-        if {*settings} - reads:
-            given = instead[0] if instead else f"--law {self.law}"
-            self.learning.refuse(
-                ("set",), f"applies only to a learning law, not to {given}; remove this option"
-            )
-        if not seeded:
-            self.learning.refuse(
-                ("seed",), "applies only to a learning law or --turbulence; remove this option"
+        if self.weights is None:
+            self.reading.refuse(
+                ("set",),
+                "applies only to a network; remove this option, or give a network with --weights",
             )
 
     def about(self, linear: LinearModel) -> GainPolicy | FunctionPolicy:
         """Return the policy about a trim that the options specify.
 
-        The policy is read from a file, computed exactly, or learned on the linear model. A
-        nonlinear policy, such as a network, is saturated at the control limits of the model. Raises
-        NoSolutionError if learning does not converge.
+        The policy is read from a file or computed exactly. A nonlinear policy, such as a network,
+        is saturated at the control limits of the model.
         """
         from controller.critic.critic_file import critic_in
         from controller.riccati.gare import unconfirmed_solution
@@ -190,17 +175,9 @@ class PolicyGiven(Part):
 
         game = self.game.game(linear)
         path = self.weights
-        if path is None and self.law == "exact":
-            return GainPolicy("exact", unconfirmed_solution(game).K)
         if path is None:
-            run = self.learning.learned(game)
-            if not run.settled:
-                raise NoSolutionError(
-                    f"law '{self.law}' learned no policy: {run.outcome}; choose another law or "
-                    "model"
-                )
-            return GainPolicy(self.law, run.K)
-        critic = critic_in(path, game, self.reading.reading(self.learning.set))
+            return GainPolicy(EXACT, unconfirmed_solution(game).K)
+        critic = critic_in(path, game, self.reading.reading)
         if not critic.linear:
             return function_policy(f"critic of {path}", critic.policy, linear.point)
         kind = "gain" if critic.feedback is None else "weights"
@@ -344,6 +321,7 @@ class ScenarioGiven(Part):
         rare=True,
     )
     turbulence: Turbulence | None = turbulence_option()
+    seed: int = option("seed of all random numbers; default 0", "N", whole(0), default=0, rare=True)
     error: Mapping[str, float] = option(
         "factor on a parameter of the simulated aircraft only; with --samples, relative "
         "standard deviation of the parameter; repeatable",
@@ -366,15 +344,12 @@ class ScenarioGiven(Part):
         rare=True,
     )
 
-    def scenario(
-        self, point: OperatingPoint, hold: Mapping[str, Any], seed: int, *, drawn: bool
-    ) -> Scenario:
+    def scenario(self, point: OperatingPoint, hold: Mapping[str, Any], *, drawn: bool) -> Scenario:
         """Return the scenario that the options specify for a trim.
 
         The tick is the longest whole number of ms that divides both 10 ms and the delay.
 
         hold: values of --hold, whose altitude is the one of the turbulence
-        seed: seed of the turbulence
         drawn: whether the scenario is of several flights, with random quantities that are not drawn
             yet
 
@@ -412,7 +387,7 @@ class ScenarioGiven(Part):
             uncertainty = Uncertainty(self.error, self.noise, turbulence)
             return replace(common, uncertainty=uncertainty, gust=gust).on(model)
         if turbulence is not None:
-            gust = turbulence.air(point, common.tick, common.ticks, seed)
+            gust = turbulence.air(point, common.tick, common.ticks, self.seed)
         noise = constant(np.array([self.noise.get(name, 0.0) for name in names]))
         return replace(common, noise=noise, errors=self.error, gust=gust).on(model)
 

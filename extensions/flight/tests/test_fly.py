@@ -118,7 +118,7 @@ def test_gains_and_critics_in_files_equal_law_exact(game: Game) -> None:
     for words, named in (
         ("--weights K.json --law exact", "--law has no effect with --weights; remove this option"),
         ("--weights P.npz --delta 300", "--delta has no effect with --weights"),
-        ("--weights K.json --seed 3", "--seed applies only to a learning law or --turbulence"),
+        ("--weights K.json --seed 3", "--seed applies only to --turbulence"),
         (
             "--weights small.npz",
             "small.npz: K is 2 x 2; give 5 x 6, inputs x states",

@@ -16,7 +16,7 @@ from hfa.main import BAD_INPUT
     [
         (
             "fly --dihedral 15 --law exact --seed 3",
-            "--seed applies only to a learning law or --turbulence; remove this option",
+            "--seed applies only to --turbulence, --samples and --draws; remove this option",
         ),
         ("fly --dihedral 15 --gust 400:10 --turbulence own:5:1750", "cannot be combined"),
         ("fly --dihedral 15 --fault 0.2:0.5", "--fault requires actuators"),
@@ -44,8 +44,8 @@ from hfa.main import BAD_INPUT
             "aircraft.zip: the suffix '.zip' is unknown; use .fmu, .m, or a folder",
         ),
         (
-            "export -o out --set samples=30",
-            "--set applies only to a learning law, not to --law exact",
+            "export -o out --set activation=tanh",
+            "--set applies only to a network",
         ),
         (
             "export -o out --actuators 0.5:60",

@@ -42,8 +42,6 @@ from hfa_flight.history import Deviations
 from hfa_flight.initial_box import start_box
 from hfa_flight.limit_cycle import Decay, LimitCycle, duration_for, oscillation
 from hfa_flight.options import ScenarioGiven, _turbulence, actuators_of, at_held_altitude, gust_at
-from hfa_flight.policies.critic_policy import CriticPolicy, powers
-from hfa_flight.policies.learned_gains import certified_gains
 from hfa_flight.policies.policy import GainPolicy, function_policy, open_loop
 from hfa_flight.problem import flight_problem
 from hfa_flight.samples.report import member_report, summary
@@ -219,7 +217,7 @@ def test_options_reach_the_scenario() -> None:
         delay=0.014,
         noise={"alpha": 0.01},
     )
-    scenario = given.scenario(POINT, {}, 3, drawn=False)
+    scenario = given.scenario(POINT, {}, drawn=False)
     assert (scenario.duration, scenario.tick, scenario.delay) == (3.0, 0.002, 0.014)
     assert scenario.initial.tolist() == [0.0, 2.0, -7.0, 0.0]
     assert scenario.disturbance.at(1.0).tolist() == [0.0, 0.3]
@@ -228,13 +226,13 @@ def test_options_reach_the_scenario() -> None:
     }
     assert scenario.noise.at(1.0).tolist() == [0.01, 0.0]
     assert scenario.actuators.lag.elevator == 0.1
-    drawn = replace(given, gust=(400.0, 5.0, 2.0)).scenario(POINT, {}, 3, drawn=True)
+    drawn = replace(given, gust=(400.0, 5.0, 2.0)).scenario(POINT, {}, drawn=True)
     assert drawn.uncertainty.noise == {"alpha": 0.01}
     assert drawn.noise.at(1.0).tolist() == [0.0, 0.0]
     assert (drawn.gust.length, drawn.gust.begin) == (400.0, 2.0)
     for delay in (-0.01, 3.0):
         with pytest.raises(BadInputError, match="give a delay from 0 to less than 3 s"):
-            replace(given, delay=delay).scenario(POINT, {}, 3, drawn=False)
+            replace(given, delay=delay).scenario(POINT, {}, drawn=False)
 
 
 def test_a_linear_flight_in_moving_air_follows_its_exponential() -> None:
@@ -584,40 +582,6 @@ def test_an_angle_of_attack_that_depends_on_an_input_is_refused() -> None:
     with pytest.raises(BadInputError, match="angle_of_attack depends on an input"):
         hfa.fly(model, point, None, scenario=Scenario(1.0, air=air))
     assert hfa.fly(model, point, None, 0.1, predict=False).departure is None
-
-
-def test_powers_of_residuals_keep_their_sign() -> None:
-    """(a1 + 1) |e|^(1 - eta) + (a2 + 1) |e|^(1 + eta), with the sign of e, and 0 at 0."""
-    residuals = np.array([-8.0, -0.5, 0.0, 0.25, 3.0])
-    found = np.array(ca.DM(powers(ca.DM(residuals), 2.0, 4.0, 0.3))).ravel()
-    size = np.abs(residuals)
-    np.testing.assert_allclose(found, np.sign(residuals) * (3.0 * size**0.7 + 5.0 * size**1.3))
-
-
-def test_a_law_that_evaluates_its_samples_again_does_not_fly() -> None:
-    law = SimpleNamespace(settings=SimpleNamespace(stack_policies="current"))
-    with pytest.raises(BadInputError, match="the stack's policies are re-evaluated"):
-        CriticPolicy("critic", law=law, forcing=Waveform(np.zeros(1), np.zeros(1)))
-
-
-def test_the_last_certified_gain_flies() -> None:
-    """x' = x + u: P = 3 and 9 are certified, P = .5 does not stabilize, -3 is no value.
-
-    A gain whose mode is faster than the flight resolves is not certified either.
-    """
-    game = hfa.Game(np.eye(1), np.eye(1), np.eye(1), np.eye(1), np.eye(1), math.inf)
-    run = SimpleNamespace(
-        basis="quadratic",
-        time=np.array([0.0, 0.1, 0.25, 0.3, 0.4]),
-        weights=np.array([[0.5], [-3.0], [3.0], [9.0], [0.5]]),
-    )
-    baseline = np.array([[7.0]])
-    gains, first = certified_gains(game, run, 0.1, baseline)
-    assert (gains.ravel().tolist(), first) == ([7.0, 7.0, 7.0, 9.0, 9.0], pytest.approx(0.3))
-    slow, begun = certified_gains(game, run, 0.1, baseline, 5.0)
-    assert (slow.ravel().tolist(), begun) == ([7.0, 7.0, 7.0, 3.0, 3.0], pytest.approx(0.3))
-    none = certified_gains(game, run, 0.1, baseline, 1.0)
-    assert (none[0].ravel().tolist(), none[1]) == ([7.0] * 5, math.inf)
 
 
 def test_initial_boxes_are_nominal_or_a_tenth_or_half_the_room() -> None:

@@ -100,5 +100,5 @@ def test_law_is_refused_with_a_deployment_file(tmp_path, capsys):
         "--aircraft",
         AIRCRAFT["ppo_gtm"][0],
     ]
-    assert main([*words, "--law", "certified", "-o", str(tmp_path / "c")]) == 2
+    assert main([*words, "--law", "exact", "-o", str(tmp_path / "c")]) == 2
     assert "--law has no effect with --policy" in capsys.readouterr().err

@@ -18,7 +18,6 @@ from controller.reference import feedforward, forcing
 from hfa import fly, learn, solve
 from hfa_aircraft.waveform import Harmonic
 from hfa_flight import GainPolicy, Scenario, Waveform
-from hfa_flight.policies.learned_gains import certified_gains
 from studies.section5.configuration import PaperFlight, section5_configuration
 from studies.section5.flights import (
     CERTIFIED,
@@ -35,6 +34,7 @@ from studies.section5.flights import (
     make_setting,
     simulate_plan,
 )
+from studies.section5.learned_gains import certified_gains
 from studies.section5.metrics import TRACKED
 
 pytestmark = pytest.mark.slow

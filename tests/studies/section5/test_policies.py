@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -21,11 +22,13 @@ from controller.learning.published import (
     update_direction,
 )
 from controller.reference import forcing
+from hfa import Game
 from hfa.paper import published_game
 from hfa_aircraft.waveform import zero
-from hfa_flight.policies.critic_policy import CriticPolicy
 from hfa_model import published_models
 from studies.section5.configuration import PaperFlight
+from studies.section5.critic_policy import CriticPolicy
+from studies.section5.learned_gains import certified_gains
 
 REFERENCE = PaperFlight.REFERENCE
 
@@ -139,3 +142,15 @@ def test_forcing_is_the_rate_that_a_reference_adds() -> None:
         h = 1e-5
         slope = (REFERENCE.at(t + h) - REFERENCE.at(t - h)) / (2 * h)
         np.testing.assert_allclose(r.at(t), A @ REFERENCE.at(t) - slope, atol=1e-8)
+
+
+def test_the_last_certified_gain_flies() -> None:
+    """x' = x + u: P = 3 and 9 are certified, P = .5 does not stabilize, -3 is no value."""
+    game = Game(np.eye(1), np.eye(1), np.eye(1), np.eye(1), np.eye(1))
+    run = SimpleNamespace(
+        basis="quadratic",
+        time=np.array([0.0, 0.1, 0.25, 0.3, 0.4]),
+        weights=np.array([[0.5], [-3.0], [3.0], [9.0], [0.5]]),
+    )
+    gains, first = certified_gains(game, run, 0.1, np.array([[7.0]]))
+    assert (gains.ravel().tolist(), first) == ([7.0, 7.0, 7.0, 9.0, 9.0], pytest.approx(0.3))

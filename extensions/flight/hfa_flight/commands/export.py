@@ -9,7 +9,6 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hfa.learning import DEFAULT_LAW, Learning
 from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import one_of, output_file
 from hfa.options.output import Output
@@ -18,11 +17,11 @@ from hfa.options.request import Request, command
 from hfa.options.trim import Trim
 from hfa_flight.export.c_text import write_texts
 from hfa_flight.options import (
+    EXACT,
     PolicyGiven,
     actuators_of,
     actuators_option,
     noted_linear_model,
-    policy_setting_option,
 )
 from hfa_flight.results import Exported
 from hfa_support.errors import BadInputError, printable
@@ -46,15 +45,11 @@ class ExportRequest(Request):
     trim: Trim = part(Trim)
     policy: PolicyGiven = part(
         PolicyGiven,
-        learning=part(
-            Learning,
-            law=option(
-                "gain to export: exact or certified (learned); default: exact in C, none in an FMU",
-                "NAME",
-                one_of("exact", DEFAULT_LAW),
-                default="",
-            ),
-            set=policy_setting_option(),
+        law=option(
+            f"gain to export: {EXACT}; default: {EXACT} in C, none in an FMU",
+            "NAME",
+            one_of(EXACT),
+            default="",
         ),
     )
     output: Output = part(
@@ -90,7 +85,7 @@ def export(request: ExportRequest) -> int:
     """
     policy = request.policy
     files_of_policy = (policy.weights, policy.controller, policy.deployment)
-    names_no_policy = not policy.learning.law and files_of_policy == (None, None, None)
+    names_no_policy = not policy.law and files_of_policy == (None, None, None)
     if request.trim.at is None and not request.aircraft.own:
         request = replace(request, trim=replace(request.trim, at=_DIHEDRAL))
     # Computing the provenance checks options that the code below does not read, before any file is

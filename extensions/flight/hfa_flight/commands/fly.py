@@ -133,13 +133,15 @@ class FlyRequest(Request):
                 raise BadInputError(f"--reference requires a policy; remove --law {NONE}")
         # Of a single flight, --Q and --R are the weights of its cost.
         prices = ("policy.game.Q", "policy.game.R") if self.members is None else ()
-        seeded = self.members is not None or self.scenario.turbulence is not None
-        given.check(self, prices, seeded=seeded)
+        given.check(self, prices)
+        if self.members is None and self.scenario.turbulence is None:
+            self.scenario.refuse(
+                ("seed",), "applies only to --turbulence, --samples and --draws; remove this option"
+            )
         model = self.trim.aircraft
         point = self.trim.point()
         drawn = self.members is not None
-        seed = given.learning.seed
-        scenario = self.scenario.scenario(point, self.trim.hold, seed, drawn=drawn)
+        scenario = self.scenario.scenario(point, self.trim.hold, drawn=drawn)
         steps = _steps_of(self.command)
         reference: Any = None
         if given.deployment is not None:
@@ -289,7 +291,7 @@ def _fly_members(request: FlyRequest) -> int:
     spread = None
     if request.draws is not None:
         spread = request.aircraft.spread(request.trim.held_parameters)
-    plan = MonteCarlo(members, request.policy.learning.seed, *request.flight(), spread=spread)
+    plan = MonteCarlo(members, request.scenario.seed, *request.flight(), spread=spread)
     progress = ProgressLine("simulate")
     if target is None:
         flown = run_monte_carlo(plan, request.processes.workers, progress)

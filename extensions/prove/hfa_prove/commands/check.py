@@ -24,7 +24,7 @@ STATEMENTS = ("cost", "critic", "region", "schedule", "solution", "value")
 #: Options of a search.
 _OF_THE_SEARCH = ("degree", "margin", "prover", "seconds", "resume", "output.picture")
 #: Options of a network or of a deployed policy.
-_OF_FUNCTIONS = ("policy", "reading.network", "set")
+_OF_FUNCTIONS = ("policy", "reading.network", "reading.set")
 #: Kind of a certificate -> its subject, and the options that do not apply to this subject.
 _SUBJECTS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "schedule": ("a schedule", _OF_FUNCTIONS),

@@ -54,7 +54,7 @@ def given_for(
             )
         return given_plant(own.problem.loop, "the user", "loop.")
     request.refuse(
-        ("policy", "reading.network", "set"),
+        ("policy", "reading.network", "reading.set"),
         "applies to a policy in a file, but the certificate is about a polynomial policy; "
         "remove this option",
     )

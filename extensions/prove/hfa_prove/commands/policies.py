@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from hfa_prove.search.region_search import RegionProblem
 
 #: Options of a network or critic.
-_OF_NETWORKS = ("weights", "reading.basis", "reading.network", "set")
+_OF_NETWORKS = ("weights", "reading.basis", "reading.network", "reading.set")
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +111,7 @@ def given_policy(request: CheckRequest | RegionRequest) -> GivenPolicy:
         gain = Gain(np.array(solution.K, dtype=float), {})
         return GivenPolicy.of_gain(linear, gain, "gain of the game", solution.P)
     with prefix_errors(request.weights):
-        critic = critic_in(request.weights, named.game, request.reading.reading(request.set))
+        critic = critic_in(request.weights, named.game, request.reading.reading)
         if not is_network(request.weights):
             gain = Gain(np.array(critic.K, dtype=float), policy_terms(critic, linear.inputs))
             return GivenPolicy.of_gain(linear, gain, str(request.weights), critic.P)

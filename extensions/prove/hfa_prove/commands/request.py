@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import input_file, number, one_of, positive, quantity, span
-from hfa.options.critics import READING_SETTINGS, ReadingGiven, critic_path, settings_option
+from hfa.options.critics import ReadingGiven, critic_path
 from hfa.options.game import GameGiven, GameWeights
 from hfa.options.output import Output, picture_option
 from hfa.options.part import OfModel, option, part
@@ -47,11 +47,6 @@ class CheckRequest(Request):
         "deployment file of the policy that the certificate must be about",
         "DEPLOYMENT.toml",
         input_file(".toml"),
-    )
-    set: Mapping[str, Any] = settings_option(
-        "setting of the network in --weights, as in the proof: scale=a,b,..., activation=NAME",
-        lambda: READING_SETTINGS,
-        "a critic of a file",
     )
     design: Any = design_option("design that defines the actuators of the controller in --weights")
 
@@ -102,12 +97,6 @@ class RegionRequest(Request):
         "with boxes",
         "DEPLOYMENT.toml",
         input_file(".toml"),
-    )
-    set: Mapping[str, Any] = settings_option(
-        "setting of a critic: scale=a,b,... (network: factor on each state), "
-        "activation=HIDDEN[,OUTPUT] (state dict)",
-        lambda: READING_SETTINGS,
-        "a critic of a file",
     )
     check: Path | None = option(
         "verify this certificate instead of proving a region", "FILE", input_file(".json")
