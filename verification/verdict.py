@@ -182,7 +182,7 @@ class Verdict(Checked, Result, Reported):
         return all(distance <= AT_TRIM for distance in rests)
 
     @property
-    def grade(self) -> Grade:
+    def grade(self) -> str:  # not Grade: jedi completes no Literal
         """Grade of the critic on the game of the first line: "exact", "near" or "fail".
 
         - "exact": every check passes.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib.util import find_spec
+from itertools import chain, product
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -40,6 +41,10 @@ class NamedArray(np.ndarray):
                 key = names.index(key)
             numbers.append(key)
         return values[..., *numbers][()]  # converts an array without axes to a number
+
+    def _ipython_key_completions_(self) -> list[Any]:
+        named = [names for names in self.names if names]
+        return list(product(*named)) if len(named) > 1 else [*chain(*named)]
 
     def __repr__(self) -> str:
         return repr(np.asarray(self))
@@ -85,6 +90,9 @@ class ByName(tuple[Named, ...]):
         Because of this method, dict(modes) is a dictionary from names to entries.
         """
         return [entry.name for entry in self]  # type: ignore[attr-defined]  # entries have names
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return self.keys()
 
     def values(self) -> Any:
         """Return this tuple, as the entries of a mapping."""

@@ -77,6 +77,25 @@ def test_results_display_reports_and_can_be_pickled() -> None:
         assert name not in COMPARED or again == result, name
 
 
+def test_attributes_and_names_in_brackets_complete() -> None:
+    """jedi completes every public attribute of a result, and each completed name in brackets is
+    one.
+    """
+    jedi = pytest.importorskip("jedi")
+    for name, value in results().items():
+        completed = {
+            each.name for each in jedi.Interpreter("value.", [{"value": value}]).complete()
+        }
+        assert {each for each in dir(value) if not each.startswith("_")} <= completed, name
+    named = [results()[name] for name in ("OperatingPoint", "LinearModel", "Sweep")]
+    named += [named[0].states, named[1].A, named[1].modes]
+    for value in named:
+        keys = list(value._ipython_key_completions_())
+        assert keys
+        for key in keys:
+            value[key]
+
+
 def test_linear_models_are_equal_by_their_values() -> None:
     """Linear models are compared entry by entry, where nan equals nan, and cannot be hashed."""
     model = results()["LinearModel"]

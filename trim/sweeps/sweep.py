@@ -417,6 +417,9 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
         return column(self, index) if isinstance(index, str) else linear_model_at(self, index)
 
+    def _ipython_key_completions_(self) -> tuple[str, ...]:
+        return (*self.variables, *self.model.states, *self.model.inputs)
+
     def to_xarray(self) -> xarray.Dataset:
         """Return states, inputs, A, B, eigenvalues and reasons over the axes. Requires xarray.
 
@@ -682,6 +685,6 @@ def column(swept: Sweep, name: str) -> np.ndarray:
 
     Raises BadInputError for any other name.
     """
-    names = (*swept.variables, *swept.model.states, *swept.model.inputs)
+    names = swept._ipython_key_completions_()
     refuse_unknown("unknown variable", name, names)
     return np.hstack([swept.values, swept.states, swept.inputs])[:, names.index(name)]

@@ -346,6 +346,9 @@ class Flight(StatesAndInputs, Result, Reported):
         flown = getattr(self.loop.plant, "model", self.model)
         return series(self, name, flown.p)
 
+    def _ipython_key_completions_(self) -> tuple[str, ...]:
+        return self.point.keys()
+
     @property
     def exceeded(self) -> tuple[ControlExcess, ...]:
         """Inputs that exceeded their control limits inside the envelope, largest excess first.
