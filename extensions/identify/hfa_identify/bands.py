@@ -100,12 +100,11 @@ def weighted_scores(fit: Fit, halves: bool = False) -> list[Score]:
     halves: if True, each record is split into two halves with their own (M, V, g)
     """
     parts = []
-    for residual, present, projected, noise in zip(
-        fit.residuals, fit.present, fit.projected, noise_of(fit), strict=True
-    ):
+    for number, noise in enumerate(noise_of(fit)):
+        residual, projected = fit.residuals[number], fit.projected[number]
         middle = len(residual) // 2
         rows = [slice(0, middle), slice(middle, None)] if halves else [slice(None)]
-        weights = np.where(present, 1.0 / fit.noise, 0.0)
+        weights = fit.weights(number)
         for part in rows:
             M, V, g = (np.zeros((len(fit.theta),) * size) for size in (2, 2, 1))
             for quantity, each in noise.items():
@@ -113,7 +112,7 @@ def weighted_scores(fit: Fit, halves: bool = False) -> list[Score]:
                 weighted = S * weights[part, quantity, None]
                 M += weighted.T @ S
                 g += weighted.T @ residual[part, quantity]
-                V += _summed(weighted, each.variance * each.correlation)
+                V += variance_of_sum(weighted, each.variance * each.correlation)
             parts.append((M, V, g))
     return parts
 
@@ -167,7 +166,7 @@ def noise_of(fit: Fit) -> list[dict[int, Noise]]:
             v = residual[:, quantity]
             variance = float(v @ v) / int(flags.sum())
             correlation = smooth_autocorrelation(v, flags, fitted)
-            V = _summed(S, variance / fit.noise[quantity] * correlation)
+            V = variance_of_sum(S, variance / fit.noise[quantity] * correlation)
             found[quantity] = (fitted, M, V, variance, correlation, int(flags.sum()))
         seen.append((K, found))
     total = np.sum([V[:p, :p] for _, found in seen for _, _, V, *_ in found.values()], axis=0)
@@ -185,10 +184,12 @@ def noise_of(fit: Fit) -> list[dict[int, Noise]]:
     return noises
 
 
-def _summed(S: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Return the covariance Σ_i Σ_j S_i' r(i - j) S_j of the sum Σ S_i' e_i, (p, p)."""
-    # e is the noise of one quantity.
-    # S (N, p)
+def variance_of_sum(S: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Return the covariance Σ_i Σ_j S_i' r(i - j) S_j of the sum Σ S_i' e_i, (p, p).
+
+    S: (N, p)
+    covariance: autocovariance r of the noise e of one quantity at lags 0, 1, ...
+    """
     from scipy.signal import oaconvolve
 
     r = covariance[: len(S)]

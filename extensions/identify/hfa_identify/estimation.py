@@ -22,13 +22,11 @@ from hfa_identify.bands import (
 )
 from hfa_identify.column_errors import column_errors
 from hfa_identify.excitation import refuse_still, still_quantities
-from hfa_identify.faults import fault_of_columns, faults_of
 from hfa_identify.fit import Fit, OutputError
 from hfa_identify.identified import Estimate, FittedQuantity, Identified
 from hfa_identify.minima import AS_LIKELY, other_minimum, parts_disagree
-from hfa_identify.plan import manoeuvres
-from hfa_identify.prediction import Condition, Predictions
 from hfa_identify.records import Record, columns_of_table, read_record, record_of
+from hfa_identify.residuals import partings
 from hfa_identify.response import Responses
 from hfa_identify.search import Search, begin_of
 from hfa_identify.sensors import sensor_errors
@@ -57,15 +55,12 @@ def identify(
     hold: Mapping[str, float] | None = None,
     inputs: str = "linear",
     validate: Sequence[AnyRecord] = (),
-    turbulence: bool = False,
-    plan: bool = False,
     columns: str | Path | None = None,
     progress: Callable[[float, float], None] | None = None,
 ) -> Identified:
     """Identify parameters of a model from flight records by maximum likelihood.
 
-    The method is output error, or filter error if `turbulence` is set. The measurement noise is
-    white and Gaussian with unknown variance.
+    The method is output error. The measurement noise is white and Gaussian with unknown variance.
 
     model: aircraft whose parameter values are the initial values of the search.
     records: one maneuver or several. Each is a path, a flight, a pandas table, or a dictionary of
@@ -80,9 +75,6 @@ def identify(
     inputs: "linear" or "steps", the interpolation between samples. Commands of a flight computer
         are steps.
     validate: records that are not fitted. Theil's coefficient is computed for them.
-    turbulence: whether the air moved. Speed, alpha and beta of the records are then relative to the
-        air, as measured by pitot tubes and vanes.
-    plan: whether to compare further maneuvers by how much they narrow the bands.
     columns: TOML file that maps fields of PX4 logs (.ulg) to columns.
     progress: function called with (work done, total work).
 
@@ -114,10 +106,6 @@ def identify(
     measured = tuple(dict.fromkeys(name for record in read for name in record.measured))
     names = _free_names(model, free, fixed, measured)
     responses = Responses(model, names, measured)
-    if turbulence:
-        if plan:
-            raise BadInputError("plan and turbulence cannot be combined; remove one of the two")
-        responses = Predictions(model, names, measured, Condition.of(model, read, measured, held))
     if sum(len(record.time) for record in read) > _MANY:
         responses.compile()
     search = Search(responses, read, held)
@@ -127,20 +115,16 @@ def identify(
         fit = search.fit(progress)
     except FloatingPointError as error:
         refuse_still(search, None)
-        fault = fault_of_columns(search, None, {}, progress)
-        reason = f"; {fault}" if fault else "; give better initial values, or shorter records"
         raise NoSolutionError(
-            f"no parameters were found: {error} with the initial parameter values{reason}"
+            f"no parameters were found: {error} with the initial parameter values; give better "
+            "initial values, or shorter records, and check units and signs of the columns"
         ) from error
     refuse_still(search, fit)
     other = other_minimum(search, fit)
     if other is not None and other.likelihood < fit.likelihood - AS_LIKELY:
         fit, other = other, None
     theils = _theils(search, kept_out, fit)
-    found = _identified(search, fit, other, theils, fixed, progress)
-    if plan:
-        found = replace(found, plan=tuple(manoeuvres(search, fit, found.model, found.coloured)))
-    return found
+    return _identified(search, fit, other, theils)
 
 
 def _listed(records: Any) -> list[Any]:
@@ -234,13 +218,12 @@ def _free_names(
 
 def _theils(search: Search, records: Sequence[Record], fit: Fit) -> dict[str, float]:
     """Return Theil's inequality coefficient of each measured quantity, by name."""
-    # The coefficient is rms(z - y) / (rms(z) + rms(y)). z is measured, and y is simulated in calm
-    # air with the identified parameters. Only the initial conditions are fitted to these records.
+    # The coefficient is rms(z - y) / (rms(z) + rms(y)). z is measured, and y is simulated with the
+    # identified parameters. Only the initial conditions are fitted to these records.
     # Raises NoSolutionError if the simulation of these records diverges.
     if not records:
         return {}
-    responses = search.responses.calm
-    theta = fit.theta[search.responses.calm_part]
+    responses, theta = search.responses, fit.theta
     fixed = np.column_stack([theta, theta])
     guesses = [begin_of(responses.model, record, search.held) for record in records]
     try:
@@ -263,69 +246,45 @@ def _theils(search: Search, records: Sequence[Record], fit: Fit) -> dict[str, fl
 
 
 def _identified(
-    search: Search,
-    fit: Fit,
-    other: Fit | None,
-    theils: Mapping[str, float],
-    given: Sequence[str],
-    progress: Callable[[float, float], None] | None,
+    search: Search, fit: Fit, other: Fit | None, theils: Mapping[str, float]
 ) -> Identified:
     """Return the result of an identification, from the best fit."""
-    responses = search.responses
-    model = responses.calm.model
-    part = responses.calm_part
-    names = responses.free[part]
-    theta = fit.theta[part]
-    C = covariance(fit)[part, part]
+    responses, theta, names = search.responses, fit.theta.tolist(), search.responses.free
+    model = responses.model
+    C = covariance(fit)
     half = BAND * np.sqrt(np.maximum(np.diag(C), 0.0))
-    white = np.sqrt(np.diag(white_covariance(fit)))
-    # Turbulence and sensor noise are not parameters whose bands an error of a column can shift.
-    white[: responses.turbulent] = np.inf
+    white = BAND * np.sqrt(np.diag(white_covariance(fit)))
     estimates = {
-        name: Estimate(float(value), float(value - width), float(value + width), *before)
-        for name, value, width, before in zip(
-            names,
-            theta,
-            half,
-            [(each.start, each.unit) for each in responses.calm.signals.values()],
-            strict=True,
+        name: Estimate(value, value - width, value + width, signal.start, signal.unit)
+        for (name, signal), value, width in zip(
+            responses.signals.items(), theta, half.tolist(), strict=True
         )
     }
+    of_model = {name: each for name, each in estimates.items() if name in model.parameters}
     wide = [
         name
-        for name, value, width in zip(names, theta, half, strict=True)
-        if name in model.parameters
-        and not width <= _WIDE * max(abs(value), abs(model.parameters[name].start))
+        for name, each in of_model.items()
+        if not each.high - each.value <= _WIDE * max(abs(each.value), abs(each.start))
     ]
-    errors = column_errors(search, fit, BAND * white)
-    faults = list(faults_of(search, fit, errors, given, progress))
-    values = {
-        name: value
-        for name, value in zip(names, theta.tolist(), strict=True)
-        if name in model.parameters
-    }
     return Identified(
-        model=model.with_parameters(**values),
+        model=model.with_parameters(**{name: each.value for name, each in of_model.items()}),
         records=tuple(record.name for record in search.records),
         parameters=estimates,
         quantities=_quantities(responses, fit, theils),
         covariance=C,
-        column_errors=errors,
-        coloured=_widest(half, BAND * white[part]),
+        partings=tuple(partings(search, fit)),
+        column_errors=column_errors(search, fit, white),
+        coloured=_widest(half, white),
         correlated=tuple(_correlated(names, C)),
         undetermined=still_quantities(search, wide),
         at_bounds=tuple(
             name
-            for name, value, ends in zip(names, theta, search.bounds[part], strict=True)
+            for name, value, ends in zip(names, theta, search.bounds, strict=True)
             if value in ends
         ),
         unexplained=tuple(np.array(responses.measured)[unexplained(fit)].tolist()),
-        faults=tuple(faults),
-        other_minimum={}
-        if other is None
-        else dict(zip(names, other.theta[part].tolist(), strict=True)),
+        other_minimum={} if other is None else dict(zip(names, other.theta.tolist(), strict=True)),
         parts_disagree=parts_disagree(search, fit),
-        turbulence=_turbulence(responses, fit),
         converged=fit.converged,
         steps=fit.steps,
         fitted=tuple(
@@ -333,21 +292,6 @@ def _identified(
             for record, response in zip(search.records, fit.responses, strict=True)
         ),
     )
-
-
-def _turbulence(responses: Responses, fit: Fit) -> dict[str, float]:
-    """Return disturbed state -> standard deviation of its random change in 1 s."""
-    # States whose turbulence the records do not determine are omitted. The result is empty if
-    # turbulence was not estimated.
-    if not isinstance(responses, Predictions):
-        return {}
-    known = np.diag(fit.information) > 1.0
-    sizes = np.exp(fit.theta)
-    return {
-        name: float(sizes[place])
-        for place, name in enumerate(responses.condition.turbulence)
-        if known[place]
-    }
 
 
 def _widest(corrected: np.ndarray, white: np.ndarray) -> float:

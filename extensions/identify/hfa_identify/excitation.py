@@ -63,14 +63,14 @@ def _still(search: Search, name: str) -> str:
     """Return the motionless state or input on which a parameter's effect depends most, or ""."""
     # The dependence is ∂²f/∂θ∂(x, u), relative to nominal values, at the first sample of the first
     # record. The result is "" if the state or input moved in a record, or if the derivative is 0.
-    model = search.responses.calm.model
+    model = search.responses.model
     x, u, p = model.layout.symbols("x", "u", "p")
     vectors = [components(x), components(u), components(p)]
     rates, _ = model.layout.expressions(vectors, ())
     effect = ca.jacobian(rates, p[list(model.parameters).index(name)])
     mixed = ca.densify(ca.jacobian(effect, ca.vertcat(x, u)))
     slopes = ca.Function("mixed", [x, u, p], [mixed])
-    record, start = search.records[0], search.guesses[0][: len(model.states)]
+    record, start = search.records[0], search.guesses[0]
     sizes = [model.signals[each].nominal for each in (*model.states, *model.inputs)]
     rows = [each.rate or each.nominal for each in model.states.values()]
     values = np.abs(slopes(start, record.inputs[0], model.p).full()) * sizes
@@ -83,17 +83,15 @@ def _moves(search: Search, quantity: str, size: float) -> bool:
     """Return whether a state or input moved in any record."""
     # A state without a sensor is simulated with the initial parameters of the search. If this
     # simulation diverges, the state counts as moved.
-    calm = search.responses.calm
-    model = calm.model
-    begin = search.begin[search.responses.calm_part]
+    model = search.responses.model
     for record, start in zip(search.records, search.guesses, strict=True):
         columns = columns_of(model, record)
         if quantity in columns:
             values = columns[quantity]
         else:
-            simulated = Responses(model, calm.free, (quantity,))
+            simulated = Responses(model, search.responses.free, (quantity,))
             try:
-                values = simulated.of(record, start[: len(model.states)], begin).y[:, 0]
+                values = simulated.of(record, start, search.begin).y[:, 0]
             except FloatingPointError:
                 return True
         if np.nanmax(values) - np.nanmin(values) > _MOVES * size:

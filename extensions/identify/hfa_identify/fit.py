@@ -5,10 +5,9 @@ largest where
 
     L = ½ Σ N ln(Σ v² / N) + ½ Σ ((x₀ - guess) / (10 nominal))²
 
-is least. The sums are over quantities, with r = Σ v² / N. If the unknowns include r (in
-turbulence), the first term is ½ Σ (N ln r + Σ v² / r - N). The second term keeps initial states
-that no sample determines near their guess. The factor 10 applies to measured states. It is 1 for
-other states that a trim balances, and 1e-6 for the remaining states.
+is least. The sums are over quantities, with r = Σ v² / N. The second term keeps initial states that
+no sample determines near their guess. The factor 10 applies to measured states. It is 1 for other
+states that a trim balances, and 1e-6 for the remaining states.
 
 Gauss-Newton steps use exact sensitivities. A step that does not lower L is damped by Levenberg's
 rule. The initial state of each record is eliminated from the normal equations.
@@ -140,23 +139,30 @@ class Fit:
         The part that a change of the initial state explains is subtracted.
         """
         p = len(self.theta)
-        return self.beyond_starts([response.slopes[:, :, :p] for response in self.responses])
+        return tuple(
+            self.beyond_start(number, response.slopes[:, :, :p])
+            for number, response in enumerate(self.responses)
+        )
 
-    def beyond_starts(self, slopes: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
+    def weights(self, number: int) -> np.ndarray:
+        """Return the reciprocal noise variances, 0 for a missing sample, (N, k).
+
+        number: index of the record
+        """
+        return np.where(self.present[number], 1.0 / self.noise, 0.0)
+
+    def beyond_start(self, number: int, slopes: np.ndarray) -> np.ndarray:
         """Return sensitivities without the part that a change of the initial state explains.
 
-        slopes: sensitivities, (N, k, c) for each record
+        number: index of the record
+        slopes: sensitivities, (N, k, c)
         """
-        p = len(self.theta)
-        beyond = []
-        for total, response, normal, present in zip(
-            slopes, self.responses, self.normals, self.present, strict=True
-        ):
-            by_start = response.slopes[:, :, p:]
-            weighted = by_start * np.where(present, 1.0 / self.noise, 0.0)[:, :, None]
-            starts = normal.of_start @ np.tensordot(weighted, total, ((0, 1), (0, 1)))
-            beyond.append(total - by_start @ starts)
-        return tuple(beyond)
+        by_start = self.responses[number].slopes[:, :, len(self.theta) :]
+        weighted = by_start * self.weights(number)[:, :, None]
+        of_start = self.normals[number].of_start
+        return np.asarray(
+            slopes - by_start @ (of_start @ np.tensordot(weighted, slopes, ((0, 1), (0, 1))))
+        )
 
     @cached_property
     def samples(self) -> np.ndarray:
@@ -282,7 +288,7 @@ class OutputError:
             for flags, table, each in zip(self._present, self._measured, simulated, strict=True)
         )
         with np.errstate(over="ignore", invalid="ignore"):
-            noise = self._noise(residuals, theta)
+            noise = self._noise(residuals)
             likelihood = self._likelihood(residuals, noise, starts)
         if not math.isfinite(likelihood):
             raise FloatingPointError("the simulation diverges")
@@ -299,16 +305,11 @@ class OutputError:
             total += (np.where(flags, table - mean, 0.0) ** 2).sum(axis=0)
         return np.asarray(np.maximum(total / np.maximum(self._counts, 1), self._least))
 
-    def _noise(self, residuals: Sequence[np.ndarray], theta: np.ndarray) -> np.ndarray:
+    def _noise(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
         """Return the noise variances (k,)."""
-        # - with `by_motion`: the variances of the motion
-        # - in turbulence: functions of the unknowns
-        # - otherwise: estimates from the residuals
+        # They are the variances of the motion (`by_motion`) or of the residuals.
         if self._fixed is not None:
             return self._fixed
-        known = self.responses.variances(theta)
-        if known is not None:
-            return known[0]
         squares = sum((each**2).sum(axis=0) for each in residuals)
         return np.asarray(np.maximum(squares / np.maximum(self._counts, 1), self._least))
 
@@ -329,33 +330,11 @@ class OutputError:
         Raises FloatingPointError if they are not finite.
         """
         normals = []
-        known = self.responses.variances(fit.theta)
         for number, response in enumerate(fit.responses):
             pull = self._priors[number] * (self.guesses[number] - fit.starts[number])
             residual = fit.residuals[number]
-            normal = self._normal(number, response.slopes, residual, fit.noise, pull)
-            if known is not None:
-                normal = self._with_variances(normal, number, residual, *known)
-            normals.append(normal)
+            normals.append(self._normal(number, response.slopes, residual, fit.noise, pull))
         return tuple(normals)
-
-    def _with_variances(
-        self,
-        normal: Normal,
-        number: int,
-        residual: np.ndarray,
-        noise: np.ndarray,
-        slopes: np.ndarray,
-    ) -> Normal:
-        """Return a record's normal equations with the information in its noise variances."""
-        # residual (N, k), noise (k,), slopes (k, p)
-        counts = self._present[number].sum(axis=0)
-        surplus = (residual**2).sum(axis=0) / noise - counts
-        return replace(
-            normal,
-            M=normal.M + 0.5 * slopes.T @ (slopes * counts[:, None]),
-            g=normal.g + 0.5 * slopes.T @ surplus,
-        )
 
     def _normal(
         self,
@@ -383,17 +362,6 @@ class OutputError:
             g=right[:p],
             h=right[p:] + pull,
         )
-
-    def information(self, slopes: np.ndarray, noise: np.ndarray, number: int) -> np.ndarray:
-        """Return the Fisher information (p, p) of a record with an unknown initial state.
-
-        slopes: sensitivities to parameters and initial state, (N, k, p + n)
-        noise: noise variances, (k,)
-        number: index of the record
-        """
-        nothing = np.zeros(slopes.shape[:2])
-        normal = self._normal(number, slopes, nothing, noise, np.zeros(len(self.guesses[number])))
-        return normal.information
 
     def _solved(self, found: Fit, damping: float) -> Step:
         """Return the Gauss-Newton step of the parameters (p,) and initial states (n,) each."""

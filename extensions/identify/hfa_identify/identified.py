@@ -12,27 +12,25 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.uncertain import ParameterSpread
 from hfa_identify.bands import WHITE
 from hfa_identify.column_errors import ColumnError
-from hfa_identify.plan import Manoeuvre
 from hfa_identify.records import Record
+from hfa_identify.residuals import Parting
 from hfa_support.errors import NoSolutionError, refuse_unknown
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result, given
-from hfa_support.reporting.text import Table, shown_unit, shown_value, wrapped
+from hfa_support.reporting.results import Matrix, Result
+from hfa_support.reporting.text import WIDTH, Table, shown_unit, shown_value, wrapped
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: In turbulence the residuals must be white. A smaller fraction of white lags is a finding.
-_WHITE_ENOUGH = 0.6
 #: Kind of column error -> words in reports.
 _ERRORS = {"bias": "bias", "scale": "scale error", "delay": "delay"}
+#: Ratio of an estimate to its value before, above which a check of the record is advised.
+_FAR = 8.0
 #: A smaller factor is reported as no widening of the bands.
 _WIDENED = 1.05
 #: With a larger factor the bands are not reliable, because the noise is slower than the maneuver.
 _BEYOND = 8.0
-#: Largest number of columns in the first line and in sentences.
-_WIDTH = 100
 
 
 @dataclass(frozen=True)
@@ -88,18 +86,16 @@ class Identified(Result, Reported):
         it multiplies, "" if none exists.
     at_bounds: parameters with an estimate at a limit of the model.
     unexplained: quantities whose simulated motion contradicts the measured motion.
-    column_errors: name of a bias, scale error or delay that is not free -> its estimate by one
-        Newton step.
-    faults: sentences on faults of the records that explain residuals.
+    partings: where records and model part, in quantities whose residuals are not noise, the
+        clearest first.
+    column_errors: name of a bias, scale error or delay that is assumed to be 0 -> how far it could
+        shift the parameters.
     other_minimum: name -> estimate at a second minimum that explains the records equally well,
         empty if none was found.
     parts_disagree: the parameter on which parts of the records disagree most beyond their bands, ""
         if the parts agree.
-    turbulence: disturbed state -> standard deviation of its random change in 1 s, empty if
-        turbulence was not estimated.
     converged: whether the search converged to a maximum of the likelihood.
     steps: number of Gauss-Newton steps.
-    plan: maneuvers that would narrow the bands further, the best first, empty if not requested.
     """
 
     schema = "hfa.identified/1"
@@ -109,20 +105,18 @@ class Identified(Result, Reported):
     parameters: Mapping[str, Estimate]
     quantities: Mapping[str, FittedQuantity]
     covariance: Matrix
+    partings: tuple[Parting, ...]
     column_errors: Mapping[str, ColumnError]
     coloured: float
     correlated: tuple[tuple[str, str, float], ...]
     undetermined: Mapping[str, str]
     at_bounds: tuple[str, ...]
     unexplained: tuple[str, ...]
-    faults: tuple[str, ...]
     other_minimum: Mapping[str, float]
     parts_disagree: str
-    turbulence: Mapping[str, float]
     converged: bool
     steps: int
     fitted: tuple[tuple[Record, np.ndarray], ...] = field(repr=False)
-    plan: tuple[Manoeuvre, ...] = ()
 
     def __getitem__(self, name: str) -> Estimate:
         """Return the estimate of a parameter. Raises BadInputError for an unknown name."""
@@ -148,19 +142,15 @@ class Identified(Result, Reported):
     @property
     def findings(self) -> Iterator[str]:
         """Sentences on what makes the estimates doubtful, the most important first."""
-        yield from self.faults
         if self.undetermined:
             yield self._not_determined()
         if not self.converged:
             yield "the search did not converge"
         if self.unexplained:
             yield f"the model does not explain {', '.join(self.unexplained)}"
+        yield from map(self._parted, self.partings)
         if self.coloured > _BEYOND:
             yield "residuals are colored beyond the correction of the bands"
-        if self.turbulence:
-            coloured = [n for n, each in self.quantities.items() if each.white < _WHITE_ENOUGH]
-            if coloured:
-                yield f"turbulence does not explain the colored residuals of {', '.join(coloured)}"
         if self.at_bounds:
             yield f"at a limit of the model: {', '.join(self.at_bounds)}"
         if self.other_minimum:
@@ -174,6 +164,16 @@ class Identified(Result, Reported):
         if self.parts_disagree:
             parts = "records" if len(self.records) > 1 else "halves of the record"
             yield f"{parts} disagree on {self.parts_disagree} beyond the bands"
+
+    def _parted(self, each: Parting) -> str:
+        """Return the finding on a quantity whose record parts from the model."""
+        where = f" in {each.record}" if len(self.records) > 1 else ""
+        far = f"{shown_value(each.difference, each.unit, '.3g')} {shown_unit(each.unit)}"
+        why = "as the inputs move"
+        if each.samples:
+            why = f"in {each.samples} sample{'s' * (each.samples > 1)}"
+        far = far.removesuffix(" 1")
+        return f"{each.quantity}{where} is off the model by {far} at {each.time:.4g} s, {why}"
 
     def _not_determined(self) -> str:
         """Return the finding on parameters that the records do not determine."""
@@ -194,6 +194,16 @@ class Identified(Result, Reported):
 
         name = max(self.other_minimum, key=moved)
         return name, self.other_minimum[name]
+
+    @property
+    def far(self) -> tuple[str, ...]:
+        """Parameters with another sign than at the start of the search, or 8 times its value."""
+        return tuple(
+            name
+            for name, each in self.parameters.items()
+            if each.value * each.start < 0.0
+            or (each.start * each.value > 0.0 and not 1.0 / _FAR < each.value / each.start < _FAR)
+        )
 
     @property
     def first_line(self) -> str:
@@ -217,11 +227,9 @@ class Identified(Result, Reported):
     @property
     def _stated(self) -> list[str]:
         """The findings for the first line: two, or one if the line is too long."""
-        # If the records have faults, only faults are listed, because a fault can cause other
-        # findings.
-        findings = list(self.faults[:2]) or list(self.findings)[:2]
+        findings = list(self.findings)[:2]
         line = f"FAIL: {'; '.join(findings)}"
-        return findings if len(line) <= _WIDTH else findings[:1]
+        return findings if len(line) <= WIDTH else findings[:1]
 
     def draws(self, count: int, seed: int = 0) -> list[Model]:
         """Return aircraft with random parameters, normally distributed about the estimates.
@@ -252,26 +260,33 @@ class Identified(Result, Reported):
             "parameters": self.parameters,
             "quantities": self.quantities,
             "covariance": self.covariance,
+            "partings": self.partings,
             "column_errors": self.column_errors,
             "coloured": self.coloured,
             "correlated": self.correlated,
+            "far": self.far,
             "undetermined": self.undetermined,
             "at_bounds": self.at_bounds,
             "unexplained": self.unexplained,
-            "faults": self.faults,
             "other_minimum": self.other_minimum,
             "parts_disagree": self.parts_disagree,
-            "turbulence": self.turbulence,
             "converged": self.converged,
             "steps": self.steps,
             "ok": self.ok,
             "first_line": self.first_line,
-        } | given(plan=self.plan)
+        }
 
     def report(self) -> Report:
         """Return the report: estimates, quality of the fit, and findings."""
         further = list(self.findings)[len(self._stated) :]
         parts: list[Any] = [*self._assumed(), self._estimates(), self._explained()]
+        if self.far:
+            values = ", ".join(
+                f"{name} ({self[name].value:.4g}, before {self[name].start:.4g})"
+                for name in self.far
+            )
+            sentence = f"Check the units and signs of the columns: far from the start are {values}."
+            parts.insert(0, wrapped(sentence, WIDTH))
         if len(self.undetermined) > 1:
             still_rows = [(name, still or "-") for name, still in self.undetermined.items()]
             parts.append(Table(("not determined", "did not move"), tuple(still_rows)))
@@ -279,19 +294,13 @@ class Identified(Result, Reported):
             rows = [(one, other, f"{value:.3f}") for one, other, value in self.correlated]
             parts.append(Table(("correlated", "with", "coefficient"), tuple(rows)))
         parts += self._columns()
-        if self.plan:
-            parts.append(self._planned())
         factor = f"widen them by a factor of up to {self.coloured:.2g}"
         widened = factor if self.coloured > _WIDENED else "do not widen them"
         parts.append(f"The bands are 95 % bands. Colored residuals {widened}.")
-        if self.turbulence:
-            parts.append(self._turbulence())
         coloured = [name for name, each in self.quantities.items() if each.white < WHITE]
         if coloured:
-            why = "" if self.turbulence else "turbulence (add --turbulence), or "
-            causes = f"{why}motion that the model lacks"
-            sentence = f"The residuals of {', '.join(coloured)} are colored: {causes}."
-            parts.append(wrapped(sentence, _WIDTH))
+            sentence = f"The residuals of {', '.join(coloured)} are colored."
+            parts.append(wrapped(sentence, WIDTH))
         title = f"{self.first_line}\nIdentification of {self.model.title}"
         estimates = [
             (name, each.value, each.low, each.high, each.start, each.unit)
@@ -323,17 +332,6 @@ class Identified(Result, Reported):
             rows.append((name, f"{100.0 * each.fit:.2f} %", noise, white, theil))
         return Table(("measured", "explained", "noise", "white lags", "Theil"), tuple(rows))
 
-    def _turbulence(self) -> str:
-        """Return a sentence on the random changes of states that turbulence causes in 1 s."""
-        changes = []
-        for name, size in self.turbulence.items():
-            unit = self.model.unit(name) if name in self.model.states else "rad"
-            changes.append(f"{name} {shown_value(size, unit)} {shown_unit(unit)}")
-        return (
-            f"Turbulence: random changes in 1 s of {', '.join(changes)}. Residuals are one-step"
-            " prediction errors."
-        )
-
     def _assumed(self) -> list[str]:
         """Return a list with a sentence on the column errors assumed to be 0, or an empty list."""
         # The records cannot distinguish these errors from changes of parameters.
@@ -349,42 +347,25 @@ class Identified(Result, Reported):
         text = (
             f"The bands assume no {stated}, which the records cannot distinguish from parameters."
         )
-        return [wrapped(text, _WIDTH)]
+        return [wrapped(text, WIDTH)]
 
     def _columns(self) -> list[Any]:
         """Return a list with a table of the column errors, or an empty list."""
-        # The table contains all delays, and the errors that are assumed to be 0.
         rows = []
         for name, each in self.column_errors.items():
-            if not (name.startswith("delay") or each.is_assumed):
+            if not each.is_assumed:
                 continue
-            value = half = "any"
-            if each.value is not None and each.half is not None:
-                value = shown_value(each.value, each.unit)
-                half = shown_value(each.half, each.unit)
+            half = "any" if each.half is None else shown_value(each.half, each.unit)
             moved = "-"
             if each.bands is None:
                 moved = f"{each.moves} without end"
             elif each.bands > 1.0:
                 moved = f"{each.moves} by {each.bands:.2g} bands"
-            rows.append((name, value, half, shown_unit(each.unit), moved))
+            rows.append((name, half, shown_unit(each.unit), moved))
         if not rows:
             return []
-        head = ("not free, assumed 0", "estimate", "band +-", "unit", "the band moves")
+        head = ("assumed 0", "could be +-", "unit", "which moves")
         return [Table(head, tuple(rows))]
-
-    def _planned(self) -> Table:
-        """Return a table of the proposed maneuvers."""
-        rows = []
-        for each in self.plan:
-            amplitude = f"{shown_value(each.amplitude, each.unit)} {shown_unit(each.unit)}"
-            band = f"{each.before:.2g} % -> {each.after:.2g} %"
-            rows.append(
-                (each.kind, each.input, amplitude, f"{each.seconds:.1f}", each.widest, band)
-            )
-        return Table(
-            ("next", "input", "amplitude", "unit s", "widest band then", "half of it"), tuple(rows)
-        )
 
     def figure(self) -> Figure:
         """Return a figure of measured and fitted quantities and their residuals versus time."""

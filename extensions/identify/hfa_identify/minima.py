@@ -41,8 +41,8 @@ def _far_begins(search: Search, fit: Fit) -> Iterator[tuple[np.ndarray, Sequence
     with suppress(FloatingPointError):
         near = search.thin(_opposite(search, fit), fit.starts)
         # The second minimum must be distinct from the first, which one step from the fit finds.
-        thin = fit if search.responses.turbulent else search.thin(fit.theta, fit.starts, 1)
-        if near.converged and _is_apart(near, thin, search.responses.calm_part):
+        thin = search.thin(fit.theta, fit.starts, 1)
+        if near.converged and _is_apart(near, thin):
             yield near.theta, near.starts
     for theta in _far_values(search, fit):
         yield theta, fit.starts
@@ -50,11 +50,8 @@ def _far_begins(search: Search, fit: Fit) -> Iterator[tuple[np.ndarray, Sequence
 
 def _opposite(search: Search, fit: Fit) -> np.ndarray:
     """Return the point 2 θ - θ₀ beyond the estimates θ, clipped to the limits, (p,)."""
-    # θ₀ are the values at the start of the search. Turbulence and sensor noise keep their
-    # estimates.
+    # θ₀ are the values at the start of the search.
     opposite = 2.0 * fit.theta - search.begin
-    turbulence = slice(search.responses.turbulent)
-    opposite[turbulence] = fit.theta[turbulence]
     ends = search.bounds
     return np.clip(opposite, ends[:, 0], ends[:, 1])
 
@@ -75,7 +72,7 @@ def _far_values(search: Search, fit: Fit) -> list[np.ndarray]:
     found: list[tuple[float, np.ndarray]] = []
     for place, name in enumerate(search.responses.free):
         value = fit.theta[place]
-        if name not in search.responses.calm.model.parameters or value == 0.0:
+        if name not in search.responses.model.parameters or value == 0.0:
             continue
         values = _MULTIPLES * value
         changes = [search.responses.differences(each, place, values) for each in flown]
@@ -124,14 +121,13 @@ def _searched(
     except FloatingPointError:
         return None
     as_likely = other.likelihood < fit.likelihood + AS_LIKELY
-    is_apart = _is_apart(other, fit, search.responses.calm_part)
-    return other if other.converged and as_likely and is_apart else None
+    return other if other.converged and as_likely and _is_apart(other, fit) else None
 
 
-def _is_apart(one: Fit, other: Fit, part: slice) -> bool:
-    """Return whether two fits differ by more than `_APART` deviations in a part of the unknowns."""
+def _is_apart(one: Fit, other: Fit) -> bool:
+    """Return whether two fits differ by more than `_APART` deviations in an unknown."""
     deviations = np.sqrt(np.diag(white_covariance(other)))
-    return bool((np.abs(one.theta - other.theta) > _APART * deviations)[part].any())
+    return bool((np.abs(one.theta - other.theta) > _APART * deviations).any())
 
 
 def parts_disagree(search: Search, fit: Fit) -> str:
@@ -147,13 +143,8 @@ def parts_disagree(search: Search, fit: Fit) -> str:
     """
     from scipy.special import chdtrc
 
-    # Turbulence and sensor noise are assumed to be known.
-    part = search.responses.calm_part
-    parts = [
-        (M[part, part], V[part, part], g[part])
-        for M, V, g in weighted_scores(fit, halves=len(search.records) == 1)
-    ]
-    p = len(fit.theta[part])
+    parts = weighted_scores(fit, halves=len(search.records) == 1)
+    p = len(fit.theta)
     tested = max(1, len(parts))
     worst = ""
     least = _CHANCE / tested
@@ -171,5 +162,5 @@ def parts_disagree(search: Search, fit: Fit) -> str:
         chance = float(chdtrc(int(seen.sum()), np.sum(along**2 / values[seen])))
         if chance < least:
             least = chance
-            worst = search.responses.free[part][int(np.argmax(np.abs(difference) / size))]
+            worst = search.responses.free[int(np.argmax(np.abs(difference) / size))]
     return worst

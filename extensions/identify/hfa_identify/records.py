@@ -27,6 +27,11 @@ FEWEST = 10
 #: repeats a value more than _FROZEN times in succession.
 _SELDOM = 0.01
 _FROZEN = 4
+#: Least number of samples on an extreme value of a clipped sensor, as a number and as a fraction,
+#: and ratio to the number on the next value.
+_CLIPPED = 5
+_CLIPPED_PART = 0.02
+_MORE_OFTEN = 5
 #: A value is in a wrong unit if its distance from the middle of the limits exceeds this many
 #: half-ranges.
 _FAR = 4.0
@@ -349,7 +354,7 @@ def _check_inputs(name: str, names: Sequence[str], inputs: Sequence[np.ndarray])
 def _check_measured(
     name: str, column: str, values: np.ndarray, others: Sequence[np.ndarray]
 ) -> None:
-    """Raise BadInputError if a sensor is infinite, has too few values, or is frozen."""
+    """Raise BadInputError if a sensor is infinite, has too few values, is clipped, or is frozen."""
     # A sensor is frozen if all its values are equal, or if it repeats a value many times while
     # another column moves.
     if np.isinf(values).any():
@@ -367,6 +372,7 @@ def _check_measured(
             f"{name}: {column} is {seen[0]:g} at every sample, as from a frozen sensor; remove "
             "the column"
         )
+    _check_clipped(name, column, seen)
     first, last = _longest_repeat(seen)
     places = np.flatnonzero(np.isfinite(values))[[first, last]]
     if not any(np.ptp(_finite(other[places[0] : places[1] + 1])) > 0.0 for other in others):
@@ -380,6 +386,32 @@ def _check_measured(
         raise BadInputError(
             f"{name}: {column} repeats one value {longest} times, as from a frozen sensor; leave "
             "the cells of these samples empty"
+        )
+
+
+def _check_clipped(name: str, column: str, values: np.ndarray) -> None:
+    """Raise BadInputError if many samples of a sensor are on one of its extreme values."""
+    # The sensor may rest on a value at both ends of the record. A sensor of coarse resolution is
+    # clipped only if many samples are on both extreme values: it may hold one of them.
+    edges = np.flatnonzero(np.diff(values) != 0.0)
+    inside = values[edges[0] + 1 : edges[-1] + 1]
+    if len(inside) == 0:
+        return
+    levels, counts = np.unique(inside, return_counts=True)
+    if len(levels) < 2 * _MORE_OFTEN:
+        return
+    least = max(_CLIPPED, _CLIPPED_PART * len(values))
+    clipped = {
+        float(levels[end]): int(counts[end])
+        for end, beside in ((0, 1), (-1, -2))
+        if counts[end] >= max(least, _MORE_OFTEN * counts[beside])
+    }
+    is_fine = counts[1:-1].mean() < 1.0 + _SELDOM
+    if len(clipped) == 2 or (clipped and is_fine):
+        limits = " or ".join(f"{level:.6g}" for level in clipped)
+        raise BadInputError(
+            f"{name}: {column} is clipped: {sum(clipped.values())} of {len(values)} samples are at "
+            f"{limits}; leave the cells of these samples empty"
         )
 
 
@@ -407,13 +439,6 @@ def _far_beyond(signal: Signal, values: np.ndarray) -> np.ndarray:
     if not 0.0 < half < math.inf:
         return np.zeros(len(values), dtype=bool)
     return np.asarray(np.abs(values - middle) > _FAR * half)
-
-
-def is_near_limits(model: Model, record: Record) -> bool:
-    """Return True if no column of a record is far beyond the limits of the model."""
-    columns = columns_of(model, record)
-    del columns["time"]
-    return not any(_far_beyond(model.signals[name], each).any() for name, each in columns.items())
 
 
 def _longest_repeat(values: np.ndarray) -> tuple[int, int]:

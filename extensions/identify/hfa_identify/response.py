@@ -87,10 +87,6 @@ class Responses:
     measured: names of the measured states and outputs.
     """
 
-    #: Whether slopes of delayed inputs are centered at the sample. Otherwise they are those before
-    #: it.
-    _looks_ahead = True
-
     def __init__(self, model: Model, free: Sequence[str], measured: Sequence[str]) -> None:
         self.model = model
         self.free = tuple(free)
@@ -144,37 +140,6 @@ class Responses:
     def sizes(self) -> tuple[int, int, int]:
         """Numbers (n, p, k) of states, unknowns and measured quantities."""
         return len(self.model.states), len(self.free), len(self.measured)
-
-    @property
-    def calm(self) -> Responses:
-        """The simulation in calm air, with the unknowns that do not describe turbulence."""
-        return self
-
-    @property
-    def turbulent(self) -> int:
-        """Number of leading unknowns that describe turbulence and sensor noise, 0 in calm air."""
-        return 0
-
-    @property
-    def calm_part(self) -> slice:
-        """Places of the unknowns that do not describe turbulence and sensor noise."""
-        return slice(self.turbulent, None)
-
-    def wider(self, names: Sequence[str]) -> Responses:
-        """Return the simulation with additional unknowns: parameters or column errors."""
-        return Responses(self.model, (*self.free, *names), self.measured)
-
-    def has_error(self, error: SensorError) -> bool:
-        """Return True, because every column error can be an unknown."""
-        return True
-
-    def variances(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return the variances of the residuals and the derivatives of their logarithms, or None.
-
-        The shapes are (k,) and (k, p). The result is None if the variances are not functions of the
-        unknowns.
-        """
-        return None
 
     @cached_property
     def signals(self) -> dict[str, Signal]:
@@ -245,14 +210,13 @@ class Responses:
     def input_slopes(self, record: Record, column: int, times: np.ndarray) -> np.ndarray:
         """Return the time derivatives of an input at given times, (N,).
 
-        A derivative is a difference over one sampling interval. The interval is centered at the
-        time, or ends there if the simulation must not use later samples.
+        A derivative is a difference over the sampling interval centered at the time.
 
         column: index of the input
         times: s, (N,)
         """
         interval = float(np.median(np.diff(record.time)))
-        ends = times + 0.5 * interval if self._looks_ahead else times
+        ends = times + 0.5 * interval
         recorded = record.inputs[:, column]
         rise = np.interp(ends, record.time, recorded)
         rise -= np.interp(ends - interval, record.time, recorded)

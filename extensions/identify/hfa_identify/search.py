@@ -54,9 +54,8 @@ class Search:
         for by_motion in (False, True):
             try:
                 rough = self.rough(progress, by_motion=by_motion)
-                begin = np.concatenate([self.begin[: self.responses.turbulent], rough.theta])
                 most = MOST_STEPS if found is None else _SECOND
-                fit = self.whole(begin, progress=progress, most_steps=most)
+                fit = self.whole(rough.theta, progress=progress, most_steps=most)
                 if found is not None and fit.likelihood < found.likelihood and not fit.converged:
                     fit = self.whole(fit.theta, fit.starts, progress)
             except FloatingPointError:
@@ -70,27 +69,18 @@ class Search:
     def rough(
         self,
         progress: Callable[[float, float], None] | None = None,
-        most_steps: int = MOST_STEPS,
         by_motion: bool = False,
-        most_windows: int = 0,
     ) -> Fit:
-        """Return the fit of short windows in calm air, with samples as sparse as permissible.
+        """Return the fit of short windows, with samples as sparse as permissible.
 
         The integration step limits the time between samples.
 
-        most_steps: largest number of Gauss-Newton steps
         by_motion: whether the variance of the motion replaces the noise variance
-        most_windows: approximate largest number of windows, 0 for no limit
         """
         windows = [part for record in self.thinned for part in record.windows(_WINDOW)]
-        if most_windows:
-            windows = windows[:: max(1, len(windows) // most_windows)]
-        calm = self.responses.calm
-        starts = [begin_of(calm.model, window, self.held) for window in windows]
-        part = self.responses.calm_part
-        ends = self.bounds[part]
-        search = OutputError(calm, windows, ends, starts, by_motion, is_rough=True)
-        return search.fit(self.begin[part], starts, progress, _ROUGH, most_steps)
+        starts = [begin_of(self.responses.model, window, self.held) for window in windows]
+        search = OutputError(self.responses, windows, self.bounds, starts, by_motion, is_rough=True)
+        return search.fit(self.begin, starts, progress, _ROUGH)
 
     def moving_inputs(self) -> list[str]:
         """Return the inputs that vary in at least one record."""
@@ -121,10 +111,7 @@ class Search:
 
     @cached_property
     def _thin(self) -> OutputError:
-        """The search on the thinned records or, in turbulence, on the complete records."""
-        # The filter gain in turbulence depends on the sampling interval.
-        if self.responses.turbulent:
-            return self._whole
+        """The search on the thinned records."""
         return OutputError(self.responses, self.thinned, self.bounds, self.guesses)
 
     def level(self, theta: np.ndarray, starts: Sequence[np.ndarray]) -> float:

@@ -94,21 +94,16 @@ class IdentifyRequest(Request):
         "FILE.toml",
         input_file(".toml"),
     )
-    turbulence: bool = option(
-        "also estimate turbulence (filter error); recorded speed, alpha and beta must be "
-        "relative to the air"
-    )
-    plan: bool = option("rank candidate maneuvers by the widest confidence band after the maneuver")
 
 
 @command(IdentifyRequest)
 def identify(request: IdentifyRequest) -> int:
     """Identify parameters of an aircraft from flight records by maximum likelihood.
 
-    The method is output error or, with --turbulence, filter error. The report contains estimates
-    with 95 % bands corrected for colored residuals, correlations, and the quality of the fit. Exit
-    code 0: no findings. Exit code 1: findings, such as parameters that the records do not
-    determine. The first line names the most important findings.
+    The method is output error. The report contains estimates with 95 % bands corrected for colored
+    residuals, correlations, and the quality of the fit. Exit code 0: no findings. Exit code 1:
+    findings, such as a quantity that is off the model, with the time and the difference. The first
+    line names the most important findings.
     """
     from hfa_identify.aircraft_file import aircraft_text
     from hfa_identify.estimation import identify as identified_of
@@ -126,8 +121,6 @@ def identify(request: IdentifyRequest) -> int:
         inputs=request.inputs,
         validate=kept_out,
         columns=request.columns,
-        turbulence=request.turbulence,
-        plan=request.plan,
         progress=progress,
     )
     file = request.output.file

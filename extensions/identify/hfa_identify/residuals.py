@@ -1,0 +1,154 @@
+"""Test of the residuals: which quantity, when, and how far the model and a record part.
+
+The residuals of a model that explains a record are noise, which depends on no input. Residuals that
+follow the inputs are motion that the model lacks, or an error of a column. The test does not decide
+between the two. It assumes that no controller moves the inputs in answer to gusts or noise.
+
+Sources: L. Ljung, *System Identification: Theory for the User*, 2nd ed., 1999, chapter 16.6; C. W.
+J. Granger, Econometrica 37 (1969) 424-438.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hfa_identify.directions import beyond_unknowns
+from hfa_identify.fit import Fit
+from hfa_identify.records import Record
+from hfa_identify.search import Search
+from hfa_support.reporting.results import Result
+
+#: The model and a record part if chance causes such residuals with a smaller probability, in any
+#: quantity of any record.
+_CHANCE = 1e-3
+#: Number of delays at which residuals are compared with an input, and the part of the record that
+#: the delays span.
+_DELAYS = 10
+_SPAN = 0.25
+#: Least number of samples for each delay of each input.
+_SAMPLES = 8
+#: Combinations of delayed inputs are not tested if the unknowns explain all but this fraction.
+_CONFOUNDED = 1e-3
+#: Number of past residuals from which the next is predicted.
+_PAST = 4
+#: Distance of a sample from the mean of its neighbors, in robust standard deviations, beyond which
+#: it stands alone.
+_ALONE = 8.0
+
+
+@dataclass(frozen=True)
+class Parting(Result):
+    """Where a record and the model part.
+
+    record: name of the record.
+    quantity: the measured quantity.
+    time: time of the largest difference, s.
+    difference: recorded minus simulated value at this time, without noise.
+    unit: unit of the difference.
+    samples: number of samples that stand alone, 0 if the difference follows the inputs.
+    """
+
+    record: str
+    quantity: str
+    time: float
+    difference: float
+    unit: str
+    samples: int = 0
+
+
+def partings(search: Search, fit: Fit) -> list[Parting]:
+    """Return where the records and the model part, the least likely by chance first.
+
+    For each quantity of each record, there are three cases:
+    - A few samples stand alone: each is far from the mean of its neighbors.
+    - Otherwise, the residuals follow the inputs.
+    - Otherwise, the residuals are noise, and nothing is returned.
+    """
+    measured = [
+        (number, int(place))
+        for number, present in enumerate(fit.present)
+        for place in np.flatnonzero(present.any(axis=0))
+    ]
+    found = [_parting(search, fit, number, place) for number, place in measured]
+    clear = [each for each in found if each[0] < _CHANCE / len(measured)]
+    return [parting for _, parting in sorted(clear, key=lambda each: each[0])]
+
+
+def _parting(search: Search, fit: Fit, number: int, place: int) -> tuple[float, Parting]:
+    """Return the probability that residuals are noise, and where they are largest."""
+    record, name = search.records[number], search.responses.measured[place]
+    residuals, present = fit.residuals[number][:, place], fit.present[number][:, place]
+    alone = _standing_alone(residuals, present)
+    if len(alone):
+        chance, largest, difference = 0.0, int(alone[0]), residuals
+    else:
+        driven = _driven(search, fit, number, place)
+        chance = _chance(residuals[present], driven[present])
+        difference = driven @ np.linalg.lstsq(driven[present], residuals[present])[0]
+        largest = int(np.abs(difference * present).argmax())
+    return chance, Parting(
+        record.name,
+        name,
+        float(record.time[largest]),
+        float(difference[largest]),
+        search.responses.model.unit(name),
+        len(alone),
+    )
+
+
+def _standing_alone(residuals: np.ndarray, present: np.ndarray) -> np.ndarray:
+    """Return the indices of samples of a quantity that are far from the mean of their neighbors."""
+    # At most one sample in 50, or a single one, stands alone.
+    # residuals, present (N,)
+    rows = np.flatnonzero(present)
+    v = residuals[rows]
+    apart = np.abs(v[1:-1] - 0.5 * (v[:-2] + v[2:]))
+    far = np.flatnonzero(apart > _ALONE * 1.4826 * np.median(apart))
+    # Such a sample also changes the distances of its neighbors, by half as much.
+    far = far[apart[far] > 0.7 * apart.max(initial=0.0)]
+    return rows[far + 1] if len(far) <= max(1, len(v) // 50) else rows[:0]
+
+
+def _driven(search: Search, fit: Fit, number: int, place: int) -> np.ndarray:
+    """Return changes of a quantity that follow the inputs, and that no unknown explains, (N, d)."""
+    inputs = _delayed_inputs(search, search.records[number])
+    changes = np.zeros((*fit.residuals[number].shape, inputs.shape[1]))
+    changes[:, place] = inputs
+    found = beyond_unknowns(fit, {number: changes})
+    size = np.sqrt(np.maximum(np.diag(found.information), 1e-300))
+    parts, axes = np.linalg.eigh(found.information_beyond / size[:, None] / size)
+    return np.asarray(found.beyond[number][:, place] / size @ axes[:, parts > _CONFOUNDED])
+
+
+def _delayed_inputs(search: Search, record: Record) -> np.ndarray:
+    """Return a constant and each moving input of a record at several delays, (N, c)."""
+    names = list(search.responses.model.inputs)
+    moving = [record.inputs[:, names.index(name)] for name in search.moving_inputs()]
+    time = record.time
+    most = len(time) // (_SAMPLES * max(len(moving), 1))
+    delays = np.linspace(0.0, _SPAN * (time[-1] - time[0]), max(1, min(_DELAYS, most)))
+    late = [np.interp(time - delay, time, u - u[0]) for u in moving for delay in delays]
+    return np.column_stack([np.ones(len(time)), *late])
+
+
+def _chance(v: np.ndarray, F: np.ndarray) -> float:
+    """Return the probability that noise v (N,) seems to depend on F (N, d) as much as this one.
+
+    F does not help to predict noise from its own past: the sum of squared prediction errors without
+    F, less that with F, has an F distribution relative to the latter.
+    """
+    from scipy.special import fdtrc
+
+    past = np.column_stack([v[_PAST - lag : len(v) - lag] for lag in range(1, _PAST + 1)])
+    now = v[_PAST:]
+    without, with_F = (
+        float(np.sum((now - known @ np.linalg.lstsq(known, now)[0]) ** 2))
+        for known in (past, np.hstack([past, F[_PAST:]]))
+    )
+    d = F.shape[1]
+    rest = len(now) - _PAST - d
+    if d == 0 or rest < 1:
+        return 1.0
+    return float(fdtrc(d, rest, (without - with_F) / d * rest / max(with_F, 1e-300)))

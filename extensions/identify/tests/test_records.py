@@ -1,0 +1,319 @@
+"""Records: units, separators, PX4 logs, and faults that are refused."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from cli import hfa as run
+from flown_records import AIRCRAFT, FREE, UAV, begun, record, true_value
+from scipy.spatial.transform import Rotation
+
+import hfa
+from hfa_identify import read_record
+
+#: Times, s, angles of attack, rad, and speeds, m/s, of a short record.
+TIME = 0.02 * np.arange(12)
+ALPHA = 0.1 + 0.01 * np.arange(12)
+SPEED = 30.0 + np.arange(12)
+
+
+@pytest.mark.parametrize(
+    ("head", "factors", "separator"),
+    [
+        ("time,alpha [°],speed", (1.0, np.degrees(1.0), 1.0), ","),
+        ("time,alpha [deg],speed [kt]", (1.0, np.degrees(1.0), 1.0 / 0.514444444), ","),
+        ("time,alpha (degrees),speed [km/h]", (1.0, np.degrees(1.0), 3.6), ","),
+        ("time [ms],alpha,speed", (1e3, 1.0, 1.0), ","),
+        ("time;alpha;speed", (1.0, 1.0, 1.0), ";"),
+        ("time\talpha\tspeed", (1.0, 1.0, 1.0), "\t"),
+    ],
+)
+def test_units_and_separators(
+    head: str, factors: tuple[float, float, float], separator: str, tmp_path: Path
+) -> None:
+    """Usual units are converted, and usual separators and decimals are recognized."""
+    columns = [each * factor for each, factor in zip((TIME, ALPHA, SPEED), factors, strict=True)]
+    rows = [separator.join(f"{value:.9g}" for value in row) for row in np.transpose(columns)]
+    decimal = "," if separator == ";" else "."
+    path = tmp_path / "record.csv"
+    text = "\n".join([head, *(row.replace(".", decimal) for row in rows)])
+    path.write_text(text, encoding="utf-8")
+    read = read_record(str(path), AIRCRAFT, dict.fromkeys(AIRCRAFT.inputs, 0.0))
+    np.testing.assert_allclose(read.time, TIME, atol=1e-9)
+    np.testing.assert_allclose(read.measured["alpha"], ALPHA, rtol=1e-6)
+    np.testing.assert_allclose(read.measured["speed"], SPEED, rtol=1e-6)
+
+
+def clipped(values: np.ndarray) -> np.ndarray:
+    """Return a column of a sensor that covers 70 % of the range of its values."""
+    middle, half = 0.5 * (values.max() + values.min()), 0.35 * np.ptp(values)
+    return np.clip(values, middle - half, middle + half)
+
+
+REFUSED = {
+    "time decreases": {"time": lambda t: t[::-1]},
+    "time repeated": {"time": lambda t: np.where(t == t[7], t[6], t)},
+    "time in ms": {"time": lambda t: 1000.0 * t},
+    "no time": {"time": None},
+    "gap of an input": {"elevator": lambda e: np.where(e == e.max(), np.nan, e)},
+    "no input": {"elevator": None},
+    "constant": {"alpha": lambda a: np.full_like(a, 0.01)},
+    "frozen at the end": {"alpha": lambda a: np.where(np.arange(len(a)) > 100, a[100], a)},
+    "frozen in between": {"alpha": lambda a: np.where(np.arange(len(a)) // 6 == 9, a[54], a)},
+    "clipped on both sides": {"pitch_rate": clipped},
+    "clipped above": {"pitch": lambda p: np.minimum(p, np.quantile(p, 0.9))},
+    "clipped and coarse": {"pitch_rate": lambda q: np.round(clipped(q), 3)},
+    "infinite": {"alpha": lambda a: np.where(a == a.max(), np.inf, a)},
+    "too short": {"alpha": lambda a: a[:-1]},
+    "empty": {"alpha": lambda a: np.full_like(a, np.nan)},
+    "degrees": {"alpha": np.degrees},
+    "unknown": {"alpha": None, "aplha": lambda _: record()["alpha"]},
+}
+
+
+@pytest.mark.parametrize("fault", REFUSED)
+def test_a_faulty_record_is_refused(fault: str) -> None:
+    """The message names the record and the column."""
+    columns = record()
+    for name, change in REFUSED[fault].items():
+        given = columns.pop(name, None)
+        if change is not None:
+            columns[name] = change(given)
+    with pytest.raises(hfa.BadInputError) as refused:
+        hfa.identify(begun(1.5), columns, FREE)
+    named = [name for name, change in REFUSED[fault].items() if change is not None]
+    assert (named or list(REFUSED[fault]))[-1] in str(refused.value)
+    assert ("clipped" in fault) == ("clipped" in str(refused.value))
+
+
+@pytest.mark.parametrize(
+    ("change", "column"),
+    [
+        (lambda q: np.round(q, 2), "pitch_rate"),
+        (lambda q: np.round(q, 3), "pitch_rate"),
+        (lambda p: np.round(p, 2), "pitch"),
+        (lambda v: np.round(v, 1), "speed"),
+    ],
+)
+def test_a_coarse_sensor_is_not_clipped(change: Any, column: str) -> None:
+    """A record with a resolution of 0.06 to 0.6 deg, or 0.1 m/s, is accepted."""
+    columns = record()
+    columns[column] = change(columns[column])
+    assert hfa.identify(begun(1.2), columns, FREE).converged
+
+
+def test_a_record_may_begin_at_rest() -> None:
+    """Columns may be constant until the first input, but not while another moves."""
+    columns = record()
+    for values in columns.values():
+        if values is not columns["time"]:
+            values[:12] = values[0]
+    assert hfa.identify(begun(1.1), columns, FREE).converged
+    columns["speed"][5] += 0.1
+    with pytest.raises(hfa.BadInputError, match="alpha repeats one value 12 times"):
+        hfa.identify(begun(1.1), columns, FREE)
+
+
+def test_wrong_arguments_are_refused() -> None:
+    """Unknown parameters, no records, no parameters, and names that are not estimated."""
+    for records, free in ((record(), ["Cm_p"]), ([], FREE), (record(), ()), (5, FREE)):
+        with pytest.raises(hfa.BadInputError):
+            hfa.identify(begun(1.2), records, free)
+    with pytest.raises(hfa.BadInputError, match="both free and given"):
+        hfa.identify(begun(1.2), record(), FREE, given=["Cm_q"])
+
+
+def written(path: str, columns: dict[str, np.ndarray], degrees: dict[str, str]) -> None:
+    """Write columns to a CSV file.
+
+    degrees: column -> unit in degrees, to which the column is converted from radians
+    """
+    heads = [f"{name} [{degrees[name]}]" if name in degrees else name for name in columns]
+    table = np.column_stack(
+        [np.degrees(values) if name in degrees else values for name, values in columns.items()]
+    )
+    rows = [",".join(heads), *(",".join(map(repr, row)) for row in table.tolist())]
+    Path(path).write_text("\n".join(rows))
+
+
+@pytest.mark.parametrize("is_python", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_the_command_writes_an_aircraft(is_python: bool, folder: Path) -> None:
+    """The file names its aircraft relative to itself and contains the estimates and the values of
+    --given; a changed aircraft is refused. An aircraft in Python is given by the user.
+    """
+    for name in ("data", "results"):
+        Path(name).mkdir()
+    aircraft = Path("data/uav.toml")
+    aircraft.write_text(Path(UAV).read_text())
+    given = str(aircraft)
+    if is_python:
+        aircraft = Path("data/uav.py")
+        aircraft.write_text(f"import hfa\nUAV = hfa.from_derivatives({UAV!r})\n")
+        given = f"{aircraft}:UAV"
+    flown = record(model=AIRCRAFT.with_parameters(CD_0=0.05))
+    written("flight.csv", flown, {"alpha": "deg", "elevator": "deg", "pitch_rate": "deg/s"})
+    words = (
+        "identify",
+        "flight.csv",
+        "--aircraft",
+        given,
+        "--free",
+        "Cm_q",
+        "--given",
+        "CD_0=0.05",
+    )
+    done = run(*words, "-o", "results/found.toml", "--picture", "fit.png")
+    assert done.code == 0, done.out + done.err
+    assert Path("fit.png").stat().st_size > 10_000
+    parameters = json.loads(run(*words, "--json").out)["parameters"]
+    assert parameters["Cm_q"]["low"] < true_value("Cm_q") < parameters["Cm_q"]["high"]
+    Path("elsewhere").mkdir()
+    for name in ("data", "results"):
+        Path(name).rename(Path("elsewhere", name))
+    arguments = ("elsewhere/results/found.toml",)
+    if is_python:
+        arguments = (f"elsewhere/{given}", *arguments)
+    found = hfa.load_model(*arguments)
+    assert found.parameters["CD_0"].start == 0.05
+    assert found.parameters["Cm_q"].start == pytest.approx(parameters["Cm_q"]["value"])
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(found)).p, found.p)
+    moved = Path("elsewhere", aircraft)
+    moved.write_text(moved.read_text() + "\n# changed")
+    with pytest.raises(hfa.BadInputError, match="SHA-256"):
+        hfa.load_model(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("time_ms,alpha\n0,0.1", ()),
+        ("time,speed_kt\n0,30", ()),
+        ("time\talpha\n0,02\t0,1", ()),
+        ("time,alpha\n0,02,0,1", ()),
+        ("time;alpha\n0,02;0.1", ()),
+        ("time,alpha\ns,deg", ()),
+        ("time,alpha [m]\n0,1", ()),
+        ("", ()),
+        ("time,alpha\n0,1", ("--columns", "columns.toml")),
+        ("time,alpha\n0,1", ("--hold", "elevater=0")),
+    ],
+)
+def test_the_command_refuses_in_one_line(text: str, words: tuple[str, ...], folder: Path) -> None:
+    """Exit code 2, one line, no file."""
+    Path("record.csv").write_text(text, encoding="utf-8")
+    Path("columns.toml").write_text("")
+    options = ("--aircraft", UAV, "--free", "Cm_q", "-o", "found.toml", *words)
+    done = run("identify", "record.csv", *options)
+    assert done.code == 2
+    assert len(done.err.strip().splitlines()) == 1
+    assert not Path("found.toml").exists()
+
+
+def test_a_flight_file_is_a_record(folder: Path) -> None:
+    """The last column of a file of `hfa fly`, the provenance, is ignored."""
+    columns = record(model=AIRCRAFT)
+    written("flight.csv", columns, {})
+    head, first, *rows = Path("flight.csv").read_text().splitlines()
+    text = "\n".join([f"{head},about", f"{first},hfa", *(f"{row}," for row in rows)])
+    Path("flown.csv").write_text(text)
+    read = read_record("flown.csv", AIRCRAFT, {})
+    for name in ("alpha", "speed"):
+        np.testing.assert_array_equal(read.measured[name], columns[name])
+
+
+# PX4 logs. The messages of a log are given, so that pyulog is not needed.
+
+BEGIN = 5_000_000
+STAMPS = BEGIN + 20_000 * np.arange(100)
+ANGLES = np.random.default_rng(4).uniform(-1.2, 1.2, (20, 3))
+TABLE = """
+[columns]
+roll = "attitude.roll"
+pitch = "attitude.pitch"
+roll_rate = { field = "rates.xyz[0]", instance = 1, scale = 2.0, offset = -3.0 }
+"""
+
+
+@pytest.fixture
+def log(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return a function from a table of columns to the record of a log with rates at 50 Hz, the
+    attitude at 10 Hz 3 ms later, and two steps of a servo.
+    """
+    x, y, z, w = Rotation.from_euler("ZYX", ANGLES[:, ::-1]).as_quat().T
+    attitude = {f"q[{place}]": each for place, each in enumerate((w, x, y, z))}
+    rates = {"timestamp": STAMPS, "xyz[0]": np.arange(100.0), "xyz[1]": -np.arange(100.0)}
+    steps = {"timestamp": np.array([BEGIN, BEGIN + 1_000_000]), "u": np.array([0.5, -1.0])}
+    late = {"timestamp": STAMPS[::5] + 3_000, **attitude}
+    messages = [
+        SimpleNamespace(name="rates", multi_id=1, data=rates),
+        SimpleNamespace(name="attitude", multi_id=0, data=late),
+        SimpleNamespace(name="servo", multi_id=0, data=steps),
+    ]
+    content = SimpleNamespace(data_list=messages, start_timestamp=BEGIN)
+    monkeypatch.setitem(sys.modules, "pyulog", SimpleNamespace(ULog=lambda file: content))
+    Path("a.ulg").write_bytes(b"")
+
+    def read(table: str | None) -> Any:
+        if table is None:
+            return read_record("a.ulg", AIRCRAFT, dict.fromkeys(AIRCRAFT.inputs, 0.0))
+        Path("c.toml").write_text(table)
+        return read_record("a.ulg", AIRCRAFT, dict.fromkeys(AIRCRAFT.inputs, 0.0), "c.toml")
+
+    return read
+
+
+def test_columns_of_a_log_have_the_times_of_the_densest_message(log: Any) -> None:
+    """Angles of the quaternion at the nearest time, each value times scale plus offset."""
+    found = log(TABLE)
+    np.testing.assert_allclose(found.time, 0.02 * np.arange(100), atol=1e-9)
+    np.testing.assert_allclose(found.measured["roll_rate"], 2.0 * np.arange(100) - 3.0)
+    for name, angles in (("roll", ANGLES[:, 0]), ("pitch", ANGLES[:, 1])):
+        np.testing.assert_allclose(found.measured[name][::5], angles, atol=1e-9)
+        assert np.isnan(np.delete(found.measured[name], np.s_[::5])).all()
+
+
+def test_a_part_of_a_log_begins_at_zero(log: Any) -> None:
+    part = TABLE + "[flight]\nbegin = 0.5\nend = 1.401\n"
+    found = log(part)
+    np.testing.assert_allclose(found.time, 0.02 * np.arange(46), atol=1e-9)
+    assert found.measured["roll_rate"][0] == 2.0 * 25 - 3.0
+    np.testing.assert_allclose(found.measured["pitch"][::5], ANGLES[5:15, 1])
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        None,
+        "[colums]\n",
+        "[columns]\n",
+        "[columns]\nroll = 'attitude'",
+        "[columns]\nroll = { field = 'attitude.roll', skale = 2 }",
+        "[columns]\nroll = { field = 'attitude.roll', scale = 'x' }",
+        "[columns]\nroll = 'altitude.roll'",
+        "[columns]\nroll_rate = 'rates.xyz[0]'",
+        "[columns]\nroll = 'servo.roll'",
+        "[columns]\nroll = 'servo.v'",
+        "[columns]\nelevator = 'servo.u'",
+        TABLE + "[flight]\nbegin = 9.0",
+        TABLE + "[flight]\nstart = 1.0",
+        TABLE + "[flight]\nend = 'x'",
+    ],
+)
+def test_a_wrong_table_is_refused(log: Any, table: str | None) -> None:
+    with pytest.raises(hfa.BadInputError):
+        log(table)
+
+
+def test_inputs_are_held_between_messages(log: Any) -> None:
+    table = "[columns]\nroll_rate = { field = 'rates.xyz[0]', instance = 1 }\n"
+    table += "elevator = { field = 'servo.u', scale = 0.4 }\n"
+    place = list(AIRCRAFT.inputs).index("elevator")
+    held = np.where(0.02 * np.arange(100) < 0.9999, 0.2, -0.4)
+    np.testing.assert_allclose(log(table).inputs[:, place], held)

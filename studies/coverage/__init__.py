@@ -1,1 +1,0 @@
-"""Coverage of the confidence bands of `hfa identify` on simulated records, and planted faults."""
