@@ -9,7 +9,7 @@ from project import ROOT
 
 import hfa
 from hfa.main import main
-from hfa_identify.ulog import ulog_columns
+from hfa_identify import read_record
 
 pytest.importorskip("pyulog")
 
@@ -95,7 +95,7 @@ def test_files_of_other_formats_are_not_logs(folder):
     table.write_text(TABLE)
     Path("flight.ulg").write_bytes(b"time,alpha")
     with pytest.raises(hfa.BadInputError, match="is not a PX4 log"):
-        ulog_columns(Path("flight.ulg"), table, hfa.load_model(UAV))
+        read_record("flight.ulg", hfa.load_model(UAV), {}, table)
 
 
 def test_columns_without_a_log_are_refused(folder, capsys):
