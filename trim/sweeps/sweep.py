@@ -308,6 +308,29 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         axes.set_ylabel(f"imaginary part, 1/{self.model.time_unit}")
         axes.grid(alpha=0.3)
 
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "dynamics": self.plan.model.name,
+            "variables": self.plan.variables,
+            "variable_units": self.plan.units,
+            "grid": self.plan.grid,
+            "condition": self.plan.condition.changes,
+            "values": self.values,
+            "reasons": self.reasons,
+            "operating_states": self.states,
+            "operating_inputs": self.inputs,
+            "A": self.A,
+            "B": self.B,
+            "eigenvalues": self.eigenvalues,
+            "mode_names": self.mode_names,
+            "states": self.state_names,
+            "state_units": self.state_units,
+            "inputs": self.input_names,
+            "input_units": self.input_units,
+            "warnings": self.warnings,
+        }
+
     def report(self) -> Report:
         """Return a report with the values and eigenvalues at each point, or the reason for a
         missing trim.
