@@ -16,9 +16,3 @@ from .riccati.frequency_response import bounded_real_gain as bounded_real_gain
 from .riccati.game_batch import solve_games as solve_games
 from .riccati.margins import disk_margin as disk_margin
 from .riccati.smallest_delta import minimum_delta as minimum_delta
-from .schedule.gain_schedule import GainSchedule as GainSchedule
-from .schedule.scheduled_controller import (
-    ScheduledController as ScheduledController,
-    load_controller as load_controller,
-    save_controller as save_controller,
-)

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import hfa
 import hfa_model
-from controller import load_controller
 from hfa import BadInputError, NoSolutionError
 from hfa.extend import Report
 from hfa.paper import default_parameters
 from hfa_aircraft.model import Model
+from hfa_flight import load_controller
 from hfa_support.errors import on_one_line, refuse_unknown
 from hfa_support.provenance import Provenance, parameter_hash
 

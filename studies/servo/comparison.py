@@ -17,13 +17,20 @@ import numpy as np
 
 import hfa
 import hfa_model
-from controller import ScheduledController
 from hfa import BadInputError, OperatingPoint, linearize, solve, trim
 from hfa.extend import Report
 from hfa.paper import level_flight, published_game
 from hfa_aircraft.model import Model
 from hfa_design import design_controller, load_design
-from hfa_flight import ActuatorFault, CommandSteps, GainPolicy, Policy, Scenario, flight_envelope
+from hfa_flight import (
+    ActuatorFault,
+    CommandSteps,
+    GainPolicy,
+    Policy,
+    Scenario,
+    ScheduledController,
+    flight_envelope,
+)
 from hfa_flight.actuators import Actuator
 from hfa_flight.flight import Flight, fly
 from hfa_flight.policies.controller import MeasuredOutputs, Tracked, servo_policy, tracked

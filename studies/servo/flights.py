@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from controller import ScheduledController
 from hfa import LinearModel
 from hfa.extend import Report
 from hfa.paper import level_model
@@ -25,6 +24,7 @@ from hfa_flight import (
     CommandSteps,
     OneMinusCosine,
     Scenario,
+    ScheduledController,
     Uncertainty,
     Waveform,
     flight_envelope,

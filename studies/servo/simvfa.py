@@ -18,14 +18,13 @@ import numpy as np
 
 import hfa
 import hfa_model
-from controller import ScheduledController
 from hfa import OperatingPoint, solve
 from hfa.paper import level_model
 from hfa_aircraft.model import Model
 from hfa_design import load_design
 from hfa_design.design import Design
 from hfa_design.design_model import DesignModel, design_model
-from hfa_flight import CommandSteps
+from hfa_flight import CommandSteps, ScheduledController
 from hfa_flight.policies.controller import MatrixTables, MeasuredOutputs
 from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.signals import COMMAND_FILTER

@@ -18,12 +18,11 @@ from functools import cache
 import numpy as np
 
 import hfa
-from controller import ScheduledController
 from hfa import LinearModel, Model, fly, solve
 from hfa.paper import level_model, published_game
 from hfa_design import design_controller, load_design
 from hfa_design.servo_loop import servo_loop, servo_margins, servo_plant
-from hfa_flight import GainPolicy, OneMinusCosine, Scenario, flight_envelope
+from hfa_flight import GainPolicy, OneMinusCosine, Scenario, ScheduledController, flight_envelope
 from hfa_flight.actuators import Actuator
 from hfa_model.unsteady import UNSTEADY
 from studies.servo.flights import largest_held

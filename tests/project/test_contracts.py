@@ -51,9 +51,6 @@ BREACHES = {
     "What learns and what solves in steps": {
         "controller/game/weights.py": "controller.critic.critic"
     },
-    "Exact solutions and schedules": {
-        "controller/game/linear_game.py": "controller.schedule.gain_schedule"
-    },
     "Nonlinear games": {"controller/riccati/meaning.py": "controller.expansion.series"},
     "Verdicts:": {
         "verification/scope.py": "verification.axis",

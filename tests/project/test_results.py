@@ -16,7 +16,7 @@ import hfa_model
 import hfa_prove
 import trim
 import verification
-from controller.schedule.gain_schedule import GainSchedule
+from hfa_flight import GainSchedule
 
 #: Results with arrays, which are compared value by value.
 COMPARED = {

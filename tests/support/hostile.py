@@ -161,8 +161,8 @@ def seeds() -> Mapping[str, bytes]:
     from servo_cases import SIMVFA
     from small_aircraft import glider
 
-    from controller import save_controller
     from hfa.paper import default_parameters
+    from hfa_flight import save_controller
     from hfa_model import save_parameters
 
     with tempfile.TemporaryDirectory() as name, chdir(name):

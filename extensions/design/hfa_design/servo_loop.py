@@ -17,11 +17,11 @@ from controller.riccati.loop_margins import (
     single_margin,
 )
 from controller.riccati.margins import closed_at
-from controller.schedule.scheduled_controller import ScheduledController
 from hfa_aircraft.model import Model
 from hfa_design.design import Design
 from hfa_design.design_model import DesignModel, design_model
 from hfa_flight.actuators import Actuator
+from hfa_flight.schedule.scheduled_controller import ScheduledController
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress, with_progress
 from hfa_support.reporting.checks import Check, Checked, below, checks_block

@@ -15,10 +15,10 @@ from scipy.io import loadmat
 from servo_cases import SIMVFA, simvfa_design
 from tolerances import SAME_FORMULA
 
-from controller import load_controller
 from hfa_aircraft.model import Model
 from hfa_aircraft.units import in_si
 from hfa_design.design_model import design_model
+from hfa_flight import load_controller
 from hfa_model import choice
 
 # Solve.

@@ -19,7 +19,6 @@ from scipy.linalg import (
 from servo_cases import A_Z
 
 import hfa
-from controller.schedule.scheduled_controller import ScheduledController
 from hfa import BadInputError, NoSolutionError
 from hfa_aircraft.model import Model
 from hfa_design import design_controller, load_design, loop_shaping
@@ -34,6 +33,7 @@ from hfa_design.loop_shaping import (
 )
 from hfa_design.servo_loop import TOGETHER, check_margins, servo_loop, servo_margins, servo_plant
 from hfa_flight.actuators import Actuator
+from hfa_flight.schedule.scheduled_controller import ScheduledController
 
 INPUTS = ("throttle", "aileron_center", "aileron_outer", "elevator_center")
 

@@ -12,11 +12,17 @@ from known_models import model_at
 from scipy.integrate import solve_ivp
 from tolerances import SAME_FORMULA
 
-from controller import ScheduledController
 from hfa import BadInputError, OperatingPoint, fly, linearize
 from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Harmonic
-from hfa_flight import ActuatorBank, CommandSteps, Scenario, Waveform, flight_envelope
+from hfa_flight import (
+    ActuatorBank,
+    CommandSteps,
+    Scenario,
+    ScheduledController,
+    Waveform,
+    flight_envelope,
+)
 from hfa_flight.closed_loop import LinearPlant
 from hfa_flight.flight import Flight
 from hfa_flight.history import Deviations

@@ -9,4 +9,10 @@ from .policies.policy import GainPolicy as GainPolicy, Policy as Policy
 from .samples.monte_carlo import MonteCarlo as MonteCarlo
 from .samples.store import run_monte_carlo as run_monte_carlo
 from .scenario import Scenario as Scenario, Uncertainty as Uncertainty
+from .schedule.gain_schedule import GainSchedule as GainSchedule
+from .schedule.scheduled_controller import (
+    ScheduledController as ScheduledController,
+    load_controller as load_controller,
+    save_controller as save_controller,
+)
 from .signals import CommandSteps as CommandSteps

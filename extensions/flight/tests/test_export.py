@@ -11,8 +11,8 @@ import pytest
 from cli import assert_refused, hfa
 from controllers import integrating_controller
 
-from controller import save_controller
 from hfa_aircraft.model import Model
+from hfa_flight import save_controller
 from hfa_flight.export import fmu
 from hfa_support.native.machine_code import c_compiler
 

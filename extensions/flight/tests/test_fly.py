@@ -15,9 +15,9 @@ from known_models import model_at
 from network_files import torch_file
 from scipy.integrate import simpson
 
-from controller import save_controller
 from hfa import Game, solve
 from hfa_aircraft.model import Model
+from hfa_flight import save_controller
 from hfa_flight.envelope import control_limits
 from hfa_model import LINEAR_STATES
 from hfa_support.rows.store import open_store

@@ -15,9 +15,8 @@ import pytest
 from known_models import exact_gain, model_at
 from simulated_cases import measurements_of
 
-from controller import GainSchedule
 from hfa import BadInputError, fly
-from hfa_flight import CommandSteps, Scenario, flight_envelope
+from hfa_flight import CommandSteps, GainSchedule, Scenario, flight_envelope
 from hfa_flight.flight import Flight
 from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy, scheduled_gains
 from hfa_model import LINEAR_STATES, STATES

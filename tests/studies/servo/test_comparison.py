@@ -16,12 +16,11 @@ from project import ROOT
 from servo_cases import A_Z
 
 import hfa
-from controller import save_controller
 from hfa import BadInputError
 from hfa_aircraft.model import Model
 from hfa_design import design_controller
 from hfa_design.servo_loop import check_margins, servo_loop, servo_margins, servo_plant
-from hfa_flight import OneMinusCosine
+from hfa_flight import OneMinusCosine, save_controller
 from hfa_flight.actuators import Actuator
 from studies.servo.__main__ import main
 from studies.servo.comparison import CASES, ServoFlight, designed_servo, fly_case, laws_of, rows_of

@@ -9,12 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from controller.schedule.scheduled_controller import (
-    SUFFIXES,
-    in_units_of,
-    load_controller,
-    save_controller,
-)
 from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import input_file, output_file, positive
 from hfa.options.output import Output, ProgressLine
@@ -24,6 +18,12 @@ from hfa.options.request import Request, command
 from hfa.options.trim import called_at, scheduled
 from hfa_design.design import load_design
 from hfa_design.options import design_option
+from hfa_flight.schedule.scheduled_controller import (
+    SUFFIXES,
+    in_units_of,
+    load_controller,
+    save_controller,
+)
 from hfa_support.errors import BadInputError
 
 #: Largest number of scheduling values. Each takes one or two seconds.

@@ -6,8 +6,8 @@ import numpy as np
 
 import hfa
 import hfa_model
-from controller import ScheduledController
 from hfa_aircraft.model import Model
+from hfa_flight import ScheduledController
 from hfa_support.provenance import parameter_hash
 
 

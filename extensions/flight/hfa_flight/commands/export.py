@@ -152,11 +152,11 @@ def _written(
     with_gain: bool,
 ) -> list[Path]:
     """Write the aircraft, with a gain, with a controller or alone, as C or as an FMU."""
-    from controller.schedule.scheduled_controller import load_controller
     from hfa_flight.export.aircraft_c import c_model_texts
     from hfa_flight.export.controller_c import c_controller_texts, controller_steering
     from hfa_flight.export.exported_loop import exported_loop, following_a_reference
     from hfa_flight.export.fmu import write_fmu
+    from hfa_flight.schedule.scheduled_controller import load_controller
 
     actuators = actuators_of(model, request.actuators)
     controller = None

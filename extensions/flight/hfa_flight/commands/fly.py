@@ -151,8 +151,8 @@ class FlyRequest(Request):
             scenario = sampled_scenario(deployed, scenario, point)
             policy: Policy = deployed
         elif given.controller is not None:
-            from controller.schedule.scheduled_controller import load_controller_or_gains
             from hfa_flight.policies.given import controller_policy
+            from hfa_flight.schedule.scheduled_controller import load_controller_or_gains
 
             controller = load_controller_or_gains(given.controller, model)
             name = f"gains of {given.controller}"

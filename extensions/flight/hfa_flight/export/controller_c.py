@@ -8,7 +8,6 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.schedule.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from hfa_aircraft.march.march import saturated
 from hfa_aircraft.model import Model
 from hfa_aircraft.units import signal_unit
@@ -25,6 +24,7 @@ from hfa_flight.export.c_text import (
 from hfa_flight.export.exported_loop import Argument, Channel, ExportedLoop, Steering, exported_loop
 from hfa_flight.policies.controller import MeasuredOutputs, ServoPolicy, servo_policy
 from hfa_flight.policies.policy import Measurements
+from hfa_flight.schedule.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from hfa_flight.signals import COMMAND_FILTER, CommandSteps
 from hfa_support.native.c_code import c_function
 from hfa_support.reporting.text import shown_value

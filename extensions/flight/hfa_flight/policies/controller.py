@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.schedule.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from hfa_aircraft.model import Model
 from hfa_flight.air.names import UPDRAFT
 from hfa_flight.history import Deviations
 from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.policies.tables import table_expression
+from hfa_flight.schedule.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from hfa_flight.signals import CommandSteps
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.linear_table import LinearTable

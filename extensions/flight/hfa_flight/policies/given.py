@@ -25,8 +25,6 @@ from controller.critic.critic_file import (
     single_parts,
 )
 from controller.game.linear_game import names_of_linear
-from controller.schedule.gain_schedule import GainSchedule
-from controller.schedule.scheduled_controller import ScheduledController
 from controller.tracking import Tracking
 from hfa_flight.policies.controller import servo_policy
 from hfa_flight.policies.deployment.deployment import Deployment
@@ -42,6 +40,8 @@ from hfa_flight.policies.policy import (
 from hfa_flight.policies.sampled_policy import SampledPolicy
 from hfa_flight.policies.scheduled_gains import scheduled_gains
 from hfa_flight.scenario import Scenario
+from hfa_flight.schedule.gain_schedule import GainSchedule
+from hfa_flight.schedule.scheduled_controller import ScheduledController
 from hfa_flight.signals import CommandedStates, CommandSteps
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, refuse_unknown, shown
 from trim.point.condition import TrimCondition, usual_condition

@@ -9,10 +9,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller.schedule.gain_schedule import GainSchedule
 from hfa_aircraft.model import Model
 from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.policies.tables import table_expression
+from hfa_flight.schedule.gain_schedule import GainSchedule
 from hfa_flight.signals import CommandSteps
 from hfa_support.errors import BadInputError
 from hfa_support.linear_table import LinearTable

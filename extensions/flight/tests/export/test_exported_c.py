@@ -21,11 +21,10 @@ from project import ROOT
 from random_points import INPUT_SCALES, STATE_SCALES, rising, state_rates, symbols
 
 import hfa_model
-from controller import ScheduledController
 from hfa import BadInputError, OperatingPoint, linearize, trim
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
-from hfa_flight import ActuatorBank, CommandSteps, GainPolicy, Scenario
+from hfa_flight import ActuatorBank, CommandSteps, GainPolicy, Scenario, ScheduledController
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.export.aircraft_c import AIRCRAFT_FILES, c_model_texts
 from hfa_flight.export.c_text import write_texts

@@ -92,8 +92,8 @@ def loop_of_file(weights: Path, design: Any, model: Model, intervals: Intervals 
     design: design with the actuators of the controller, or None if the file contains gains
     intervals: intervals of uncertain actuators, or None
     """
-    from controller.schedule.gain_schedule import load_gain_schedule
-    from controller.schedule.scheduled_controller import load_controller
+    from hfa_flight.schedule.gain_schedule import load_gain_schedule
+    from hfa_flight.schedule.scheduled_controller import load_controller
     from hfa_prove.search.loops import loop_of_schedule, loop_of_servo
 
     if design is None:

@@ -13,10 +13,10 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.hfa_game import usual_game
 from controller.riccati.gare import unconfirmed_solution
-from controller.schedule.gain_schedule import GainSchedule
-from controller.schedule.scheduled_controller import ScheduledController
 from hfa_aircraft.model import Model
 from hfa_flight.actuators import Actuator
+from hfa_flight.schedule.gain_schedule import GainSchedule
+from hfa_flight.schedule.scheduled_controller import ScheduledController
 from hfa_prove.search.family import Box, Family
 from hfa_prove.statements.schedule import (
     Actuators,

@@ -17,7 +17,7 @@ from typing import TypeVar
 import numpy as np
 from flint import arb
 
-from controller.schedule.gain_schedule import GainSchedule
+from hfa_flight.schedule.gain_schedule import GainSchedule
 from hfa_prove.check.linear_loop import between, closed_loop
 from hfa_prove.check.modes import check_motion, eigenvalue_signs, least_and_most
 from hfa_prove.check.trims import LinearModelBox, Rejected

@@ -14,10 +14,10 @@ import pytest
 from known_models import exact_gain, model_at
 from proof_cases import content, delayed_abscissa, family, forge, through_actuators
 
-from controller import ScheduledController
 from controller.hfa_game import usual_game
 from hfa import BadInputError, Model, Signal, linearize, solve
 from hfa_aircraft.loading import load_model
+from hfa_flight import ScheduledController
 from hfa_flight.actuators import Actuator
 from hfa_model import INPUTS, LINEAR_STATES, choice
 from hfa_prove import Family, check_certificate, prove_schedule

@@ -21,9 +21,9 @@ from proof_cases import (
 )
 
 import hfa
-from controller.schedule.gain_schedule import GainSchedule
 from hfa import BadInputError
 from hfa.paper import default_parameters
+from hfa_flight.schedule.gain_schedule import GainSchedule
 from hfa_prove import check_certificate, prove_schedule
 from hfa_prove.enclosure.precision import PRECISION
 from hfa_prove.search import proof as certificate

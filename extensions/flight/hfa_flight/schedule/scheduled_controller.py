@@ -14,9 +14,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from controller.schedule.gain_schedule import GainSchedule, load_gain_schedule
 from hfa_aircraft.model import Model
 from hfa_aircraft.units import in_si, signal_unit
+from hfa_flight.schedule.gain_schedule import GainSchedule, load_gain_schedule
 from hfa_support.arguments import checks_arguments
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown, shown

@@ -13,15 +13,15 @@ from known_models import exact_gain
 from scipy.io import savemat
 
 import hfa
-from controller import ScheduledController, load_controller, save_controller
-from controller.schedule.gain_schedule import GainSchedule, load_gain_schedule
-from controller.schedule.scheduled_controller import (
+from hfa import BadInputError, Model, Signal
+from hfa_aircraft.units import in_si
+from hfa_flight import ScheduledController, load_controller, save_controller
+from hfa_flight.schedule.gain_schedule import GainSchedule, load_gain_schedule
+from hfa_flight.schedule.scheduled_controller import (
     identity,
     in_units_of,
     load_controller_or_gains,
 )
-from hfa import BadInputError, Model, Signal
-from hfa_aircraft.units import in_si
 
 FOOT, POUND = 0.3048, 4.4482216152605
 
