@@ -138,7 +138,6 @@ class Trim(Part):
         repeated=True,
         rare=True,
     )
-    glide: bool = option("trim a glide: lowest throttle, free flight-path angle", rare=True)
     hold: Mapping[str, Any] = option(_usual, "NAME=VALUE", OfModel(quantity), named=True)
     limit: Mapping[str, tuple[float, float]] = option(
         "limits of a free variable of the trim, degrees for angles; repeatable",
@@ -171,8 +170,7 @@ class Trim(Part):
     def common_condition(self) -> TrimCondition:
         """The trim condition shared by all points, without the value of the scheduling variable.
 
-        The condition is --condition or the default, changed by --hold, --free, --limit, --glide and
-        --start.
+        The condition is --condition or the default, changed by --hold, --free, --limit and --start.
 
         Raises BadInputError if a variable is given twice, if --condition is a list of points, and
         as `release` does.
@@ -192,12 +190,7 @@ class Trim(Part):
                 held[name] = value
             elif self.is_constant(name):
                 held[name] = value[0]
-        free = self.free
-        if self.glide:
-            free = (*free, "gamma")
-            if "throttle" in model.inputs:
-                held["throttle"] = model.inputs["throttle"].min
-        condition = release(usual, free=free, hold=held, limits=self.limit)
+        condition = release(usual, free=self.free, hold=held, limits=self.limit)
         if isinstance(self.start, Mapping):
             return replace(condition, begin={**condition.begin, **self.start})
         return condition

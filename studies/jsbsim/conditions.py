@@ -30,7 +30,7 @@ _CONDITIONS: dict[str, tuple[str, dict[str, float], tuple[str, ...]]] = {
     "descent": ("--hold gamma=-2", {"gamma": math.radians(-2.0)}, ()),
     "turn": ("--hold turn_rate=3", {"turn_rate": math.radians(3.0)}, ()),
     "sideslip": ("--hold beta=1", {"beta": math.radians(1.0)}, ()),
-    "glide": ("--glide", {"throttle": 0.0}, ("gamma",)),
+    "glide": ("--hold throttle=0 --free gamma", {"throttle": 0.0}, ("gamma",)),
 }
 
 

@@ -32,7 +32,6 @@ _OF_THE_AIRCRAFT = (
     "aircraft.source",
     "aircraft.dynamics",
     "aircraft.parameters",
-    "trim.glide",
     *(f"trim.{name}" for name in OF_THE_TRIM),
 )
 
