@@ -12,7 +12,6 @@ from cli import answer, hfa
 from game_files import AT_15
 
 from hfa import linearize, trim
-from hfa.entry_points import commands
 from hfa.main import DONE, FAILED
 from hfa.paper import default_parameters, level_flight
 from hfa_aircraft.model import Model
@@ -47,23 +46,6 @@ def text(*words: str, code: int = DONE) -> str:
     assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f]", result.out)
     assert all(line == line.rstrip() for line in result.out.splitlines())
     return result.out
-
-
-def test_help_names_every_command() -> None:
-    """`hfa --help` lists every command, and the help of each command fits on a screen.
-
-    The short help mentions every option that the long help explains.
-    """
-    pytest.importorskip("hfa_flight")
-    overview = text("--help")
-    assert text() == overview
-    for command in commands():
-        assert re.search(rf"^  {command} +\w", overview, re.M)
-        short = text(*command.split(), "--help")
-        long = text(*command.split(), "--help", "more")
-        assert short.startswith(f"usage: hfa {command} ")
-        assert short.count("\n") <= 60, "it fits on a screen"
-        assert set(re.findall(r"--[a-z-]+", long)) <= set(re.findall(r"--[a-z-]+", short))
 
 
 def test_the_json_of_trim_contains_documented_names() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cli import assert_refused, hfa
 from system_faults import NO_HOME, has_no_room, on_linux, shell, small_disk, works_without_a_home
 
 from hfa.main import BAD_INPUT
@@ -30,24 +29,6 @@ def test_a_closed_standard_output_is_refused(tmp_path: Path) -> None:
     )
     done = shell('exec "$0" "$@" >/dev/null', "trim", "--dihedral", "15", folder=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        "solve --model {} -o {}",
-        "solve --model={} --output={}",
-        "trim --dihedral 15 -o {} --picture={}",
-        "trim --dihedral 15 --picture new.png -onew.json --start {} --parameters new.json",
-    ],
-)
-def test_coinciding_input_and_output_files_are_refused(tmp_path: Path, words: str) -> None:
-    """An output file that is also an input file or another output file of the run is refused."""
-    path = tmp_path / "plant.json"
-    path.write_text("{}")
-    assert_refused(hfa(*words.format(path, "./plant.json").split()), BAD_INPUT)
-    assert [path.name for path in tmp_path.iterdir()] == ["plant.json"]
-    assert path.read_text() == "{}"
 
 
 PICTURE = "linearize --dihedral 15 --picture a.png"

@@ -63,21 +63,3 @@ def test_a_run_of_a_minute_is_announced_once(
     for done in range(1, 10):
         short(done, 20)
     assert capsys.readouterr().err == ""
-
-
-def test_the_remaining_time_ignores_preparation(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The estimate of the remaining time ignores preparation.
-
-    After 40 s of preparation, 1,000 parts of 2 s each take half an hour.
-    """
-    times = iter([0.0, 40.0, 42.0, 44.0])
-    # A simulated clock replaces minutes of waiting.
-    monkeypatch.setattr(output.time, "monotonic", lambda: next(times))
-    line = ProgressLine("learn")
-    line(0.0, 1.0, "choosing samples")
-    line(0.0, 1.0, "learning")
-    line(0.001, 1.0)
-    line(0.002, 1.0)
-    assert capsys.readouterr().err == "hfa: note: learn: about 33.3 minutes more; Ctrl-C ends it\n"

@@ -10,8 +10,6 @@ from cli import hfa as command
 from project import ROOT
 
 import hfa
-from hfa_support.reporting.report import Report
-from verification import regenerate_all
 
 NAVION = f"{ROOT}/examples/navion.py:NAVION"
 
@@ -39,20 +37,3 @@ def test_a_points_report_equals_the_commands(
     point = hfa.trim(model, hold=hold)
     assert without_source(command("trim", *words).out) == point.report().text()
     assert point.report().data["search"]["unknowns"] >= 4
-
-
-def reports() -> list[Report]:
-    """Return seven reports of trims, a linear model, verdicts and a regeneration."""
-    model = hfa.aircraft()
-    point = hfa.trim(model, hold={"dihedral": 0.2})
-    two = {"dihedral": np.radians(10.0), "throttle": 45.0, "aileron_outer": np.radians(1.0)}
-    other = hfa.trim(model, hold=two, free=("alpha", "speed"))
-    assert "Another trim" in other.report().text()
-    game = hfa.paper.published_game(hfa.linearize(model, point))
-    K = hfa.solve(game).K
-    verdicts = [hfa.verify(game, hfa.from_gain(game, factor * K)) for factor in (1.002, -1.0)]
-    assert [verdict.grade for verdict in verdicts] == ["near", "fail"]
-    return [
-        *(result.report() for result in (point, other, hfa.linearize(model, point), *verdicts)),
-        *(regenerate_all(model).report(), regenerate_all(model).summary()),
-    ]

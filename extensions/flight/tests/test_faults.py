@@ -11,5 +11,5 @@ __all__ = ["small_disk"]
 
 
 def test_a_full_disk_leaves_no_exported_file(small_disk: Path) -> None:
-    """An export to a disk that has room for only one of its files leaves no file."""
-    has_no_room(small_disk, "export --dihedral 15 -o folder", 12)
+    """An FMU that the disk has no room for leaves no file."""
+    has_no_room(small_disk, "export --dihedral 15 -o aircraft.fmu", 12)

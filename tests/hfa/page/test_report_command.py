@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from pathlib import Path
 
@@ -136,15 +135,6 @@ def test_the_largest_page_is_below_three_megabytes(tmp_path: Path) -> None:
     assert len(html) - len(plotly_script()) < 3 * MEGABYTE
 
 
-@pytest.mark.slow
-def test_no_picture_is_written_if_numbers_fail(tmp_path: Path) -> None:
-    """If numbers.json cannot be written, no picture is written."""
-    (tmp_path / "numbers.json").mkdir()
-    words = ("--dihedral", "15", "--sweep", "15", "-o", str(tmp_path))
-    assert_refused(hfa("report", *words), BAD_INPUT, "is a folder")
-    assert [path.name for path in tmp_path.iterdir()] == ["numbers.json"]
-
-
 def test_an_angle_without_trim_is_reported_with_reason(tmp_path: Path) -> None:
     """An angle without a trim is on the page with the reason, and the command fails."""
     page = tmp_path / "page.html"
@@ -202,20 +192,6 @@ def test_every_angle_is_trimmed_at_given_condition() -> None:
     assert data["sweep"]["condition"] == condition
 
 
-@pytest.mark.slow
-def test_a_failed_report_leaves_no_folder(monkeypatch: pytest.MonkeyPatch) -> None:
-    """If a file of the report cannot be written, the folder is removed."""
-
-    def full(path: Path, text: str) -> None:
-        raise OSError(28, "No space left on device")
-
-    # Simulates a disk that becomes full between the two files, which a test cannot time.
-    monkeypatch.setattr("hfa.page.command.write_text", full)
-    result = hfa("report", "--dihedral", "15", "--sweep", "15", "-o", "page")
-    assert result.code == BAD_INPUT
-    assert not Path("page").exists()
-
-
 @pytest.mark.parametrize(
     ("words", "named"),
     [
@@ -230,10 +206,3 @@ def test_wrong_options_of_report_are_refused(words: str, named: str) -> None:
     Path("file").write_text("a file", encoding="utf-8")
     assert_refused(hfa("report", *words.split()), BAD_INPUT, named)
     assert list(Path().iterdir()) == [Path("file")]
-
-
-def test_a_fifo_is_refused_as_claims() -> None:
-    """A named pipe is refused as a file of claims."""
-    os.mkfifo("fifo.json")
-    refused = hfa("report", "--dihedral", "5", "--claims", "fifo.json")
-    assert_refused(refused, BAD_INPUT, "fifo")
