@@ -29,6 +29,7 @@ from hfa_model.choice import aircraft as aircraft
 from hfa_optimal.best_flight import BestFlight as BestFlight
 from hfa_optimal.optimize import optimize as optimize
 from hfa_optimal.predictive import predictive as predictive
+from hfa_optimal.state_dependent import state_dependent as state_dependent
 from hfa_policy.assess import assess as assess
 from hfa_policy.assessment import Assessment as Assessment
 from hfa_policy.environment import (

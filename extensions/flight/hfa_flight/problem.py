@@ -131,6 +131,23 @@ class FlightProblem:
         of_states = np.array([signals[name].nominal for name in self.followed])
         return of_states, np.array([signals[name].nominal for name in self.inputs])
 
+    def followed_of(self, X: Any) -> np.ndarray:
+        """Return the deviations of the followed states in nominal values, (followed,).
+
+        X: all states, absolute, (n,) or by name in their order
+        """
+        away: np.ndarray = np.asarray(X, dtype=float) - np.array(self.point.states)
+        return away[self.followed_places] / self.sizes[0]
+
+    def inputs_of(self, v: np.ndarray) -> np.ndarray:
+        """Return all inputs, absolute, from the deviations of the moving inputs in nominal values.
+
+        v: (m,)
+        """
+        U = np.array(self.point.inputs)
+        U[self.moved] += v * self.sizes[1]
+        return U
+
     @cached_property
     def input_limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest values of v, (m,) each."""

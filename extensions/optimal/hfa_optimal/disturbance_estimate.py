@@ -35,13 +35,13 @@ class DisturbanceEstimate:
 
     def __init__(self, planner: Planner) -> None:
         self._planner = planner
-        self._slopes = BoundFunction(planner.slopes)
+        self._slopes = BoundFunction(planner.model.slopes)
         self.clear()
 
     def clear(self) -> None:
         """Begin again, without disturbance and with the trim as target."""
         _, n, m = self._planner.scaled.sizes
-        self.d = np.zeros(self._planner.disturbances)
+        self.d = np.zeros(self._planner.model.disturbances)
         self.target = Target(np.zeros(n), np.zeros(m))
 
     def update(self, z: np.ndarray, before: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:

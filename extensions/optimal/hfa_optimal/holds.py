@@ -157,7 +157,7 @@ def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> G
     sample time fits.
     """
     if dt is None:
-        dt = _sample_time(scaled)
+        dt = sample_time(scaled)
     growing = float(scaled.poles.real.max(initial=0.0))
     longest = _GROWING / growing if growing > 0.0 else math.inf
     if horizon is not None:
@@ -172,7 +172,8 @@ def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> G
     return _geometric(dt, max(1, min(HOLDS, math.floor(longest / dt + 1e-9))), 1.0)
 
 
-def _sample_time(scaled: ScaledProblem) -> float:
+def sample_time(scaled: ScaledProblem) -> float:
+    """Return the sample time of the rule of `grid_of`, s."""
     for dt in _SAMPLE_TIMES:
         if dt * scaled.fastest > _FASTEST:
             continue

@@ -51,13 +51,8 @@ class Predictive(SampledPolicy):
         t: s
         X: all states, absolute, (n,) or by name in their order
         """
-        problem = self.problem
-        of_states, of_inputs = problem.sizes
-        away = np.asarray(X, dtype=float) - np.array(problem.point.states)
-        v = self.controller(away[problem.followed_places] / of_states, self.delay)
-        U = np.array(problem.point.inputs)
-        U[problem.moved] += v * of_inputs
-        return U
+        z = self.problem.followed_of(X)
+        return self.problem.inputs_of(self.controller(z, self.delay))
 
     @property
     def holds(self) -> np.ndarray:

@@ -5,12 +5,12 @@ Source: Rawlings, Mayne and Diehl, Model Predictive Control, 2nd edition, Chapte
 
 from __future__ import annotations
 
-import math
 import time
 from typing import NamedTuple
 
 import numpy as np
 
+from hfa_optimal.commands_under_way import CommandsUnderWay
 from hfa_optimal.disturbance_estimate import DisturbanceEstimate
 from hfa_optimal.end_law import EndLaw
 from hfa_optimal.holds import hold_of
@@ -25,8 +25,6 @@ _LATER = 1
 _LINEAR = 0.01
 #: Number of samples after which the linear policy is computed again at the estimated equilibrium.
 _RENEWED = 10
-#: Relative tolerance of times that are whole numbers of samples.
-_WHOLE = 1e-9
 
 
 class Samples(NamedTuple):
@@ -63,6 +61,7 @@ class RecedingHorizon:
         self.planner = planner
         self.estimate = DisturbanceEstimate(planner)
         self._estimates = estimates
+        self._commands = CommandsUnderWay(planner.model)
         self._nominal = planner.P, end
         self.reset()
 
@@ -72,7 +71,7 @@ class RecedingHorizon:
         self.estimate.clear()
         self._plan: Plan | None = None
         self._near = False
-        self._commands: list[np.ndarray] = []
+        self._commands.clear()
         self._count = 0
         self._before: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._first: Plan | None = None
@@ -107,7 +106,7 @@ class RecedingHorizon:
         if self._estimates and self._before is not None:
             self.estimate.update(z, self._before)
             self._renew_end()
-        v = self._input(self._moved(z, delay, delay))
+        v = self._input(self._commands.moved(z, delay, self.estimate.d))
         self._commands.append(v)
         self._remember(z, delay)
         self._count += 1
@@ -149,44 +148,10 @@ class RecedingHorizon:
 
     def _remember(self, z: np.ndarray, delay: float) -> None:
         """Store the states, the acting inputs, and the states predicted for the next sample."""
-        acting = self._acting(delay, self.planner.grid.dt)
+        acting = self._commands.acting(self._count, delay, self.planner.grid.dt)
         shares = [seconds / self.planner.grid.dt for _, seconds in acting]
         average = np.array(shares) @ np.array([v for v, _ in acting])
-        self._before = z, average, self._over(z, acting)
-
-    def _moved(self, z: np.ndarray, delay: float, seconds: float) -> np.ndarray:
-        """Return the states after the commands under way have acted, (n,)."""
-        return self._over(z, self._acting(delay, seconds)) if seconds else z
-
-    def _over(self, z: np.ndarray, acting: list[tuple[np.ndarray, float]]) -> np.ndarray:
-        for v, seconds in acting:
-            z = self.planner.after(z, v, self.estimate.d, seconds)
-        return z
-
-    def _acting(self, delay: float, seconds: float) -> list[tuple[np.ndarray, float]]:
-        """Return the commands that act during the next seconds, each with its duration.
-
-        The command of sample j acts from the delay after its sample until the next one acts.
-        """
-        dt = self.planner.grid.dt
-        late = math.floor(delay / dt + _WHOLE)
-        first = self._count - late - 1
-        acting = []
-        until = delay - late * dt
-        begin = 0.0
-        for number in range(first, self._count + 1):
-            end = min(until, seconds)
-            if end - begin > _WHOLE * dt:
-                acting.append((self._command(number), end - begin))
-                begin = end
-            until += dt
-        return acting
-
-    def _command(self, number: int) -> np.ndarray:
-        """Return the command of a sample, (m,), the trim before the first."""
-        if number < 0:
-            return np.zeros(self.planner.scaled.sizes[2])
-        return self._commands[number]
+        self._before = z, average, self._commands.over(z, acting, self.estimate.d)
 
     def _renew_end(self) -> None:
         """Linearize the end of a plan at the target, if a disturbance of the model is estimated."""
@@ -196,7 +161,7 @@ class RecedingHorizon:
         k, n, _ = planner.scaled.sizes
         if len(d) == n or self._count % _RENEWED:
             return
-        _, slopes, _ = planner.slopes(np.concatenate([target.z, target.v]), d[n:])
+        _, slopes, _ = planner.model.slopes(np.concatenate([target.z, target.v]), d[n:])
         by_both = np.array(slopes)[:k]
         linear = by_both[:, :k], by_both[:, n:], *planner.scaled.linear_states[2:]
         hold = hold_of(*linear, planner.grid.dt)

@@ -1,0 +1,69 @@
+"""Filter that changes the command of one sample only where the next states would leave."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hfa_optimal.held_model import HeldModel
+from hfa_optimal.holds import hold_of
+from hfa_optimal.scaled import ScaledProblem
+
+#: Fraction of the distance from trim to limit within which the next state must stay.
+WITHIN = 0.96
+#: A limit is kept if the inputs can move its state by this fraction of the range in one sample.
+_REACHES = 0.1
+#: Largest number of Newton steps.
+_STEPS = 4
+
+
+class OneSampleFilter:
+    """Least change of the inputs of one sample after which some states are within their limits.
+
+    The states are those that the inputs can move by a tenth of the range in one sample, such as a
+    pitch rate. The change is least in fractions of the inputs' ranges. It knows no disturbance.
+
+    scaled: the problem in nominal units
+    dt: sample time, s
+    """
+
+    def __init__(self, scaled: ScaledProblem, dt: float) -> None:
+        self.model = HeldModel(scaled, np.array([dt]))
+        k = scaled.sizes[0]
+        lowest, highest = scaled.input_limits
+        below, above = (limit[:k] for limit in scaled.state_limits)
+        ranges = 0.5 * (highest - lowest)
+        moves = np.abs(hold_of(*scaled.linear_states, dt).B) @ np.where(
+            np.isfinite(ranges), ranges, 1.0
+        )
+        room = 0.5 * (above - below)
+        self._kept = np.flatnonzero(np.isfinite(room) & (moves >= _REACHES * room))
+        self._limits = WITHIN * below[self._kept], WITHIN * above[self._kept]
+        self._squares = np.where(np.isfinite(ranges), ranges, 1.0) ** 2
+        self._no_disturbance = np.zeros(self.model.disturbances)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states whose limits are kept."""
+        return tuple(self.model.scaled.problem.states[place] for place in self._kept)
+
+    def __call__(self, z: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return the inputs of a sample: v itself if the next states stay within the limits.
+
+        z: states, (n,)
+        v: inputs, (m,)
+        """
+        lowest, highest = self.model.scaled.input_limits
+        n = len(z)
+        for _ in range(_STEPS):
+            after = self.model.flown(z, v[None], self._no_disturbance)[1]
+            excess = after[self._kept] - np.clip(after[self._kept], *self._limits)
+            if not np.any(excess):
+                return v
+            v = np.clip(v, lowest, highest)
+            by_inputs = self.model.slopes_along(z[None], v[None], self._no_disturbance)[0][:, n:]
+            for row, much in zip(by_inputs[self._kept], excess, strict=True):
+                can_move = np.where(much * row > 0.0, v > lowest, v < highest)
+                move = self._squares * row * can_move
+                if move @ row > 0.0:
+                    v = np.clip(v - move * much / (move @ row), lowest, highest)
+        return v

@@ -1,0 +1,251 @@
+"""Policy of the state-dependent game: a Riccati equation at each sample.
+
+Source: Cloutier, American Control Conference 1997, 932 (state-dependent Riccati equations).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from controller.game.linear_game import game
+from controller.riccati.gare import solve
+from hfa_aircraft.model import Model
+from hfa_flight.policies.sampled_policy import SampledPolicy
+from hfa_flight.problem import FlightProblem, flight_problem
+from hfa_optimal.commands_under_way import CommandsUnderWay
+from hfa_optimal.holds import sample_time
+from hfa_optimal.one_sample_filter import OneSampleFilter
+from hfa_optimal.scaled import ScaledProblem
+from hfa_optimal.smooth import smooth_slopes
+from hfa_support.arguments import ArrayLike, checks_arguments, need
+from hfa_support.errors import BadInputError, refuse_unless_positive, shown
+from hfa_support.native.bound import BoundFunction
+from hfa_support.native.machine_code import machine_code
+from trim.point.operating_point import OperatingPoint
+
+#: Points of the Gauss quadrature on the ray from the trim to the state.
+_POINTS = 4
+#: Default weight of a kept rate at its limit, in units of 1/nominal². It was found on the flexible
+#: aircraft: a third and three times of it cost 3 and 7 % more.
+LIMIT_WEIGHT = 10.0
+#: Largest ratio of a rate and its limit in the weight.
+_MOST = 1.5
+#: Most negative eigenvalue of P, relative to its norm.
+_NEGATIVE = 1e-9
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StateDependent(SampledPolicy):
+    """Policy v = -R⁻¹ B(z)' P(z) z, saturated at the input limits and filtered.
+
+      A(z) = ∫ ∂f/∂z(s z, 0) ds over s from 0 to 1,   B(z) = ∂f/∂v(z, 0)
+      A'P + P A + Q(z) - P (B R⁻¹ B' - E E'/δ²) P = 0
+
+    Q(z) adds a weight to each rate that the filter keeps, proportional to the square of its
+    distance from trim over that of its limit. At samples without a solution, P is that of the trim.
+
+    problem: aircraft, trim, weights and limits
+    law: the policy in nominal units
+    """
+
+    problem: FlightProblem
+    law: RiccatiLaw
+
+    def reset(self) -> None:
+        """Forget the commands and counts of an earlier flight."""
+        self.law.reset()
+
+    def __call__(self, t: float, X: Any) -> np.ndarray:
+        """Return the inputs U of the sample at t, absolute, (m,).
+
+        t: s
+        X: all states, absolute, (n,) or by name in their order
+        """
+        return self.problem.inputs_of(self.law(self.problem.followed_of(X), self.delay))
+
+    @property
+    def unsolved(self) -> int:
+        """Number of samples since the last reset at which the Riccati equation had no solution."""
+        return self.law.unsolved
+
+    @property
+    def K(self) -> np.ndarray:
+        """Gain of v = -K z at the trim, (m, k)."""
+        of_states, of_inputs = self.problem.sizes
+        K = self.law.gain_at(np.zeros(len(of_states)))
+        return K * of_inputs[:, None] / of_states[: K.shape[1]]
+
+    def sampled_modes(self) -> np.ndarray | None:
+        """Return None: the poles of the loop depend on the state."""
+        return None
+
+
+class RiccatiLaw:
+    """The policy of the state-dependent game in nominal units.
+
+    scaled: the problem in nominal units
+    dt: sample time, s
+    E: disturbance matrix, (k, p)
+    delta: δ, or inf for the LQR
+    P: solution at the trim, (k, k)
+    limit_weight: weight of a kept rate at its limit, 1/nominal²
+    """
+
+    def __init__(
+        self,
+        scaled: ScaledProblem,
+        dt: float,
+        E: np.ndarray,
+        delta: float,
+        P: np.ndarray,
+        limit_weight: float,
+    ) -> None:
+        self.filter = OneSampleFilter(scaled, dt)
+        self._scaled = scaled
+        self._attenuated = E @ E.T / delta**2
+        self._P = P
+        self._kept = [scaled.problem.states.index(name) for name in self.filter.states]
+        self._limit_weight = limit_weight
+        self._slopes = BoundFunction(machine_code(smooth_slopes(scaled.problem)))
+        nodes, shares = np.polynomial.legendre.leggauss(_POINTS)
+        self._ray = 0.5 * (1.0 + nodes), 0.5 * shares
+        self._commands = CommandsUnderWay(self.filter.model)
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin a flight."""
+        self._commands.clear()
+        self.unsolved = 0
+
+    def __call__(self, z: np.ndarray, delay: float) -> np.ndarray:
+        """Return the inputs, (m,).
+
+        z: measured states, (n,)
+        delay: time after which the inputs act, s
+        """
+        z = self._commands.moved(z, delay, np.zeros(self.filter.model.disturbances))
+        K = self.gain_at(z)
+        v = np.clip(-K @ z[: K.shape[1]], *self._scaled.input_limits)
+        v = self.filter(z, v)
+        self._commands.append(v)
+        return v
+
+    def gain_at(self, z: np.ndarray) -> np.ndarray:
+        """Return R⁻¹ B(z)' P(z), (m, k)."""
+        R = self._scaled.linear_states[3]
+        along = [
+            share * self._slopes_at(point * z)[0] for point, share in zip(*self._ray, strict=True)
+        ]
+        A = np.sum(along, axis=0)
+        _, B = self._slopes_at(z)
+        return np.linalg.solve(R, B.T @ self._solution(A, B, self._weights(z), R))
+
+    def _slopes_at(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return ∂f/∂z (k, k) and ∂f/∂v (k, m) at v = 0."""
+        k, n, m = self._scaled.sizes
+        (entries,) = self._slopes.at(np.concatenate([z, np.zeros(m)]))
+        slopes = entries.reshape(n + m, n).T[:k]
+        return slopes[:, :k], slopes[:, n:]
+
+    def _weights(self, z: np.ndarray) -> np.ndarray:
+        """Return Q(z), (k, k)."""
+        Q = self._scaled.linear_states[2].copy()
+        for place in self._kept:
+            limit = self._scaled.state_limits[int(z[place] > 0.0)][place]
+            Q[place, place] += self._limit_weight * min(abs(z[place] / limit), _MOST) ** 2
+        return Q
+
+    def _solution(self, A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.ndarray:
+        """Return P, or that of the trim where the Riccati equation has no solution P >= 0."""
+        from scipy.linalg import LinAlgError, schur
+
+        k = len(A)
+        S = B @ np.linalg.solve(R, B.T) - self._attenuated
+        scale = math.sqrt(np.linalg.norm(Q) / np.linalg.norm(S))
+        try:
+            _, vectors, stable = schur(np.block([[A, -S * scale], [-Q / scale, -A.T]]), sort="lhp")
+            P = scale * np.linalg.solve(vectors[:k, :k].T, vectors[k:, :k].T).T
+        except LinAlgError:
+            stable, P = 0, self._P
+        P = 0.5 * (P + P.T)
+        least = np.linalg.eigvalsh(P)[0]
+        if stable != k or not least >= -_NEGATIVE * np.linalg.norm(P):
+            self.unsolved += 1
+            return self._P
+        return P
+
+
+@checks_arguments
+def state_dependent(
+    model: Model,
+    point: OperatingPoint,
+    Q: ArrayLike | Mapping[str, float] | None = None,
+    R: ArrayLike | Mapping[str, float] | None = None,
+    *,
+    delta: float = math.inf,
+    E: ArrayLike | str | None = None,
+    dt: float | None = None,
+    limit_weight: float = LIMIT_WEIGHT,
+    limits: Mapping[str, Any] | None = None,
+) -> StateDependent:
+    """Return the policy that solves the game of the model at its state, at each sample.
+
+    Its gradient at the trim is the exact gain. It needs no optimizer and no training. A filter
+    changes the command of one sample where a rate would leave its limits. This does not prove that
+    a flight converges or stays within the limits.
+
+    model: the aircraft
+    point: trim at which flights end
+    Q, R: weights, as `hfa.game` accepts them, by default diag(1/nominal²)
+    delta, E: δ and disturbance matrix of the game, as `hfa.game` accepts them; by default the LQR
+    dt: sample time, s, by default chosen from the linear model as for `hfa.predictive`
+    limit_weight: weight that is added to a kept rate at its limit, in units of 1/nominal²
+    limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
+
+    Raises BadInputError for a wrong argument. Raises NoSolutionError if the game at the trim has no
+    solution, with the least delta that has one.
+
+    >>> import hfa
+    >>> model = hfa.aircraft()
+    >>> point = hfa.trim(model, dihedral=0.2)
+    >>> game = hfa.paper.published_game(hfa.linearize(model, point))
+    >>> policy = hfa.state_dependent(model, point, game.Q, game.R, delta=game.delta, E=game.E)
+    >>> bool(abs(policy.K - hfa.solve(game).K).max() < 1e-8)
+    True
+    """
+    need(model, Model, "state_dependent: model", Model.how_to_make)
+    need(point, OperatingPoint, "state_dependent: point", "a trim: hfa.trim(model)")
+    if dt is not None:
+        refuse_unless_positive("dt", dt, " s")
+    if not 0.0 <= limit_weight < math.inf:
+        raise BadInputError(f"limit_weight is {shown(limit_weight)}; give a number of at least 0")
+    problem = flight_problem(model, point, Q, R, limits=limits)
+    return state_dependent_of(problem, delta, E, dt, limit_weight)
+
+
+def state_dependent_of(
+    problem: FlightProblem,
+    delta: float = math.inf,
+    E: ArrayLike | str | None = None,
+    dt: float | None = None,
+    limit_weight: float = LIMIT_WEIGHT,
+) -> StateDependent:
+    """Return the policy of a problem. The arguments are those of `state_dependent`."""
+    scaled = ScaledProblem(problem)
+    k = scaled.sizes[0]
+    of_states = problem.sizes[0][:k]
+    at_trim = game(problem.linear, problem.Q, problem.R, delta=delta, E=E)
+    P = np.array(solve(at_trim).P) * np.outer(of_states, of_states)
+    step = sample_time(scaled) if dt is None else dt
+    of_game = np.array(at_trim.E) / of_states[:, None]
+    law = RiccatiLaw(scaled, step, of_game, delta, P, limit_weight)
+    identity = {"state-dependent": [problem.Q.tolist(), problem.R.tolist(), delta, limit_weight]}
+    held = np.zeros((1, len(problem.model.inputs)))
+    return StateDependent(
+        "state-dependent", problem.point, step, problem, law, held=held, identity=identity
+    )
