@@ -27,6 +27,7 @@ from hfa_flight.policies.deployment.deployment import Deployment as Deployment
 from hfa_identify.estimation import identify as identify
 from hfa_model.choice import aircraft as aircraft
 from hfa_optimal.best_flight import BestFlight as BestFlight
+from hfa_optimal.keep_inside import keep_inside as keep_inside
 from hfa_optimal.optimize import optimize as optimize
 from hfa_optimal.predictive import predictive as predictive
 from hfa_optimal.state_dependent import state_dependent as state_dependent

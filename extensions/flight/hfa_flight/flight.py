@@ -111,7 +111,7 @@ def fly(
     initial: deviations from trim at the start, by the names of states, or (n,)
     scenario: disturbances, noise and faults. Its random quantities must be drawn already
     envelope: limits of the states, or only those that differ from `flight_envelope(model, point)`
-    predict: whether the linear model is simulated too
+    predict: whether the linear model is simulated too, if the policy is not computed in Python
     weights: Q (k, k) and R (m, m) of the cost of the flight, or None without a cost
     progress: called during the nonlinear flight
 
@@ -150,7 +150,7 @@ def fly(
         result = replace(result, integration=error)
     start = result.flight.limited[0] + np.array(point.states)
     refuse_start(within, start, happens.moving_air)
-    if not predict:
+    if not (predict and flown.predicts):
         return result
     linear = replace(loop, plant=LinearPlant.at(model, point, loop.wind_names))
     ticks = (len(result.flight.times) - 1) // happens.steps_per_tick
@@ -594,6 +594,7 @@ class Flight(StatesAndInputs, Result, Reported):
             )
         if self.integration is not None and self.integration.is_resolved:
             parts.append(self.integration.text())
+        parts += self.loop.policy.notes()
         parts.append(Picture("flight.png", "States and inputs over time", self.figure))
         largest = max(np.abs(self.flight.states).max(), np.abs(self.flight.inputs).max())
         notes = [UNDISTURBED] if largest <= _STILL else []

@@ -33,6 +33,8 @@ from hfa_flight.air.gusts import Gust, OneMinusCosine
 from hfa_flight.air.names import UPDRAFT, gust_speed
 from hfa_flight.air.turbulence import LEVELS, SPECTRA, Turbulence
 from hfa_flight.envelope import control_limits
+from hfa_flight.policies.laws import KEEP_INSIDE, LAWS, PREDICTIVE, LawSettings, loaded
+from hfa_flight.problem import flight_problem
 from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_support.errors import BadInputError, warn
 from hfa_support.files import MATRIX_FILES
@@ -41,7 +43,7 @@ from trim.point.linearize import linearize
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
-    from hfa_flight.policies.policy import FunctionPolicy, GainPolicy
+    from hfa_flight.policies.policy import FunctionPolicy, GainPolicy, Policy
 
 #: Name of the law without a policy, with which commands are steps of inputs; name of the game's
 #: exact policy.
@@ -122,10 +124,33 @@ class PolicyGiven(Part):
     """The policy: a law with its game, or a file with a gain, a critic or a controller."""
 
     law: str = option(
-        f"policy: {NONE}, or {EXACT}, that of the game (default)",
+        f"policy: {NONE}; {EXACT}, that of the game (default); or {' or '.join(LAWS)}, which plan "
+        "on the nonlinear model",
         "NAME",
-        one_of(NONE, EXACT),
+        one_of(NONE, EXACT, *LAWS),
         default=EXACT,
+    )
+    horizon: float | None = option(
+        f"duration of a plan of --law {PREDICTIVE}, s; default from the linear model",
+        "S",
+        positive,
+        rare=True,
+    )
+    margin: float | None = option(
+        f"fraction of the distance to a limit by which --law {PREDICTIVE} narrows the envelope; "
+        "default 0.03",
+        "SHARE",
+        number,
+        rare=True,
+    )
+    estimate: str | None = option(
+        f"what --law {PREDICTIVE} estimates: rates (default), nothing, or a disturbance of the "
+        "model",
+        "NAME",
+        rare=True,
+    )
+    keep_inside: bool = option(
+        "change the command of a sample where a rate would leave its limits", default=False
     )
     weights: Path | None = option(
         "file with a gain K, a critic (W or P) or a network; replaces --law", "FILE", critic_path
@@ -157,11 +182,35 @@ class PolicyGiven(Part):
         if self.law == NONE:
             of_law = [each for each in _OF_THE_GAME if each not in prices]
             request.refuse(of_law, f"applies only to a law; remove this option or --law {NONE}")
+        if self.law != PREDICTIVE:
+            self.refuse(
+                ("horizon", "margin", "estimate"),
+                f"applies only to --law {PREDICTIVE}; remove this option",
+            )
         if self.weights is None:
             self.reading.refuse(
                 ("set",),
                 "applies only to a network; remove this option, or give a network with --weights",
             )
+
+    def planning(self, linear: LinearModel, limits: Mapping[str, Any]) -> Policy:
+        """Return the policy of a law that plans on the nonlinear model.
+
+        limits: state -> (lowest, highest), replacing the limits of the flight envelope
+        """
+        game = self.game.game(linear)
+        settings = LawSettings(self.horizon, self.margin, self.estimate)
+        problem = flight_problem(linear.point.model, linear.point, game.Q, game.R, limits=limits)
+        policy: Policy = loaded(LAWS[self.law])(problem, game, settings)
+        return policy
+
+    def kept(self, policy: Policy, point: OperatingPoint, scenario: Scenario) -> Policy:
+        """Return the policy, kept inside the limits of rates with --keep-inside."""
+        if not self.keep_inside:
+            return policy
+        problem = flight_problem(point.model, point)
+        kept: Policy = loaded(KEEP_INSIDE)(policy, problem, scenario.tick)
+        return kept
 
     def about(self, linear: LinearModel) -> GainPolicy | FunctionPolicy:
         """Return the policy about a trim that the options specify.

@@ -34,6 +34,7 @@ class HeldModel:
     def __init__(self, scaled: ScaledProblem, holds: np.ndarray, disturbance: str = "") -> None:
         self.scaled = scaled
         self.holds = holds
+        self.disturbance = disturbance
         self._rates = disturbed_rates(scaled.problem, disturbance)
 
     @cached_property

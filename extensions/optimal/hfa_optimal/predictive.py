@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from controller.game.linear_game import game
+from controller.game.zero_sum import Game
 from controller.riccati.gare import solve
 from hfa_aircraft.model import Model
 from hfa_flight.policies.sampled_policy import SampledPolicy
@@ -75,6 +76,37 @@ class Predictive(SampledPolicy):
         """Return the eigenvalues of the held linear loop near the trim, 1/s, (k,)."""
         values = self.controller.nominal_poles
         return np.log(values[values != 0.0].astype(complex)) / self.dt
+
+    def notes(self) -> tuple[str, ...]:
+        """Return what the samples of the last flight needed, and what they found."""
+        done = self.samples
+        lines = [
+            f"Plans of {self.holds.sum():.3g} s in {len(self.holds)} holds, one every "
+            f"{self.dt:g} s; not proved to converge or to stay inside.",
+            f"{done.planned} samples with a plan, {done.linear} with the exact held gain; "
+            f"{done.refused} steps of the quadratic program refused.",
+        ]
+        if done.first is not None:
+            lines.append(
+                f"First plan: cost {done.first.cost:.6g}, after {1e3 * done.first_seconds:.3g} ms."
+            )
+        if len(done.seconds):
+            median, most = np.quantile(done.seconds, (0.5, 0.99))
+            lines.append(
+                f"Processor time of a sample: median {1e3 * median:.2g} ms, 99 % below "
+                f"{1e3 * most:.2g} ms."
+            )
+        if done.radius is not None:
+            own = self.controller.planner.model.disturbance
+            nominal = self.problem.model.disturbances[own].nominal
+            unit = self.problem.model.unit(own)
+            unstable = "un" * (done.radius > 1.0)
+            lines.append(
+                f"Estimated {own}: {nominal * self.controller.estimate.d[-1]:.3g} {unit}. There, "
+                f"the exact gain of the trim is {unstable}stable (spectral radius "
+                f"{done.radius:.4f})."
+            )
+        return tuple(lines)
 
 
 @checks_arguments
@@ -142,27 +174,31 @@ def predictive(
         names = ", ".join([RATES, NOTHING, *model.disturbances])
         raise BadInputError(f"estimate is {shown(estimate)}; give one of {names}")
     problem = flight_problem(model, point, Q, R, inputs, limits)
-    return policy_of(problem, delta, dt, horizon, margin, estimate)
+    at_end = game(problem.linear, problem.Q, problem.R, delta=delta)
+    return policy_of(problem, at_end, dt, horizon, margin, estimate)
 
 
 def policy_of(
     problem: FlightProblem,
-    delta: float = math.inf,
+    at_end: Game,
     dt: float | None = None,
     horizon: float | None = None,
     margin: float = MARGIN,
     estimate: str = RATES,
 ) -> Predictive:
-    """Return the predictive policy of a problem. The arguments are those of `predictive`."""
+    """Return the predictive policy of a problem. The arguments are those of `predictive`.
+
+    at_end: game whose P and K are at the end of a plan
+    """
     own = "" if estimate in (RATES, NOTHING) else estimate
     scaled = ScaledProblem(problem)
     grid = grid_of(scaled, dt, horizon)
-    P, K = _end_of(scaled, grid.dt, delta)
+    P, K = _end_of(scaled, grid.dt, at_end)
     planner = Planner(scaled, grid, P, margin, own)
     end = EndLaw(scaled, hold_of(*scaled.linear_states, grid.dt), K)
     controller = RecedingHorizon(planner, end, estimates=estimate != NOTHING)
     identity = {
-        "predictive": [problem.Q.tolist(), problem.R.tolist(), delta, margin, estimate],
+        "predictive": [problem.Q.tolist(), problem.R.tolist(), at_end.delta, margin, estimate],
         "holds": grid.holds.tolist(),
     }
     held = np.zeros((1, len(problem.model.inputs)))
@@ -171,14 +207,13 @@ def policy_of(
     )
 
 
-def _end_of(scaled: ScaledProblem, dt: float, delta: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return P (n, n) of the game and the gain K (m, k) of the game held dt for ever."""
-    problem = scaled.problem
+def _end_of(scaled: ScaledProblem, dt: float, at_end: Game) -> tuple[np.ndarray, np.ndarray]:
+    """Return P (n, n) of a game and the gain K (m, k) of the game held dt for ever."""
     k, n, _ = scaled.sizes
-    if math.isinf(delta):
+    if math.isinf(at_end.delta):
         K, _ = hold_of(*scaled.linear_states, dt).forever()
         return scaled.P, K
-    of_states, of_inputs = problem.sizes
-    solution = solve(game(problem.linear, problem.Q, problem.R, delta=delta))
+    of_states, of_inputs = scaled.problem.sizes
+    solution = solve(at_end)
     P = np.pad(np.array(solution.P), [(0, n - k)] * 2) * np.outer(of_states, of_states)
     return P, np.array(solution.K) * of_states[:k] / of_inputs[:, None]

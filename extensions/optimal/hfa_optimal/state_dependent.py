@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from controller.game.linear_game import game
+from controller.game.zero_sum import Game
 from controller.riccati.gare import solve
 from hfa_aircraft.model import Model
 from hfa_flight.policies.sampled_policy import SampledPolicy
@@ -80,9 +81,15 @@ class StateDependent(SampledPolicy):
         K = self.law.gain_at(np.zeros(len(of_states)))
         return K * of_inputs[:, None] / of_states[: K.shape[1]]
 
-    def sampled_modes(self) -> np.ndarray | None:
-        """Return None: the poles of the loop depend on the state."""
-        return None
+    def notes(self) -> tuple[str, ...]:
+        """Return what the samples of the last flight needed."""
+        kept = ", ".join(self.law.filter.states) or "no state"
+        lines = [f"One Riccati equation every {self.dt:g} s; kept inside: {kept}."]
+        if self.unsolved:
+            lines.append(
+                f"At {self.unsolved} samples the game has no solution; P of the trim was used."
+            )
+        return tuple(lines)
 
 
 class RiccatiLaw:
@@ -225,26 +232,28 @@ def state_dependent(
     if not 0.0 <= limit_weight < math.inf:
         raise BadInputError(f"limit_weight is {shown(limit_weight)}; give a number of at least 0")
     problem = flight_problem(model, point, Q, R, limits=limits)
-    return state_dependent_of(problem, delta, E, dt, limit_weight)
+    at_trim = game(problem.linear, problem.Q, problem.R, delta=delta, E=E)
+    return state_dependent_of(problem, at_trim, dt, limit_weight)
 
 
 def state_dependent_of(
     problem: FlightProblem,
-    delta: float = math.inf,
-    E: ArrayLike | str | None = None,
+    at_trim: Game,
     dt: float | None = None,
     limit_weight: float = LIMIT_WEIGHT,
 ) -> StateDependent:
-    """Return the policy of a problem. The arguments are those of `state_dependent`."""
+    """Return the policy of a problem. The arguments are those of `state_dependent`.
+
+    at_trim: game of the linear model, with E and δ
+    """
     scaled = ScaledProblem(problem)
-    k = scaled.sizes[0]
-    of_states = problem.sizes[0][:k]
-    at_trim = game(problem.linear, problem.Q, problem.R, delta=delta, E=E)
+    of_states = problem.sizes[0][: scaled.sizes[0]]
     P = np.array(solve(at_trim).P) * np.outer(of_states, of_states)
     step = sample_time(scaled) if dt is None else dt
-    of_game = np.array(at_trim.E) / of_states[:, None]
-    law = RiccatiLaw(scaled, step, of_game, delta, P, limit_weight)
-    identity = {"state-dependent": [problem.Q.tolist(), problem.R.tolist(), delta, limit_weight]}
+    E = np.array(at_trim.E) / of_states[:, None]
+    law = RiccatiLaw(scaled, step, E, at_trim.delta, P, limit_weight)
+    weights = [each.tolist() for each in (at_trim.Q, at_trim.R, at_trim.E)]
+    identity = {"state-dependent": [weights, at_trim.delta, limit_weight]}
     held = np.zeros((1, len(problem.model.inputs)))
     return StateDependent(
         "state-dependent", problem.point, step, problem, law, held=held, identity=identity

@@ -29,6 +29,7 @@ from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.envelope import flight_envelope
 from hfa_flight.flight import lengthened
 from hfa_flight.options import NONE, PolicyGiven, ScenarioGiven, noted_linear_model
+from hfa_flight.policies.laws import LAWS
 from hfa_flight.scenario import Scenario, with_errors
 from hfa_flight.signals import CommandedStates, CommandSteps
 from hfa_support.errors import BadInputError, refuse_unknown, warn
@@ -162,6 +163,13 @@ class FlyRequest(Request):
             )
         elif given.law == NONE:
             policy = open_loop(steps, tuple(model.inputs), scenario.tick, scenario.ticks)
+        elif given.law in LAWS and given.weights is None:
+            self.refuse(
+                ("command", "reference"),
+                f"cannot be combined with --law {given.law}; remove this option",
+            )
+            limits = self.scenario.envelope
+            policy = given.planning(noted_linear_model(model, point), limits)
         else:
             for name in steps.names:
                 refuse_unknown("a gain cannot follow a command of", name, model.linear)
@@ -176,6 +184,13 @@ class FlyRequest(Request):
                 reference = tracking.exact.reference
         if reference is not None:
             scenario = replace(scenario, reference=reference)
+        if given.keep_inside:
+            self.refuse(
+                ("command", "reference", "policy.controller"),
+                "cannot be combined with --keep-inside; remove one of the two",
+            )
+            policy = given.kept(policy, point, scenario)
+        policy, scenario = policy.in_scenario(scenario)
         envelope = flight_envelope(model, point, self.scenario.envelope)
         return PlannedFlight(model, point, policy, scenario, envelope)
 
@@ -227,7 +242,7 @@ def fly(request: FlyRequest) -> int:
     # With scheduled gains, the linear model at the first trim does not apply to other trims.
     predict = not isinstance(planned.policy, ScheduledGainPolicy)
     weights = None
-    if {"policy.game.Q", "policy.game.R"} & request.typed.keys():
+    if {"policy.game.Q", "policy.game.R"} & request.typed.keys() or request.policy.law in LAWS:
         game = request.policy.game.game(linearize(planned.model, planned.point))
         weights = (game.Q, game.R)
     simulated = partial(

@@ -37,7 +37,6 @@ from hfa_flight.policies.policy import (
     function_policy,
     open_loop,
 )
-from hfa_flight.policies.sampled_policy import SampledPolicy
 from hfa_flight.policies.scheduled_gains import scheduled_gains
 from hfa_flight.scenario import Scenario
 from hfa_flight.schedule.gain_schedule import GainSchedule
@@ -70,10 +69,8 @@ def policy_and_scenario(
     inputs = tuple(point.model.inputs)
     if isinstance(given, (str, Path)):
         given = _policy_of_file(Path(given), point)
-    if isinstance(given, SampledPolicy):
-        return given.in_scenario(scenario)
     if isinstance(given, Policy):
-        return given, scenario
+        return given.in_scenario(scenario)
     if given is None:
         return OpenLoop("none", held=np.zeros((1, len(inputs)))), scenario
     if isinstance(given, Mapping):

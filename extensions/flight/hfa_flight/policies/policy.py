@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import casadi as ca
 import numpy as np
@@ -17,6 +17,7 @@ from hfa_aircraft.march.march import saturated
 from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Waveform
 from hfa_flight.history import Deviations
+from hfa_flight.scenario import Scenario
 from hfa_flight.signals import CommandSteps
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 from hfa_support.reporting.report import Reported
@@ -53,9 +54,11 @@ class Policy(Reported):
     identity: JSON data that identify the policy
     fastest: magnitude of the policy's fastest mode, 1/s. It determines the number of substeps
     is_held: whether u is constant during a tick
+    predicts: whether the linear model is flown with the policy too, as a prediction
     """
 
     is_held: ClassVar[bool] = False
+    predicts: ClassVar[bool] = True
 
     name: str
     held: np.ndarray = field(default_factory=lambda: np.zeros((1, 0)), kw_only=True)
@@ -108,6 +111,16 @@ class Policy(Reported):
     def sampled_modes(self) -> np.ndarray | None:
         """Return the eigenvalues of the loop of a sampled policy, 1/s, or None if unknown."""
         return None
+
+    def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
+        """Return the policy with the timing of a scenario, and the scenario with that of the
+        policy.
+        """
+        return self, scenario
+
+    def notes(self) -> tuple[str, ...]:
+        """Return sentences on the last flight for its report."""
+        return ()
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy for the result of a flight."""

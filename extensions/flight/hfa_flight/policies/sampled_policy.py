@@ -31,6 +31,7 @@ class SampledPolicy(Policy):
     """
 
     is_held = True
+    predicts = False
 
     point: OperatingPoint
     dt: float

@@ -1,0 +1,46 @@
+"""Laws that plan on the nonlinear model. Their package is loaded when such a law is chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any, NamedTuple
+
+from hfa.options.part import is_installed
+from hfa_support.errors import BadInputError
+
+#: Law that plans a flight at each sample.
+PREDICTIVE = "predictive"
+#: Law -> location of the function (problem, game, settings) -> policy, "package.module:name".
+LAWS = {
+    PREDICTIVE: "hfa_optimal.laws:predictive_law",
+    "state-dependent": "hfa_optimal.laws:state_dependent_law",
+}
+#: Location of the function (policy, problem, tick) -> policy that is kept inside its limits.
+KEEP_INSIDE = "hfa_optimal.laws:kept_inside"
+
+
+def loaded(location: str) -> Callable[..., Any]:
+    """Return a function of `LAWS`, or `KEEP_INSIDE`.
+
+    Raises BadInputError if its package is not installed.
+    """
+    module, _, name = location.partition(":")
+    package = module.partition(".")[0]
+    if not is_installed(package):
+        raise BadInputError(f"this law requires the package {package}; install it")
+    function: Callable[..., Any] = getattr(import_module(module), name)
+    return function
+
+
+class LawSettings(NamedTuple):
+    """Settings of a predictive policy. None is the default of `hfa.predictive`.
+
+    horizon: duration of a plan, s
+    margin: fraction of the distances from trim to limits by which a plan's envelope is narrowed
+    estimate: "rates", "nothing", or the name of a disturbance of the model
+    """
+
+    horizon: float | None = None
+    margin: float | None = None
+    estimate: str | None = None
