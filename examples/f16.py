@@ -401,7 +401,9 @@ def equations(x, u, p, w):
         "climb_rate": climb_rate,
         "turn_rate": yaw_angle_rate,
         "side_acceleration": specific_force[1],
-        "load_factor": -specific_force[2] / GRAVITY,
+        # Normal to the flight path.
+        "load_factor": (specific_force[0] * ca.sin(x.alpha) - specific_force[2] * ca.cos(x.alpha))
+        / GRAVITY,
     }
     return rates, outputs
 

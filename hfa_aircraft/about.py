@@ -22,6 +22,10 @@ class About:
     names_schedule: whether options and data contain the name of the scheduling variable
         (--dihedral, dihedral_deg) instead of --at and scheduled
     variants: names of other equations, which a design may treat differently
+    equations: short name of the equations in the first lines of reports, unless `subject` has it
+    atmosphere: name of the standard atmosphere of the equations, or ""
+    configuration: function (x, u, p) of arrays -> name -> (value, unit) of mass, center of gravity,
+        inertias and sizes (`trim.point.configuration`); None if only signals have them
     """
 
     title: str = ""
@@ -31,6 +35,9 @@ class About:
     aliases: Mapping[str, str] = field(default_factory=dict)
     names_schedule: bool = False
     variants: tuple[str, ...] = ()
+    equations: str = ""
+    atmosphere: str = ""
+    configuration: Callable[[Any, Any, Any], Mapping[str, tuple[float, str]]] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +49,13 @@ class Domain:
     envelope: function (x, p) of a trim -> limits of the states in flight, as state -> (lowest,
         highest), if they differ from min and max. x and p have fields by name.
     check: function of a state x, with fields by name, that raises BadInputError outside the domain
+    reference: state or output -> its value at the condition of the derivatives of a linear table
     """
 
     range: Mapping[str, tuple[float, float, str]] = field(default_factory=dict)
     envelope: Callable[[Any, Any], Mapping[str, tuple[float, float]]] | None = None
     check: Callable[[Any], None] | None = None
+    reference: Mapping[str, float] = field(default_factory=dict)
 
     def limits_about(self, x: Any, p: Any) -> Mapping[str, tuple[float, float]]:
         """Return the limits of the states in flight about a trim that `envelope` changes.

@@ -23,7 +23,7 @@ from hfa_aircraft.layout import (
     linearized_rows,
 )
 from hfa_aircraft.signals import VECTORS, Signal, remember_record
-from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
+from hfa_support.errors import BadInputError, NotFiniteError, is_finite, refuse_unknown, shown
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.text import with_unit
 from hfa_support.units import si_factor
@@ -489,7 +489,7 @@ class Model(Reported):
         outputs: names of outputs or states
         disturbances: names of the disturbances in w
 
-        Raises BadInputError as `linearized` does, and FloatingPointError if a result is not finite.
+        Raises BadInputError as `linearized` does, and NotFiniteError if a result is not finite.
         """
         rows = linearized_rows(self.layout, tuple(outputs), tuple(disturbances))
         columns = rows(*(np.asarray(vector)[None] for vector in (x, u, self.p)))
@@ -501,7 +501,7 @@ class Model(Reported):
         result = Linearization(f[:, 0], y[:, 0], *derivatives)
         if not all(np.isfinite(part).all() for part in result):
             values = dict(zip((*self.states, *self.inputs), (*x, *u), strict=True))
-            raise FloatingPointError(self.not_finite(result.f, values, list(self.states)))
+            raise NotFiniteError(self.not_finite(result.f, values, list(self.states)))
         return result
 
     def not_finite(

@@ -50,6 +50,9 @@ def _domain_in_si(model: Model, conversion: _Conversion) -> Domain:
         },
         envelope=domain.envelope and partial(_envelope_in_si, conversion, domain.envelope),
         check=domain.check and partial(_check_in_si, conversion, domain.check),
+        reference={
+            name: value * si_factor(model.unit(name)) for name, value in domain.reference.items()
+        },
     )
 
 

@@ -116,7 +116,44 @@ _PAPER = published_data()["trim"]
 def hfa_about(dynamics: str) -> About:
     """Return the texts about the flexible aircraft with dynamics of this name."""
     subject = "HFA" if dynamics == "published" else f"HFA ({dynamics})"
-    return About(f"{dynamics} dynamics", subject, names_schedule=True, variants=tuple(VARIANTS))
+    return About(
+        f"{dynamics} dynamics",
+        subject,
+        names_schedule=True,
+        variants=tuple(VARIANTS),
+        equations="published" if subject == "HFA" else "",
+        atmosphere="U.S. Standard 1976",
+        configuration=configuration,
+    )
+
+
+def configuration(x: Any, u: Any, p: Any) -> dict[str, tuple[float, str]]:
+    """Return mass, inertias about the common center of mass, and sizes, name -> (value, unit).
+
+    With dihedral η and span s of a panel, Iyy = c1 + c2 sin² η (`hfa_model.dynamics`) and
+    b = s (1 + 2 cos η).
+
+    x: (n,), states, which begin with those of `STATES`
+    u: inputs
+    p: (k,), parameters, which begin with those of `Parameters`
+    """
+    values = Parameters(*p[: len(Parameters._fields)])
+    eta = float(x[STATES.index("dihedral")])
+    m, s = values.panel_mass, values.panel_span
+    pitch, yaw = values.inertia_pitch, values.inertia_yaw
+    sine, cosine = math.sin(eta), math.cos(eta)
+    outward = 2.0 * m * (s / 2.0 * (1.0 + cosine)) ** 2
+    upward = m * (s * sine) ** 2 / 6.0  # sum of m z² of the panels
+    inertia = "slug ft^2"
+    return {
+        "mass": (3.0 * m, "slug"),
+        "Ixx": (3.0 * values.inertia_roll + outward + upward, inertia),
+        "Iyy": (pitch + 2.0 * (pitch * cosine**2 + yaw * sine**2) + upward, inertia),
+        "Izz": (yaw + 2.0 * (yaw * cosine**2 + pitch * sine**2) + outward, inertia),
+        "reference_area": (3.0 * s * values.chord, "ft^2"),
+        "reference_span": (s * (1.0 + 2.0 * cosine), "ft"),
+        "reference_chord": (values.chord, "ft"),
+    }
 
 
 _DECLARED = Model(

@@ -168,13 +168,17 @@ class UnsteadyEquations:
         loads = sum_of_panels(x, u, center.loads, outer.loads, p, NEWTON)
         tip_moment, tip_rates = _tip_moment(x, p, flow_of(*outer_motion.calm).speed, air)
         loads = loads._replace(hinge_moment=loads.hinge_moment + tip_moment)
-        loads = _with_apparent_mass(x, loads, (center_motion, outer_motion), p, air)
+        of_flow = loads
+        loads = _with_apparent_mass(x, of_flow, (center_motion, outer_motion), p, air)
         rates = rates_from_loads(x, loads, p, NEWTON)
         lift_coefficient = (center.lift_coefficient + 2 * outer.lift_coefficient) / 3
         downwash = 2 * lift_coefficient / (math.pi * _aspect_ratio(p))
         downwash_rate = x.speed / p.boom_length * (downwash - x.downwash)
         lag_state_rates = {**center.rates, **outer.rates, **tip_rates, "downwash": downwash_rate}
         outputs = outputs_of(Moment(x, u, p, winds, loads, rates))
+        # The reaction of the apparent mass to accelerations is inertia, not lift.
+        outputs["lift"] = of_flow.lift
+        outputs["pitching_moment"] = of_flow.pitching_moment
         return {**rates._asdict(), **lag_state_rates}, outputs
 
 

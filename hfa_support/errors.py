@@ -38,6 +38,10 @@ class NoSolutionError(RuntimeError):
     """Exception for a valid request without a certifiable solution (exit code 1)."""
 
 
+class NotFiniteError(NoSolutionError, FloatingPointError):
+    """Exception for a rate, output or derivative that is not a number at a point (exit code 1)."""
+
+
 def missing_package(use: str, *packages: str) -> BadInputError:
     """Return the error that a package is not installed, with the command that installs it.
 

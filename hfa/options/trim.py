@@ -16,9 +16,10 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown, warn
 from trim.point.condition import TrimCondition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
-from trim.point.problem import TrimProblem
 from trim.point.solve import TrimError, explained, trim
 
+#: Largest number of options that help a failed trim.
+_MOST_ADVICE = 3
 #: Options of the trim condition, without the scheduling variable.
 OF_THE_TRIM = ("given", "free", "hold", "limit", "start")
 
@@ -254,28 +255,32 @@ class Trim(Part):
             raise self._advised(failure) from None
 
     def _advised(self, failure: TrimError) -> TrimError:
-        """Return the error of a failed trim, with the reason and advice on options added."""
+        """Return the error of a failed trim, with its reason, doubts, and options that help."""
         error = explained(failure, self.aircraft, self.condition)
-        advice = self._advice()
-        return TrimError(f"{error}; {advice}", error.attempt) if advice else error
+        doubts = [f"check: {doubt}" for doubt in self.aircraft.about.doubts]
+        said = "; ".join(filter(None, (str(error), *doubts, self._advice())))
+        return TrimError(said, error.attempt)
 
     def _advice(self) -> str:
-        """Return the option that frees alpha if a trim then exists, or otherwise a variable if
-        there are more equations than unknowns, or "".
+        """Return the imposed values of which one must be free, so that a trim exists, or "".
+
+        Each is tried. Values that the user imposed come last.
         """
-        condition = self.condition
-        if "alpha" in condition.imposed:
-            freed = release(condition, free=("alpha",))
-            with suppress(NoSolutionError):
-                free_point = trim(self.aircraft, freed, self.start_point)
-                trimmed = self.model.describe("alpha", free_point.states.alpha)
-                replaced = "replace --hold alpha by" if "alpha" in self.hold else "add"
-                return f"with alpha free, the trim is at {trimmed}: {replaced} --free alpha"
-        equations, unknowns = TrimProblem(self.aircraft, condition).count
-        held = [name for name in condition.imposed if name in self.model.variables]
-        if equations > unknowns and held:
-            return f"add --free NAME for one of {', '.join(held)}"
-        return ""
+        imposed = sorted(self.condition.imposed, key=lambda name: (name in self.hold))
+        found = []
+        for name in imposed:
+            if name == self.model.schedule:
+                continue
+            with suppress(NoSolutionError, BadInputError):
+                freed = release(self.condition, free=(name,))
+                point = trim(self.aircraft, freed, self.start_point)
+                if not point.far_out:
+                    value = self.model.describe(name, point[name])
+                    instead = f"--free {name} in place of --hold" if name in self.hold else ""
+                    found.append(f"{instead or f'--free {name}'} ({name} {value})")
+        if not found:
+            return ""
+        return f"a trim exists with {' or '.join(found[:_MOST_ADVICE])}"
 
     def origin(self) -> dict[str, Any]:
         """Return the provenance of the trim condition."""

@@ -7,11 +7,14 @@ The equations of an aircraft create a `Motion` from the state, compute forces an
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
-from hfa_aircraft.about import About, Domain, Source
+from hfa_aircraft.about import About, Domain, Source, Trimming
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.atmosphere import ALTITUDES, FT_TO_M, air_at
 from hfa_aircraft.rigid.motion import (
@@ -19,6 +22,7 @@ from hfa_aircraft.rigid.motion import (
     acceleration,
     angular_acceleration,
     angular_velocity,
+    load_factor,
     rotation,
     state_rates,
     turn_rate,
@@ -113,7 +117,7 @@ class Motion:
         outputs = {
             "gamma": ca.asin(climb / self._x.speed),
             "turn_rate": turn_rate(self._x),
-            "load_factor": -specific_force[2] / self._gravity,
+            "load_factor": load_factor(self._x.alpha, specific_force, self._gravity),
             "mach": self.mach,
         }
         return state_rates(self._x, self.velocity, velocity_rate, turning, climb), outputs
@@ -151,6 +155,7 @@ def rigid_aircraft(
     source, about: the file, and texts about it.
     domain: where the equations are valid.
     """
+    about = replace(about, atmosphere="U.S. Standard 1976")
     length = LENGTH[system]
     foot = 1.0 if system == "english" else FT_TO_M
     lowest, highest = (foot * each for each in ALTITUDES)
@@ -199,4 +204,27 @@ def rigid_aircraft(
         source=source,
         about=about,
         domain=domain or Domain(),
+        trimming=Trimming(begin=partial(_coordinated, GRAVITY[system])),
     )
+
+
+def _coordinated(gravity: float, imposed: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the initial bank and body rates of a coordinated turn, tan φ = V ω / g.
+
+    imposed: name -> imposed number or array, with speed and turn rate; or with a load factor above
+        1, whose bank is cos φ = 1/n
+    """
+    if "speed" not in imposed or not {"turn_rate", "load_factor"} & {*imposed}:
+        return {}
+    speed = imposed["speed"]
+    if "turn_rate" in imposed:
+        turning = imposed["turn_rate"]
+        bank = np.arctan(speed * turning / gravity)
+    else:
+        bank = np.arccos(1.0 / np.maximum(imposed["load_factor"], 1.0))
+        turning = gravity * np.tan(bank) / speed
+    return {
+        "roll": bank,
+        "pitch_rate": turning * np.sin(bank),
+        "yaw_rate": turning * np.cos(bank),
+    }

@@ -6,6 +6,7 @@ rounding, and within 2e-5 with `hfa_model.atmosphere`, whose constants are the s
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -17,6 +18,8 @@ from hfa_support.units import si_factor
 FT_TO_M = 0.3048
 HEAT_RATIO = 1.4
 _STANDARD_GRAVITY = 9.80665 / FT_TO_M
+#: m/s.
+_KNOT = 1852.0 / 3600.0
 _EARTH_RADIUS = 6356766.0 / FT_TO_M
 _KG_TO_SLUG = 0.06852168
 _GAS_CONSTANT = (8.31432 * _KG_TO_SLUG / (FT_TO_M * FT_TO_M * 1.8)) / (
@@ -83,6 +86,29 @@ def air_at(altitude: Any, system: str = "english") -> Air:
         base_pressure = float(base_pressure * _pressure_ratio(warmth, lapse, top - bottom))
     sound = ca.sqrt(HEAT_RATIO * _GAS_CONSTANT * temperature)
     return Air(temperature, pressure, pressure / (_GAS_CONSTANT * temperature), sound)
+
+
+def equivalent_airspeed(dynamic_pressure: float) -> float:
+    """Return the equivalent airspeed sqrt(2 q / ρ0), kt.
+
+    dynamic_pressure: q = ρ V²/2, Pa
+    """
+    return math.sqrt(2.0 * dynamic_pressure / float(air_at(0.0, "si").density)) / _KNOT
+
+
+def calibrated_airspeed(dynamic_pressure: float, mach: float) -> float:
+    """Return the calibrated airspeed a0 sqrt(5 ((q_c/p0 + 1)^(2/7) - 1)), kt, at subsonic speed.
+
+    The impact pressure is q_c = p ((1 + M²/5)^3.5 - 1), with p = 2 q / (1.4 M²).
+
+    dynamic_pressure: q = ρ V²/2, Pa
+    mach: Mach number M
+    """
+    sea_level = air_at(0.0, "si")
+    pressure = 2.0 * dynamic_pressure / (HEAT_RATIO * mach**2)
+    impact = pressure * ((1.0 + mach**2 / 5.0) ** 3.5 - 1.0)
+    ratio = (impact / float(sea_level.pressure) + 1.0) ** (2.0 / 7.0)
+    return float(sea_level.sound) * math.sqrt(5.0 * (ratio - 1.0)) / _KNOT
 
 
 def _pressure_ratio(warmth: float, lapse: float, climb: Any) -> Any:

@@ -12,7 +12,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
+#: Relative rounding of tabulated inertias.
+_ROUNDING = 1e-3
 #: Speed, angle of attack and sideslip relative to the air; body-axis angular rates; Euler angles;
 #: altitude.
 STATES = (
@@ -105,6 +108,22 @@ def inertia_matrix(moments: Sequence[Any], products: Sequence[Any]) -> Any:
     return ca.vertcat(ca.horzcat(xx, -xy, -zx), ca.horzcat(-xy, yy, -yz), ca.horzcat(-zx, -yz, zz))
 
 
+def inertia_doubt(inertia: Any) -> str:
+    """Return a sentence if no rigid body has this inertia matrix (3, 3) of numbers, or "".
+
+    Principal moments are positive, and the largest is at most the sum of the others.
+    """
+    least, middle, most = np.linalg.eigvalsh(np.asarray(inertia, dtype=float).reshape(3, 3))
+    if least <= 0.0:
+        return f"the inertias have the principal moment {least:.4g}; no body has it"
+    if most > (least + middle) * (1.0 + _ROUNDING):
+        return (
+            f"the inertias have the principal moment {most:.4g}, above the sum {least + middle:.4g}"
+            " of the others; no rigid body has them"
+        )
+    return ""
+
+
 def flow_rates(velocity: Any, acceleration: Any) -> tuple[Any, Any, Any]:
     """Return the rate of the speed, and the rates of alpha and beta, rad/s.
 
@@ -118,6 +137,19 @@ def flow_rates(velocity: Any, acceleration: Any) -> tuple[Any, Any, Any]:
     alpha_rate = (u * acceleration[2] - w * acceleration[0]) / in_plane
     beta_rate = (speed * acceleration[1] - v * speed_rate) / (speed * ca.sqrt(in_plane))
     return speed_rate, alpha_rate, beta_rate
+
+
+def load_factor(alpha: Any, specific_force: Any, gravity: Any) -> Any:
+    """Return the load factor n = (f_x sin α - f_z cos α)/g, normal to the flight path.
+
+    It is cos γ in steady wings-level flight, and 1/cos φ in a level turn with bank φ.
+
+    alpha: angle of attack, rad
+    specific_force: force without weight, divided by mass, f, in body axes, (3,)
+    gravity: acceleration of gravity g
+    """
+    along, _, down = (specific_force[i] for i in range(3))
+    return (along * ca.sin(alpha) - down * ca.cos(alpha)) / gravity
 
 
 def turn_rate(x: Any) -> Any:

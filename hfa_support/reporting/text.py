@@ -214,6 +214,13 @@ def short_number(value: float, unit: str) -> str:
     return f"{shown:.0f}" if 1e4 <= abs(shown) < 1e7 else f"{shown:.4g}"
 
 
+def digits(value: float, count: int = 3) -> str:
+    """Return a number as text with `count` significant digits, and whole from 1000 on."""
+    if abs(value) < ROUNDING:
+        return "0"
+    return f"{value:,.0f}" if abs(value) >= 10 ** max(count, 3) else f"{value:,.{count}g}"
+
+
 def eigenvalue_text(value: complex) -> str:
     """Return the text of a real eigenvalue or a conjugate pair, for example "-0.0144 ± 0.7458i".
 

@@ -7,6 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from hfa_aircraft.model import recognized
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
@@ -37,15 +40,16 @@ def handling_qualities(point: OperatingPoint) -> list[Quantity]:
 
     - `short period`, `phugoid` and `dutch roll`: natural frequency and damping ratio, for two real
       eigenvalues from their product and sum
-    - `dutch roll`: also the product of frequency and damping ratio
+    - `dutch roll`: also the product of frequency and damping ratio, and |φ/β| of the mode's shape
     - `roll`: time constant -1/λ
     - `spiral`: time to double or half, ln 2/|λ|
+    - `roll` or `spiral` coupled in an oscillation: the product of frequency and damping ratio
     - with an output `load_factor` and a state `alpha` in the short period: n/alpha and the control
       anticipation parameter CAP = ω²/(n/alpha) (MIL-F-8785C, 3.2.2.1)
 
     n/alpha is the steady change of the load factor divided by the steady change of alpha, after a
-    step of the input that pitches the aircraft most. All states except alpha and pitch rate are
-    held.
+    step of the input that pitches the aircraft most. Lags follow, and all other states except alpha
+    and pitch rate are held.
     """
     linear = point.linearize(disturbances=())
     quantities = []
@@ -59,6 +63,7 @@ def handling_qualities(point: OperatingPoint) -> list[Quantity]:
         if name == "dutch roll":
             product = damping * frequency
             quantities.append(Quantity("dutch roll damping times frequency", product, "rad/s"))
+            quantities += _bank_per_sideslip(linear)
         if name == "short period":
             quantities += _anticipation(point, frequency)
     roll = _real_eigenvalue(linear, "roll")
@@ -68,6 +73,10 @@ def handling_qualities(point: OperatingPoint) -> list[Quantity]:
     if spiral:
         change = "double" if spiral > 0 else "half"
         quantities.append(Quantity(f"spiral time to {change}", math.log(2) / abs(spiral), "s"))
+    for name in ("roll", "spiral"):
+        for value in _eigenvalues(linear, name):
+            if value.imag:
+                quantities.append(Quantity(f"{name} damping times frequency", -value.real, "rad/s"))
     return quantities
 
 
@@ -117,6 +126,19 @@ def _oscillation(linear: LinearModel, family: str) -> tuple[float, float] | None
         return None
     frequency = math.sqrt(product)
     return frequency, -total.real / (2 * frequency)
+
+
+def _bank_per_sideslip(linear: LinearModel) -> list[Quantity]:
+    """Return |φ/β| of the eigenvector of the Dutch roll, if bank and sideslip are states."""
+    roles = recognized(linear.model.states)
+    names = [roles.get("phi", ""), roles.get("beta", "")]
+    pair = [value for value in _eigenvalues(linear, "dutch roll") if value.imag]
+    if not {*names} <= {*linear.states} or not pair:
+        return []
+    values, vectors = np.linalg.eig(linear.A)
+    shape = np.abs(vectors[:, int(np.argmin(np.abs(values - pair[0])))])
+    bank, sideslip = (shape[linear.states.index(name)] for name in names)
+    return [Quantity("dutch roll phi/beta", float(bank / sideslip), "1")] if sideslip else []
 
 
 def _anticipation(point: OperatingPoint, frequency: float) -> list[Quantity]:

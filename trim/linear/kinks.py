@@ -95,7 +95,7 @@ def linearization_at(
     u: (m,), input
     outputs, disturbances: names of outputs and disturbances
 
-    Raises BadInputError and FloatingPointError as `Model.at` does.
+    Raises BadInputError and NotFiniteError as `Model.at` does.
     """
     exact = model.at(x, u, outputs, disturbances)
     X, U = (np.asarray(vector, dtype=float)[None] for vector in (x, u))

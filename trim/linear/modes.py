@@ -53,6 +53,8 @@ class Mode(Result):
             raise no_attribute(self, name)
 
 
+#: Smallest participation on a sheet.
+_SEEN = 0.005
 #: An eigenvalue, or its real part, up to this many times its rounding error counts as 0.
 _ZERO = 10.0
 
@@ -188,6 +190,7 @@ def modes_table(modes: Iterable[Mode], time: str = "s", *, participation: bool =
     rows = []
     for mode in modes:
         largest = sorted(mode.participation.items(), key=lambda item: -item[1])[:2]
+        largest = [(state, share) for state, share in largest if share >= _SEEN]
         row = (
             mode.name,
             eigenvalue_text(mode.eigenvalue),

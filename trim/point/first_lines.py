@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from hfa_aircraft.model import Model, recognized
-from hfa_support.reporting.text import ROUNDING, WIDTH, shown_unit, shown_value, wrapped
+from hfa_support.reporting.text import ROUNDING, WIDTH, digits, shown_unit, shown_value, wrapped
 
 if TYPE_CHECKING:
     from trim.linear.modes import Mode
@@ -16,34 +16,50 @@ if TYPE_CHECKING:
 
 #: Smaller flight-path angles and turn rates, rad and rad/s, are those of level, straight flight.
 _LEVEL = 1e-7
+#: Largest usual angle of attack, deg, and least negative drag that is doubted, per lift.
+_STEEPEST = 60.0
+_NEGATIVE = 1e-6
 #: Largest numbers of imposed values and of modes in first lines.
 _MOST_VALUES = 4
 _MOST_MODES = 6
 
 
 def first_line(point: OperatingPoint, done: str, modes: Iterable[Mode] | None) -> str:
-    """Return what was done, the condition and the unstable modes: "HFA trimmed: level, 68 ft/s,
-    40,000 ft, dihedral 10 deg; unstable: none".
+    """Return what was done, the equations and the condition, and below it the unstable modes: "HFA
+    (published) trimmed: level, 68 ft/s, 40,000 ft, dihedral 10 deg", "unstable: none".
 
     done: "trimmed" or "linearized"
     modes: modes of the linear model at the point, or None for a point that is not a trim
     """
+    model = point.model
+    subject = model.subject + f" ({model.about.equations})" * bool(model.about.equations)
     condition = ", ".join(condition_words(point))
-    line = f"{point.model.subject} {done}" + f": {condition}" * bool(condition)
+    lines = [f"{subject} {done}" + f": {condition}" * bool(condition)]
     if modes is not None:
-        line = _with_unstable(line, [*modes], point.model.time_unit)
-    doubts = [f"Check: {doubt}" for doubt in point.model.about.doubts]
-    return wrapped("\n".join([line, *doubts]), WIDTH)
+        lines.append(_unstable([*modes], model.time_unit))
+    lines += [f"Check: {doubt}" for doubt in (*model.about.doubts, *doubts_at(point))]
+    return wrapped("\n".join(lines), WIDTH)
 
 
-def _with_unstable(line: str, modes: Sequence[Mode], time: str) -> str:
-    """Return a line with the unstable modes, and with their times to double if they fit in it."""
+def doubts_at(point: OperatingPoint) -> Iterator[str]:
+    """Yield sentences on values of a point that data in wrong units cause: alpha, drag."""
+    model = point.model
+    alpha = recognized(model.states).get("alpha", "")
+    unit = model.unit(alpha) if alpha else ""
+    size = abs(math.degrees(point[alpha])) if unit == "rad" else 0.0
+    if size > _STEEPEST:
+        yield f"alpha is {size:.4g} deg in size; the data may have degrees without a unit"
+    if "drag" in model.outputs and "lift" in model.outputs:
+        drag, lift = point["drag"], point["lift"]
+        if drag < -_NEGATIVE * abs(lift):
+            yield f"the drag is {_number(model, 'drag', drag)}, below 0; check signs and units"
+
+
+def _unstable(modes: Sequence[Mode], time: str) -> str:
+    """Return a line with the unstable modes and their times to double."""
     unstable = [mode for mode in modes if math.isfinite(mode.time_to_double)]
     timed = [f"{mode.name} (2x in {mode.time_to_double:.3g} {time})" for mode in unstable]
-    named = [mode.name for mode in unstable]
-    words = [f"unstable: {', '.join(each) or 'none'}" for each in (timed, named)]
-    fitting = [each for each in words if len(f"{line}; {each}") <= WIDTH]
-    return f"{line}; {fitting[0]}" if fitting else f"{line};\n{words[0]}"
+    return f"unstable: {', '.join(timed) or 'none'}"
 
 
 def condition_words(point: OperatingPoint) -> Iterator[str]:
@@ -102,13 +118,6 @@ def _number(model: Model, name: str, value: float) -> str:
     unit = shown_unit(model.unit(name))
     text = digits(float(shown_value(value, model.unit(name), ".12g")), 5)
     return text if unit == "1" else f"{text} {unit}"
-
-
-def digits(value: float, count: int = 3) -> str:
-    """Return a number as text with `count` significant digits, and whole from 1000 on."""
-    if abs(value) < ROUNDING:
-        return "0"
-    return f"{value:,.0f}" if abs(value) >= 10 ** max(count, 3) else f"{value:,.{count}g}"
 
 
 def control_lines(

@@ -36,7 +36,7 @@ def linearize(
     disturbances: names; by default the first disturbance if `outputs` are given, otherwise none
 
     Raises BadInputError if the point belongs to another model, or a name is unknown. Raises
-    FloatingPointError if a derivative is not finite.
+    NotFiniteError if a derivative is not finite.
 
     >>> import hfa
     >>> point = hfa.trim(hfa.aircraft(), hfa.paper.level_flight(0.2))

@@ -10,7 +10,7 @@ from typing import Any
 from hfa_aircraft.limits import NEAR
 from hfa_aircraft.model import Model
 from hfa_support.reporting.results import Result
-from hfa_support.reporting.text import degrees, shown_value
+from hfa_support.reporting.text import degrees, short_number, shown_value
 from trim.point.condition import TrimCondition
 
 
@@ -95,16 +95,14 @@ class Margin(Result):
             "" if math.isinf(limit) else shown_value(limit, self.unit) + star
             for limit in (self.lowest, self.highest)
         )
-        margin = degrees(self.distance, self.unit)[0] if self.nearer else ""
+        margin = short_number(self.distance, self.unit) if self.nearer else ""
         role = "imposed" if self.role == "held" else self.role
         value, unit = degrees(self.value, self.unit)
         return self.name, value, unit, role, lowest, highest, margin
 
-    def share_row(self) -> tuple[str, str]:
-        """Return the used and the remaining share of the travel as text."""
-        if math.isnan(self.used):
-            return "", ""
-        return f"{100 * self.used:.1f} %", f"{100 * (1.0 - self.used):.1f} %"
+    def used_text(self) -> str:
+        """Return the used share of the travel as text, or ""."""
+        return "" if math.isnan(self.used) else f"{100 * self.used:.1f} %"
 
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs, record
-from hfa_support.errors import BadInputError, file_faults, refuse_unknown, shortened
+from hfa_support.errors import BadInputError, NotFiniteError, file_faults, refuse_unknown, shortened
 from hfa_support.files import read_json, write_text
 from hfa_support.reporting.data_files import json_text
 from hfa_support.reporting.report import Report, Reported
@@ -269,12 +269,13 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def title(self) -> str:
-        """Text with the model, the status, the condition, and the unstable modes of a trim.
+        """Text with the model, its equations, the status, the condition, and the unstable modes.
 
         Further lines name an angle without limits that exceeds 90 deg, and state that the search
         did not begin at the default initial point.
         """
-        lines = [first_line(self, str(self.status), self.modes if self.ok else None)]
+        has_modes = self.ok and not self.fault
+        lines = [first_line(self, str(self.status), self.modes if has_modes else None)]
         if self.far_out:
             lines.append(f"Far out: {self.far_out[0]}")
         if self.started:
@@ -316,8 +317,17 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         A = self.slopes.A[np.ix_(rows, rows)]
         return ByName(modes_of(A, model.linear, model.modes))
 
+    @cached_property
+    def fault(self) -> str:
+        """Reason why the point has no linear model and no modes, or ""."""
+        try:
+            _ = self.slopes
+        except NotFiniteError as error:
+            return str(error)
+        return ""
+
     @property
-    def _sloped(self) -> tuple[str, ...]:
+    def sloped(self) -> tuple[str, ...]:
         """Names of the outputs in `slopes`."""
         return tuple(name for name in _SLOPED if name in self.model.outputs)
 
@@ -327,12 +337,12 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         kinks."""
         from trim.linear.kinks import linearization_at
 
-        slopes, _ = linearization_at(self.model, self.x, self.u, self._sloped)
+        slopes, _ = linearization_at(self.model, self.x, self.u, self.sloped)
         return slopes
 
     def slopes_of(self, output: str) -> tuple[np.ndarray, np.ndarray]:
         """Return ∂y/∂X (n,) and ∂y/∂U (m,) of an output in `slopes`."""
-        row = self._sloped.index(output)
+        row = self.sloped.index(output)
         return self.slopes.C[row], self.slopes.D[row]
 
     def linearize(self, **options: Any) -> LinearModel:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -20,10 +21,13 @@ if TYPE_CHECKING:
 
 #: Names of the output or input with the thrust; the first that a model declares is used.
 _THRUST = ("thrust_force", "thrust")
-#: Product of units -> usual unit.
-_USUAL = {"lbf ft/s": "ft lbf/s", "N m/s": "W"}
-#: Number of angles of attack at which the largest lift is searched.
+#: Unit of a power in a model -> unit on the sheet, and factor.
+_POWERS = {"lbf ft/s": ("hp", 1.0 / 550.0), "N m/s": ("kW", 1e-3)}
+#: Unit of a speed in a model -> unit of a rate of climb on the sheet.
+_CLIMBS = {"ft/s": ("ft/min", 60.0), "m/s": ("m/s", 1.0)}
+#: Number of angles of attack at which the largest lift is searched, and its accuracy, rad.
 _ANGLES = 200
+_ACCURACY = 1e-7
 #: Change of the speed between a trim and its neighbors, kt.
 _KNOTS = 0.5
 #: Condition number above which alpha and pitch rate have no steady state.
@@ -55,11 +59,13 @@ class Figures:
     performance: name -> load or measure of performance, and outputs of the model
     stability: name -> static margin, neutral point and control gradients
     not_in_model: name of a figure -> what the model lacks for it
+    stalled: sentences on a trim beyond the largest lift
     """
 
     performance: dict[str, Quantity] = field(default_factory=dict)
     stability: dict[str, Quantity] = field(default_factory=dict)
     not_in_model: dict[str, str] = field(default_factory=dict)
+    stalled: list[str] = field(default_factory=list)
 
 
 def figures_of(point: OperatingPoint, condition: TrimCondition) -> Figures:
@@ -67,13 +73,17 @@ def figures_of(point: OperatingPoint, condition: TrimCondition) -> Figures:
 
     A model states its forces by outputs with these names: lift and drag (aerodynamic, normal to and
     along the flight path), thrust, weight, pitching_moment (aerodynamic, about the center of
-    gravity), dynamic_pressure, reference_area, reference_chord, largest_lift_coefficient.
+    gravity), dynamic_pressure, mach, reference_area, reference_chord, largest_lift_coefficient.
 
+    - equivalent and calibrated airspeed: of the dynamic pressure and the Mach number
     - power required: D V
     - thrust available: thrust with the inputs that change it at their highest values, unless the
       thrust follows an engine state
-    - stall: largest lift coefficient, declared or a maximum of the lift over alpha
-    - static margin: -(∂M/∂α) / (c ∂L/∂α), with all other states and the inputs fixed
+    - excess thrust: thrust available - thrust; rate of climb left: excess thrust V cos α / weight,
+      at constant speed
+    - stall: largest lift coefficient, declared or the first maximum of the lift over alpha
+    - static margin: -(∂M/∂α) / (c ∂L/∂α), with the other rigid-body states and the inputs fixed;
+      lags follow (`_QuasiSteady`)
     - neutral point: distance behind the center of gravity, margin times chord
     - pull-up: change of an input per load factor in a steady pull-up of the linear model at
       constant speed
@@ -86,7 +96,13 @@ def figures_of(point: OperatingPoint, condition: TrimCondition) -> Figures:
         _add(figures.performance, name, value, model.unit(name))
     if not {"speed", "alpha"} <= {*recognized(model.states)}:
         return figures
+    _add_airspeeds(point, figures)
     _add_performance(point, figures)
+    _add_stall(point, figures)
+    if point.fault:
+        lacking = ("static margin", "neutral point", "control per g", "control per knot")
+        figures.not_in_model.update(dict.fromkeys(lacking, "a derivative is not a number"))
+        return figures
     _add_static_margin(point, figures)
     _add_gradients(point, condition, figures)
     return figures
@@ -97,42 +113,114 @@ def _add(figures: dict[str, Quantity], name: str, value: float, unit: str) -> No
 
 
 def _lacking(point: OperatingPoint, *names: str) -> str:
-    """Return the outputs that a model does not declare as text, or ""."""
+    """Return why outputs are not in the model or cannot divide, or ""."""
     missing = [name for name in names if name not in point.model.outputs]
     return f"no output {', '.join(missing)}" if missing else ""
 
 
+def _zero(point: OperatingPoint, *names: str) -> str:
+    """Return a text on the first of some outputs that is 0 or not a number, or ""."""
+    for name in names:
+        if not point[name] or not math.isfinite(point[name]):
+            return f"the {name.replace('_', ' ')} is {point[name]:g}"
+    return ""
+
+
+def _add_airspeeds(point: OperatingPoint, figures: Figures) -> None:
+    """Add the equivalent and the calibrated airspeed, kt.
+
+    The static pressure is p = 2 q / (1.4 M²). The calibrated airspeed is that at which the impact
+    pressure at sea level is the same.
+    """
+    names = ("dynamic_pressure", "mach")
+    reason = _lacking(point, *names) or _zero(point, *names)
+    pressure_unit = "" if reason else point.model.unit("dynamic_pressure")
+    to_pascal = None if reason else conversion(pressure_unit, "N/m^2")
+    if reason or to_pascal is None:
+        reason = reason or f"no unit of pressure in {pressure_unit}"
+        figures.not_in_model["equivalent and calibrated airspeed"] = reason
+        return
+    from hfa_aircraft.rigid.atmosphere import calibrated_airspeed, equivalent_airspeed
+
+    pressure = point["dynamic_pressure"] * to_pascal
+    equivalent = equivalent_airspeed(pressure)
+    _add(figures.performance, "equivalent_airspeed", equivalent, "kt")
+    calibrated = calibrated_airspeed(pressure, point["mach"])
+    _add(figures.performance, "calibrated_airspeed", calibrated, "kt")
+
+
 def _add_performance(point: OperatingPoint, figures: Figures) -> None:
-    """Add L/D, power, thrust, coefficients and stall margin to the figures."""
+    """Add L/D, power, thrust and coefficients to the figures."""
     model = point.model
     found = figures.performance
     lacking = figures.not_in_model
+    speed = recognized(model.states)["speed"]
     if reason := _lacking(point, "lift", "drag"):
         lacking["L/D"] = lacking["power required"] = reason
     else:
-        _add(found, "lift_over_drag", point["lift"] / point["drag"], "1")
-        speed = recognized(model.states)["speed"]
+        if reason := _zero(point, "drag"):
+            lacking["L/D"] = reason
+        else:
+            _add(found, "lift_over_drag", point["lift"] / point["drag"], "1")
         unit = f"{model.unit('drag')} {model.unit(speed)}"
-        _add(found, "power_required", point["drag"] * point[speed], _USUAL.get(unit, unit))
+        shown, factor = _POWERS.get(unit, (unit, 1.0))
+        _add(found, "power_required", point["drag"] * point[speed] * factor, shown)
     available = thrust_available(point)
     if isinstance(available, str):
-        lacking["thrust available"] = available
+        for name in ("thrust available", "excess thrust", "rate of climb left"):
+            lacking[name] = available
     else:
         found["thrust_available"] = available
-    if reason := _lacking(point, "lift", "dynamic_pressure", "reference_area"):
-        lacking["stall margin"] = reason
+        _add_excess(point, figures, available)
+    forces = ("lift", "dynamic_pressure", "reference_area")
+    if not _lacking(point, *forces) and not _zero(point, *forces[1:]):
+        force = point["dynamic_pressure"] * point["reference_area"]
+        _add(found, "lift_coefficient", point["lift"] / force, "1")
+        if "drag" in model.outputs:
+            _add(found, "drag_coefficient", point["drag"] / force, "1")
+
+
+def _add_excess(point: OperatingPoint, figures: Figures, available: Quantity) -> None:
+    """Add the excess thrust, and the rate of climb that it allows at constant speed."""
+    model = point.model
+    name = next(each for each in _THRUST if each in (*model.inputs, *model.outputs))
+    excess = available.value - point[name]
+    _add(figures.performance, "excess_thrust", excess, available.unit)
+    reason = _lacking(point, "weight") or _zero(point, "weight")
+    roles = recognized(model.states)
+    if reason:
+        figures.not_in_model["rate of climb left"] = reason
+        return
+    unit = model.unit(roles["speed"])
+    shown, factor = _CLIMBS.get(unit, (unit, 1.0))
+    climb = excess * math.cos(point[roles["alpha"]]) * point[roles["speed"]] / point["weight"]
+    _add(figures.performance, "rate_of_climb_left", climb * factor, shown)
+
+
+def _add_stall(point: OperatingPoint, figures: Figures) -> None:
+    """Add the largest lift coefficient and the margin to the stall, or that it is passed."""
+    names = ("lift", "dynamic_pressure", "reference_area")
+    if reason := _lacking(point, *names) or _zero(point, *names):
+        figures.not_in_model["stall margin"] = reason
         return
     force = point["dynamic_pressure"] * point["reference_area"]
-    coefficient = point["lift"] / force
-    _add(found, "lift_coefficient", coefficient, "1")
-    if "drag" in model.outputs:
-        _add(found, "drag_coefficient", point["drag"] / force, "1")
     largest = largest_lift(point)
     if largest is None:
-        lacking["stall margin"] = "no CL_max, and lift without a maximum"
-    elif coefficient > 0.0:
-        _add(found, "largest_lift_coefficient", largest / force, "1")
-        _add(found, "speed_over_stall_speed", math.sqrt(largest / point["lift"]), "1")
+        figures.not_in_model["stall margin"] = "no CL_max, and lift without a maximum"
+        return
+    _add(figures.performance, "largest_lift_coefficient", largest.lift / force, "1")
+    if point["lift"] > 0.0 and not largest.passed:
+        ratio = math.sqrt(largest.lift / point["lift"])
+        _add(figures.performance, "speed_over_stall_speed", ratio, "1")
+    own, most = point["lift"] / force, largest.lift / force
+    if largest.passed:
+        angle = math.degrees(largest.alpha)
+        figures.stalled.append(
+            f"STALLED: beyond the largest lift, CL {most:.4g} at alpha {angle:.4g} deg"
+        )
+        figures.not_in_model["stall margin"] = "beyond the largest lift"
+    elif own > most:
+        figures.stalled.append(f"STALLED: CL {own:.4g} is above CL_max {most:.4g} of the table")
 
 
 def thrust_available(point: OperatingPoint) -> Quantity | str:
@@ -166,52 +254,88 @@ def thrust_available(point: OperatingPoint) -> Quantity | str:
     return Quantity("thrust_available", value, model.unit(name))
 
 
-def largest_lift(point: OperatingPoint) -> float | None:
+class LargestLift(NamedTuple):
+    """Largest lift at the speed and the inputs of a trim.
+
+    lift: the lift, in the unit of the model
+    alpha: angle of attack at which the lift is largest, rad; nan for a declared CL_max
+    passed: whether the trim is beyond this angle, where the lift falls with alpha
+    """
+
+    lift: float
+    alpha: float = math.nan
+    passed: bool = False
+
+
+def largest_lift(point: OperatingPoint) -> LargestLift | None:
     """Return the largest lift at the speed and the inputs of a trim, or None if it is unknown.
 
     The lift is q S CL_max with a declared CL_max. Otherwise it is the first maximum of the output
-    `lift` over alpha, between the trim and the upper limit of alpha.
+    `lift` over alpha, above the trim, or the last one below a trim at which the lift falls.
     """
     model = point.model
     if "largest_lift_coefficient" in model.outputs:
         declared = point["largest_lift_coefficient"]
-        return point["dynamic_pressure"] * point["reference_area"] * declared
+        return LargestLift(point["dynamic_pressure"] * point["reference_area"] * declared)
     alpha = recognized(model.states)["alpha"]
-    highest = model.states[alpha].max
+    ends = [model.states[alpha].min, model.states[alpha].max]
     if "alpha" in model.domain.range:
-        highest = min(highest, model.domain.range["alpha"][1])
-    if not math.isfinite(highest):
+        low, high, _ = model.domain.range["alpha"]
+        ends = [max(ends[0], low), min(ends[1], high)]
+    if not np.isfinite(ends).all():
         return None
-    lifts = _lifts(point, alpha, np.linspace(point[alpha], highest, _ANGLES))
-    peak = int(np.argmax(lifts))
-    falls = len(lifts) > 1 and lifts[-1] < lifts[peak] * (1.0 - 1e-9)
+    lift = _lift_over(point, alpha)
+    here = point[alpha]
+    above = np.linspace(here, max(ends[1], here), _ANGLES)
+    rises = np.diff(lift(above))
+    passed = bool(rises.size and rises[0] < 0.0)
+    angles = np.linspace(min(ends[0], here), here, _ANGLES)[::-1] if passed else above
+    peak = _first_peak(lift, angles)
+    return None if peak is None else LargestLift(float(lift(np.array([peak]))[0]), peak, passed)
+
+
+def _first_peak(lift: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) -> float | None:
+    """Return the angle of the first maximum of the lift along some angles, or None."""
     # A table that is constant beyond its last breakpoint has no maximum of the lift.
-    return lifts[peak] if falls and 0 < peak < len(lifts) - 1 else None
+    lifts = lift(angles)
+    small = 1e-9 * np.abs(lifts).max()
+    falls = np.flatnonzero(np.diff(lifts) < -small)
+    if not falls.size or falls[0] == 0:
+        return None
+    from scipy.optimize import minimize_scalar
+
+    ends = sorted((angles[falls[0] - 1], angles[falls[0] + 1]))
+    found = minimize_scalar(
+        lambda angle: -float(lift(np.array([angle]))[0]),
+        bounds=ends,
+        method="bounded",
+        options={"xatol": _ACCURACY},
+    )
+    return float(found.x)
 
 
-def _lifts(point: OperatingPoint, alpha: str, angles: np.ndarray) -> list[float]:
-    """Return the output `lift` at other angles of attack and otherwise the values of a point."""
+def _lift_over(point: OperatingPoint, alpha: str) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the function: angles of attack (N,) -> output `lift` (N,), otherwise at the point."""
     model = point.model
     angle = ca.SX.sym(alpha)
     state = point.states._replace(**{alpha: angle})
     _, lift = model.layout.expressions((state, point.inputs, model.p), ("lift",))
-    lifts: list[float] = ca.Function("lift", [angle], [lift])(angles[None]).full()[0].tolist()
-    return lifts
+    function = ca.Function("lift", [angle], [lift])
+    return lambda angles: np.asarray(function(angles[None]).full()[0])
 
 
 def _add_static_margin(point: OperatingPoint, figures: Figures) -> None:
     """Add the static margin, the neutral point and the slopes of lift and pitching moment."""
     names = ("lift", "pitching_moment", "dynamic_pressure", "reference_area", "reference_chord")
-    reason = _lacking(point, *names)
-    if not reason and not point["reference_chord"]:
-        reason = "the reference chord is 0"
-    if reason:
+    if reason := _lacking(point, *names) or _zero(point, *names[2:]):
         figures.not_in_model["static margin"] = figures.not_in_model["neutral point"] = reason
         return
     found = figures.stability
     chord = point["reference_chord"]
-    (alpha,) = point.model.state_places([recognized(point.model.states)["alpha"]])
-    lift, moment = (float(point.slopes_of(name)[0][alpha]) for name in ("lift", "pitching_moment"))
+    alpha = recognized(point.model.states)["alpha"]
+    steady = quasi_steady(point)
+    place = steady.states.index(alpha)
+    lift, moment = (float(steady.outputs[name][0][place]) for name in ("lift", "pitching_moment"))
     force = point["dynamic_pressure"] * point["reference_area"]
     _add(found, "CL_alpha", lift / force, "1/rad")
     _add(found, "Cm_alpha", moment / (force * chord), "1/rad")
@@ -220,6 +344,56 @@ def _add_static_margin(point: OperatingPoint, figures: Figures) -> None:
         _add(found, "static_margin", margin, "chord")
         unit = point.model.unit("reference_chord")
         _add(found, "neutral_point_behind_center_of_gravity", margin * chord, unit)
+
+
+class QuasiSteady(NamedTuple):
+    """Slopes of a trim in which lags follow the other states without delay.
+
+    states: names of the other states
+    A, B: derivatives of their rates, (n, n) and (n, m)
+    outputs: name -> derivatives (n,) by these states and (m,) by the inputs
+    """
+
+    states: tuple[str, ...]
+    A: np.ndarray
+    B: np.ndarray
+    outputs: dict[str, tuple[np.ndarray, np.ndarray]]
+
+
+def quasi_steady(point: OperatingPoint) -> QuasiSteady:
+    """Return the slopes at a trim with its lags residualized, x2 = -A22⁻¹ (A21 x1 + B2 u).
+
+    Lags are linear states without a meaning in the motion of a body: they are no state that
+    `recognized` names, no position whose rate is a state, and no rate of a position. They are kept
+    if they have no stable steady state.
+    """
+    model = point.model
+    slopes = point.slopes
+    names = model.state_names
+    moving = {*recognized(model.states).values(), "altitude"}
+    for i, row in enumerate(slopes.A):
+        if np.count_nonzero(row) == 1 and row.sum() == 1.0 and not slopes.B[i].any():
+            moving |= {names[i], names[int(np.argmax(row))]}
+    lags = [i for i, name in enumerate(names) if name in model.linear and name not in moving]
+    A22 = slopes.A[np.ix_(lags, lags)]
+    if lags and np.linalg.eigvals(A22).real.max() >= 0.0:
+        lags = []
+    kept = [i for i in range(len(names)) if i not in lags]
+    A22 = slopes.A[np.ix_(lags, lags)]
+    by_states = -np.linalg.solve(A22, slopes.A[np.ix_(lags, kept)])
+    by_inputs = -np.linalg.solve(A22, slopes.B[lags])
+    across = slopes.A[np.ix_(kept, lags)]
+    outputs = {}
+    for name in point.sloped:
+        of_states, of_inputs = point.slopes_of(name)
+        followed = of_states[lags]
+        outputs[name] = of_states[kept] + followed @ by_states, of_inputs + followed @ by_inputs
+    return QuasiSteady(
+        tuple(names[i] for i in kept),
+        slopes.A[np.ix_(kept, kept)] + across @ by_states,
+        slopes.B[kept] + across @ by_inputs,
+        outputs,
+    )
 
 
 def _add_gradients(point: OperatingPoint, condition: TrimCondition, figures: Figures) -> None:
@@ -258,7 +432,7 @@ class PullUp(NamedTuple):
 
 def pull_up(point: OperatingPoint) -> PullUp | None:
     """Return the steady changes of alpha and load factor after a step of the input that pitches the
-    aircraft most. All states except alpha and pitch rate are held.
+    aircraft most. Lags follow, and all other states except alpha and pitch rate are held.
 
     The result is None if the short period does not consist of alpha and one other state, or if no
     input changes the rate of that state.
@@ -273,9 +447,12 @@ def pull_up(point: OperatingPoint) -> PullUp | None:
         or not model.inputs
     ):
         return None
-    places = model.state_places(["alpha", *others])
-    A = point.slopes.A[np.ix_(places, places)]
-    B = point.slopes.B[places]
+    steady = quasi_steady(point)
+    if not {"alpha", *others} <= {*steady.states}:
+        return None
+    places = [steady.states.index(name) for name in ("alpha", *others)]
+    A = steady.A[np.ix_(places, places)]
+    B = steady.B[places]
     nominal = np.array([signal.nominal for signal in model.inputs.values()])
     _, pitching = np.abs(B) * nominal
     strongest = int(np.argmax(pitching))
@@ -284,7 +461,7 @@ def pull_up(point: OperatingPoint) -> PullUp | None:
     at_rest = -np.linalg.solve(A, B[:, strongest])
     load = math.nan
     if "load_factor" in model.outputs:
-        of_states, of_inputs = point.slopes_of("load_factor")
+        of_states, of_inputs = steady.outputs["load_factor"]
         load = float(of_states[places] @ at_rest + of_inputs[strongest])
     return PullUp(tuple(model.inputs)[strongest], float(at_rest[0]), load)
 

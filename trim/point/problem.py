@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, NotFiniteError
 from hfa_support.linear_table import LinearTable
 from trim.point.condition import TrimCondition
 from trim.point.halving import newton
@@ -76,7 +76,7 @@ class TrimProblem:
     def at(self, z: np.ndarray) -> Evaluation:
         """Return the state, input, residuals and Jacobian for scaled unknowns z, (k,).
 
-        Raises FloatingPointError if a result is not finite, and BadInputError if the model refuses
+        Raises NotFiniteError if a result is not finite, and BadInputError if the model refuses
         the state.
         """
         key = z.tobytes()
@@ -86,7 +86,7 @@ class TrimProblem:
         self.model.domain.refuse_outside(evaluation.x)
         if not evaluation.finite:
             self.model.at(evaluation.x, evaluation.u)  # raises an error that names the rate
-            raise FloatingPointError(f"{self.model.name}: an output is not a finite number")
+            raise NotFiniteError(f"{self.model.name}: an output is not a finite number")
         self._last = key, evaluation
         return evaluation
 

@@ -328,7 +328,8 @@ class TrimSystem:
     start: (k,), initial scaled unknowns
     limits: limits of the unknowns, in the units of the model
     lowest, highest: (k,), limits of the unknowns in scaled units
-    usual: (k,), 90 deg for angles without limits, in scaled units, and inf for other unknowns
+    usual: (k,), 90 deg for angles without limits or with assumed ones, in scaled units, and inf for
+        other unknowns
     watched: limits of the watched states and outputs
     row_scales: (e,), scale of each equation
     moved: number m of equations that the unknowns affect, which are the first m equations
@@ -495,7 +496,7 @@ class TrimSystem:
 def _scaled_ends(limits: Limits, equations: Equations) -> tuple[np.ndarray, ...]:
     """Return `lowest`, `highest` and `usual` of the unknowns in scaled units, (k,) each."""
     # The three arrays are described in `TrimSystem`.
-    unlimited = np.isinf(limits.lowest) & np.isinf(limits.highest)
+    unlimited = (np.isinf(limits.lowest) & np.isinf(limits.highest)) | limits.assumed
     largest = [_USUAL.get(limits.model.unit(name), math.inf) for name in limits.names]
     ends = (limits.lowest, limits.highest, np.where(unlimited, largest, math.inf))
     return tuple(end / equations.scales for end in ends)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -14,10 +15,26 @@ from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result, given
-from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown_unit, shown_value
+from hfa_support.reporting.text import (
+    Cell,
+    Table,
+    degrees,
+    digits,
+    short_number,
+    shown_unit,
+    shown_value,
+)
+from trim.linear.levels import Airplane, Graded, graded, levels_table
 from trim.linear.modes import modes_table
 from trim.point.condition import TrimCondition
-from trim.point.first_lines import control_lines, digits
+from trim.point.configuration import (
+    atmosphere_of,
+    configuration_of,
+    configuration_parts,
+    reference_line,
+    reference_of,
+)
+from trim.point.first_lines import control_lines
 from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint, point_records
 from trim.point.performance import Figures, Quantity, figures_of
@@ -42,12 +59,15 @@ _CALLED = {
     "neutral_point_behind_center_of_gravity": "neutral point behind c.g.",
     "CL_alpha": "CL_alpha",
     "Cm_alpha": "Cm_alpha",
+    "calibrated_airspeed": "calibrated airspeed (KCAS)",
+    "equivalent_airspeed": "equivalent airspeed (EAS)",
 }
 #: Figures that the first table of figures contains, in order.
 _PERFORMANCE = (
+    *("calibrated_airspeed", "equivalent_airspeed", "mach", "dynamic_pressure", "load_factor"),
     *("weight", "lift", "drag", "lift_over_drag", "thrust", "thrust_force", "thrust_available"),
-    *("power_required", "lift_coefficient", "largest_lift_coefficient", "speed_over_stall_speed"),
-    *("drag_coefficient", "dynamic_pressure", "mach", "load_factor"),
+    *("excess_thrust", "rate_of_climb_left", "power_required", "lift_coefficient"),
+    *("largest_lift_coefficient", "speed_over_stall_speed", "drag_coefficient"),
 )
 
 
@@ -76,6 +96,12 @@ class TrimResult(Result):
     not_in_model: figure -> what the model lacks for it.
     validity: quantity -> value, lowest, highest and source of the range where the model is valid.
     modes: modes of the linear model at a trim.
+    levels: level of each quality of a mode by MIL-F-8785C.
+    airplane: class and flight phase category of these levels.
+    configuration: mass, center of gravity, inertia or size -> value and unit.
+    atmosphere: name of the atmosphere of the equations.
+    reference: quantity -> value, value at the condition of the derivatives, difference.
+    stalled: sentences on a trim beyond the largest lift.
     search: numbers of equations and unknowns, whether effort was minimized, number of the initial
         point, idle variables, other trims found.
     status: trimmed or failed; a failed trim contains the nearest point within the limits, and the
@@ -107,6 +133,12 @@ class TrimResult(Result):
     not_in_model: Mapping[str, str]
     validity: Mapping[str, Mapping[str, Any]]
     modes: Sequence[Any]
+    levels: Sequence[Graded]
+    airplane: Airplane
+    configuration: Mapping[str, Quantity]
+    atmosphere: str
+    reference: Mapping[str, Mapping[str, Any]]
+    stalled: Sequence[str]
     search: Mapping[str, Any]
     status: str
     reason: str | None = None
@@ -134,6 +166,9 @@ class TrimResult(Result):
             "not_in_model": self.not_in_model,
             "validity": self.validity,
             "modes": self.modes,
+            "levels": self.levels,
+            "airplane": {"class": self.airplane.class_, "category": self.airplane.category},
+            "configuration": self.configuration,
             "search": self.search,
             "status": self.status,
             "warnings": self.warnings,
@@ -142,24 +177,34 @@ class TrimResult(Result):
             scheduled=self.scheduled,
             reason=self.reason,
             doubts=self.doubts,
+            atmosphere=self.atmosphere or None,
+            reference=self.reference or None,
+            stalled=self.stalled,
         )
 
 
 @checks_arguments
 def trim_report(
-    model: Model, condition: TrimCondition, point: OperatingPoint, *, full: bool = False
+    model: Model,
+    condition: TrimCondition,
+    point: OperatingPoint,
+    *,
+    full: bool = False,
+    airplane: Airplane | None = None,
 ) -> Report:
     """Return the report of a trim, or of the nearest point if the condition has no trim.
 
-    The report contains every variable with its limits, the nearest limit, loads and performance,
-    static stability, modes, validity, other trims found, and the rates that are not balanced.
-    Angles are in degrees in the text and in radians in the data.
+    The report contains every variable with its limits, the nearest limit, the configuration, loads
+    and performance, static stability, validity, modes with the levels of MIL-F-8785C, other trims
+    found, and the rates that are not balanced. Angles are in degrees in the text and in radians in
+    the data.
 
     model: model of the aircraft
     condition: condition of the trim
     point: the trim or the nearest point
     full: whether to list each equation, every limit at which a variable is or which is near, and
         all outputs
+    airplane: class and flight phase category for the levels; by default class I, category B
     """
     need(model, Model, "trim_report: model", Model.how_to_make)
     need(condition, TrimCondition, "trim_report: condition", TrimCondition.how_to_make)
@@ -180,7 +225,10 @@ def trim_report(
     rates = model.rates_at(point.states, point.inputs)
     unbalanced = {name: rate for name, rate in rates.items() if name not in condition.rates}
     figures = figures_of(point, condition) if point.ok else Figures()
-    modes = point.modes if point.ok else ()
+    modes = point.modes if point.ok and not point.fault else ()
+    levels = levels_of(point, modes, airplane or Airplane())
+    configuration = configuration_of(point)
+    reference = reference_of(point)
     validity = {
         name: {"value": point[name], "lowest": low, "highest": high, "source": source}
         for name, (low, high, source) in model.domain.range.items()
@@ -208,6 +256,12 @@ def trim_report(
         not_in_model=figures.not_in_model,
         validity=validity,
         modes=modes,
+        levels=levels,
+        airplane=airplane or Airplane(),
+        configuration=configuration,
+        atmosphere=model.about.atmosphere,
+        reference=reference,
+        stalled=figures.stalled,
         search=search,
         status=str(point.status),
         doubts=model.about.doubts,
@@ -218,25 +272,59 @@ def trim_report(
         _equations_part(point, equations, full),
         *sentences,
     ]
-    if unbalanced:
-        lines.append(_may_change(model, unbalanced))
-    parts = [*_variables(model, margins), *([tuple(lines)] if not full else lines)]
+    if changing := _may_change(model, unbalanced):
+        lines.append(changing)
+    about = [*configuration_parts(configuration), *_about_lines(point, reference)]
+    lines = [line for line in lines if line]
+    parts = [*_variables(model, margins), *([tuple(lines)] if not full else lines), *about]
     parts += [*_figure_tables(figures, full), *_validity(model, validity)]
     if modes:
         parts.append(modes_table(modes, model.time_unit, participation=full))
-    title = f"{point.title}\n{control_lines(point, margins, _lift_over_drag(figures))}"
-    report = Report(title, parts, point.warnings, result.as_data(), point_records(point))
+        parts.append(levels_table(levels, airplane or Airplane(), stated=airplane is not None))
+    elif point.ok:
+        parts.append(f"no modes: {point.fault}")
+    title = "\n".join(
+        [point.title, *figures.stalled, control_lines(point, margins, _lift_over_drag(figures))]
+    )
+    notes = point.warnings if full else [_without_lines(note) for note in point.warnings]
+    report = Report(title, parts, notes, result.as_data(), point_records(point))
     described = model.trimming.describe
     return report if described is None else described(point, report)
+
+
+def _without_lines(note: str) -> str:
+    """Return a note without the numbers of lines in files: "<input> 899 896" becomes "<input>"."""
+    return re.sub(r"(?<=>)(?: \d+)+", "", note)
+
+
+def _about_lines(
+    point: OperatingPoint, reference: Mapping[str, Mapping[str, Any]]
+) -> Iterator[tuple[str, ...]]:
+    """Yield the lines on the atmosphere and the condition of the derivatives together."""
+    lines = [line for line in (atmosphere_of(point), reference_line(point, reference)) if line]
+    if lines:
+        yield tuple(lines)
+
+
+def levels_of(point: OperatingPoint, modes: Sequence[Any], airplane: Airplane) -> tuple[Any, ...]:
+    """Return the levels of the modes of a trim by MIL-F-8785C, (`Graded`, ...)."""
+    from trim.linear.handling_qualities import handling_qualities
+
+    if not modes or "speed" not in recognized(point.model.states):
+        return ()
+    qualities = {each.name: each.value for each in handling_qualities(point)}
+    if "spiral time to half" in qualities:
+        qualities["spiral time to double"] = math.inf
+    return graded(qualities, [mode.name for mode in modes], airplane)
 
 
 def _variables(model: Model, margins: Mapping[str, Margin]) -> list[Any]:
     """Return tables of the states and of the inputs with their limits."""
     states = [margin.row() for name, margin in margins.items() if name not in model.inputs]
-    inputs = [(*margins[name].row()[:-1], *margins[name].share_row()) for name in model.inputs]
+    inputs = [(*margins[name].row()[:-1], margins[name].used_text()) for name in model.inputs]
     tables: list[Any] = [
         Table(("state", *_MARGIN_COLUMNS), states),
-        Table(("input", *_MARGIN_COLUMNS[:-1], "used", "left"), inputs),
+        Table(("input", *_MARGIN_COLUMNS[:-1], "used"), inputs),
     ]
     if any(margin.nearer and margin.assumed for margin in margins.values()):
         tables[0] = (tables[0], "* assumed: no data of the aircraft state this limit")
@@ -274,11 +362,12 @@ def _equations_part(
 
 
 def _may_change(model: Model, unbalanced: Mapping[str, float]) -> str:
-    """Return a line with the rates that are not balanced: "altitude may change (0 ft/s)"."""
+    """Return a line with the rates that are not balanced and not 0: "speed changes by 2 ft/s^2"."""
     words = [
-        f"{name} may change ({digits(float(shown_value(rate, unit, '.12g')))} {shown_unit(unit)})"
+        f"{name} changes by {digits(float(shown_value(rate, unit, '.12g')))} {shown_unit(unit)}"
         for name, rate in unbalanced.items()
         for unit in (model.rate_unit(name),)
+        if abs(rate) > BALANCE * model.rate_scale(name)
     ]
     return ", ".join(words)
 
@@ -309,7 +398,7 @@ def _figure_tables(figures: Figures, full: bool) -> Iterator[Any]:
 def _methods(figures: Figures) -> Iterator[str]:
     """Yield lines on how the control gradients are computed."""
     if any(name.endswith("_per_g") for name in figures.stability):
-        yield "per g: steady pull-up of the linear model; speed and other states held"
+        yield "per g: steady pull-up of the linear model; lags follow, other states held"
     if any(name.endswith("_per_knot") for name in figures.stability):
         yield "per knot: trims 0.5 kt slower and faster, other values of the condition held"
 
@@ -342,11 +431,11 @@ def _lift_over_drag(figures: Figures) -> float | None:
     return None if quantity is None else quantity.value
 
 
-def _rank(margin: Margin) -> tuple[bool, bool, bool, float]:
-    """Return the key that sorts limits: those that bind, then declared ones, then assumed ones."""
+def _rank(margin: Margin) -> tuple[bool, bool, float]:
+    """Return the key that sorts limits: those that bind, then the nearest."""
     # Variables with only one limit, and thus without a range, come after those with two.
     has_no_range = math.isinf(margin.highest - margin.lowest)
-    return not margin.at_limit, margin.assumed, has_no_range, margin.share
+    return not margin.at_limit, has_no_range, margin.share
 
 
 def _nearest_rows(nearest: Sequence[Margin]) -> list[tuple[str, ...]]:

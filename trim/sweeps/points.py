@@ -111,10 +111,22 @@ def trim_points(
         _settle_alone(system, points, i, variables, values[i], start)
         if progress is not None:
             progress(done, len(values))
+    _leave_out_without_slopes(system, points)
     untrimmed = points.status != TRIMMED
     points.A[untrimmed] = np.nan
     points.B[untrimmed] = np.nan
     return points
+
+
+def _leave_out_without_slopes(system: TrimSystem, points: Points) -> None:
+    """Store the reason at each trim at which a derivative is not a number."""
+    model = system.model
+    finite = np.isfinite(points.A).all(axis=(1, 2)) & np.isfinite(points.B).all(axis=(1, 2))
+    for i in np.flatnonzero((points.status == TRIMMED) & ~finite).tolist():
+        names = (*model.states, *model.inputs)
+        values = dict(zip(names, (*points.states[i], *points.inputs[i]), strict=True))
+        points.failures[i] = model.not_finite(np.zeros(len(model.states)), values, [*model.states])
+        points.status[i] = NO_TRIM
 
 
 def _resolved(

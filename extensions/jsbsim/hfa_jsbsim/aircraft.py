@@ -15,6 +15,7 @@ from hfa_aircraft.rigid.motion import (
     acceleration,
     angular_acceleration,
     flow_rates,
+    load_factor,
     state_rates,
     turn_rate,
 )
@@ -485,7 +486,7 @@ class Equations:
             "mach": motion.mach,
             "gamma": self.properties.read("flight-path/gamma-rad", ""),
             "turn_rate": turn_rate(x),
-            "load_factor": -pushed[2] / self.parameters["gravity"],
+            "load_factor": load_factor(motion.alpha, pushed, self.parameters["gravity"]),
             "lift_to_weight": -wind_force[2] / weight,
             "thrust": sum((effect.thrust for effect in self.effects), start=ca.SX(0.0)),
             "weight": mass.weight,

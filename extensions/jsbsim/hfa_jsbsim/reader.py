@@ -16,7 +16,7 @@ import numpy as np
 from hfa_aircraft.about import About, Domain, Source, Trimming
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.atmosphere import SEA_LEVEL
-from hfa_aircraft.rigid.motion import STATES
+from hfa_aircraft.rigid.motion import STATES, inertia_doubt
 from hfa_aircraft.signals import Signal
 from hfa_jsbsim.accounting import account, constant_commands
 from hfa_jsbsim.aircraft import GUSTS, WINDS, Equations
@@ -236,6 +236,7 @@ class _Declaration:
         # The acceleration of a spool is limited nearly everywhere. A trim therefore balances its
         # speed error.
         steady = tuple(name for name in moving if not name.startswith("spool"))
+        configuration = self._configuration()
         return Model(
             self.parts.name,
             states,
@@ -254,6 +255,10 @@ class _Declaration:
             about=About(
                 notes=(*of_files(self.parts), *grouped(notes)),
                 aliases=_with_short_names(ALIASES | self._own_aliases()),
+                doubts=self._doubts(configuration),
+                equations="JSBSim",
+                atmosphere="U.S. Standard 1976",
+                configuration=configuration,
             ),
             trimming=Trimming(
                 alternatives=(("speed", "kcas", "mach"),),
@@ -263,6 +268,44 @@ class _Declaration:
                 ),
             ),
         )
+
+    def _doubts(
+        self, configuration: Callable[..., dict[str, tuple[float, str]]]
+    ) -> tuple[str, ...]:
+        """Return a sentence if no rigid body has the inertias of the file."""
+        p = [signal.start for signal in self._parameters().values()]
+        x = [signal.start for signal in self._states().values()]
+        found = configuration(x, [0.0] * len(self.inputs), p)
+        xx, yy, zz, xz = (found[name][0] for name in ("Ixx", "Iyy", "Izz", "Ixz"))
+        doubt = inertia_doubt([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
+        return (doubt,) if doubt else ()
+
+    def _configuration(self) -> Callable[..., dict[str, tuple[float, str]]]:
+        """Return the function (x, u, p) -> mass, center of gravity, inertias, sizes with units."""
+        equations = self.equations
+        mass = equations.mass
+        inertia = mass.inertia
+        values = {
+            "mass": (mass.slugs, "slug"),
+            **{f"center_of_gravity_{axis}": (mass.center[k], "in") for k, axis in enumerate("xyz")},
+            "Ixx": (inertia[0, 0], "slug ft^2"),
+            "Iyy": (inertia[1, 1], "slug ft^2"),
+            "Izz": (inertia[2, 2], "slug ft^2"),
+            "Ixz": (-inertia[0, 2], "slug ft^2"),
+            "reference_area": (self.parts.wings.area, "ft^2"),
+            "reference_span": (self.parts.wings.span, "ft"),
+            "reference_chord": (self.parts.wings.chord, "ft"),
+        }
+        arguments, kept = self._arguments(equations)
+        expressions = ca.vertcat(*(ca.SX(value) for value, _ in values.values()))
+        function = ca.Function("configuration", arguments, [ca.substitute(expressions, *kept)])
+
+        def configuration(x: Any, u: Any, p: Any) -> dict[str, tuple[float, str]]:
+            found = np.asarray(function(x, u, p)).ravel().tolist()
+            units = (unit for _, unit in values.values())
+            return dict(zip(values, zip(found, units, strict=True), strict=True))
+
+        return configuration
 
     def _table_ranges(self) -> dict[str, tuple[float, float, str]]:
         """Return the ranges of tables over alpha, Mach number and dynamic pressure, by name."""
@@ -488,10 +531,22 @@ class _Declaration:
         self, equations: Equations, outputs: list[str], gusts: list[ca.SX] | None = None
     ) -> ca.Function:
         """Return a CasADi function (x, u, p) or (x, u, p, gusts) -> (time derivatives, outputs)."""
-        # Inputs and parameters without an effect are replaced by constants. Commands that surface
-        # positions replace as inputs are 0 in the filters that they still reach.
         rates = ca.vertcat(*equations.rates.values())
         others = ca.vertcat(*(equations.outputs[name] for name in outputs))
+        arguments, constants = self._arguments(equations)
+        rates, others = ca.substitute([rates, others], *([each] for each in constants))
+        if gusts is not None:
+            arguments.append(ca.vertcat(*gusts))
+        values = [rates, others]
+        if ca.n_nodes(ca.vertcat(*values)) < _LARGE:
+            values = ca.cse(values)
+        values = [ca.densify(part) for part in values]
+        return ca.Function("jsbsim", arguments, values)
+
+    def _arguments(self, equations: Equations) -> tuple[list[ca.SX], tuple[ca.SX, ca.SX]]:
+        """Return the symbols x, u and p, and the symbols that are constant with their values."""
+        # Inputs and parameters without an effect are replaced by constants. Commands that surface
+        # positions replace as inputs are 0 in the filters that they still reach.
         inputs = {name: each.symbol for name, each in equations.inputs.items()}
         kept_inputs = [inputs.pop(name) for name in self.inputs]
         parameters = dict(equations.parameters)
@@ -501,19 +556,12 @@ class _Declaration:
         zeros = [*equations.rate_symbols, *equations.replaced_commands]
         left_out += zeros
         constants += [0.0] * len(zeros)
-        rates, others = ca.substitute([rates, others], [ca.vertcat(*left_out)], [ca.SX(constants)])
         arguments = [
             ca.vertcat(*equations.states.values()),
             ca.vertcat(ca.SX(0, 1), *kept_inputs),
             ca.vertcat(*kept_parameters),
         ]
-        if gusts is not None:
-            arguments.append(ca.vertcat(*gusts))
-        values = [rates, others]
-        if ca.n_nodes(ca.vertcat(*values)) < _LARGE:
-            values = ca.cse(values)
-        values = [ca.densify(part) for part in values]
-        return ca.Function("jsbsim", arguments, values)
+        return arguments, (ca.vertcat(ca.SX(0, 1), *left_out), ca.SX(constants))
 
     def _trim(self) -> dict[str, float]:
         """Return the default trim condition, straight level flight, as name -> imposed value."""

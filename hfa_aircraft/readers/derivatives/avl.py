@@ -76,6 +76,11 @@ class StabilityFile:
             raise BadInputError(f"{self.path}: {name} is missing; {_AGAIN}")
         return number(name, self.values[name], "1")
 
+    @property
+    def reference_point(self) -> tuple[float, ...]:
+        """Point about which the moments act, the center of gravity, in the axes of AVL."""
+        return tuple(self.value(name) for name in _REFERENCE)
+
     def total(self, coefficient: str) -> float:
         """Return a coefficient at the run case."""
         return self.value(_TOTALS[coefficient])

@@ -8,7 +8,10 @@ from collections.abc import Iterator
 from hfa_aircraft.readers.derivatives.table import Table
 from hfa_aircraft.rigid.aircraft import GRAVITY
 from hfa_aircraft.rigid.atmosphere import air_at
+from hfa_aircraft.rigid.motion import inertia_doubt
 
+#: Largest usual angle of attack, rad.
+_STEEPEST = math.radians(60.0)
 #: Largest change of alpha for which the lift is compared with the weight, rad.
 _ALPHA = 0.3
 #: Ratio of lift and weight beyond which the mass is doubted; pounds as slugs are a factor 32.
@@ -22,6 +25,15 @@ _STATIC_MARGIN = 3.0
 def doubts_about(table: Table) -> Iterator[str]:
     """Yield a sentence for each entry that is probably a mistake. None is refused."""
     derivatives = table.derivatives
+    yield from _of_angles(table)
+    yield from _of_inertias(table)
+    yield from _of_drag(table)
+    for name, meaning in (("Cm_elevator", "pitches down"), ("Cn_rudder", "yaws left")):
+        if derivatives.get(name, 0.0) > 0.0:
+            yield (
+                f"{name} is {derivatives[name]:.3g}, above 0; a positive deflection usually "
+                f"{meaning}; check the sign"
+            )
     slope = derivatives["CL_alpha"]
     least, most = _LIFT_SLOPES
     if not least <= abs(slope) <= most:
@@ -50,6 +62,39 @@ def doubts_about(table: Table) -> Iterator[str]:
             f"Cl_p is {derivatives['Cl_p']:.3g}, above 0: rolling is not damped, or the sign is "
             "wrong"
         )
+
+
+def _of_angles(table: Table) -> Iterator[str]:
+    """Yield a sentence for each angle that was probably typed in degrees, without a unit."""
+    angles = {"alpha": (abs(table.values.get("alpha", 0.0)), _STEEPEST)}
+    angles |= {
+        name: (max(map(abs, limits)), math.pi)
+        for name, limits in table.surfaces.items()
+        if all(map(math.isfinite, limits))
+    }
+    for name, (size, most) in angles.items():
+        if size > most:
+            yield (
+                f"{name} is {size:.4g} rad = {math.degrees(size):.4g} deg; angles without a unit "
+                f'are in rad: "{size:.4g} deg"'
+            )
+
+
+def _of_inertias(table: Table) -> Iterator[str]:
+    """Yield a sentence if no rigid body has the inertias."""
+    names = ("Ixx", "Iyy", "Izz", "Ixz")
+    xx, yy, zz, xz = (table.values.get(name, 0.0) for name in names)
+    doubt = inertia_doubt([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
+    if doubt:
+        yield doubt
+
+
+def _of_drag(table: Table) -> Iterator[str]:
+    """Yield a sentence if the drag at the condition of the derivatives is negative."""
+    induced = table.derivatives.get("CD_CL2", 0.0)
+    drag = table.derivatives["CD_0"] + induced * table.derivatives["CL_0"] ** 2
+    if drag < 0.0:
+        yield f"the drag coefficient at the condition of the derivatives is {drag:.4g}, below 0"
 
 
 def _of_weight(table: Table) -> Iterator[str]:

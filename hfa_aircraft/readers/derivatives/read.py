@@ -18,13 +18,14 @@ are rotated from the body axes by alpha_0.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
 
-from hfa_aircraft.about import About
+from hfa_aircraft.about import About, Domain
 from hfa_aircraft.model import Model
 from hfa_aircraft.readers.derivatives.names import (
     INDUCED,
@@ -119,8 +120,34 @@ def _model(table: Table) -> Model:
         outputs=outputs,
         holds_beta=_turns_both_ways(table),
         source=table.source,
-        about=About(notes=table.notes, doubts=tuple(doubts_about(table))),
+        about=About(
+            notes=table.notes,
+            doubts=tuple(doubts_about(table)),
+            equations="derivatives" if table.center is None else "AVL",
+            configuration=partial(_configuration, table),
+        ),
+        domain=Domain(reference=_reference(table)),
     )
+
+
+def _reference(table: Table) -> dict[str, float]:
+    """Return the condition of the derivatives, state or output -> value."""
+    altitude = table.values.get("altitude", 0.0)
+    speed = table.values["speed"]
+    mach = speed / float(air_at(altitude, table.system).sound)
+    alpha = table.values.get("alpha", 0.0)
+    return {"alpha": alpha, "speed": speed, "altitude": altitude, "mach": mach}
+
+
+def _configuration(table: Table, x: Any, u: Any, p: Any) -> dict[str, tuple[float, str]]:
+    """Return the sizes, and the center of gravity of an AVL file, name -> (value, unit)."""
+    names = {"reference_area": "wing_area", "reference_span": "span", "reference_chord": "chord"}
+    found = {name: (table.values[entry], table.unit(entry)) for name, entry in names.items()}
+    if table.center is not None:
+        place, length = table.center
+        for axis, value in zip("xyz", place, strict=True):
+            found[f"center_of_gravity_{axis}"] = value, length
+    return found
 
 
 def _turns_both_ways(table: Table) -> bool:

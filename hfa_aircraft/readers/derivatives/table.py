@@ -70,6 +70,7 @@ class Table:
     thrust: lowest and highest thrust, lbf or N.
     axes: axes of the rolling and yawing moments and rates, "body" or "stability".
     notes: sentences for every report.
+    center: center of gravity in the axes of a stability file and unit of length, or None.
     """
 
     name: str
@@ -82,6 +83,7 @@ class Table:
     thrust: tuple[float, float]
     axes: str
     notes: tuple[str, ...] = ()
+    center: tuple[tuple[float, ...], str] | None = None
 
     def unit(self, name: str) -> str:
         """Return the unit of an entry that is not a derivative, in the table's system of units."""
@@ -133,9 +135,11 @@ def _table(
     """Return the checked table of entries, completed by a stability file if there is one."""
     if file is None:
         return _checked(entries, source, stem)
+    length = entries["length"].value if "length" in entries else ""
     table = _checked(with_stability_file(entries, file, source.text or _DICTIONARY), source, stem)
     sound = float(air_at(table.values.get("altitude", 0.0), table.system).sound)
-    return replace(table, notes=tuple(file.notes("CD_0" in entries, table.values["speed"] / sound)))
+    notes = tuple(file.notes("CD_0" in entries, table.values["speed"] / sound))
+    return replace(table, notes=notes, center=(file.reference_point, length))
 
 
 def table_of(values: Mapping[str, Any]) -> Table:

@@ -1,0 +1,138 @@
+"""What a trim is a trim of: mass, inertias and sizes, atmosphere, condition of the derivatives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from hfa_aircraft.model import recognized
+from hfa_support.reporting.text import Table, digits, shown_unit, shown_value
+from hfa_support.units import conversion, si_factor, si_unit
+from trim.point.performance import Quantity
+
+if TYPE_CHECKING:
+    from trim.point.operating_point import OperatingPoint
+
+#: Name of an entry -> name on the sheet. Models name signals or `About.configuration` so.
+_ENTRIES = {
+    "mass": "mass",
+    "center_of_gravity_x": "c.g. x",
+    "center_of_gravity_y": "c.g. y",
+    "center_of_gravity_z": "c.g. z",
+    "Ixx": "Ixx",
+    "Iyy": "Iyy",
+    "Izz": "Izz",
+    "Ixz": "Ixz",
+    "reference_area": "S",
+    "reference_span": "b",
+    "reference_chord": "c",
+    "flap": "flap",
+    "gear": "gear",
+}
+#: Entries that are optional, because 0 or unimportant where they are missing.
+_OPTIONAL = ("center_of_gravity_y", "Ixz")
+#: Relative difference of equal values.
+_SAME = 1e-6
+#: Ratio of specific heats and gas constant of air, J/(kg K).
+_HEAT_RATIO, _GAS_CONSTANT = 1.4, 287.053
+
+
+def configuration_of(point: OperatingPoint) -> dict[str, Quantity]:
+    """Return name -> mass, center of gravity, inertia or size at a trim, as far as known.
+
+    The values are those of `About.configuration`, or of parameters, outputs and inputs with these
+    names. Without a mass, it is the weight divided by the gravity.
+    """
+    model = point.model
+    native = model.native
+    declared = native.about.configuration
+    found: dict[str, Quantity] = {}
+    if declared is not None:
+        vectors = ((model.states, point.x), (model.inputs, point.u), (model.parameters, model.p))
+        values = [model.native_values(tuple(names), vector) for names, vector in vectors]
+        for name, (value, unit) in declared(*values).items():
+            in_si = native is not model
+            factor = si_factor(unit) if in_si else 1.0
+            found[name] = Quantity(name, float(value) * factor, si_unit(unit) if in_si else unit)
+    parameters = dict(zip(model.parameters, model.p.tolist(), strict=True))
+    for name in _ENTRIES:
+        if name not in found and name in (*parameters, *model.outputs, *model.inputs):
+            value = parameters[name] if name in parameters else point[name]
+            found[name] = Quantity(name, value, model.unit(name))
+    if "mass" not in found and "weight" in model.outputs and parameters.get("gravity"):
+        unit = {"lbf": "slug", "N": "kg"}.get(model.unit("weight"), "")
+        if unit:
+            found["mass"] = Quantity("mass", point["weight"] / parameters["gravity"], unit)
+    return {name: found[name] for name in _ENTRIES if name in found}
+
+
+def configuration_parts(found: Mapping[str, Quantity]) -> Iterator[Any]:
+    """Yield the table of the configuration, and a line with the entries that are unknown."""
+    rows = [
+        (_ENTRIES[name], f"{shown_value(each.value, each.unit, '.6g')}", shown_unit(each.unit))
+        for name, each in found.items()
+    ]
+    named = {_ENTRIES[name] for name in _ENTRIES if name not in found and name not in _OPTIONAL}
+    missing = [name for name in _ENTRIES.values() if name in named]
+    if {"c.g. x", "c.g. z"} <= named:
+        missing = ["c.g.", *(name for name in missing if not name.startswith("c.g."))]
+    line = f"{', '.join(missing)}: not in this model"
+    if rows:
+        table = Table(("configuration", "value", "unit"), rows)
+        yield (table, line) if missing else table
+    elif {"speed", "alpha"} <= named:
+        yield line
+
+
+def atmosphere_of(point: OperatingPoint) -> str:
+    """Return a line on the air at a trim, or "" for a model without an altitude.
+
+    Density and temperature follow from dynamic pressure, speed and Mach number.
+    """
+    model = point.model
+    name = model.about.atmosphere
+    speed = recognized(model.states).get("speed", "")
+    if not speed or not {"dynamic_pressure", "mach"} <= {*model.outputs}:
+        return f"atmosphere: {name}" if name else ""
+    to_pascal = conversion(model.unit("dynamic_pressure"), "N/m^2")
+    to_speed = conversion(model.unit(speed), "m/s")
+    if not (name and to_pascal and to_speed and point["mach"] and point[speed]):
+        return f"atmosphere: {name}" if name else ""
+    velocity = point[speed] * to_speed
+    density = 2.0 * point["dynamic_pressure"] * to_pascal / velocity**2
+    temperature = (velocity / point["mach"]) ** 2 / (_HEAT_RATIO * _GAS_CONSTANT)
+    unit = "kg/m^3" if model.unit(speed) == "m/s" else "slug/ft^3"
+    in_unit = density * (conversion("kg/m^3", unit) or 1.0)
+    return f"atmosphere: {name}; {in_unit:.4g} {unit}, {temperature:.4g} K"
+
+
+def reference_of(point: OperatingPoint) -> dict[str, dict[str, Any]]:
+    """Return name -> value at the trim, value of the model's derivatives, and their difference."""
+    compared = {}
+    for name, value in point.model.domain.reference.items():
+        here = point[name]
+        difference = here - value if math.isfinite(value) else math.nan
+        compared[name] = {"value": here, "reference": value, "difference": difference}
+    return compared
+
+
+def reference_line(point: OperatingPoint, compared: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return a line on the distance from the condition of the derivatives: "alpha 2.8 deg, 0.1
+    above the table's".
+    """
+    words, same = [], []
+    for name, entry in compared.items():
+        unit = point.model.unit(name)
+        here, apart = (
+            float(shown_value(entry[key], unit, ".12g")) for key in ("value", "difference")
+        )
+        if abs(apart) <= _SAME * max(abs(here), 1.0):
+            same.append(name)
+            continue
+        shown = "" if unit == "1" else f" {shown_unit(unit)}"
+        side = "above" if apart > 0.0 else "below"
+        words.append(f"{name} {digits(here, 4)}{shown}, {digits(abs(apart), 4)} {side} the table's")
+    if same:
+        words.append(f"{', '.join(same)} as in the table")
+    return f"condition of the derivatives: {'; '.join(words)}" if words else ""
