@@ -266,7 +266,7 @@ class Trim(Part):
 
         Each is tried. Values that the user imposed come last.
         """
-        imposed = sorted(self.condition.imposed, key=lambda name: (name in self.hold))
+        imposed = sorted(self.condition.imposed, key=lambda name: name in self.hold)
         found = []
         for name in imposed:
             if name == self.model.schedule:

@@ -31,6 +31,7 @@ from hfa_support.reporting.results import ByValue, Matrix, Result
 from hfa_support.reporting.text import Table, matrix_table
 from hfa_support.units import si_factor
 from trim.hfa.level_flight import level_flight
+from trim.hfa.other_dynamics import ModeDifference, differences_table, mode_differences
 from trim.linear.linear_model import LinearModel, matrices
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
@@ -108,6 +109,7 @@ class OfTheHfa(Result):
         published for a newton model
     A_difference: (n, n) A with the other dynamics at the same condition minus A
     B_difference: (n, m) B with the other dynamics at the same condition minus B
+    mode_differences: modes of both dynamics and their differences in percent
     printed: A and B of the paper, if the trim is one of the paper's
     """
 
@@ -116,6 +118,7 @@ class OfTheHfa(Result):
     other_dynamics: str | None = None
     A_difference: Matrix | None = None
     B_difference: Matrix | None = None
+    mode_differences: Sequence[ModeDifference] | None = None
     printed: Mapping[str, Matrix] | None = None
 
 
@@ -303,11 +306,15 @@ def with_bands(
         by_matrix = {"A": bands.A, "B": bands.B}
         found = replace(found, A_band=bands.A, B_band=bands.B)
     if other is not None:
+        differences = mode_differences(model.modes, other.modes)
+        own_name, name = model.point.dynamics, other.point.dynamics
+        parts = (*parts, differences_table(own_name, name, differences))
         found = replace(
             found,
-            other_dynamics=other.point.dynamics,
+            other_dynamics=name,
             A_difference=other.A - model.A,
             B_difference=other.B - model.B,
+            mode_differences=differences,
         )
     rows = []
     for row in report.records.rows:
@@ -333,9 +340,13 @@ def _trust_in(bands: Bands | None, model: LinearModel, other: LinearModel | None
             "No error bands: only the six printed states of the identified aircraft have them"
         )
     if other is not None:
-        difference = _largest(np.abs(other.A - model.A), np.abs(other.B - model.B))
+        differences = np.abs(other.A - model.A), np.abs(other.B - model.B)
+        own = np.abs(np.hstack([model.A, model.B])).ravel()
+        place = int(np.hstack(differences).argmax())
+        percent = f" ({100.0 * max(d.max() for d in differences) / own[place]:.3g} %)"
         sentences.append(
-            f"Largest difference of an entry to {other.point.dynamics} dynamics: {difference}"
+            f"Largest difference of an entry to {other.point.dynamics} dynamics: "
+            f"{_largest(*differences)}{percent if own[place] else ''}"
         )
     return "\n".join(sentences)
 
