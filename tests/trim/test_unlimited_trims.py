@@ -78,25 +78,6 @@ def test_large_angles_without_limits_lose_full_revolutions() -> None:
     np.testing.assert_allclose(system.wrapped(z), kept)
 
 
-def test_a_bank_above_90_degrees_is_noted_first() -> None:
-    """If the only trim has a bank angle above 90 deg, the first line of the report states the
-    angle.
-    """
-    inverted = hfa.Model(
-        "inverted",
-        {"bank": Signal("rad", start=3.0)},
-        {"roll_rate": Signal("rad/s")},
-        lambda x, u, p, w: ({"bank": u.roll_rate}, {"lift": -ca.cos(x.bank)}),
-        outputs={"lift": Signal()},
-        trim={"lift": 0.9},
-    )
-    point = hfa.trim(inverted)
-    first, second, *_ = repr(point).splitlines()
-    assert first.startswith("inverted trimmed: lift 0.9;")
-    assert second == "Far out: bank 154.158 deg"
-    assert abs(point["bank"]) < np.pi
-
-
 def test_a_trim_from_another_start_reports_the_failure() -> None:
     """The report of a trim found from another initial point states why the default point failed.
 
@@ -112,7 +93,7 @@ def test_a_trim_from_another_start_reports_the_failure() -> None:
     point = hfa.trim(bumpy)
     lines = repr(point).splitlines()
     assert lines[0].startswith("bumpy trimmed: ")
-    assert lines[1] == "Not from the default initial point"
+    assert "Not from the default initial point" in lines
     assert any(
         line.startswith("From the default initial point: no trim: these rates") for line in lines
     )

@@ -220,7 +220,7 @@ def _beside(
     slopes: (N, n), derivatives at the points
     column: index of the state or input
     """
-    name, signal = [*(model.states | model.inputs).items()][column]
+    name, signal = [*model.states.items(), *model.inputs.items()][column]
     rate_scales = np.array([model.rate_scale(state) for state in model.states])
     step = _BESIDE * steps_of(model)[column]
     rates_below, below, bent_below = _extrapolated(model, z, p, column, -step)

@@ -496,7 +496,7 @@ class TrimSystem:
 def _scaled_ends(limits: Limits, equations: Equations) -> tuple[np.ndarray, ...]:
     """Return `lowest`, `highest` and `usual` of the unknowns in scaled units, (k,) each."""
     # The three arrays are described in `TrimSystem`.
-    unlimited = (np.isinf(limits.lowest) & np.isinf(limits.highest)) | limits.assumed
+    unlimited = (np.isinf(limits.lowest) & np.isinf(limits.highest)) | limits.assumed.astype(bool)
     largest = [_USUAL.get(limits.model.unit(name), math.inf) for name in limits.names]
     ends = (limits.lowest, limits.highest, np.where(unlimited, largest, math.inf))
     return tuple(end / equations.scales for end in ends)

@@ -28,7 +28,10 @@ def doubts_about(table: Table) -> Iterator[str]:
     yield from _of_angles(table)
     yield from _of_inertias(table)
     yield from _of_drag(table)
-    for name, meaning in (("Cm_elevator", "pitches down"), ("Cn_rudder", "yaws left")):
+    signs = {"Cm_elevator": "pitches down"}
+    if table.center is None:  # AVL files have signs of their own
+        signs["Cn_rudder"] = "yaws left"
+    for name, meaning in signs.items():
         if derivatives.get(name, 0.0) > 0.0:
             yield (
                 f"{name} is {derivatives[name]:.3g}, above 0; a positive deflection usually "

@@ -448,21 +448,16 @@ def evaluated(model, x, u):
 
 
 def load_factor(rates, x):
-    """Return the load factor n = -(w' + p v - q u - g cos(pitch) cos(roll)) / g.
+    """Return the load factor normal to the path, of the acceleration in the plane of symmetry.
 
-    w' is computed from the rates of speed, alpha and beta.
+    With V cos β in this plane, n g = V cos β (q - α') - ... + the component of gravity normal to it.
     """
     gravity = 9.80665 / 0.3048
-    speed, alpha, beta, p, q, _, roll, pitch = x[:8]
-    u = speed * math.cos(alpha) * math.cos(beta)
-    v = speed * math.sin(beta)
-    w_rate = (
-        rates["speed"] * math.cos(beta) * math.sin(alpha)
-        + speed * math.cos(beta) * math.cos(alpha) * rates["alpha"]
-        - speed * math.sin(beta) * math.sin(alpha) * rates["beta"]
-    )
-    weight = gravity * math.cos(pitch) * math.cos(roll)
-    return -(w_rate + p * v - q * u - weight) / gravity
+    speed, alpha, beta, p, q, r, roll, pitch = x[:8]
+    turning = q - p * math.cos(alpha) * math.tan(beta) - r * math.sin(alpha) * math.tan(beta)
+    centripetal = speed * math.cos(beta) * (turning - rates["alpha"])
+    upward = math.sin(pitch) * math.sin(alpha) + math.cos(pitch) * math.cos(roll) * math.cos(alpha)
+    return (centripetal + gravity * upward) / gravity
 
 
 @pytest.mark.parametrize("units", ["english", "si"])

@@ -7,7 +7,6 @@ import math
 import pytest
 
 from trim.point.margins import Margin
-from trim.point.trim_report import _rank
 
 
 @pytest.mark.parametrize(
@@ -44,19 +43,6 @@ def test_margins_follow_from_the_limits(value: float, lowest: float, highest: fl
         assert math.isnan(margin.used)
     else:
         assert rest + margin.used * (end - rest) == pytest.approx(value, abs=1e-9)
-
-
-def test_limits_that_bind_come_first_and_ranges_before_single_limits() -> None:
-    """Then declared ones come before assumed ones, and the nearest in its range first."""
-    ordered = [
-        Margin("binds", 4.0, "free", 0.0, 4.0, "m", 1.0),
-        Margin("near", 1.0, "free", 0.0, 4.0, "m", 1.0),
-        Margin("far", 20.0, "free", 0.0, 40.0, "m", 1.0),
-        Margin("single", 0.1, "free", 0.0, math.inf, "m", 1.0),
-        Margin("guessed", 0.1, "free", 0.0, 4.0, "m", 1.0, assumed=True),
-    ]
-    found = sorted((ordered[place] for place in (4, 2, 0, 3, 1)), key=_rank)
-    assert [margin.name for margin in found] == [margin.name for margin in ordered]
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])

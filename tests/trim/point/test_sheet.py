@@ -1,0 +1,589 @@
+"""The sheet of a trim: first lines, configuration, airspeeds, climb, levels and several sheets."""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from ambiance import Atmosphere
+from cli import hfa as command
+from project import ROOT
+
+import hfa
+import hfa_model
+from hfa import Model, Signal
+from trim import Airplane, graded, handling_qualities, release, trim_report
+
+EXAMPLES = ROOT / "examples"
+FOOT, KNOT, SLUG = 0.3048, 1852.0 / 3600.0, 14.593903
+
+
+@functools.cache
+def sheet(name: str, **hold: float) -> tuple[hfa.OperatingPoint, dict[str, Any]]:
+    """Return the trim of an aircraft and the data of its sheet."""
+    model = hfa.aircraft() if name == "hfa" else hfa.load_model(name)
+    point = hfa.trim(model, hold=hold)
+    return point, point.report().data
+
+
+# First lines.
+
+
+@pytest.mark.parametrize(
+    ("name", "equations"),
+    [
+        (f"{EXAMPLES}/uav.toml", "(derivatives)"),
+        (f"{EXAMPLES}/f16.py:F16", "trimmed"),
+        ("hfa", "(published)"),
+    ],
+)
+def test_first_lines_state_equations_condition_and_stability(name: str, equations: str) -> None:
+    """Line 1 has equations, path, speed, altitude; line 2 each unstable mode and its ln 2 / Re λ."""
+    point, _ = sheet(name)
+    linear = point.linearize()
+    unstable = [mode for mode in linear.modes if mode.eigenvalue.real > 0.0]
+    for title in (point.report().title, linear.report().title):
+        first, second = title.splitlines()[:2]
+        assert equations.replace("trimmed", "") in first
+        assert "level, " in first
+        assert f"{point['speed']:.5g} {point.model.unit('speed')}" in first
+        assert second.startswith("unstable: ")
+        assert second.count("(2x in") == len(unstable)
+        for mode in unstable:
+            doubling = math.log(2.0) / mode.eigenvalue.real
+            assert f"{mode.name} (2x in {doubling:.3g} s)" in title.replace("\n", " ")
+
+
+def test_paths_controls_and_modes_stand_in_the_first_lines() -> None:
+    """A climb, a descent, alpha, each moved control with its limits, and modes of `linearize`."""
+    gtm = f"{EXAMPLES}/gtm.py:GTM"
+    for gamma, words in ((2.0, ": climb 2 deg,"), (-3.0, ": descent 3 deg,")):
+        point, _ = sheet(gtm, gamma=math.radians(gamma))
+        assert words in point.report().title.splitlines()[0]
+    point, _ = sheet(gtm)
+    numbers = re.findall(r"-?\d+\.?\d*", point.report().title.splitlines()[2])
+    low, high = point.model.limits["elevator"]
+    expected = np.degrees([point["alpha"], point["elevator"], low, high]).tolist()
+    np.testing.assert_allclose(
+        [float(number) for number in numbers], [*expected, point["throttle"], 100.0], rtol=5e-3
+    )
+    linear = point.linearize()
+    third = linear.report().title.splitlines()[2]
+    for mode in linear.modes:
+        assert f"{mode.name} {mode.frequency:.3g} rad/s, damping {mode.damping:.3g}" in third
+
+
+def test_first_lines_fit_into_80_columns() -> None:
+    """Long names, many inputs and many unstable modes are wrapped."""
+    names = [f"a_rather_long_name_of_state_{number}" for number in range(5)]
+    inputs = {f"a_rather_long_name_of_input_{number}": Signal("N") for number in range(5)}
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        forces = zip(names, u, strict=True)
+        return {name: getattr(x, name) + force - 1.0 for name, force in forces}, {}
+
+    model = Model("many", dict.fromkeys(names, Signal("m")), inputs, equations)
+    point = hfa.trim(model, hfa.TrimCondition(model, dict.fromkeys(names, 3.0)))
+    for title in (point.report().title, point.linearize().report().title):
+        assert max(map(len, title.splitlines())) <= 80
+        assert all(name in title for name in names)
+
+
+# Points at which a figure does not exist.
+
+
+def wing(drag: bool = True, lowest: float = 10.0) -> Model:
+    """Return a wing with lift, drag and a sail, whose drag may be left out, from a lowest speed."""
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        pressure = 0.6 * x.speed**2
+        lift = 10.0 * pressure * (0.2 + 5.0 * x.alpha)
+        loads = {"lift": lift, "drag": 0.2 * pressure * drag, "dynamic_pressure": pressure}
+        loads |= {"reference_area": 10.0, "reference_chord": 1.0, "pitching_moment": -lift}
+        rates = {
+            "speed": (u.thrust - loads["drag"]) / 300.0,
+            "alpha": x.q,
+            "q": u.elevator - 2.0 * x.alpha - x.q,
+        }
+        return rates, loads | {"mach": x.speed / 340.0, "load_factor": lift / 3000.0}
+
+    units = {"lift": "N", "drag": "N", "pitching_moment": "N m", "dynamic_pressure": "N/m^2"}
+    units |= {"reference_area": "m^2", "reference_chord": "m", "mach": "1", "load_factor": "1"}
+    states = {
+        "speed": Signal("m/s", 10.0, lowest, 60.0),
+        "alpha": Signal("rad", 0.1, -0.5, 0.5),
+        "q": Signal("rad/s", 0.1),
+    }
+    inputs = {"elevator": Signal("rad", 0.1, -1.0, 1.0), "thrust": Signal("N", 100.0, 0.0, 900.0)}
+    outputs = {name: Signal(unit) for name, unit in units.items()}
+    return Model("wing", states, inputs, equations, outputs=outputs)
+
+
+@pytest.mark.parametrize(
+    ("model", "speed", "lacking"),
+    [
+        (wing(drag=False), 30.0, {"L/D"}),
+        (wing(lowest=0.0), 0.0, {"static margin", "stall margin"}),
+    ],
+)
+def test_an_aircraft_without_drag_or_speed_has_a_sheet(
+    model: Model, speed: float, lacking: set[str]
+) -> None:
+    """Quotients by 0 are "not in this model" with the reason; all other figures stand."""
+    data = hfa.trim(model, hfa.TrimCondition(model, {"speed": speed, "alpha": 0.0})).report().data
+    assert lacking <= {*data["not_in_model"]}
+    assert all(" is 0" in data["not_in_model"][name] for name in lacking)
+    assert data["performance"]["thrust_available"] == 900.0
+    assert all(map(math.isfinite, data["performance"].values()))
+
+
+SLED = """
+import casadi as ca
+from hfa import Model, Signal
+
+def equations(x, u, p, w):
+    speed = ca.sqrt(x.vx**2 + x.vy**2)
+    return {"vx": u.fx - speed * x.vx, "vy": u.fy - speed * x.vy}, {}
+
+STATES = {"vx": Signal("m/s", min=-9, max=9), "vy": Signal("m/s", min=-9, max=9)}
+INPUTS = {"fx": Signal("N", min=-99, max=99), "fy": Signal("N", min=-99, max=99)}
+SLED = Model("sled", STATES, INPUTS, equations, trim={"vx": 0.0, "vy": 0.0})
+"""
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "linearize",
+        "sweep --hold vx=0,0",
+        "solve --Q 1,1 --R 1,1 --delta inf",
+        "learn --Q 1,1 --R 1,1 --delta inf",
+        "fly --duration 1 --Q 1,1 --R 1,1 --delta inf",
+    ],
+)
+def test_a_derivative_that_is_not_a_number_is_one_line(words: str, folder: Path) -> None:
+    """|v| has no derivative at rest: commands exit with 1 and one line; `trim` prints no modes."""
+    Path("sled.py").write_text(SLED, "utf-8")
+    verb, *options = words.split()
+    result = command(verb, "--aircraft", "sled.py:SLED", *options)
+    assert result.code == 1
+    said = result.err if verb != "sweep" else " ".join(result.out.split())
+    assert "a derivative is not a number" in said
+    assert result.err.count("\n") <= 1
+    printed = command("trim", "--aircraft", "sled.py:SLED")
+    assert printed.code == 0
+    assert "no modes: sled: a derivative is not a number" in printed.out
+
+
+# Stability with lags, stall, limits, load factor.
+
+
+def test_lags_follow_in_static_margin_and_control_per_g() -> None:
+    """Independent: rigid-body slopes of steady lags at 15 deg, .2062 chord and -25.40 deg/g."""
+    model = hfa.aircraft("unsteady")
+    point = hfa.trim(model, hold={"dihedral": math.radians(15.0)})
+    stability = point.report().data["stability"]
+    assert stability["static_margin"] == pytest.approx(0.2062, abs=5e-5)
+    assert math.degrees(stability["elevator_outer_per_g"]) == pytest.approx(-25.40, abs=5e-3)
+    # The lift slope of steady trims with other pitch attitudes has neither lags nor apparent mass.
+    plain = model.with_parameters(apparent_mass=0.0)
+    lags = [name for name in model.states if name not in hfa_model.STATES]
+    linear = hfa.trim(plain, hold={"dihedral": math.radians(15.0)}).linearize(
+        full=True, outputs=("lift",)
+    )
+    rows = [linear.states.index(name) for name in lags]
+    alpha = linear.states.index("alpha")
+    A, C = np.asarray(linear.A), np.asarray(linear.C)
+    followed = -np.linalg.solve(A[np.ix_(rows, rows)], A[rows, alpha])
+    slope = C[0, alpha] + C[0, rows] @ followed
+    force = point["dynamic_pressure"] * point["reference_area"]
+    assert stability["CL_alpha"] == pytest.approx(slope / force, rel=1e-6)
+
+
+def bumpy(start: float) -> tuple[Model, dict[str, float]]:
+    """Return a wing whose lift over alpha has a first maximum at .2 rad and a larger one at .6."""
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        bumps = ca.exp(-(((x.alpha - 0.2) / 0.12) ** 2))
+        bumps += 1.5 * ca.exp(-(((x.alpha - 0.6) / 0.12) ** 2))
+        lift = 1000.0 * bumps
+        rates = {"speed": u.thrust - 10.0, "alpha": x.q, "q": u.elevator - x.alpha - x.q}
+        return rates, {"lift": lift, "dynamic_pressure": 500.0, "reference_area": 2.0}
+
+    states = {
+        "speed": Signal("m/s", 10.0, 1.0, 60.0, 30.0),
+        "alpha": Signal("rad", 0.1, -0.2, 0.9),
+        "q": Signal("rad/s", 0.1),
+    }
+    inputs = {"elevator": Signal("rad", 0.1, -1.0, 1.0), "thrust": Signal("N", 10.0, 0.0, 20.0)}
+    units = {"lift": "N", "dynamic_pressure": "N/m^2", "reference_area": "m^2"}
+    outputs = {name: Signal(unit) for name, unit in units.items()}
+    held = {"speed": 30.0, "alpha": start}
+    return Model("bumpy", states, inputs, equations, outputs=outputs), held
+
+
+@pytest.mark.parametrize(("alpha", "stalled"), [(0.05, False), (0.3, True)])
+def test_the_stall_is_the_first_maximum_and_beyond_it_is_said(alpha: float, stalled: bool) -> None:
+    """The first of two maxima is found to 1e-6; beyond it line three says so."""
+    model, held = bumpy(alpha)
+    report = hfa.trim(model, hfa.TrimCondition(model, held)).report()
+    data = report.data
+    peak = 1.0 + 1.5 * math.exp(-((0.4 / 0.12) ** 2))
+    found = data["performance"]["largest_lift_coefficient"]
+    assert found == pytest.approx(peak, rel=1e-6)
+    assert ("stalled" in data) == stalled
+    assert report.title.splitlines()[2].startswith("STALLED: beyond") == stalled
+    assert ("speed_over_stall_speed" in data["performance"]) != stalled
+
+
+def test_lift_above_the_declared_largest_coefficient_is_said_in_line_three() -> None:
+    """A trim at CL .32 with CL_max .3 in its table."""
+    text = (EXAMPLES / "uav.toml").read_text("utf-8")
+    import tomllib
+
+    table = tomllib.loads(text)
+    table["geometry"]["CL_max"] = 0.3
+    title = hfa.trim(hfa.from_derivatives(table)).report().title
+    assert title.splitlines()[2].startswith("STALLED: CL 0.3236 is above CL_max 0.3")
+
+
+def test_the_nearest_limit_is_named_also_if_it_is_assumed() -> None:
+    """Alpha .4 % of its range from an assumed limit comes before a declared limit at 14 %."""
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        return {"speed": u.thrust - 0.1 * x.speed, "alpha": x.alpha - 0.996}, {}
+
+    states = {
+        "speed": Signal("m/s", 10.0, 0.0, 100.0),
+        "alpha": Signal("rad", 0.1, -1.0, 1.0, assumed=True),
+    }
+    inputs = {"thrust": Signal("N", 1.0, 0.0, 10.0)}
+    model = Model("near", states, inputs, equations, trim={"speed": 14.0})
+    report = hfa.trim(model).report()
+    assert report.data["nearest_limits"][0] == "alpha"
+    assert "Nearest limit: alpha highest 57.2958 deg (assumed)" in report.text()
+
+
+@pytest.mark.parametrize("name", [f"{EXAMPLES}/uav.toml", f"{EXAMPLES}/f16.py:F16", "jsbsim:737"])
+def test_the_load_factor_is_normal_to_the_path(name: str) -> None:
+    """It is 1 in level flight, cos γ in a climb and 1/cos φ in a turn, and 1 can be imposed."""
+    pytest.importorskip("hfa_jsbsim")
+    point, _ = sheet(name)
+    assert point["load_factor"] == pytest.approx(1.0, abs=1e-9)
+    assert hfa.trim(point.model, load_factor=1.0)["load_factor"] == pytest.approx(1.0)
+    climbing = hfa.trim(point.model, gamma=0.05)
+    assert climbing["load_factor"] == pytest.approx(math.cos(0.05), abs=1e-9)
+    turning = hfa.trim(point.model, turn_rate=0.05)
+    assert turning["load_factor"] == pytest.approx(1.0 / math.cos(turning["roll"]), rel=2e-3)
+
+
+@pytest.mark.parametrize("name", ["uav.toml", "cessna182.toml"])
+def test_turns_of_tables_are_trimmed_upright(name: str) -> None:
+    """Turns from 0 to 65 deg of bank, one by one and in a sweep, have tan φ = V ω / g."""
+    model = hfa.load_model(f"{EXAMPLES}/{name}")
+    gravity = model.parameters["gravity"].start
+    banks = np.radians(np.arange(-65.0, 66.0, 13.0))
+    turns = gravity * np.tan(banks) / model.trim["speed"]
+    swept = hfa.sweep(model, turn_rate=turns)
+    assert swept.trimmed.all()
+    np.testing.assert_allclose(swept["roll"], banks, atol=0.02)
+    for turn, bank in zip(turns.tolist(), banks.tolist(), strict=True):
+        assert hfa.trim(model, turn_rate=turn)["roll"] == pytest.approx(bank, abs=0.02)
+
+
+def test_an_assumed_limit_of_an_angle_does_not_hide_a_trim_upside_down() -> None:
+    """Beyond 90 deg within an assumed limit, the second line says "Far out"."""
+    model = Model(
+        "inverted",
+        {"bank": Signal("rad", min=-3.1, max=3.1, start=3.0, assumed=True)},
+        {"roll_rate": Signal("rad/s")},
+        lambda x, u, p, w: ({"bank": u.roll_rate}, {"lift": -ca.cos(x.bank)}),
+        outputs={"lift": Signal()},
+        trim={"lift": 0.9},
+    )
+    assert "Far out: bank" in hfa.trim(model).report().title
+
+
+# Configuration, air, performance.
+
+
+def test_the_configuration_is_that_of_the_data() -> None:
+    """HFA: Iyy is c1 + c2 sin² η of the paper. Table: its entries. JSBSim: its file."""
+    pytest.importorskip("hfa_jsbsim")
+    eta = math.radians(11.0)
+    point, data = sheet("hfa", dihedral=eta)
+    p = hfa_model.parameters_of(point.model)
+    c2 = 2.0 * p.inertia_yaw - 2.0 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6.0
+    found = data["configuration"]
+    pitch = 3.0 * p.inertia_pitch + c2 * math.sin(eta) ** 2
+    assert found["Iyy"] == {"value": pytest.approx(pitch, rel=1e-12), "unit": "slug ft^2"}
+    assert found["mass"]["value"] == pytest.approx(data["performance"]["weight"] / p.gravity)
+    _, table = sheet(f"{EXAMPLES}/uav.toml")
+    values = {name: entry["value"] for name, entry in table["configuration"].items()}
+    assert values == {
+        **{"mass": 13.5, "Ixx": 0.8244, "Iyy": 1.135, "Izz": 1.759, "Ixz": 0.1204},
+        **{"reference_area": 0.55, "reference_span": 2.8956, "reference_chord": 0.18994},
+    }
+    point, boeing = sheet("jsbsim:737")
+    found = boeing["configuration"]
+    assert found["mass"]["value"] == pytest.approx(107_000.0 / 32.174, rel=1e-4)
+    assert found["reference_span"] == {"value": 94.7, "unit": "ft"}
+    assert {"flap", "gear", "center_of_gravity_x"} <= {*found}
+    assert "c.g., flap, gear: not in this model" in sheet("hfa")[0].report().text()
+
+
+@pytest.mark.parametrize("name", ["hfa", f"{EXAMPLES}/uav.toml", "jsbsim:737"])
+def test_airspeeds_are_those_of_the_standard_atmosphere(name: str) -> None:
+    """EAS = V sqrt(ρ/ρ0), and KCAS from the impact pressure, with the atmosphere of ambiance."""
+    pytest.importorskip("hfa_jsbsim")
+    point, data = sheet(name)
+    factor = FOOT if point.model.unit("altitude") == "ft" else 1.0
+    air, sea = Atmosphere(point["altitude"] * factor), Atmosphere(0.0)
+    speed = point["speed"] * factor
+    density, base = float(air.density[0]), float(sea.density[0])
+    figures = data["performance"]
+    equivalent = speed * math.sqrt(density / base) / KNOT
+    assert figures["equivalent_airspeed"] == pytest.approx(equivalent, rel=2e-4)
+    mach = speed / float(air.speed_of_sound[0])
+    impact = float(air.pressure[0]) * ((1.0 + 0.2 * mach**2) ** 3.5 - 1.0)
+    ratio = (impact / float(sea.pressure[0]) + 1.0) ** (2.0 / 7.0) - 1.0
+    calibrated = float(sea.speed_of_sound[0]) * math.sqrt(5.0 * ratio) / KNOT
+    assert figures["calibrated_airspeed"] == pytest.approx(calibrated, rel=2e-4)
+    assert "U.S. Standard 1976" in point.report().text()
+
+
+@pytest.mark.parametrize("name", [f"{EXAMPLES}/uav.toml", "jsbsim:737"])
+def test_the_rate_of_climb_left_is_that_of_a_trim_at_full_thrust(name: str) -> None:
+    """A nonlinear climb at the same speed with all thrust climbs so fast within 10 %."""
+    pytest.importorskip("hfa_jsbsim")
+    point, data = sheet(name)
+    model = point.model
+    thrust = "throttle" if "throttle" in model.inputs else "thrust"
+    climbing = hfa.trim(model, hold={thrust: model.inputs[thrust].max}, free=("gamma",))
+    climb = climbing["speed"] * math.sin(climbing["gamma"])
+    scale = 60.0 if data["performance_units"]["rate_of_climb_left"] == "ft/min" else 1.0
+    assert data["performance"]["rate_of_climb_left"] == pytest.approx(climb * scale, rel=0.1)
+    available = data["performance"]["thrust_available"]
+    at_trim = data["performance"].get("thrust_force", data["performance"].get("thrust"))
+    assert data["performance"]["excess_thrust"] == pytest.approx(available - at_trim)
+
+
+def test_the_distance_from_the_condition_of_the_derivatives_is_stated() -> None:
+    """A trim 5 m/s faster than the table and at another alpha."""
+    point, data = sheet(f"{EXAMPLES}/uav.toml", speed=40.0)
+    assert data["reference"]["speed"]["difference"] == pytest.approx(5.0)
+    alpha = data["reference"]["alpha"]
+    assert alpha["difference"] == pytest.approx(point["alpha"] - alpha["reference"])
+    text = " ".join(point.report().text().split())
+    assert "speed 40 m/s, 5 above the table's" in text
+
+
+# Levels of flying qualities.
+
+
+DAMPING = "dutch roll damping times frequency"
+
+
+def levels(airplane: Airplane, qualities: Mapping[str, float]) -> dict[str, int | None]:
+    """Return mode and quality -> level."""
+    modes = ("short period", "phugoid", "dutch roll", "roll", "spiral")
+    found = graded(qualities, modes, airplane)
+    return {f"{each.mode} {each.quality}": each.level for each in found if each.quality}
+
+
+#: Class, category, quality, and values with their levels, just inside and outside of the limits of
+#: Tables IV, VI, VII and VIII and Figures 1 to 3 of MIL-F-8785C.
+LIMITS: list[tuple[str, str, str, dict[float, int]]] = [
+    ("I", "A", "short period damping", {0.351: 1, 0.349: 2, 0.249: 3, 0.149: 4}),
+    ("I", "A", "short period damping", {1.299: 1, 1.301: 2, 2.01: 3}),
+    ("I", "B", "short period damping", {0.301: 1, 0.299: 2, 0.199: 3, 0.149: 4}),
+    ("IV", "A", "CAP", {0.281: 1, 0.279: 2, 0.159: 4, 3.59: 1, 3.61: 2, 10.1: 3}),
+    ("II-L", "B", "CAP", {0.0851: 1, 0.0849: 2, 0.0379: 4}),
+    ("III", "C", "CAP", {0.161: 1, 0.159: 2, 0.0959: 4}),
+    ("I", "C", "short period frequency", {0.871: 1, 0.869: 2, 0.599: 3}),
+    ("III", "C", "short period frequency", {0.701: 1, 0.699: 2, 0.399: 3}),
+    ("II-C", "C", "n/alpha", {2.71: 1, 2.69: 2, 1.79: 3}),
+    ("II-L", "C", "n/alpha", {2.01: 1, 1.99: 2, 0.99: 3}),
+    ("III", "B", "phugoid damping", {0.041: 1, 0.039: 2}),
+    ("IV", "A", "dutch roll damping", {0.191: 1, 0.189: 2, 0.019: 3, -0.01: 4}),
+    ("III", "B", "dutch roll damping", {0.081: 1, 0.079: 2, 0.019: 3, -0.01: 4}),
+    ("IV", "A", "dutch roll frequency", {1.01: 1, 0.99: 2, 0.39: 4}),
+    ("II-L", "A", "dutch roll frequency", {0.41: 1, 0.39: 4}),
+    ("I", "C", "dutch roll damping times frequency", {0.151: 1, 0.149: 2, 0.049: 3}),
+    ("III", "C", "dutch roll damping times frequency", {0.101: 1, 0.099: 2, 0.049: 3}),
+    ("I", "A", "roll time constant", {0.99: 1, 1.01: 2, 1.41: 3, 10.1: 4}),
+    ("III", "A", "roll time constant", {1.39: 1, 1.41: 2, 3.01: 3, 10.1: 4}),
+    ("I", "B", "roll time constant", {1.39: 1, 1.41: 2, 3.01: 3, 10.1: 4}),
+    ("I", "B", "spiral time to double", {20.1: 1, 19.9: 2, 7.9: 3, 3.9: 4}),
+    ("I", "C", "spiral time to double", {12.1: 1, 11.9: 2, 7.9: 3, 3.9: 4}),
+    ("I", "B", "roll damping times frequency", {0.51: 1, 0.49: 2, 0.29: 3, 0.14: 4}),
+    ("I", "A", "roll damping times frequency", {9.0: 4}),
+]
+
+
+@pytest.mark.parametrize(("class_", "category", "quality", "expected"), LIMITS)
+def test_levels_change_at_the_limits_of_the_standard(
+    class_: str, category: str, quality: str, expected: dict[float, int]
+) -> None:
+    """Values on both sides of each limit have neighboring levels."""
+    for value, level in expected.items():
+        found = levels(Airplane(class_, category), {"dutch roll frequency": 1.0, quality: value})
+        assert [found[name] for name in found if name.endswith(quality)] == [level]
+
+
+def test_a_large_bank_per_sideslip_asks_for_more_damping() -> None:
+    """3.3.1.1: .014 (ω² φ/β - 20) is added to ζω of level 1; .7 damping suffices for class III."""
+    values = {"dutch roll frequency": 3.0, "dutch roll phi/beta": 5.0}
+    least = 0.15 + 0.014 * (9.0 * 5.0 - 20.0)
+    for product, level in ((least + 1e-6, 1), (least - 1e-6, 2)):
+        found = levels(Airplane("I", "B"), {**values, DAMPING: product})
+        assert found[DAMPING] == level
+    heavy = {"dutch roll frequency": 3.0, "dutch roll phi/beta": 50.0}
+    assert levels(Airplane("III", "B"), {**heavy, DAMPING: 2.11})[DAMPING] == 1
+
+
+def test_phugoid_of_level_three_doubles_in_55_seconds() -> None:
+    """ζ = -ln 2 / (55 ω) doubles in 55 s."""
+    for seconds, level in ((56.0, 3), (54.0, 4)):
+        damping = -math.log(2.0) / (seconds * 0.2)
+        found = levels(Airplane(), {"phugoid frequency": 0.2, "phugoid damping": damping})
+        assert found["phugoid damping"] == level
+
+
+QUALITIES = (
+    *("short period damping", "phugoid damping", "dutch roll damping", "dutch roll frequency"),
+    *(DAMPING, "roll time constant"),
+)
+#: Published modes of three aircraft, Cessna 182 (Roskam), Navion (Nelson) and Boeing 747 (Etkin and
+#: Reid), in the order of `QUALITIES`; their levels other than 1 by hand from the standard.
+PUBLISHED: dict[str, tuple[Airplane, tuple[float, ...], dict[str, int]]] = {
+    "Cessna 182": (Airplane("I", "B"), (0.844, 0.129, 0.207, 3.25, 0.673, 0.077), {}),
+    "Navion, tracking": (Airplane("IV", "A"), (0.694, 0.080, 0.204, 2.39, 0.487, 0.119), {}),
+    "Boeing 747": (
+        Airplane("III", "B"),
+        (0.387, 0.0489, 0.0349, 0.947, 0.0330, 1.78),
+        {"dutch roll damping": 2, DAMPING: 3, "roll time constant": 2},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_levels_of_published_modes(name: str) -> None:
+    """All modes are of level 1, but for the bare Dutch roll and roll of the Boeing 747."""
+    airplane, values, others = PUBLISHED[name]
+    found = levels(airplane, dict(zip(QUALITIES, values, strict=True)))
+    assert found == dict.fromkeys(found, 1) | others
+
+
+def test_levels_of_a_sheet_are_those_of_its_modes() -> None:
+    """The sheet grades the qualities of the linear model; modes without a rule are named."""
+    point, data = sheet(f"{EXAMPLES}/cessna182.toml")
+    qualities = {each.name: each.value for each in handling_qualities(point)}
+    assert len(data["levels"]) == 8
+    for entry in data["levels"]:
+        name = f"{entry['mode']} {entry['quality']}"
+        name = name if name in qualities else entry["quality"]
+        if entry["quality"] != "time to double":
+            assert entry["value"] == qualities[name]
+        assert entry["level"] == 1
+        assert entry["paragraph"].startswith("3.")
+    _, flexible = sheet("hfa", dihedral=math.radians(15.0))
+    by_mode = {(entry["mode"], entry["quality"]): entry["level"] for entry in flexible["levels"]}
+    assert by_mode["phugoid", "damping"] == 4  # doubles in 44 s
+    assert by_mode["dihedral", ""] is None
+    text = command("trim", "--aircraft", f"{EXAMPLES}/uav.toml", "--class", "iv", "--category", "A")
+    assert "class IV, category A" in text.out
+    assert "by default" not in text.out
+
+
+# Doubts, advice, several sheets.
+
+
+def test_a_sheet_of_degrees_taken_as_radians_is_doubted(folder: Path) -> None:
+    """Alpha of 143 deg, limits beyond a turn, inertias of no body: each is named, trim or not."""
+    text = (EXAMPLES / "uav.toml").read_text("utf-8")
+    text = text.replace('["-25 deg", "25 deg"]', "[-25, 25]").replace("Izz = 1.759", "Izz = 2.9")
+    Path("wrong.toml").write_text(text, "utf-8")
+    result = command("trim", "--aircraft", "wrong.toml")
+    said = " ".join((result.out + result.err).split())
+    for name in ("elevator is 25 rad", "rudder is 25 rad", "no rigid body"):
+        assert name in said
+
+
+@pytest.mark.parametrize(
+    ("options", "works"),
+    [
+        (("--aircraft", f"{EXAMPLES}/uav.toml", "--hold", "roll=30"), "turn_rate"),
+        (("--dihedral", "10", "--limit", "throttle=0:30"), "gamma"),
+        (("--dihedral", "10", "--hold", "speed=50"), "alpha"),
+    ],
+)
+def test_the_advice_of_a_failed_trim_works(options: tuple[str, ...], works: str) -> None:
+    """The error names what to free, in one line, and the trim then exists."""
+    failed = command("trim", *options)
+    assert (failed.code, failed.err.count("\n"), failed.out) == (1, 1, "")
+    assert f"--free {works} (" in failed.err
+    assert command("trim", *options, "--free", works).code == 0
+
+
+def test_several_conditions_have_one_sheet_each(folder: Path) -> None:
+    """Lists of angles and of held values give a grid of sheets, in text, JSON, HTML and PDF."""
+    words = ("trim", "--dihedral", "5,15", "--hold", "speed=67,68")
+    data = json.loads(command(*words, "--json").out)
+    assert [
+        (round(each["dihedral_deg"], 9), each["operating_point"]["states"]["speed"])
+        for each in data["sheets"]
+    ] == [(5.0, 67.0), (5.0, 68.0), (15.0, 67.0), (15.0, 68.0)]
+    one = json.loads(command("trim", "--dihedral", "15", "--hold", "speed=68", "--json").out)
+    alone = {name: one[name] for name in ("performance", "levels", "mode_differences")}
+    assert {name: data["sheets"][3][name] for name in alone} == alone
+    for name, begin in (("sheets.html", b"<!doctype html>"), ("sheets.pdf", b"%PDF")):
+        assert command(*words, "-o", name).code == 0
+        assert Path(name).read_bytes().startswith(begin)
+    page = Path("sheets.html").read_text("utf-8")
+    assert (page.count("data:image/png"), page.count("<style>")) == (4, 1)
+    failed = command("trim", "--dihedral", "5,10", "--limit", "throttle=0:39.9")
+    assert (failed.code, failed.err.count("\n")) == (1, 1)
+    assert "1 of 2 conditions have no trim" in failed.err
+
+
+def test_published_and_newton_dynamics_differ_by_mode_in_percent() -> None:
+    """At 7 deg the fast dihedral mode is -7.14 and -34.7 1/s, in `trim` and in `linearize`."""
+    for verb in ("trim", "linearize"):
+        data = json.loads(command(verb, "--dihedral", "7", "--json").out)
+        by_mode = {entry["mode"]: entry for entry in data["mode_differences"]}
+        fast = by_mode["dihedral (fast)"]
+        for key, dynamics in (("eigenvalue", "published"), ("other", "newton")):
+            linear = hfa.paper.level_model(hfa.aircraft(dynamics), math.radians(7.0))
+            expected = linear.modes["dihedral (fast)"].eigenvalue
+            assert fast[key] == pytest.approx([expected.real, expected.imag])
+        apart = abs(fast["other"][0] / fast["eigenvalue"][0] - 1.0)
+        assert fast["percent"] == pytest.approx(100.0 * apart)
+
+
+def test_the_sheet_has_a_line_where_the_full_one_has_tables() -> None:
+    """`full` lists each equation, near limits and all outputs; nothing stands twice."""
+    point, _ = sheet("hfa", dihedral=math.radians(10.0))
+    text = point.report().text()
+    assert "All 6 equations balance" in text
+    assert "may change" not in text
+    assert "100.0 %" not in text
+    assert point.problem is not None
+    full = trim_report(point.model, point.problem.asked, point, full=True)
+    assert full.text().count("PASS") == 6
+    tables = {part.header[0]: part for part in full.parts if hasattr(part, "header")}
+    names = {row[0].replace(" ", "_") for row in tables["output"].rows}
+    shown = {row[0] for row in tables["loads and performance"].rows}
+    assert not shown & {row[0] for row in tables["output"].rows}
+    assert len(shown) + len(names) == len(full.data["performance"])
+    moving = hfa.trim(point.model, release(point.problem.asked, hold={"gamma": 0.02}))
+    rate = moving["speed"] * math.sin(0.02)
+    assert f"altitude changes by {rate:.3g} ft/s" in moving.report().text()
