@@ -46,23 +46,8 @@ def test_every_command_uses_the_condition(command: str, tmp_path: Path) -> None:
     assert "unknown trim variable 'speeed'" in wrong.err
 
 
-def test_a_held_alpha_that_prevents_trim_is_named() -> None:
-    """If a trim fails because alpha is held, the message suggests freeing alpha.
-
-    With `--free alpha`, the trim is found.
-    """
-    refused = hfa("solve", "--dihedral", "10", "--hold", "speed=50")
-    assert refused.code == 1
-    assert refused.err.rstrip().endswith(
-        "with alpha free, the trim is at 5.21893 deg: add --free alpha"
-    )
-    result = hfa("trim", "--dihedral", "10", "--hold", "speed=50", "--hold", "alpha=2")
-    assert result.err.rstrip().endswith("replace --hold alpha by --free alpha")
-    assert hfa("trim", "--dihedral", "10", "--hold", "speed=50", "--free", "alpha").code == 0
-    overdetermined = hfa("trim", "--dihedral", "10", "--hold", "load_factor=1.05")
-    assert overdetermined.code == 1
-    _, _, names = overdetermined.err.rstrip().partition("--free NAME for one of ")
-    assert {"alpha", "gamma", "pitch_rate"} < {*names.split(", ")}
+def test_a_file_of_several_aircraft_is_refused_with_their_names() -> None:
+    """A file without a name of a model is refused, and its models are named."""
     unnamed = hfa("trim", "--aircraft", str(EXAMPLES / "gtm.py"))
     assert (unnamed.code, unnamed.err.count("\n")) == (2, 1)
     assert {f"{EXAMPLES}/gtm.py:GTM", ":UNCERTAIN_GTM"} < {*unnamed.err.split()}
