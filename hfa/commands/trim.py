@@ -123,7 +123,7 @@ class ManyTrims(Trim):
 
 
 #: Fields that a trim shares with the other sheets.
-_OF_ONE = ("model", "typed", "given", "free", "glide", "limit", "start")
+_OF_ONE = ("model", "typed", "given", "free", "limit", "start")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
