@@ -21,7 +21,6 @@ import hfa
 from benchmarks.report import FOLDER, Limit, Row, in_turn
 from controller.game.basis import basis
 from controller.hfa_files import published_game
-from controller.learning.published import PublishedSettings, published_law
 from controller.learning.recording import natural_spread
 from controller.riccati.gare import unconfirmed_solution
 from hfa_aircraft.limits import Limits
@@ -35,6 +34,7 @@ from hfa_model.published import published_models
 from hfa_model.vectors import STATES
 from hfa_support.native.machine_code import c_compiler
 from studies.section5.critic_policy import CriticPolicy
+from studies.section5.laws.published import PublishedSettings, published_law
 from trim.hfa.level_flight import level_flight
 from trim.point.solve import trim
 

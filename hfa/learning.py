@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from controller.critic.training_run import TrainingRun
     from controller.game.zero_sum import Game
 
-DEFAULT_LAW = "certified"
+DEFAULT_LAW = "policy-iteration"
 #: The laws of `controller.learning.laws`, whose import would delay every help.
 LEARNING_LAWS = (DEFAULT_LAW, "published")
 

@@ -37,30 +37,29 @@ def settled_at(times: np.ndarray, sizes: np.ndarray, limit: float) -> float:
 
 #: Largest residual of a settled critic, relative to the terms that cancel in it.
 SETTLED = 1e-9
-_HISTORY = ("times", "weights", "residual_norm", "law_residual_norm")
+#: Entries of the file over time by the clock. A history in s is read as a critic over time.
+_HISTORY = {
+    "s": ("times", "weights", "residual_norm"),
+    "iterations": ("iterations", "iterates", "residual_norm"),
+}
 
 
 @dataclass(frozen=True)
 class Excitation(Result):
-    """Excitation of recorded data: Σ = Σ_j σ̄_j σ̄_j', σ̄ = σ / sqrt(1 + σ'σ) (paper Assumption 1).
+    """Excitation of recorded data (paper Assumption 1).
 
     rank: rank of the (N_h, M) matrix with the rows ψ(z_j)/|ψ(z_j)|; singular values below
         `recording.RANK_TOLERANCE` times the largest count as 0
     size: number of weights M
     samples: number of samples N_h
-    smallest_eigenvalue: smallest eigenvalue of Σ (paper λ_0)
     condition: ratio of the largest to the smallest singular value of the matrix with the rows
         ψ(z_j)/|ψ(z_j)|
-    rounding: bound of the smallest eigenvalue that rounding alone can cause, (N_h ε)² times the
-        largest eigenvalue of Σ
     """
 
     rank: int
     size: int
     samples: int
-    smallest_eigenvalue: float
     condition: float
-    rounding: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -72,14 +71,13 @@ class TrainingRun(Result, Reported):
     time: (N,), in units of `clock`
     weights: (N, M), W with V = W'ψ(z), in the units of the model
     residual_norm: (N,), Bellman residual of the game on the recorded data, |e| / |z'Qz|
-    law_residual_norm: (N,), residual that the learner minimizes at each time, with the learner's
-        own normalization and stage
     settling_residual: (N,), |e| divided by the magnitude of the terms of e
     K: (m, n), gain of the last weights
     excitation: rank of the data
-    settings: settings of the learner
     seed: seed of the data
-    diagnostics: name -> further number
+    diagnostics: name -> further number; "drift_misfit" is the relative deviation of the recorded
+        drifts from F = A z (`Stack.linear`)
+    H: Q-function of a game in discrete time, Q(x, u, w) = [x; u; w]' H [x; u; w], or None
     names: names of the states and inputs of the game
     clock: unit of `time`: s, or iterations
     """
@@ -91,20 +89,21 @@ class TrainingRun(Result, Reported):
     time: Vector
     weights: Matrix
     residual_norm: Vector
-    law_residual_norm: Vector
     settling_residual: np.ndarray
     K: Matrix
     excitation: Excitation
-    settings: dict[str, Any]
     seed: int
     diagnostics: dict[str, float] = field(default_factory=dict)
     names: PlantNames = UNNAMED
     clock: str = "s"
+    H: Matrix | None = None
 
     def critic(self, game: Game | DiscreteGame) -> Critic:
-        """Return the critic of the last weights for the given game."""
-        from controller.critic.critic import from_weights
+        """Return the critic of the last weights, or of H, for the given game."""
+        from controller.critic.critic import from_q_function, from_weights
 
+        if self.H is not None:
+            return from_q_function(game, self.H)  # type: ignore[arg-type]
         return from_weights(game, self.weights[-1], self.basis)
 
     @property
@@ -178,7 +177,6 @@ class TrainingRun(Result, Reported):
             "basis": self.basis,
             "K": self.K,
             "excitation": self.excitation,
-            "settings": self.settings,
             "seed": self.seed,
             "diagnostics": self.diagnostics,
             "clock": self.clock,
@@ -187,12 +185,14 @@ class TrainingRun(Result, Reported):
             "settling_time": self.settling_time,
             "status": self.outcome,
         } | given(
-            times=self.time,
-            weights=self.weights,
-            residual_norm=self.residual_norm,
-            law_residual_norm=self.law_residual_norm,
+            **dict(zip(_HISTORY[self.clock], self._over_time, strict=True)),
             weight_units=self.weight_units,
+            H=self.H,
         )
+
+    @property
+    def _over_time(self) -> tuple[Vector, Matrix, Vector]:
+        return self.time, self.weights, self.residual_norm
 
     def report(self, *, history: bool = False) -> Report:
         """Return a report with the outcome, the rank of the data, P and K.
@@ -205,23 +205,26 @@ class TrainingRun(Result, Reported):
         m, n = self.K.shape
         names = self.names.completed(n, m)
         data = self.as_data()
-        rows_over_time = {name: data.pop(name) for name in _HISTORY}
+        rows_over_time = {name: data.pop(name) for name in _HISTORY[self.clock]}
         if history:
             data |= rows_over_time
         data_rank = self.excitation
         settled = "not"
         if math.isfinite(self.settling_time):
-            settled = f"{self.settling_time:.4g} {self.clock}"
+            settled = f"after {self.settling_time:.4g} {self.clock}"
         parts: list[Any] = [
-            f"Residual settled: {settled}; last residual {self.residual_norm[-1]:.3g}",
+            f"Residual settled: {settled}",
             f"Data: {data_rank.samples} samples, rank {data_rank.rank} of {data_rank.size},"
-            f" smallest eigenvalue of Sigma {data_rank.smallest_eigenvalue:.3g},"
             f" condition {data_rank.condition:.3g}",
             matrix_table("P", names.states, names.states, self.P),
             matrix_table("K", names.inputs, names.states, self.K),
         ]
-        if self.diagnostics:
-            numbers = [(name, f"{value:.4g}") for name, value in self.diagnostics.items()]
+        numbers = [
+            (name, f"{value:.4g}")
+            for name, value in self.diagnostics.items()
+            if name != "drift_misfit"  # in the title, if it is not rounding
+        ]
+        if numbers:
             parts.append(Table(("number of the law", "value"), numbers))
         return Report(
             title=f"Law {self.law!r}, basis {self.basis!r}, on {names.origin}: {self.outcome}",
@@ -236,9 +239,7 @@ class TrainingRun(Result, Reported):
         units = self.weight_units
         if units:
             columns = [f"{name} [{unit}]" for name, unit in zip(columns, units, strict=True)]
-        residuals = self.residual_norm, self.law_residual_norm
         rows = RowsMade(
-            len(self.time),
-            lambda i: (self.time[i], *(column[i] for column in residuals), *self.weights[i]),
+            len(self.time), lambda i: (self.time[i], self.residual_norm[i], *self.weights[i])
         )
-        return Table((f"time [{self.clock}]", "residual_norm", "law_residual_norm", *columns), rows)
+        return Table((f"time [{self.clock}]", "residual_norm", *columns), rows)

@@ -1,4 +1,4 @@
-"""Recorded samples (z_j, F_j) of a plant: their generation, selection and rank."""
+"""Recorded samples (z_j, F_j) of a plant: their generation, rank and Bellman residuals."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import ClassVar
 import numpy as np
 
 from controller.critic.training_run import Excitation
-from controller.game.basis import Basis
 from controller.game.zero_sum import Game
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole
@@ -19,9 +18,6 @@ from hfa_support.reporting.report import Reported
 #: have the rounding error of a sample, 1e-16, divided by this fraction: eight digits remain
 #: correct.
 RANK_TOLERANCE = 1e-8
-#: Relative excess length of the row that begins a round: far above rounding, and far below real
-#: differences.
-_AHEAD = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -159,46 +155,6 @@ def natural_spread(game: Game) -> np.ndarray:
     return units * np.sqrt(np.where(variances > 0.0, variances, 1.0))
 
 
-def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
-    """Return those samples of a pool that differ most from each other.
-
-    Pivoted QR orders the unit vectors ψ(z_j)/|ψ(z_j)|. Each chosen sample has the largest component
-    outside the span of the samples chosen before. After each M samples the choice starts again
-    among the samples that remain.
-
-    pool: recorded samples
-    basis: ψ, with M functions
-    samples: number of samples to choose, at least M
-
-    Source: Golub and Van Loan, Matrix Computations, section 5.4.2.
-
-    Raises BadInputError if `samples` is below M or above the size of the pool, or if the rank of
-    the chosen vectors is below M.
-    """
-    from scipy.linalg import qr
-
-    if samples < basis.size:
-        raise BadInputError(
-            f"{samples} samples cannot determine {basis.size} weights; record at least {basis.size}"
-        )
-    if pool.samples < samples:
-        raise BadInputError(
-            f"the pool contains {pool.samples} samples, but {samples} are requested; record more"
-        )
-    rows = unit_rows(basis.psi(pool.states / pool.channel_scales()))
-    chosen: list[int] = []
-    remaining = np.arange(pool.samples)
-    while len(chosen) < samples:
-        lengths = np.ones(len(remaining))
-        lengths[0] += _AHEAD
-        _, order = qr((rows[remaining] * lengths[:, None]).T, mode="r", pivoting=True)
-        block = remaining[order[: min(basis.size, samples - len(chosen))]]
-        chosen.extend(int(index) for index in block)
-        remaining = np.setdiff1d(remaining, block)
-    refuse_poor(rank(rows[chosen]), basis.size, "the recorded stack")
-    return Stack(pool.states[chosen], pool.drifts[chosen])
-
-
 def unit_rows(matrix: np.ndarray) -> np.ndarray:
     """Return the matrix with each row divided by its Euclidean norm. Zero rows are unchanged."""
     lengths = np.linalg.norm(matrix, axis=1, keepdims=True)
@@ -214,41 +170,43 @@ def rank(rows: np.ndarray) -> int:
     return int(np.sum(values > RANK_TOLERANCE * values[0]))
 
 
-def excitation(regressors: np.ndarray, samples: np.ndarray) -> Excitation:
-    """Return the rank, the condition and the smallest eigenvalue of recorded samples.
+def excitation(samples: np.ndarray) -> Excitation:
+    """Return the rank and the condition of recorded samples.
 
-    For every stabilizing policy the regressors have the same rank as ψ. The rank is computed from ψ
-    because rounding does not affect the rank of ψ when the closed loop is stiff.
-
-    regressors: σ_j, (N_h, M), for the smallest eigenvalue of Σ = Σ_j σ̄_j σ̄_j' with σ̄ = σ /
-        sqrt(1 + σ'σ)
-    samples: ψ(z_j), (N_h, M), for the rank and condition of the rows ψ/|ψ|
+    samples: ψ(z_j), (N_h, M), whose rows are divided by their lengths
     """
     rows = unit_rows(samples)
-    count, size = rows.shape
-    values = _singular_values(rows)
-    normalised = _singular_values(
-        regressors / np.sqrt(1.0 + np.sum(regressors**2, axis=1, keepdims=True))
-    )
-    return Excitation(
-        rank=rank(rows),
-        size=size,
-        samples=count,
-        smallest_eigenvalue=float(normalised[-1] ** 2),
-        condition=float(values[0] / values[-1]) if values[-1] > 0.0 else np.inf,
-        rounding=float((count * np.finfo(float).eps * normalised[0]) ** 2),
-    )
-
-
-def _singular_values(matrix: np.ndarray) -> np.ndarray:
-    """Return the singular values of an (N_h, M) matrix, (M,), descending.
-
-    For N_h < M, the last M - N_h values are 0.
-    """
-    values = np.zeros(matrix.shape[1])
-    computed = np.linalg.svd(matrix, compute_uv=False)
+    values = np.zeros(rows.shape[1])
+    computed = np.linalg.svd(rows, compute_uv=False)
     values[: len(computed)] = computed
-    return values
+    return Excitation(
+        rank=int(np.sum(values > RANK_TOLERANCE * values[0])),
+        size=rows.shape[1],
+        samples=len(rows),
+        condition=float(values[0] / values[-1]) if values[-1] > 0.0 else np.inf,
+    )
+
+
+def residual_sizes(
+    slopes: np.ndarray, drifts: np.ndarray, costs: np.ndarray, S: np.ndarray
+) -> tuple[float, float]:
+    """Return two relative norms of the residual e of the game's Hamilton-Jacobi-Isaacs equation.
+
+    At sample j, e_j = ∇V'F_j + z_j'Q z_j - ¼ ∇V'S ∇V (paper Eq. 33 with the extremal policies). The
+    first norm is |e| / |z'Qz|, the second is relative to the norm of the summed magnitudes of the
+    terms.
+
+    slopes: ∇V at the samples, (N_h, n)
+    drifts: F_j, (N_h, n)
+    costs: z_j'Q z_j, (N_h,)
+    S: (n, n)
+    """
+    with np.errstate(all="ignore"):
+        changes = slopes * drifts
+        policies = 0.25 * np.einsum("ji,ik,jk->j", slopes, S, slopes)
+        error = float(np.linalg.norm(changes.sum(axis=1) + costs - policies))
+        terms = np.abs(changes).sum(axis=1) + costs + np.abs(policies)
+        return error / float(np.linalg.norm(costs)), error / float(np.linalg.norm(terms))
 
 
 def refuse_poor(found: int, needed: int, what: str) -> None:

@@ -1,4 +1,4 @@
-"""Loop that runs a learner tick by tick, with history, progress and the resulting training run."""
+"""Loop that runs a learner tick by tick, with history and progress."""
 
 from __future__ import annotations
 
@@ -9,9 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from controller.critic.training_run import Excitation, TrainingRun
-from controller.game.zero_sum import Game
-from controller.learning.bellman_equations import StackEquations
 from hfa_support.progress import Progress
 
 #: Largest number of stored rows of the history, evenly distributed over the ticks.
@@ -45,8 +42,7 @@ def run(learner: Any, *, progress: Progress | None = None) -> Run:
     advance(tick, memory): returns the memory after tick number `tick` (0 .. ticks - 1), without
         side effects
     observe(tick, memory): returns one row of the history, the values after `tick` ticks (0 ..
-        ticks): "time", s, and further values, with the same names in each row. The value
-        "law_residual_norm", the residual that the learner minimizes, is printed as progress.
+        ticks): "time", s, and further values, with the same names in each row.
     """
     memory = learner.start()
     rows = [_row(learner, 0, memory)]
@@ -60,42 +56,9 @@ def run(learner: Any, *, progress: Progress | None = None) -> Run:
             rows.append(_row(learner, tick, memory))
         slow = time.monotonic() - reported > SILENCE
         if progress is not None and (tick % report_every == 0 or last or slow):
-            progress(tick / learner.ticks, 1.0, _line(rows[-1]))
+            progress(tick / learner.ticks, 1.0, f"t = {rows[-1]['time']:.3g} s")
             reported = time.monotonic()
     return Run(memory, {name: np.array([row[name] for row in rows]) for name in rows[0]})
-
-
-def training_run(
-    law: str,
-    game: Game,
-    equations: StackEquations,
-    history: Mapping[str, np.ndarray],
-    excitation: Excitation,
-    **rest: Any,
-) -> TrainingRun:
-    """Return the training run of a learner, from its history.
-
-    law: name of the learner
-    game: the game
-    equations: Bellman residuals of the recorded samples
-    history: name -> values at the recorded ticks (`run`)
-    excitation: rank of the data
-    rest: settings, seed and diagnostics of the training run
-    """
-    P = equations.basis.matrix(history["weights"][-1])
-    return TrainingRun(
-        law=law,
-        basis=equations.basis.name,
-        time=history["time"],
-        weights=history["weights"],
-        residual_norm=history["residual_norm"],
-        law_residual_norm=history["law_residual_norm"],
-        settling_residual=history["settling_residual"],
-        K=game.gain(P),
-        excitation=excitation,
-        names=game.names,
-        **rest,
-    )
 
 
 def _row(learner: Any, tick: int, memory: Any) -> Mapping[str, Any]:
@@ -105,10 +68,3 @@ def _row(learner: Any, tick: int, memory: Any) -> Mapping[str, Any]:
     """
     with np.errstate(over="ignore", invalid="ignore"):
         return learner.observe(tick, memory)
-
-
-def _line(row: Mapping[str, Any]) -> str:
-    text = f"t = {row['time']:.3g} s"
-    if "law_residual_norm" in row:
-        text += f", residual of the law {row['law_residual_norm']:.3g}"
-    return text

@@ -14,10 +14,8 @@ import hfa
 from controller import Stack, basis, random_pool
 from controller.critic.training_run import TrainingRun
 from controller.game.basis import Basis
-from controller.learning.integral_rl import baseline_gain, baseline_weights
-from controller.learning.laws import learner_of
 from controller.reference import feedforward, forcing
-from hfa import Game, Solution, learn, solve, verify
+from hfa import Game, Solution, solve, verify
 from hfa.paper import published_game
 from hfa_aircraft.waveform import zero
 from hfa_flight import Policy, Scenario, Waveform
@@ -30,6 +28,8 @@ from hfa_model.vectors import CONTROL_LIMITS
 from hfa_support.errors import refuse_unknown
 from studies.section5.configuration import Configuration
 from studies.section5.critic_policy import CriticPolicy
+from studies.section5.laws.integral_rl import baseline_gain, baseline_weights
+from studies.section5.laws.laws import learn, learner_of
 from studies.section5.learned_gains import certified_gains
 from studies.section5.metrics import Critic, flight_metrics, learning_metrics, residual_at
 from trim.hfa.printed import regenerate

@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 from game_files import SMALL, stored
 from known_models import model_at
-from scipy.linalg import solve_continuous_are
 
 import hfa
-from controller import GeneralizedPlant, basis, random_pool
+from controller import GeneralizedPlant, basis
 from controller.critic.critic import from_parts, from_q_function, polynomial_policy
 from controller.critic.critic_file import critic_in
 from controller.critic.reading import Reading
@@ -24,13 +23,11 @@ from controller.game.discrete_game import DiscreteGame
 from controller.game.weights import cost_text, nominal_weights
 from controller.game.zero_sum import game_report
 from controller.hfa_game import paper_game
-from controller.learning.integral_rl import baseline_gain, baseline_value
-from controller.learning.published import START_Q, PublishedSettings, stabilizing_weights
 from controller.learning.q_learning import Steps, learn_steps
 from controller.reference import feedforward
 from controller.riccati.game_batch import solve_games
 from controller.riccati.loop_margins import loop_margins, margins
-from hfa import BadInputError, Game, NoSolutionError, learn, solve
+from hfa import BadInputError, Game, solve
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.waveform import Waveform
 from hfa_model import LINEAR_STATES, published_models
@@ -85,26 +82,6 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: from_q_function(STEP, np.diag([1.0, 1.0, 0.0])),
         "the block of H over the inputs is singular",
     ),
-    "few intervals": (
-        lambda: learn(GAME, "integral-rl", intervals=2),
-        "2 intervals cannot determine 3 weights",
-    ),
-    "own flight": (
-        lambda: learn(GAME, "integral-rl", pool=random_pool(GAME, 20, 0)),
-        "integral-rl records its own flight; leave out the pool",
-    ),
-    "nothing to learn": (
-        lambda: learn(replace(GAME, Q=np.zeros((2, 2)))),
-        "Q is zero, but every learning law divides by z'Qz",
-    ),
-    "unknown word": (
-        lambda: PublishedSettings(integrator="euler"),
-        "integrator is 'euler'; choose from",
-    ),
-    "implicit flight": (
-        lambda: PublishedSettings(integrator="proximal", flight_start=(1.0, 0.0)),
-        "flight_start needs integrator 'explicit'",
-    ),
     "columns of steps": (
         lambda: learn_steps(STEP, steps=Steps(*(np.ones((9, k)) for k in (2, 1, 2, 2)))),
         "the steps have 5 columns of x, u and w, but the game requires 4",
@@ -127,20 +104,6 @@ def test_an_unsuitable_argument_is_refused_in_one_line(case: str) -> None:
     with pytest.raises(BadInputError, match=re.escape(said)) as refusal:
         call()
     assert "\n" not in str(refusal.value)
-
-
-def test_starts_of_laws_solve_their_riccati_equations() -> None:
-    """The baseline has 100 times the weight of the inputs; the modified law starts at Q = 1000 I."""
-    P = solve_continuous_are(GAME.A, GAME.B, GAME.Q, 100.0 * GAME.R)
-    assert baseline_value(GAME) == pytest.approx(P)
-    assert baseline_gain(GAME) == pytest.approx(np.linalg.solve(100.0 * GAME.R, GAME.B.T @ P))
-    start = basis("quadratic", 2).matrix(np.array(stabilizing_weights(GAME, basis("quadratic", 2))))
-    heavy = solve_continuous_are(GAME.A, GAME.B, START_Q * np.eye(2), GAME.R)
-    assert start == pytest.approx(heavy)
-    unstable = replace(GAME, A=[[1.0, 0.0], [0.0, 1.0]], B=[[1.0], [0.0]])
-    for call in (baseline_value, lambda game: stabilizing_weights(game, basis("quadratic", 2))):
-        with pytest.raises(NoSolutionError, match="check that the inputs can stabilize the model"):
-            call(unstable)
 
 
 def test_margins_of_a_linear_model_are_those_of_its_inputs() -> None:

@@ -101,9 +101,8 @@ def test_learn_writes_the_history_to_files_only() -> None:
     filed = json.loads(Path("run.json").read_text(encoding="utf-8"))
     assert {key: value for key, value in filed.items() if key not in HISTORY} == printed
     assert set(filed) - set(printed) == HISTORY
-    assert np.shape(filed["weights"]) == (len(filed["times"]), 21)
-    assert filed["weights"][0] == pytest.approx([100.0] * 21, rel=1e-14)
-    assert filed["weights"][-1] == printed["W"]
+    assert np.shape(filed["iterates"]) == (len(filed["iterations"]), 21)
+    assert filed["iterates"][-1] == printed["W"]
 
 
 @pytest.mark.parametrize(("command", "suffix"), [("learn", "npz")])

@@ -116,7 +116,7 @@ REFUSED = {
         ("--model given.json --units si", "--units applies only to the aircraft"),
     ],
     "learn": [
-        ("--dihedral 15 --law sarsa", "--law is 'sarsa'; choose from certified"),
+        ("--dihedral 15 --law sarsa", "--law is 'sarsa'; choose from policy-iteration"),
     ],
     "verify": [
         ("--dihedral 15", "--weights"),

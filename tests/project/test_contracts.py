@@ -77,9 +77,9 @@ BREACHES = {
         "controller/learning/q_learning.py": "controller.discrete.solution",
     },
     "Only the commands that learn": {
-        "hfa/options/game.py": "controller.learning.certified",
-        "verification/regeneration.py": "controller.learning.certified",
-        "extensions/policy/hfa_policy/assess.py": "controller.learning.certified",
+        "hfa/options/game.py": "controller.learning.policy_iteration",
+        "verification/regeneration.py": "controller.learning.policy_iteration",
+        "extensions/policy/hfa_policy/assess.py": "controller.learning.policy_iteration",
         f"{PROVE}/search/lines.py": "controller.learning.recording",
         f"{PROVE}/check/loop_on_ball.py": "controller.learning.recording",
         f"{PROVE}/search/region_boxes.py": "controller.learning.q_learning",
@@ -89,7 +89,7 @@ BREACHES = {
         f"{PROVE}/results.py": "hfa.learning",
     },
     "A critic is what was learned": {
-        "controller/critic/critic.py": "controller.learning.certified",
+        "controller/critic/critic.py": "controller.learning.policy_iteration",
         "controller/critic/features.py": "verification.verdict",
     },
     "What judges critics": {

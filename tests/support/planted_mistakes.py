@@ -8,9 +8,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from learning_samples import value_of_policies
 from planted_critics import gain, other_root, solved, value, weights_of
-from scipy.linalg import solve_continuous_are
+from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
 from controller.critic.critic import Critic
 from hfa import Game, from_gain, from_value, from_weights
@@ -50,9 +49,8 @@ def without_the_factor(game: Game) -> np.ndarray:
 
 def recorded_policy(game: Game) -> np.ndarray:
     """Return the value matrix of the policies that belong to another P."""
-    return value_of_policies(
-        game, solve_continuous_are(game.A, game.B, 1000.0 * np.eye(len(game.A)), game.R)
-    )
+    P = solve_continuous_are(game.A, game.B, 1000.0 * np.eye(len(game.A)), game.R)
+    return solve_continuous_lyapunov((game.A - game.S @ P).T, -(game.Q + P @ game.S @ P))
 
 
 def lqr(game: Game) -> np.ndarray:

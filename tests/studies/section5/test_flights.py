@@ -13,7 +13,6 @@ from linear_flight import simulate
 from project import ROOT
 from simulated_cases import SMALL, SimulatedCase
 
-from controller.learning.integral_rl import baseline_gain
 from controller.reference import feedforward, forcing
 from hfa import fly, learn, solve
 from hfa_aircraft.waveform import Harmonic
@@ -34,6 +33,7 @@ from studies.section5.flights import (
     make_setting,
     simulate_plan,
 )
+from studies.section5.laws.integral_rl import baseline_gain
 from studies.section5.learned_gains import certified_gains
 from studies.section5.metrics import TRACKED
 

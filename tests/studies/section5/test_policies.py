@@ -12,7 +12,14 @@ import pytest
 from simulated_cases import measurements_of
 
 from controller import random_pool
-from controller.learning.published import (
+from controller.reference import forcing
+from hfa import Game
+from hfa.paper import published_game
+from hfa_aircraft.waveform import zero
+from hfa_model import published_models
+from studies.section5.configuration import PaperFlight
+from studies.section5.critic_policy import CriticPolicy
+from studies.section5.laws.published import (
     PublishedLaw,
     PublishedSettings,
     Sample,
@@ -21,13 +28,6 @@ from controller.learning.published import (
     published_law,
     update_direction,
 )
-from controller.reference import forcing
-from hfa import Game
-from hfa.paper import published_game
-from hfa_aircraft.waveform import zero
-from hfa_model import published_models
-from studies.section5.configuration import PaperFlight
-from studies.section5.critic_policy import CriticPolicy
 from studies.section5.learned_gains import certified_gains
 
 REFERENCE = PaperFlight.REFERENCE
@@ -45,7 +45,7 @@ def law_with(index: int = 0, **changes: Any) -> PublishedLaw:
 def expected(
     law: PublishedLaw, r: np.ndarray, z: np.ndarray, W: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return u and W' of Eq. (46), computed by `studies.update_law` for the drift F = A z + r.
+    """Return u and W' of Eq. (46), computed sample by sample for the drift F = A z + r.
 
     r: forcing by the reference, (6,)
     z: tracking error, (6,)

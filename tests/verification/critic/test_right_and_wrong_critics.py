@@ -238,5 +238,3 @@ def test_arrays_and_other_games_are_refused_with_the_right_call() -> None:
         hfa.verify(case.game, case.K)  # type: ignore[arg-type]
     with pytest.raises(hfa.BadInputError, match="critics_over_time"):
         hfa.verify(case.game, [hfa.from_gain(case.game, case.K)])
-    with pytest.raises(hfa.BadInputError, match="critics over time"):
-        hfa.verify(case.game, hfa.from_gain(case.game, case.K), predefined_time=1.0)

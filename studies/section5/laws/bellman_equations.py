@@ -11,7 +11,7 @@ import numpy as np
 from controller.critic.training_run import Excitation
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
-from controller.learning.recording import Stack, excitation
+from controller.learning.recording import Stack, excitation, residual_sizes
 
 #: Largest number of refinement steps; each squares the error until it reaches rounding.
 MOST_REFINEMENTS = 20
@@ -113,15 +113,10 @@ class StackEquations:
             drift_matrix=Stack(states, drifts).drift_fit(),
         )
 
-    def excitation(self, weights: np.ndarray) -> Excitation:
-        """Return the excitation of the recorded samples under the policies of the game.
-
-        The excitation depends on the extremal policies that follow from the weights.
-
-        weights: (M,), in scaled coordinates
-        """
-        with np.errstate(over="ignore"):  # regressors that overflow when squared count as 0
-            return excitation(self.at(weights, GAME).regressors, self.basis.psi(self.states))
+    @property
+    def excitation(self) -> Excitation:
+        """The rank and the condition of the recorded samples."""
+        return excitation(self.basis.psi(self.states))
 
     def at(self, weights: np.ndarray, problem: PartialGame) -> Residuals:
         """Return the regressors and residuals of all samples for given weights.
@@ -259,16 +254,10 @@ class StackEquations:
 
         weights: W, (M,), scaled
         """
-        gradient = np.einsum("jmi,m->ji", self.gradient, weights)
-        change = gradient * self.drifts
-        cost = self.state_cost
-        _, policy_cost = self._policies(0.5 * gradient, GAME)
-        norm = float(np.linalg.norm(change.sum(axis=1) + cost - policy_cost))
-        size = np.abs(change).sum(axis=1) + cost + np.abs(policy_cost)
-        return {
-            "residual_norm": norm / float(np.linalg.norm(cost)),
-            "settling_residual": norm / float(np.linalg.norm(size)),
-        }
+        slopes = np.einsum("jmi,m->ji", self.gradient, weights)
+        S = self.control @ self.control.T - self.disturbance @ self.disturbance.T
+        of_cost, of_terms = residual_sizes(slopes, self.drifts, self.state_cost, S)
+        return {"residual_norm": of_cost, "settling_residual": of_terms}
 
 
 def _squares(rows: np.ndarray) -> np.ndarray:

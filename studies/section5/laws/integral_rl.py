@@ -6,7 +6,7 @@ The law is the baseline of Section 5.2 of the paper.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -15,12 +15,20 @@ import numpy as np
 from controller.critic.training_run import TrainingRun
 from controller.game.basis import Basis, basis
 from controller.game.zero_sum import Game
-from controller.learning import recording
-from controller.learning.bellman_equations import StackEquations
-from controller.learning.certified import enough_for, initial_weights
-from controller.learning.recording import Stack, natural_spread, record, refuse_poor, unit_rows
-from controller.learning.ticks import Run, training_run
+from controller.learning.recording import (
+    Stack,
+    excitation,
+    natural_spread,
+    rank,
+    record,
+    refuse_poor,
+    unit_rows,
+)
+from controller.learning.ticks import Run
 from hfa_support.errors import BadInputError, NoSolutionError
+from studies.section5.laws.bellman_equations import StackEquations
+from studies.section5.laws.certified import enough_for, initial_weights
+from studies.section5.laws.training import training_run
 
 #: The baseline gain, used before any gain is certified, is the LQR for the game's Q and this
 #: multiple of its R.
@@ -188,7 +196,7 @@ class IntegralLearning:
                 f"{self.intervals} intervals cannot determine {self.basis.size} weights; increase"
                 " intervals"
             )
-        refuse_poor(recording.rank(unit_rows(self.record.monomials)), self.basis.size, "the flight")
+        refuse_poor(rank(unit_rows(self.record.monomials)), self.basis.size, "the flight")
         return {"weights": scaled, "misfit": np.array(np.inf)}
 
     def _least_squares(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -229,15 +237,11 @@ class IntegralLearning:
         return {"weights": weights, "misfit": np.array(misfit)}
 
     def observe(self, tick: int, memory: Memory) -> Mapping[str, Any]:
-        """Return the quantities to record at this tick.
-
-        The residual of the law is the relative misfit of the last least-squares problem.
-        """
+        """Return the quantities to record at this tick."""
         return {
             "time": (self.intervals + tick) * self.settings.interval,
             "weights": self.equations.unscaled(memory["weights"]),
             **self.equations.reported_residuals(memory["weights"]),
-            "law_residual_norm": float(memory["misfit"]),
         }
 
     def conclude(self, finished: Run) -> TrainingRun:
@@ -249,16 +253,12 @@ class IntegralLearning:
             "data_time": self.intervals * self.settings.interval,
             "iterations_to_1e-3": float(late[-1] + 2 if len(late) else 1),
         }
-        rows, _ = self._least_squares(finished.memory["weights"])
-        richness = recording.excitation(rows, self.record.monomials)
-        chosen = asdict(self.settings) | {"intervals": self.intervals}
         return training_run(
             "integral-rl",
             self.target,
             self.equations,
             finished.history,
-            richness,
-            settings=chosen,
+            excitation(self.record.monomials),
             seed=self.seed,
             diagnostics=diagnostics,
         )

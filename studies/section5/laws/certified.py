@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -18,8 +18,15 @@ import numpy as np
 from controller.critic.training_run import TrainingRun
 from controller.game.basis import Basis, basis
 from controller.game.zero_sum import Game
-from controller.learning import recording
-from controller.learning.bellman_equations import (
+from controller.learning.recording import Stack, random_pool
+from controller.learning.ticks import Run
+from hfa_support.errors import (
+    BadInputError,
+    NoSolutionError,
+    refuse_unless_positive,
+)
+from hfa_support.matrices import checked_matrix
+from studies.section5.laws.bellman_equations import (
     GAME,
     LQ,
     PartialGame,
@@ -27,14 +34,8 @@ from controller.learning.bellman_equations import (
     StackEquations,
     newton_step,
 )
-from controller.learning.recording import Stack
-from controller.learning.ticks import Run, training_run
-from hfa_support.errors import (
-    BadInputError,
-    NoSolutionError,
-    refuse_unless_positive,
-)
-from hfa_support.matrices import checked_matrix
+from studies.section5.laws.recording import choose
+from studies.section5.laws.training import training_run
 
 
 def decay_rate(time: float, eta: float, theta: float) -> float:
@@ -586,12 +587,11 @@ class CertifiedLaw:
 
         The result is one row of the history (`ticks.run`).
         """
-        here, normaliser, _ = memory
+        here, _, _ = memory
         return {
             "time": self.time(tick),
             "weights": self.equations.unscaled(here.weights),
             **self.equations.reported_residuals(here.weights),
-            "law_residual_norm": self._law_residual(here, normaliser),
         }
 
     def conclude(self, finished: Run) -> TrainingRun:
@@ -599,14 +599,13 @@ class CertifiedLaw:
 
         finished: last memory and history of all ticks
         """
-        here, _, first_discount = finished.memory
+        _, _, first_discount = finished.memory
         return training_run(
             "certified",
             self.game,
             self.equations,
             finished.history,
-            self.equations.excitation(here.weights),
-            settings=asdict(self.settings),
+            self.equations.excitation,
             seed=self.seed,
             diagnostics={
                 "discount_at_start": first_discount,
@@ -621,12 +620,12 @@ def certified_law(
     """Return the certified law for a game, with its recorded samples.
 
     The drifts are replaced by their linear fit over all samples. The fit reduces the effect of
-    noise. The law then uses the samples that differ most (`recording.choose`).
+    noise. The law then uses the samples that differ most (`choose`).
 
     game: the game
     chosen: settings of the law
     seed: seed of random samples
-    pool: recorded samples, or None for random ones (`recording.random_pool`)
+    pool: recorded samples, or None for random ones (`random_pool`)
 
     Raises BadInputError if the name of the basis is unknown, if the number or the rank of the
     chosen samples is below the number of basis functions, or if the pool is smaller than the number
@@ -635,9 +634,7 @@ def certified_law(
     functions = basis(chosen.basis, game.A.shape[0])
     samples = enough_for(functions.size, 50) if chosen.samples is None else chosen.samples
     pool_samples = max(500, 5 * samples) if chosen.pool_samples is None else chosen.pool_samples
-    recorded = recording.random_pool(game, pool_samples, seed) if pool is None else pool
+    recorded = random_pool(game, pool_samples, seed) if pool is None else pool
     fitted, misfit = recorded.linear()
     chosen = replace(chosen, samples=samples, pool_samples=pool_samples)
-    return CertifiedLaw(
-        game, recording.choose(fitted, functions, samples), misfit, functions, chosen, seed
-    )
+    return CertifiedLaw(game, choose(fitted, functions, samples), misfit, functions, chosen, seed)
