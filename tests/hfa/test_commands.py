@@ -11,10 +11,9 @@ import pytest
 from cli import answer, hfa
 from game_files import AT_15
 
-from hfa import linearize, trim
+from hfa import Model, linearize, trim
 from hfa.main import DONE, FAILED
 from hfa.paper import default_parameters, level_flight
-from hfa_aircraft.model import Model
 from hfa_model import INPUTS, LINEAR_STATES, STATES, choice, load_parameters, save_parameters
 from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
 from hfa_support.provenance import parameter_hash

@@ -10,9 +10,8 @@ import pytest
 import zarr
 from cli import answer, assert_refused, hfa
 
+from hfa import BadInputError, load_model
 from hfa.options.ranges import value_range
-from hfa_aircraft.loading import load_model
-from hfa_support.errors import BadInputError
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -7,8 +7,8 @@ import re
 import pytest
 from cli import Terminal, hfa
 
+from hfa.extend import ProgressLine
 from hfa.options import output
-from hfa.options.output import ProgressLine
 
 
 def test_quiet_suppresses_all_but_errors() -> None:

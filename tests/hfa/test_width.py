@@ -7,8 +7,6 @@ from pathlib import Path
 import pytest
 from cli import hfa
 
-from hfa_support.reporting.text import WIDTH
-
 COMMANDS = [
     ("trim", "--dihedral", "12.5"),
     ("trim", "--dihedral", "12.5", "--full"),
@@ -31,5 +29,5 @@ def test_no_default_text_exceeds_the_width(tmp_path: Path, monkeypatch: pytest.M
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     for words in COMMANDS:
         result = hfa(*words)
-        long = [line for line in result.out.splitlines() if len(line) > WIDTH]
+        long = [line for line in result.out.splitlines() if len(line) > 80]
         assert (result.code, long) == (0, []), words

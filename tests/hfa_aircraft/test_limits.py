@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hfa import sweep, trim
+from hfa import Model, sweep, trim
 from hfa.paper import level_flight
 from hfa_aircraft.limits import Limits
-from hfa_aircraft.model import Model
 from trim import TrimError
 
 

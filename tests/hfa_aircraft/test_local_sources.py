@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from cli import SCRIPT
 
-from hfa_aircraft.loading import load_model
+from hfa import load_model
 from hfa_aircraft.local_sources import fingerprint
 
 MODEL = """

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import hfa
-from hfa_support.errors import BadInputError
+from hfa import BadInputError
 
 A = np.array([[0.0, 1.0], [2.0, -0.3]])
 B = np.array([[0.0], [1.0]])

@@ -8,9 +8,7 @@ from typing import Any
 import casadi as ca
 import pytest
 
-from hfa import BadInputError, trim
-from hfa_aircraft.model import Model
-from hfa_aircraft.signals import Signal
+from hfa import BadInputError, Model, Signal, trim
 
 
 def cart(**declared: Any) -> Model:

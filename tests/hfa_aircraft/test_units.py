@@ -10,10 +10,8 @@ import pytest
 from extension import Extension
 
 import hfa
-from hfa import BadInputError, Game, TrimCondition, linearize, trim
+from hfa import BadInputError, Game, Model, Signal, TrimCondition, linearize, trim
 from hfa.paper import published_game
-from hfa_aircraft.model import Model
-from hfa_aircraft.signals import Signal
 from hfa_aircraft.units import in_si, signal_unit
 from hfa_support.units import conversion, si_factor, si_unit
 from trim.point.condition import usual_condition

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from hfa import BadInputError
-from hfa_aircraft.waveform import Harmonic, Waveform, channel, stacked
+from hfa_aircraft.waveform import Harmonic, channel, stacked
+from hfa_flight import Waveform
 
 TIMES = np.linspace(0.0, 5.0, 23)
 

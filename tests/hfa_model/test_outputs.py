@@ -11,9 +11,8 @@ from random_points import random_points, rising
 
 import hfa
 import hfa_model
-from hfa import BadInputError, trim
+from hfa import BadInputError, Model, trim
 from hfa.paper import level_flight
-from hfa_aircraft.model import Model
 from hfa_model import STATES, Input, Parameters, State
 from hfa_model.kinematics import center_height, outer_height
 from hfa_model.outputs import moment_of, outputs_of

@@ -14,8 +14,7 @@ from cli import refusal
 
 import hfa
 import hfa_model
-from hfa import BadInputError
-from hfa_aircraft.model import Model
+from hfa import BadInputError, Model
 from hfa_model import Parameters, load_parameters, published_models, save_parameters
 from hfa_model.parameters import FIELDS, ParameterSet
 from hfa_model.published import PublishedModel

@@ -9,9 +9,8 @@ import pytest
 
 import hfa
 import hfa_model
-from hfa import linearize, trim
+from hfa import Model, linearize, trim
 from hfa.paper import level_flight
-from hfa_aircraft.model import Model
 from hfa_model import Parameters
 
 

@@ -19,10 +19,10 @@ from unsteady_energy import derived_unsteady
 import hfa_model.unsteady as source
 from hfa import linearize, trim
 from hfa.paper import level_model
-from hfa_model import STATES, VARIANTS, Input, Parameters, State
+from hfa_model import STATES, UNSTEADY, VARIANTS, Input, Parameters, State
 from hfa_model.atmosphere import density
 from hfa_model.kinematics import DISTURBANCES, winds_named
-from hfa_model.unsteady import EFFECTS, KUESSNER, LAG_STATES, UNSTEADY, WAGNER, Lag
+from hfa_model.unsteady import EFFECTS, KUESSNER, LAG_STATES, WAGNER, Lag
 from trim.point.condition import usual_condition
 
 DEGREES = np.pi / 180

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from cli import answer
 
-from hfa_model import LINEAR_STATES
-from hfa_model.unsteady import LAG_STATES, UNSTEADY
+from hfa_model import LINEAR_STATES, UNSTEADY
+from hfa_model.unsteady import LAG_STATES
 
 UNSTEADY_11 = ("--dihedral", "11", "--dynamics", "unsteady")
 

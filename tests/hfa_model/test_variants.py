@@ -12,7 +12,7 @@ from random_points import random_points
 
 import hfa
 import hfa_model
-from hfa_aircraft.model import Model
+from hfa import Model
 from hfa_model import Parameters, State
 from hfa_model.aerodynamics import Loads
 from hfa_model.variants import Newton, Published

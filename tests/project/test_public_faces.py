@@ -14,7 +14,8 @@ import pytest
 from project import FOLDERS, ROOT
 
 #: Modules that are public beside the packages themselves: entry points for users and for packages.
-PUBLIC = {"hfa.paper", "hfa.extend", "hfa.main", "hfa.exit_codes", "hfa_support.errors"}
+PUBLIC = {"hfa.paper", "hfa.extend", "hfa.main", "hfa.exit_codes", "hfa.entry_points"}
+PUBLIC |= {"hfa_support.errors"}
 EXCEPTIONS = tomllib.loads((ROOT / "tests" / "project" / "inner_imports.toml").read_text("utf-8"))
 
 

@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
+from hfa_model import Input, Parameters, State
 from hfa_model.aerodynamics import PanelLoads, panel_loads
 from hfa_model.kinematics import STILL_AIR, Flow, Winds, flow_of
-from hfa_model.parameters import Parameters
-from hfa_model.vectors import Input, Quantity, State
+from hfa_model.vectors import Quantity
 
 
 class Panel(NamedTuple):

@@ -6,10 +6,9 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from hfa import Model, trim
+from hfa import Model, OperatingPoint, trim
 from trim import release
 from trim.point.condition import usual_condition
-from trim.point.operating_point import OperatingPoint
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples"))
 import navion as navion

@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_support.reporting.report import Report
-from hfa_support.reporting.text import Table
+from hfa.extend import Report, Table
 
 _FENCE = re.compile(r"^```(\w*)( slow)?\n(.*?)^```$", re.M | re.S)
 #: Groups: a command, its exit code, and its output.

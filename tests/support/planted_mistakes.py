@@ -11,9 +11,7 @@ import numpy as np
 from planted_critics import gain, other_root, solved, value, weights_of
 from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
-from controller.critic.critic import Critic
-from hfa import Game, from_gain, from_value, from_weights
-from hfa_support.errors import NoSolutionError
+from hfa import Critic, Game, NoSolutionError, from_gain, from_value, from_weights
 from verification.reasons.other_games import discounted, euler, held, of_whole_cost
 
 #: Radians in a degree.

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_support.errors import NoSolutionError
+from hfa import NoSolutionError
 from studies.published.exact_answer import Plant, answer_of, certified_value
 
 Texts = dict[str, list[list[str]]]

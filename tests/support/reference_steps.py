@@ -7,7 +7,7 @@ from decimal import Decimal, localcontext
 import numpy as np
 from reference_riccati import DIGITS, GUARD, decimal, inverse_of, largest
 
-from controller.game.discrete_game import DiscreteGame
+from controller import DiscreteGame
 
 
 def reference_step_value(problem: DiscreteGame) -> np.ndarray:

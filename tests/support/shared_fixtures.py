@@ -9,9 +9,8 @@ import pytest
 from known_models import exact_gain, game_at, model_at
 
 import hfa
-from hfa import Game, OperatingPoint
+from hfa import Game, Model, OperatingPoint
 from hfa.paper import default_parameters
-from hfa_aircraft.model import Model
 from hfa_model import VARIANTS, Parameters
 from hfa_model.parameters import ParameterSet
 

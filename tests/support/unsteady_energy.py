@@ -29,9 +29,10 @@ from lagrangian import (
     virtual_work,
 )
 
+from hfa_model import State
 from hfa_model.aerodynamics import panel_loads
 from hfa_model.kinematics import Flow, Winds, flow_of
-from hfa_model.vectors import Quantity, State
+from hfa_model.vectors import Quantity
 
 #: (A_1, A_2), (b_1, b_2): Jones's approximations of Wagner's and Küssner's functions.
 MOTION = ((0.165, 0.335), (0.0455, 0.3))

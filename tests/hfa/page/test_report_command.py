@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -14,10 +16,6 @@ from project import ROOT
 pytest.importorskip("hfa_flight")
 
 from hfa.main import BAD_INPUT, DONE, FAILED
-from hfa.page.job_report import plotly_script
-from hfa.page.main_job import MOST_SWEPT
-from hfa.paper import default_parameters
-from hfa_support.provenance import parameter_hash
 
 
 @pytest.fixture(autouse=True)
@@ -28,6 +26,13 @@ def _in_a_folder(folder: Path) -> None:
 CLAIMS = ROOT / "studies" / "section5" / "results" / "claims.json"
 FLIGHTS = ROOT / "studies" / "best_flights" / "results"
 MEGABYTE = 1_000_000
+
+
+def page_of(path: Path) -> str:
+    """Return the page without the script of Plotly."""
+    html = path.read_text(encoding="utf-8")
+    longest = max(re.findall(r"<script[^>]*>.*?</script>", html, re.S), key=len)
+    return html.replace(longest, "")
 
 
 @pytest.fixture(scope="module")
@@ -91,15 +96,19 @@ def test_the_folder_contains_page_pictures_and_numbers(written_report: tuple[Res
     )
     linearized = json.loads(hfa("linearize", "--dihedral", "15", "--json").out)
     assert data["angles"][0]["model"]["A"] == linearized["A"]
-    html = (folder / "report.html").read_text(encoding="utf-8").replace(plotly_script(), "")
+    html = page_of(folder / "report.html")
     assert 'are <strong class="good">regenerated</strong>' in html
     assert html.count('src="data:image/png;base64,') == html.count("<img ") == 2
     html = html.replace('<a href="https://doi.org/10.3390/electronics15173838">', "")
     assert not any(word in html for word in ("http://", "https://", "<link", 'src="/', "<pre"))
-    assert parameter_hash(default_parameters().values) in html
+    assert data["provenance"]["parameter_hash"] in html
     assert '<tr><th scope="row">load_factor</th>' in html
     assert "the same matrices as those of this page" in html
     assert f"Read from {CLAIMS}" in html
+    assert html.count(">not confirmed</td>") == 28
+    best = json.loads((FLIGHTS / "best_flights.json").read_text("utf-8"))["flights"][-1]["best"]
+    assert f"{best['cost']:,.0f}" in html
+    assert "for this page&#x27;s aircraft" in html
     assert "Costs of nonlinear flights from the paper" in html.partition("<details")[0]
     assert data["flights"]["schema"] == "hfa.paper-flights/2"
 
@@ -130,9 +139,9 @@ def test_the_largest_page_is_below_three_megabytes(tmp_path: Path) -> None:
     """With the largest permitted sweep, the page has less than 3 MB without Plotly's script."""
     page = tmp_path / "page.html"
     assert hfa("report", "-o", str(page), "--dihedral", "59", "--sweep", "0:15:0.1").code == FAILED
-    html = page.read_text(encoding="utf-8")
-    assert html.count('<section class="point"') == MOST_SWEPT + 1
-    assert len(html) - len(plotly_script()) < 3 * MEGABYTE
+    html = page_of(page)
+    assert html.count('<section class="point"') == 152
+    assert len(html) < 3 * MEGABYTE
 
 
 def test_an_angle_without_trim_is_reported_with_reason(tmp_path: Path) -> None:
@@ -141,26 +150,21 @@ def test_an_angle_without_trim_is_reported_with_reason(tmp_path: Path) -> None:
     result = hfa("report", "-o", str(page), "--dihedral", "59", "--sweep", "20,59")
     assert (result.code, result.err) == (FAILED, "")
     assert "Learned critics agree with the exact game solution: NO" in result.out
-    html = page.read_text(encoding="utf-8").replace(plotly_script(), "")
+    html = page_of(page)
     assert (
         html.count("these rates do not balance: dihedral_rate") == 3
     )  # in the slider, the sweep and the section on the angle
     assert 'exact game solution certified at 59 deg</th><td class="words bad">FAIL' in html
 
 
-def test_a_missing_plotly_is_refused_before_the_computation(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Without Plotly (hidden here), the page is refused before the computation. --json needs no
-    Plotly.
-    """
-    plotly_script.cache_clear()
-    monkeypatch.setitem(sys.modules, "plotly.offline", None)
-    assert_refused(
-        hfa("report", "-o", str(tmp_path / "page.html")), 2, "package plotly", "pip install plotly"
-    )
-    assert hfa("report", "--json", "--dihedral", "59", "--sweep", "20").code == FAILED
-    plotly_script.cache_clear()
+def test_a_missing_plotly_is_refused_before_the_computation() -> None:
+    """Without Plotly (hidden here), the page is refused in one line before the computation."""
+    program = "import sys; sys.modules['plotly.offline'] = None; import hfa.main; "
+    program += "sys.exit(hfa.main.main(['report', '-o', 'page.html']))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (done.returncode, done.stderr.count("\n")) == (BAD_INPUT, 1)
+    assert "pip install plotly" in done.stderr
+    assert not Path("page.html").exists()
 
 
 @pytest.mark.slow
@@ -206,3 +210,34 @@ def test_wrong_options_of_report_are_refused(words: str, named: str) -> None:
     Path("file").write_text("a file", encoding="utf-8")
     assert_refused(hfa("report", *words.split()), BAD_INPUT, named)
     assert list(Path().iterdir()) == [Path("file")]
+
+
+def test_another_aircraft_fails_and_is_told_from_that_of_the_studies() -> None:
+    """With other parameters, the pairs are not regenerated, and stored flights are another's."""
+    words = ("--dihedral", "15", "--sweep", "15", "--parameters", "gibson-2011-simulation")
+    result = hfa("report", "-o", "page.html", *words, "--flights", str(FLIGHTS))
+    assert (result.code, "Both printed pairs regenerated: NO" in result.out) == (FAILED, True)
+    html = page_of(Path("page.html"))
+    assert "ANOTHER aircraft" in html
+    assert "for this page&#x27;s aircraft" not in html
+
+
+@pytest.mark.parametrize(
+    ("option", "source", "place"),
+    [
+        ("--claims", CLAIMS, ["schema"]),
+        ("--claims", CLAIMS, ["setting", "models", 0, "A", 0]),
+        ("--claims", CLAIMS, ["claims", 0, "subject"]),
+        ("--flights", FLIGHTS / "best_flights.json", ["flights", 0, "best", "cost"]),
+    ],
+)
+def test_damaged_results_of_studies_are_refused(option: str, source: Path, place: list) -> None:
+    """Files of claims and of flights with a damaged entry are refused before anything is computed."""
+    data = json.loads(source.read_text(encoding="utf-8"))
+    inner = data
+    for key in place[:-1]:
+        inner = inner[key]
+    inner[place[-1]] = "x"
+    Path(source.name).write_text(json.dumps(data), encoding="utf-8")
+    given = source.name if option == "--claims" else "."
+    assert_refused(hfa("report", "--dihedral", "15", "--json", option, given), BAD_INPUT, "damaged")

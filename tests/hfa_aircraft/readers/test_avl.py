@@ -13,10 +13,8 @@ import pytest
 from cli import assert_refused, hfa
 
 import hfa as tool
-from hfa import linearize, trim
+from hfa import BadInputError, Model, linearize, trim
 from hfa_aircraft.loading import reloaded
-from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 PRINTED = (EXAMPLES / "glider.st").read_text()

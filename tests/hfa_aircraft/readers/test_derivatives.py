@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 import hfa
-from hfa import linearize, trim
-from hfa_aircraft.readers.derivatives.read import from_derivatives
+from hfa import from_derivatives, linearize, trim
 from hfa_aircraft.rigid.atmosphere import air_at
 
 #: R. C. Nelson, Flight Stability and Automatic Control, 2nd ed., 1998, Table B.1, without C_Lq and

@@ -6,8 +6,6 @@ import numpy as np
 from threads import Rows, differing
 
 import hfa
-from trim.hfa.level_flight import LEVEL_FLIGHT
-from trim.sweeps.sweep import run_points
 
 
 def test_concurrent_sweeps_equal_sequential_sweeps() -> None:
@@ -15,10 +13,10 @@ def test_concurrent_sweeps_equal_sequential_sweeps() -> None:
 
     def chunk(number: int) -> Rows:
         rng = np.random.default_rng(number)
-        values = np.column_stack(
-            [np.radians(rng.uniform(0.0, 20.0, 200)), rng.uniform(25.0, 75.0, 200)]
-        )
-        rows = run_points(hfa.aircraft(), ("dihedral", "speed"), values, LEVEL_FLIGHT, None)
-        return {name: rows[name] for name in ("states", "inputs", "A", "B", "eigenvalues")}
+        angles, speeds = np.radians(rng.uniform(0.0, 20.0, 20)), rng.uniform(25.0, 75.0, 10)
+        found = hfa.sweep(hfa.aircraft(), {"dihedral": np.sort(angles), "speed": np.sort(speeds)})
+        return {
+            name: getattr(found, name) for name in ("states", "inputs", "A", "B", "eigenvalues")
+        }
 
     assert differing(chunk, range(5)) == []

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from hfa.extend import Report
+from hfa.extend import Report, Table
 from hfa_support.reporting.figure import new_figure, save
 from hfa_support.reporting.parts import Picture
-from hfa_support.reporting.text import RowsMade, Table
+from hfa_support.reporting.text import RowsMade
 
 
 def picture(drawn: list[str]) -> Picture:

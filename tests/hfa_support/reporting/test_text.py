@@ -7,14 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from hfa_support.reporting.text import (
-    Table,
-    columns,
-    degrees,
-    in_degrees,
-    matrix_table,
-    shown_value,
-)
+from hfa.extend import Table
+from hfa_support.reporting.text import columns, degrees, in_degrees, matrix_table, shown_value
 
 
 def test_angles_are_printed_in_degrees() -> None:

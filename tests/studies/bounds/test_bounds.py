@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import hfa
+from hfa import linearize
 from hfa_flight.problem import flight_problem
 from hfa_prove.problem import plant_of
 from hfa_prove.statements.cost import CostStatement
@@ -16,7 +17,6 @@ from studies.bounds.__main__ import main
 from studies.bounds.aircraft import navion_of_the_tutorial
 from studies.bounds.flexible import FLEXIBLE
 from studies.bounds.flights import CostRatios, cost_ratios
-from trim.point.linearize import linearize
 
 
 def cart(x: Any, u: Any, p: Any, w: Any) -> Any:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from printed_samples import SLIPS, printed_sample
 
-from hfa_support.errors import NoSolutionError
+from hfa import NoSolutionError
 from studies.published.verdict import check_printed
 
 SLOW = pytest.mark.slow

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hfa_support.errors import BadInputError
+from hfa import BadInputError
 from studies.published.__main__ import (
     PAGE,
     RESULTS,

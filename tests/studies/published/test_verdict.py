@@ -13,8 +13,7 @@ import pytest
 from printed_samples import printed_sample
 
 from controller.critic.critic import from_q_function
-from hfa import from_gain, from_value, from_weights, verify
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa import BadInputError, NoSolutionError, from_gain, from_value, from_weights, verify
 from studies.published.classes import _by_digits, rounding_used
 from studies.published.comparison import compare
 from studies.published.exact_answer import (

@@ -16,8 +16,7 @@ from project import ROOT
 from servo_cases import A_Z
 
 import hfa
-from hfa import BadInputError
-from hfa_aircraft.model import Model
+from hfa import BadInputError, Model
 from hfa_design import design_controller
 from hfa_design.servo_loop import check_margins, servo_loop, servo_margins, servo_plant
 from hfa_flight import OneMinusCosine, save_controller

@@ -11,8 +11,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from hfa import Model
 from hfa.paper import level_model
-from hfa_aircraft.model import Model
 from hfa_design.design_model import design_model
 from hfa_flight.policies.policy import Measurements
 from hfa_model import INPUTS

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import hfa
+from hfa import Model
 from hfa.paper import level_model
-from hfa_aircraft.model import Model
 from hfa_model import Parameters, State, dynamics, load_parameters, published_models
 from hfa_model.aerodynamics import Loads
 from hfa_model.atmosphere import density
