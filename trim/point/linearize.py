@@ -48,7 +48,7 @@ def linearize(
     for what, names in (("outputs", outputs), ("disturbances", disturbances)):
         if names is not None:
             need(names, (list, tuple), f"linearize: {what}", "a list or tuple of names")
-    point.refuse_other(model)
+    point._refuse_other(model)
     every_state = tuple(model.states)
     states = every_state if full else model.linear
     rows = np.array(model.state_places(states))

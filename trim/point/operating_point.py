@@ -74,7 +74,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     problem: TrimProblem | None = field(default=None, compare=False)
 
     @classmethod
-    def of(
+    def _of(
         cls, problem: TrimProblem, z: np.ndarray, status: Status, started: int = 0
     ) -> OperatingPoint:
         """Return the operating point of a trim problem for scaled unknowns z, (k,).
@@ -86,7 +86,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         residuals = problem.residuals(z)
         return cls(evaluation.x, evaluation.u, residuals, status, problem.model, started, problem)
 
-    def problem_of(self, condition: TrimCondition) -> TrimProblem:
+    def _problem_of(self, condition: TrimCondition) -> TrimProblem:
         """Return the trim problem of a condition, with this point as initial values.
 
         The problem that the point has solved is returned if it has this condition.
@@ -224,15 +224,15 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         """Return the margins for the limits of a condition, name -> `Margin` (`all_margins`)."""
         from trim.point.margins import all_margins
 
-        idle = self.problem_of(condition).idle
+        idle = self._problem_of(condition).idle
         return all_margins(self.model, condition, self.states, self.inputs, idle)
 
     @property
-    def far_out(self) -> list[str]:
+    def _far_out(self) -> list[str]:
         """Texts on free angles without limits that exceed 90 deg, such as "bank 154 deg"."""
         return [] if self.problem is None else self.problem.far_out(self.values)
 
-    def refuse_other(self, model: Model) -> None:
+    def _refuse_other(self, model: Model) -> None:
         """Raise BadInputError if the point was not trimmed with this model's units and dynamics."""
         if (self.model.source.native is None) != (model.source.native is None):
             raise BadInputError(
@@ -276,8 +276,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         """
         has_modes = self.ok and not self.fault
         lines = [first_line(self, str(self.status), self.modes if has_modes else None)]
-        if self.far_out:
-            lines.append(f"Far out: {self.far_out[0]}")
+        if self._far_out:
+            lines.append(f"Far out: {self._far_out[0]}")
         if self.started:
             lines.append("Not from the default initial point")
         return "\n".join(lines)
@@ -340,7 +340,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         slopes, _ = linearization_at(self.model, self.x, self.u, self.sloped)
         return slopes
 
-    def slopes_of(self, output: str) -> tuple[np.ndarray, np.ndarray]:
+    def _slopes_of(self, output: str) -> tuple[np.ndarray, np.ndarray]:
         """Return ∂y/∂X (n,) and ∂y/∂U (m,) of an output in `slopes`."""
         row = self.sloped.index(output)
         return self.slopes.C[row], self.slopes.D[row]

@@ -239,7 +239,7 @@ def thrust_available(point: OperatingPoint) -> Quantity | str:
         )
     if name in model.states:
         return f"the thrust follows the state {name}"
-    of_states, of_inputs = point.slopes_of(name)
+    of_states, of_inputs = point._slopes_of(name)
     motion = {*recognized(model.states).values(), "altitude"}
     engine = [state for state, slope in zip(model.states, of_states, strict=True) if slope]
     if engine := [state for state in engine if state not in motion]:
@@ -385,7 +385,7 @@ def quasi_steady(point: OperatingPoint) -> QuasiSteady:
     across = slopes.A[np.ix_(kept, lags)]
     outputs = {}
     for name in point.sloped:
-        of_states, of_inputs = point.slopes_of(name)
+        of_states, of_inputs = point._slopes_of(name)
         followed = of_states[lags]
         outputs[name] = of_states[kept] + followed @ by_states, of_inputs + followed @ by_inputs
     return QuasiSteady(
@@ -476,7 +476,7 @@ def change_per_knot(point: OperatingPoint, condition: TrimCondition, name: str) 
     model = point.model
     speed = recognized(model.states)["speed"]
     knot = conversion("kt", model.unit(speed))
-    held = point.problem_of(condition).condition
+    held = point._problem_of(condition).condition
     if knot is None or speed not in held.imposed or name in held.imposed:
         return None
     values = []

@@ -130,14 +130,14 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
     # Raises TrimError if no trim is found.
     # guess (k,)
     if not problem.free:  # nothing is free, and the point is an equilibrium
-        return OperatingPoint.of(problem, guess, Status.TRIMMED)
+        return OperatingPoint._of(problem, guess, Status.TRIMMED)
     nearest = guess
     number = 0
     far_out: OperatingPoint | None = None
     for number, z in _searched(problem, guess):
         if problem.solved(z):
             z, is_far = problem.unwound(z)
-            point = OperatingPoint.of(problem, z, Status.TRIMMED, number)
+            point = OperatingPoint._of(problem, z, Status.TRIMMED, number)
             if not is_far:
                 return point
             far_out = far_out or point
@@ -156,7 +156,7 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
     message = failure(problem, nearest)
     if number:
         message += f"; {number} other initial points failed too"
-    attempt = OperatingPoint.of(problem, problem.clip(nearest), Status.FAILED)
+    attempt = OperatingPoint._of(problem, problem.clip(nearest), Status.FAILED)
     raise TrimError(message, attempt)
 
 

@@ -510,7 +510,7 @@ def other_trims(condition: TrimCondition, point: OperatingPoint) -> list[Operati
     condition: condition of the trim
     point: the trim
     """
-    problem = point.problem_of(condition)
+    problem = point._problem_of(condition)
     trim = problem.unknowns(point.values)
     equations, unknowns = problem.count
     starts = [*problem.starts(trim)]
@@ -522,12 +522,12 @@ def other_trims(condition: TrimCondition, point: OperatingPoint) -> list[Operati
         distances = [float(np.abs(solution - z).max()) for z in trims]
         if problem.solved(solution) and min(distances) > 1e-6:
             trims.append(solution)
-    return [OperatingPoint.of(problem, z, Status.TRIMMED) for z in trims[1:]]
+    return [OperatingPoint._of(problem, z, Status.TRIMMED) for z in trims[1:]]
 
 
 def _search(condition: TrimCondition, point: OperatingPoint) -> tuple[dict[str, Any], list[str]]:
     """Return data on the search for a trim, and sentences on unusual features of the search."""
-    problem = point.problem_of(condition)
+    problem = point._problem_of(condition)
     equations, unknowns = problem.count
     sentences = []
     others: list[OperatingPoint] = []

@@ -134,7 +134,7 @@ class NonlinearPlant(Plant):
 
     def __post_init__(self) -> None:
         """Raise BadInputError if the operating point belongs to another model."""
-        self.point.refuse_other(self.model)
+        self.point._refuse_other(self.model)
 
     @property
     def parameters_size(self) -> int:  # type: ignore[override]  # computed

@@ -257,7 +257,7 @@ class FlightProblem:
 
     def _deviations_of_trim(self, other: OperatingPoint) -> np.ndarray:
         """Return another trim as deviations z from the trim of the problem, (k,)."""
-        other.refuse_other(self.model)
+        other._refuse_other(self.model)
         off: np.ndarray = np.array(other.states) - np.array(self.point.states)
         for place, name in enumerate(self.model.states):
             if (
@@ -340,7 +340,7 @@ def flight_problem(
     weights that do not fit the model. Raises NoSolutionError if the linear model cannot be
     stabilized at a finite cost.
     """
-    point.refuse_other(model)
+    point._refuse_other(model)
     linear = linearize(model, point)
     if inputs is not None:
         for name in inputs:

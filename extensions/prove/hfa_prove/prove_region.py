@@ -57,7 +57,7 @@ def prove_region(
     need(model, Model, "prove_region: model", Model.how_to_make)
     need(point, OperatingPoint, "prove_region: point", "a trim: hfa.trim(model)")
     linear = point.linearize()
-    point.refuse_other(model)
+    point._refuse_other(model)
     gain = numbers_in("K", getattr(K, "K", K))
     wanted = (len(linear.inputs), len(linear.states))
     if gain.shape != wanted:
