@@ -38,19 +38,3 @@ class Cost:
         if self.N is not None:
             of_states += 2 * ca.dot(z, ca.DM(self.N) @ v)
         return of_states + ca.bilin(ca.DM(self.R), v, v)
-
-    def of(self, times: np.ndarray, z: np.ndarray, v: np.ndarray, is_held: bool = False) -> float:
-        """Return the cost of a stored flight by the trapezoidal rule, for N = 0.
-
-        times: (N,), s
-        z: (N, k), deviations of the states from the requested trim
-        v: (N, m), deviations of the inputs
-        is_held: True if v is constant between consecutive times. v'Rv is then integrated exactly
-        """
-        of_inputs = quadratic_forms(v, self.R)
-        cost = np.trapezoid(quadratic_forms(z, self.Q), times)
-        if is_held:
-            cost += of_inputs[:-1] @ np.diff(times)
-        else:
-            cost += np.trapezoid(of_inputs, times)
-        return float(cost)

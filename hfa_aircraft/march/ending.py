@@ -57,6 +57,8 @@ class Outcome(StrEnum):
     UNDECIDED = "does not converge"
 
 
+#: Function from states (..., s) to the lowest and the highest states of a step, (..., n) each.
+Extremes = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 #: Function from states (N, n) to a mask (N,).
 Mask = Callable[[np.ndarray], np.ndarray]
 
@@ -248,6 +250,7 @@ class Endings:
         stable: np.ndarray,
         counted: int,
         patience: Patience,
+        extremes: Extremes | None = None,
     ) -> None:
         """Begin with N undecided flights.
 
@@ -258,6 +261,8 @@ class Endings:
         stays: True for flights that cannot leave the ball again, (N,)
         stable: True for flights about a stable equilibrium, (N,)
         counted: number k of the states whose motion is observed
+        extremes: function from the states of a history to the lowest and the highest states of
+            each step, which must be within the limits, or None for the states themselves
         """
         count, n = limits[0].shape
         self.outcomes = np.full(count, Outcome.UNDECIDED, dtype=object)
@@ -271,6 +276,7 @@ class Endings:
         self._stays = stays
         self._stable = stable
         self._patience = patience
+        self._extremes = extremes
         self._earlier = np.full(count, np.inf)
         self._in_ball = np.zeros(count, dtype=int)
         self._standing = np.zeros(count, dtype=int)
@@ -306,14 +312,16 @@ class Endings:
         """Return a mask of the flights that left their limits, and store where."""
         flying = flown.flights
         states = flown.states[:, :, : self._least.shape[1]]
-        lowest, highest = np.fmin.reduce(states, axis=1), np.fmax.reduce(states, axis=1)
+        low, high = (states, states) if self._extremes is None else self._extremes(flown.states)
+        lowest, highest = np.fmin.reduce(low, axis=1), np.fmax.reduce(high, axis=1)
         least, most = self._least[flying], self._most[flying]
         left = ~(is_within(lowest, least, most) & is_within(highest, least, most))
         left |= ~np.isfinite(states[:, -1]).all(axis=1)
-        states, least, most = states[left], least[left, None], most[left, None]
-        first = (~is_within(states, least, most)).argmax(axis=1)
+        low, high, least, most = low[left], high[left], least[left, None], most[left, None]
+        first = (~(is_within(low, least, most) & is_within(high, least, most))).argmax(axis=1)
         self.left_at[flying[left]] = flown.first + first
-        self.left_with[flying[left]] = states[np.arange(len(states)), first]
+        beyond = np.where(low < least, low, high)
+        self.left_with[flying[left]] = beyond[np.arange(len(beyond)), first]
         return np.asarray(left)
 
     def _back(self, flying: np.ndarray, distance: np.ndarray) -> np.ndarray:

@@ -116,6 +116,20 @@ class RungeKutta(_OneFlight):
     ) -> None:
         one = _step(rate, observed, step, parts)
         super().__init__(one, observed, step, steps, is_long=is_long)
+        self._rate = rate
+        self._parts = parts
+
+    def over(self, time: float, state: np.ndarray, held: np.ndarray, seconds: float) -> np.ndarray:
+        """Return the state (1, n) after a part of a step, at which held inputs change.
+
+        seconds: duration of the part, s
+        """
+        h = seconds / self._parts
+        x = ca.DM(state[0])
+        for part in range(self._parts):
+            t = time + part * h
+            x = rk4(lambda y, c, t=t: self._rate(t + c * h, y, held[0]), x, h)
+        return np.array(x).reshape(1, -1)
 
 
 class Recurrence(_OneFlight):

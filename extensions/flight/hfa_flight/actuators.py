@@ -143,6 +143,11 @@ class ActuatorBank:
         """Number of actuator parameters that are inputs of the loop: 3 m, or 0 without faults."""
         return 3 * len(self.lag) if self.faults else 0
 
+    @property
+    def breaks(self) -> list[float]:
+        """Times at which faults begin, s."""
+        return [fault.begin for fault in self.faults]
+
     def held_inputs(self, time: float) -> np.ndarray:
         """Return the actuator parameters [ω; ζ; λ], (3 m,), at a time in s.
 

@@ -15,11 +15,18 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.layout import components
+from hfa_aircraft.march.cost import Cost
 from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import zero
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.names import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, has_angle_of_attack
-from hfa_flight.policies.policy import FunctionPolicy, GainPolicy, Measurements, Policy
+from hfa_flight.policies.policy import (
+    SAME_TIME,
+    FunctionPolicy,
+    GainPolicy,
+    Measurements,
+    Policy,
+)
 from hfa_flight.scenario import Scenario
 from hfa_support.errors import BadInputError
 from trim.linear.kinks import linearization_at
@@ -213,11 +220,13 @@ class StateParts(NamedTuple):
     plant: deviations of the plant's states from trim, (n,)
     actuators: states of the actuators, or size 0 without actuators
     memory: states of the policy, or size 0 without memory
+    cost: cost from the start of the flight, (1,), or size 0 without a cost
     """
 
     plant: Any
     actuators: Any
     memory: Any
+    cost: Any
 
 
 class HeldParts(NamedTuple):
@@ -230,7 +239,9 @@ class HeldParts(NamedTuple):
     policy: inputs that the policy holds, such as a gain
     noise: (k,), noise of the measured states
     gust: held inputs of the gust (`Gust.held_inputs`)
-    delay: (1 + 2 m,), time at the start of the tick, delayed commands at its start and at its end
+    begin: (1,), time from which these inputs are held, s, if commands step during the flight
+    delay: (1 + 3 m,), times between which the delayed commands are interpolated, and the commands
+      at these times
     """
 
     parameters: Any
@@ -238,6 +249,7 @@ class HeldParts(NamedTuple):
     policy: Any
     noise: Any
     gust: Any
+    begin: Any
     delay: Any
 
 
@@ -254,6 +266,8 @@ class ClosedLoop:
 
     scenario: initial x(0), x_d, d and n (default 0), noise samples, gust, other disturbances,
       actuators and delay
+    cost: running cost of the errors z = x - x_d and of the plant inputs a, whose integral is a
+      state of the loop, or None
 
     Raises BadInputError if a signal, a gain or the function of a policy does not have the size of
     the plant, or a trim input is outside its actuator's position limits.
@@ -262,6 +276,7 @@ class ClosedLoop:
     plant: Plant
     policy: Policy
     scenario: Scenario = field(default_factory=Scenario)
+    cost: Cost | None = None
 
     def __post_init__(self) -> None:
         """Raise BadInputError for wrong sizes and for a trim outside the actuators' limits."""
@@ -296,6 +311,7 @@ class ClosedLoop:
             plant=self.plant.chosen.shape[1],
             actuators=0 if actuators is None else actuators.size,
             memory=self.policy.start.size,
+            cost=0 if self.cost is None else 1,
         )
 
     @cached_property
@@ -308,7 +324,8 @@ class ClosedLoop:
             policy=self.policy.held.shape[1],
             noise=0 if scenario.samples is None else len(self.plant.chosen),
             gust=0 if scenario.gust is None else scenario.gust.held_size,
-            delay=1 + 2 * self.plant.trim.size if scenario.delayed_ticks else 0,
+            begin=1 if self.breaks.size else 0,
+            delay=2 + 2 * self.plant.trim.size if scenario.delayed_ticks else 0,
         )
 
     def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -324,13 +341,15 @@ class ClosedLoop:
         state = StateParts(*ca.vertsplit(y, _offsets(self.state_sizes)))
         inputs = HeldParts(*ca.vertsplit(held, _offsets(self.held_sizes)))
         winds = self._winds(t, inputs)
-        measurements = self._measurements(t, state, inputs, winds)
+        since = inputs.begin if inputs.begin.numel() else t
+        reference = self._reference(t, since)
+        measurements = self._measurements(t, since, state, inputs, reference, winds)
         command = self.policy.control(t, measurements, state.memory, inputs.policy)
         arriving = command
         if inputs.delay.numel():
             m = plant.trim.size
-            begin, early, late = ca.vertsplit(inputs.delay, [0, 1, 1 + m, 1 + 2 * m])
-            arriving = early + (late - early) * (t - begin) / scenario.tick
+            begin, end, early, late = ca.vertsplit(inputs.delay, [0, 1, 2, 2 + m, 2 + 2 * m])
+            arriving = early + (late - early) * (t - begin) / (end - begin)
         if scenario.actuators is None:
             applied = arriving
             u = arriving
@@ -343,10 +362,12 @@ class ClosedLoop:
         memory_rate = self.policy.memory_rate(t, measurements, state.memory, inputs.policy, applied)
         disturbance = scenario.disturbance or zero(len(plant.chosen))
         plant_rate = plant.rate(state.plant, u, disturbance.at(t), winds, inputs.parameters)
-        rates = StateParts(plant_rate, actuators_rate, memory_rate)
+        error = ca.mtimes(ca.DM(plant.chosen), state.plant) - reference
+        cost_rate = ca.SX(0, 1) if self.cost is None else self.cost.rate(error, u)
+        rates = StateParts(plant_rate, actuators_rate, memory_rate, cost_rate)
         return Expressions(
             rate=ca.vertcat(*rates),
-            error=ca.mtimes(ca.DM(plant.chosen), state.plant) - self._reference(t),
+            error=error,
             inputs=u,
             winds=ca.vertcat(ca.SX(0, 1), *winds.values()),
             angle=plant.through_air(state.plant, winds),
@@ -365,7 +386,7 @@ class ClosedLoop:
         else:
             model = getattr(self.plant, "model", self.plant.point.model)
             linear = LinearPlant.at(model, self.plant.point, self.wind_names)
-            loop = replace(self, plant=linear)
+            loop = replace(self, plant=linear, cost=None)
             t, y, held = loop.symbols()
             slopes = ca.Function("slopes", [t, y, held], [ca.jacobian(loop.at(t, y, held).rate, y)])
             inputs = np.zeros(held.numel())
@@ -376,9 +397,20 @@ class ClosedLoop:
             modes = np.linalg.eigvals(slopes(0.0, trim, inputs).full())
         return modes[modes.real > 0.0]
 
-    def _reference(self, t: ca.SX) -> Any:
-        """Return the reference x_d(t) of the states of the linear model, (k,)."""
-        return (self.scenario.reference or zero(len(self.plant.chosen))).at(t)
+    @cached_property
+    def breaks(self) -> np.ndarray:
+        """Times at which a command, a reference or a fault steps, s, increasing."""
+        sources = (self.policy, self.scenario.reference, self.scenario.actuators)
+        times = [getattr(source, "breaks", ()) for source in sources]
+        return np.unique(np.concatenate([np.zeros(0), *times]))
+
+    def _reference(self, t: ca.SX, since: ca.SX) -> Any:
+        """Return the reference x_d(t) of the states of the linear model, (k,).
+
+        since: time from which a stepping reference is held
+        """
+        reference = self.scenario.reference or zero(len(self.plant.chosen))
+        return reference.at(since if getattr(reference, "is_stepping", False) else t)
 
     def _winds(self, t: ca.SX, inputs: HeldParts) -> dict[str, Any]:
         """Return the disturbances of the model that the scenario sets, as name -> value at t."""
@@ -390,7 +422,13 @@ class ClosedLoop:
         return winds
 
     def _measurements(
-        self, t: ca.SX, state: StateParts, inputs: HeldParts, winds: dict[str, Any]
+        self,
+        t: ca.SX,
+        since: ca.SX,
+        state: StateParts,
+        inputs: HeldParts,
+        reference: Any,
+        winds: dict[str, Any],
     ) -> Measurements:
         """Return the measurements that the policy receives, with sensor noise."""
         actuators = self.scenario.actuators
@@ -404,7 +442,7 @@ class ClosedLoop:
             positions = actuators.position(state.actuators, self.plant.trim)
             rates = actuators.rates(state.actuators)
         updraft = ca.SX(winds.get(UPDRAFT, ca.SX(0, 1)))
-        return Measurements(states - self._reference(t), states, positions, rates, updraft)
+        return Measurements(states - reference, states, positions, rates, updraft, since)
 
     def _measured(self, plant: ca.SX, of_linear: ca.SX) -> ca.SX:
         """Return the states of the plant with sensor noise, (n,)."""
@@ -428,6 +466,7 @@ class ClosedLoop:
             plant=self.scenario.initial,
             actuators=np.zeros(self.state_sizes.actuators),
             memory=self.policy.start,
+            cost=np.zeros(self.state_sizes.cost),
         )
         if parts.plant.size != self.state_sizes.plant:
             raise BadInputError(
@@ -442,27 +481,31 @@ class ClosedLoop:
         offsets = _offsets(self.held_sizes)
         return HeldParts(*map(slice, offsets[:-1], offsets[1:]))
 
-    def hold(self, tick: int, held: np.ndarray) -> None:
+    def hold(self, tick: int, held: np.ndarray, time: float | None = None) -> None:
         """Write the held inputs of a tick into a vector.
 
         The entries for parameters of the plant and for delayed commands are left unchanged.
 
         tick: number of the tick
         held: the vector of all held inputs
+        time: time from which they are held, s, or None for the start of the tick
         """
         scenario = self.scenario
         sizes = self.held_sizes
         parts = self.held_slices
-        held[parts.policy] = self.policy.held_inputs(tick)
+        time = tick * scenario.tick if time is None else time
+        held[parts.policy] = self.policy.held_inputs(tick, time)
+        if sizes.begin:
+            held[parts.begin] = time + SAME_TIME
         if sizes.actuators and scenario.actuators is not None:
-            held[parts.actuators] = scenario.actuators.held_inputs(tick * scenario.tick)
+            held[parts.actuators] = scenario.actuators.held_inputs(time)
         if scenario.samples is not None:
             held[parts.noise] = scenario.samples[tick]
         if sizes.gust and scenario.gust is not None:
             held[parts.gust] = scenario.gust.held_inputs(tick)
 
     def parts(self, y: np.ndarray) -> StateParts:
-        """Return the columns of y for the plant, the actuators and the memory of the policy.
+        """Return the columns of y for the plant, the actuators, the memory and the cost.
 
         y: values of y at one or several times, (..., size)
         """

@@ -132,7 +132,8 @@ def fly(
     )
     flown, happens = policy_and_scenario(policy, point, happens)
     plant = NonlinearPlant(with_errors(model, happens), point)
-    loop = ClosedLoop(plant, flown, happens)
+    cost = None if weights is None else Cost(*weights)
+    loop = ClosedLoop(plant, flown, happens, cost)
     if seconds is None and scenario is None:
         happens = lengthened(loop)
         loop = replace(loop, scenario=happens)
@@ -141,7 +142,7 @@ def fly(
 
     def flown_in(parts: int) -> Flight:
         finer = compiled if parts == 1 else compiled.refined(parts)
-        return replace(fly_within(finer, within, progress=progress), weights=weights)
+        return fly_within(finer, within, progress=progress)
 
     if isinstance(flown, PythonPolicy):
         result = flown_in(1)
@@ -152,9 +153,10 @@ def fly(
     refuse_start(within, start, happens.moving_air)
     if not (predict and flown.predicts):
         return result
-    linear = replace(loop, plant=LinearPlant.at(model, point, loop.wind_names))
-    ticks = (len(result.flight.times) - 1) // happens.steps_per_tick
-    return replace(result, predicted=CompiledLoop(linear).fly(ticks=ticks))
+    linear = replace(loop, plant=LinearPlant.at(model, point, loop.wind_names), cost=None)
+    predicted = CompiledLoop(linear).refined(round(happens.step / result.step))
+    ticks = round(result.flown / happens.tick)
+    return replace(result, predicted=predicted.fly(ticks=ticks))
 
 
 def _figures(flight: Flight) -> Figures:
@@ -167,9 +169,9 @@ def _figures(flight: Flight) -> Figures:
     }
     if flight.departure is not None:
         figures["the time of the departure"] = (flight.departure.time, flight.loop.scenario.tick)
-    if flight.cost is not None and flight.weights is not None:
+    if flight.cost is not None and flight.loop.cost is not None:
         z = _SMALL * np.array([nominal[name] for name in model.linear])
-        least = float(z @ flight.weights[0] @ z) * flight.loop.scenario.duration
+        least = float(z @ flight.loop.cost.Q @ z) * flight.loop.scenario.duration
         figures["the cost"] = (flight.cost, max(least, np.finfo(float).tiny))
     return figures
 
@@ -273,7 +275,6 @@ class Flight(StatesAndInputs, Result, Reported):
         none.
     predicted: flight of the linear model, or None if it was not simulated
     decay: decaying oscillation at the end: name, time to half in s, frequency in rad/s, or None.
-    weights: Q (k, k) and R (m, m) of the cost of the flight, or None without a cost
     integration: change of the reported figures with half the integration step, or None for a policy
         that cannot be simulated with it
 
@@ -293,7 +294,6 @@ class Flight(StatesAndInputs, Result, Reported):
     cycle: LimitCycle | None
     predicted: Deviations | None = None
     decay: Decay | None = None
-    weights: tuple[np.ndarray, np.ndarray] | None = None
     integration: IntegrationError | None = None
 
     @property
@@ -386,6 +386,11 @@ class Flight(StatesAndInputs, Result, Reported):
         return {name: np.array(pair) for name, pair in limits.items()}
 
     @property
+    def step(self) -> float:
+        """Integration step, s. Each step is a row of the flight."""
+        return float(self.time[1] - self.time[0])
+
+    @property
     def flown(self) -> float:
         """Duration of the flight, s."""
         return float(self.flight.times[-1])
@@ -444,15 +449,12 @@ class Flight(StatesAndInputs, Result, Reported):
     def cost(self) -> float | None:
         """Cost ∫ z'Qz + u'Ru dt up to the end of the flight, omitted without weights.
 
+        It is integrated with the flight, as a further state.
+
         z: deviations of the states from trim and command
         u: deviations of the inputs from trim
         """
-        if self.weights is None:
-            return None
-        Q, R = self.weights
-        errors = self.flight.errors
-        inputs = self.flight.inputs
-        return Cost(Q, R).of(self.time, errors, inputs, self.loop.policy.is_held)
+        return None if self.flight.cost is None else float(self.flight.cost[-1])
 
     @property
     def warnings(self) -> Sequence[str]:
@@ -655,7 +657,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     def history(self) -> FlightHistory:
         """Return the time history, with one row for each tick."""
-        every = slice(None, None, self.loop.scenario.steps_per_tick)
+        every = slice(None, None, round(self.loop.scenario.tick / self.step))
         columns = {
             "times": self.flight.times[every],
             "errors": self.flight.errors[every],

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 
 import casadi as ca
+import numpy as np
 
 from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.march.steppers import rk4
@@ -17,21 +19,54 @@ from trim.point.operating_point import OperatingPoint
 #: Longest integration step, in time constants of the fastest mode. The error is 1e-6 of a
 #: deviation.
 _LONGEST = 0.2
+#: Longest integration step, s, so that extremes between steps are known.
+_SECONDS = 0.02
 _MOST_PARTS = 1000
+#: Number of states drawn in each box of initial conditions.
+_DRAWN = 16
 
 
-def parts_of_a_sample(points: list[OperatingPoint], dt: float) -> int:
+def parts_of_a_sample(
+    points: Sequence[OperatingPoint], dt: float, boxes: Sequence[np.ndarray] = ()
+) -> int:
     """Return the number of integration steps in a sample, from 1 to `_MOST_PARTS`.
 
-    The number follows from the fastest mode of the aircraft over the trims.
+    The number follows from the fastest mode of the aircraft at the trims and in the boxes. A step
+    is at most `_SECONDS`.
 
     dt: sample time, s
+    boxes: half-widths (k,) of the initial conditions about each trim, or empty
     """
+    fastest = max(fastest_mode(point, np.zeros(len(point.model.linear))) for point in points)
+    for point, half_widths in zip(points, boxes, strict=bool(boxes)):
+        fastest = max(fastest, fastest_mode(point, half_widths))
+    parts = max(1, math.ceil(dt * fastest / _LONGEST), math.ceil(dt / _SECONDS - 1e-9))
+    return min(parts, _MOST_PARTS)
+
+
+def fastest_mode(point: OperatingPoint, half_widths: np.ndarray) -> float:
+    """Return the largest magnitude of a mode of the aircraft at states of a box about a trim, 1/s.
+
+    The states are the centers of the faces, and `_DRAWN` drawn corners. A state at which the
+    equations are not defined is left out.
+
+    half_widths: (k,), of the linear states
+    """
+    model = point.model
+    rows = model.state_places(model.linear)
+    k = len(rows)
+    shares = np.zeros((1, k))
+    if half_widths.any():
+        corners = np.random.default_rng(0).choice([-1.0, 1.0], (_DRAWN, k))
+        shares = np.vstack([np.eye(k), -np.eye(k), corners])
     fastest = 0.0
-    for point in points:
-        A = point.model.at(point.states, point.inputs).A
-        fastest = max(fastest, spectral_radius(A))
-    return min(max(1, math.ceil(dt * fastest / _LONGEST)), _MOST_PARTS)
+    for share in shares:
+        X = np.array(point.states)
+        X[rows] += share * half_widths
+        A = model.at(type(point.states)(*X.tolist()), point.inputs).A
+        if np.isfinite(A).all():
+            fastest = max(fastest, spectral_radius(A))
+    return fastest
 
 
 @lru_cache(maxsize=16)
@@ -67,7 +102,9 @@ def step_of_integration(
 
 
 def held_step(model: Model, dt: float, parts: int, winds: tuple[str, ...] = ()) -> ca.Function:
-    """Return the function (X, U, push, p) -> X after dt seconds, in `parts` integration steps.
+    """Return the function (X, U, push, p) -> (X after dt seconds, extremes on the way).
+
+    The extremes are the lowest and the highest X after each of `parts` integration steps, (2 n,).
 
     X: (n,), absolute values
     U: (m,), absolute values, held
@@ -79,7 +116,10 @@ def held_step(model: Model, dt: float, parts: int, winds: tuple[str, ...] = ()) 
     pushes = len(model.linear) + len(winds)
     sizes = (len(model.states), len(model.inputs), pushes, len(model.parameters))
     X, U, push, p = (ca.MX.sym("x", size) for size in sizes)
-    after = X
-    for _ in range(parts):
+    after = step(ca.vertcat(X, U, push, p, dt / parts))
+    lowest = highest = after
+    for _ in range(parts - 1):
         after = step(ca.vertcat(after, U, push, p, dt / parts))
-    return ca.Function("held_step", [X, U, push, p], [after])
+        lowest, highest = ca.fmin(lowest, after), ca.fmax(highest, after)
+    extremes = ca.vertcat(lowest, highest)
+    return ca.Function("held_step", [X, U, push, p], [after, extremes])

@@ -21,6 +21,7 @@ class Deviations(Reported):
     memory: (N, l), memory of the policy
     limited: (N, n), the states. In moving air, the angle of attack replaces alpha
     winds: disturbance of the model that the scenario sets -> (N,)
+    cost: (N,), cost from the start of the flight, or None for a loop without a cost
     """
 
     times: np.ndarray
@@ -30,6 +31,7 @@ class Deviations(Reported):
     memory: np.ndarray
     limited: np.ndarray
     winds: dict[str, np.ndarray]
+    cost: np.ndarray | None = None
 
     @property
     def updrafts(self) -> np.ndarray:

@@ -126,6 +126,16 @@ class CommandedStates(Result):
         return len(self.states)
 
     @property
+    def is_stepping(self) -> bool:
+        """True if the reference is constant between the steps."""
+        return not self.filtered
+
+    @property
+    def breaks(self) -> np.ndarray:
+        """Times of the steps, s."""
+        return self.commands.times
+
+    @property
     def until(self) -> float:
         """Time of the last step, s."""
         return float(self.commands.times[-1]) if len(self.commands.times) else 0.0

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -16,7 +17,7 @@ from hfa_flight.actuators import LONGEST_STEP
 from hfa_flight.air.names import ALPHA
 from hfa_flight.closed_loop import ClosedLoop
 from hfa_flight.history import Deviations
-from hfa_flight.policies.policy import Policy
+from hfa_flight.policies.policy import SAME_TIME, Policy
 from hfa_flight.scenario import Scenario
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.native.bound import BoundFunction
@@ -62,20 +63,19 @@ class CompiledLoop:
         self.stepper = self._runge_kutta(1)
 
     def refined(self, parts: int) -> CompiledLoop:
-        """Return the loop with several Runge-Kutta steps in place of each."""
+        """Return the loop with several recorded steps in place of each."""
         finer = copy(self)
         finer.stepper = self._runge_kutta(parts)
         return finer
 
-    def _runge_kutta(self, parts: int) -> Stepper:
+    def _runge_kutta(self, parts: int) -> RungeKutta:
         """Return the stepper of the Runge-Kutta method, as machine code if that saves time."""
         scenario = self.loop.scenario
-        parts *= _parts_of_a_step(self.loop)
-        steps = scenario.steps_per_tick
-        is_long = self._flights * scenario.ticks * steps * parts >= COMPILE_FROM_STEPS
-        return RungeKutta(
-            self.rate, self.observed, scenario.step, steps, parts=parts, is_long=is_long
-        )
+        within = _parts_of_a_step(self.loop)
+        steps = scenario.steps_per_tick * parts
+        step = scenario.step / parts
+        is_long = self._flights * scenario.ticks * steps * within >= COMPILE_FROM_STEPS
+        return RungeKutta(self.rate, self.observed, step, steps, parts=within, is_long=is_long)
 
     def fly(
         self,
@@ -130,30 +130,53 @@ class CompiledLoop:
             limited = parts.plant.copy()
             limited[:, self._alpha] = angle[:, 0]
         air = dict(zip(self.loop.wind_names, winds.T, strict=True))
-        return Deviations(times, parts.plant, errors, inputs, parts.memory, limited, air)
+        cost = parts.cost[:, 0] if parts.cost.size else None
+        return Deviations(times, parts.plant, errors, inputs, parts.memory, limited, air, cost)
+
+
+class _Commands(NamedTuple):
+    """Commands of a policy between two times, between which they are interpolated linearly.
+
+    begin, end: s
+    first, last: commands at these times, (m,)
+    """
+
+    begin: float
+    end: float
+    first: np.ndarray
+    last: np.ndarray
 
 
 class _Flying:
-    """One flight of a closed loop, for `march`."""
+    """One flight of a closed loop for `march`, and its stepper, which breaks ticks at steps.
+
+    At each break, as at the start of a tick, the held inputs are computed anew.
+    """
 
     def __init__(
         self,
         loop: ClosedLoop,
-        stepper: Stepper,
+        runge_kutta: RungeKutta,
         measured: BoundFunction,
         command: BoundFunction,
         parameters: np.ndarray | None,
     ) -> None:
-        self.stepper = stepper
+        self.stepper: Stepper = self
+        self.step, self.steps, self.sizes = runge_kutta.step, runge_kutta.steps, runge_kutta.sizes
+        self._runge_kutta = runge_kutta
         self._loop = loop
         self._sampler = loop.policy.sampler()
+        self._sampled = np.zeros(0)
         self._measured = measured
         self._command = command
-        self._late = loop.scenario.delayed_ticks
-        self._commands: list[np.ndarray] = []
+        self._delay = loop.scenario.delayed_ticks * loop.scenario.tick
+        self._commands: list[_Commands] = []
         self._held = np.zeros((1, sum(loop.held_sizes)))
         if parameters is not None:
             self._held[0, loop.held_slices.parameters] = parameters
+        self._tick = 0
+        self._resumed = 0.0, np.zeros(0)
+        self._breaks = self._breaks_by_tick()
 
     def start(self) -> np.ndarray:
         """Return y at time 0, (1, size)."""
@@ -161,26 +184,92 @@ class _Flying:
 
     def hold(self, tick: int, time: float, state: np.ndarray, flying: np.ndarray) -> np.ndarray:
         """Return the held inputs of a tick: gains and noise of the tick, sampled policy, delay."""
-        loop = self._loop
-        held = self._held[0]
-        loop.hold(tick, held)
+        self._tick = tick
         if self._sampler is not None:
-            (measured,) = self._measured.at(time, state[0], held)
-            held[loop.held_slices.policy] = self._sampler(tick, measured)
-        if self._late:
-            (command,) = self._command.at(time, state[0], held)
-            self._commands.append(command)
-            held[loop.held_slices.delay] = self._delayed(tick, time)
+            self._loop.hold(tick, self._held[0])
+            (measured,) = self._measured.at(time, state[0], self._held[0])
+            self._sampled = self._sampler(tick, measured)
+        self._resume(time, state)
         return self._held
 
-    def _delayed(self, tick: int, time: float) -> np.ndarray:
-        """Return the delay's held inputs of a tick, [time; u_0; u_1], (1 + 2 m,)."""
-        # u_0 and u_1 are the delayed commands at this tick and at the next one. The loop
-        # interpolates between both. Until the delay has passed, they are 0, the trim.
-        due = tick - self._late
-        if due < 0:
-            return np.concatenate([[time], np.zeros(2 * self._commands[0].size)])
-        return np.concatenate([[time], self._commands[due], self._commands[due + 1]])
+    def __call__(
+        self, time: float, state: np.ndarray, held: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the states after each step of a tick, and the values observed before it."""
+        breaks = self._breaks.get(self._tick, [])
+        advance = self._broken if breaks else self._runge_kutta
+        after, before = advance(time, state, held)
+        if self._delay:
+            self._finish(time + self.steps * self.step, after[:, -1])
+        return after, before
+
+    def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """Return the values observed at a time, (1, k)."""
+        return self._runge_kutta.observed(time, state, held)
+
+    def _broken(
+        self, time: float, state: np.ndarray, held: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the same as a call, for a tick in which held inputs change."""
+        left = list(self._breaks[self._tick])
+        after = np.empty((1, self.steps, self.sizes[0]))
+        before = np.empty((1, self.steps, self.sizes[1]))
+        for number in range(self.steps):
+            now, end = (time + (number + more) * self.step for more in (0, 1))
+            is_observed = False
+            while now < end:
+                if left and left[0] <= now + SAME_TIME:
+                    left.pop(0)
+                    self._finish(now, state)
+                    self._resume(now, state)
+                if not is_observed:
+                    before[:, number] = self.observed(now, state, held)
+                    is_observed = True
+                later = left[0] if left and left[0] < end - SAME_TIME else end
+                state = self._runge_kutta.over(now, state, held, later - now)
+                now = later
+            after[:, number] = state
+        return after, before
+
+    def _resume(self, time: float, state: np.ndarray) -> None:
+        """Compute the held inputs from a time on."""
+        loop, held = self._loop, self._held[0]
+        loop.hold(self._tick, held, time)
+        if self._sampler is not None:
+            held[loop.held_slices.policy] = self._sampled
+        if self._delay:
+            (command,) = self._command.at(time, state[0], held)
+            self._resumed = time, np.array(command)
+            held[loop.held_slices.delay] = self._delayed(time)
+
+    def _finish(self, time: float, state: np.ndarray) -> None:
+        """Store the commands since the held inputs were computed, for a delay."""
+        if self._delay:
+            begin, first = self._resumed
+            (command,) = self._command.at(time, state[0], self._held[0])
+            self._commands.append(_Commands(begin, time, first, np.array(command)))
+
+    def _delayed(self, time: float) -> np.ndarray:
+        """Return the delay's held inputs from a time on. Before the first command, they are 0."""
+        due = time - self._delay + SAME_TIME
+        while self._commands and self._commands[0].end <= due:
+            self._commands.pop(0)
+        if due < 0.0:
+            return np.concatenate([[0.0, 1.0], np.zeros(2 * self._resumed[1].size)])
+        begin, end, first, last = self._commands[0]
+        return np.concatenate([[begin + self._delay, end + self._delay], first, last])
+
+    def _breaks_by_tick(self) -> dict[int, list[float]]:
+        """Return number of a tick -> times in it at which held inputs change, s, increasing."""
+        times = self._loop.breaks
+        if self._delay:
+            times = np.unique(np.concatenate([times, times + self._delay]))
+        inside: dict[int, list[float]] = {}
+        for time in times.tolist():
+            tick = math.floor(time / self._loop.scenario.tick + SAME_TIME)
+            if time - tick * self._loop.scenario.tick > SAME_TIME:
+                inside.setdefault(tick, []).append(time)
+        return inside
 
 
 def _is_lost(flight: Deviations) -> np.ndarray:

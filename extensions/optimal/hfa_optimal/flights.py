@@ -168,8 +168,12 @@ class Flights:
             disturbance that is sampled at every `tick`
         """
         calm = scenario or self.scenario(self.tick)
-        plant = NonlinearPlant(self.problem.model, self.problem.point)
-        return CompiledLoop(ClosedLoop(plant, policy, calm), self.count * _TICKS)
+        problem = self.problem
+        R = np.zeros((len(problem.model.inputs),) * 2)
+        R[np.ix_(problem.moved, problem.moved)] = problem.R
+        plant = NonlinearPlant(problem.model, problem.point)
+        loop = ClosedLoop(plant, policy, calm, Cost(problem.Q, R))
+        return CompiledLoop(loop, self.count * _TICKS)
 
     def scenario(self, seconds: float) -> Scenario:
         """Return a scenario without disturbance. Its duration is `seconds`, rounded up to whole
@@ -230,6 +234,7 @@ class Flights:
         rows: deviations of the simulated states and inputs from the trim
         """
         problem = self.problem
+        assert rows.cost is not None  # the loops of this class have a cost
         trim = np.array(problem.point.states)
         z = rows.states[:, problem.places]
         v = rows.inputs[:, problem.moved]
@@ -237,7 +242,7 @@ class Flights:
         left = departure(problem.envelope, rows.times, states, moving_air=False)
         with np.errstate(over="ignore", invalid="ignore"):  # the flight may diverge
             tail = float(z[-1] @ problem.P @ z[-1])
-            running = Cost(problem.Q, problem.R).of(rows.times, z, v, policy.is_held)
+            running = float(rows.cost[-1])
         cost = running + tail
         if not has_decayed(tail, cost, OF_COST):
             cost = math.inf

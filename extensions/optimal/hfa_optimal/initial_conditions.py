@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa_flight.needs import is_enough, need_text
 from hfa_flight.problem import FlightProblem, OfProblem
 from hfa_flight.simulation import CompiledLoop
 from hfa_optimal.best_flight import PolicyFlight
@@ -96,6 +97,8 @@ class StartsTable(OfProblem, Result, Reported):
     problem: aircraft, trim, weights and limits.
     flights: flights from each initial condition.
     asked: number of requested initial conditions. `flights` contains fewer after an interruption.
+    judged: names of the policies whose flights decide the verdict, besides the best flights.
+    share: share of the initial conditions that must succeed, or None for no verdict.
     """
 
     schema = "hfa.best-flights/1"
@@ -103,6 +106,8 @@ class StartsTable(OfProblem, Result, Reported):
     problem: FlightProblem
     flights: tuple[StartFlights, ...]
     asked: int
+    judged: Sequence[str] = ()
+    share: float | None = None
 
     @property
     def starts(self) -> int:
@@ -113,6 +118,27 @@ class StartsTable(OfProblem, Result, Reported):
     def found(self) -> int:
         """Number of initial conditions from which a best flight was found."""
         return sum(each.cost is not None for each in self.flights)
+
+    def failures(self) -> list[str]:
+        """Return a sentence for each of best flights and judged policies with too few flights."""
+        if self.share is None:
+            return []
+        held = {"a best flight is found": self.found}
+        for name in self.judged:
+            policy = [each for flown in self.flights for each in flown.policies]
+            own = [each for each in policy if each.policy == name]
+            what = f"the {name} converges within the limits"
+            held[what] = sum(not each.lost for each in own)
+        return [
+            f"{what} from {count} of {self.starts} initial conditions{need_text(self.share)}"
+            for what, count in held.items()
+            if not is_enough(count, self.starts, self.share)
+        ]
+
+    @property
+    def ok(self) -> bool:
+        """True if best flights are found from enough initial conditions and no policy fails."""
+        return not self.failures()
 
     @property
     def upper_bounds(self) -> int:
@@ -193,7 +219,8 @@ class StartsTable(OfProblem, Result, Reported):
             begin += f", {bracket_sentence((each, each.best) for each in self._bounded)}"
         if not self.found:
             begin += "; no cost ratio without a flight"
-        lines = [line_with_ratios(begin, ratios)]
+        lines = [f"FAIL: {text}" for text in self.failures()]
+        lines.append(line_with_ratios(begin, ratios))
         whose = f"{self.problem.model.title} {self.point.at_scheduled}".strip()
         lines.append(f"to {whose}, from {self.starts} initial conditions")
         if self.upper_bounds:

@@ -64,7 +64,8 @@ class Assessor:
     def flight(self) -> SampledFlight:
         """Return the simulation of sampled flights that begin near the trims."""
         deployment = self.deployed.deployment
-        parts = parts_of_a_sample(list(self.points), deployment.dt)
+        boxes = [self._widths(point) for point in self.points]
+        parts = parts_of_a_sample(self.points, deployment.dt, boxes)
         return SampledFlight(self.deployed, deployment.dt, deployment.delay, parts)
 
     def places(self, flight: SampledFlight) -> list[Place]:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.discrete.solution import sampled, solve_discrete
 from controller.game.zero_sum import Game
 from controller.riccati.cost import flight_cost
 from controller.riccati.gare import unconfirmed_solution
+from hfa_flight.hold import hold_of
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.equilibrium import Equilibrium
 from hfa_flight.policies.deployment.sampled_loop import Chain
@@ -31,8 +31,8 @@ class CostAboveOptimum(Result):
         observed input. nan for a policy that uses several samples, or whose inputs do not settle at
         a constant state.
     mean: mean over all initial conditions, as for `worst`.
-    sampled_worst: worst case of the sampled loop with delay, relative to the sampled optimum
-        without delay. A step of dt costs dt (x'Qx + u'Ru), with x and u at its start.
+    sampled_worst: worst case of the sampled loop with delay, relative to the optimum with inputs
+        that are held for a sample, without delay. Both costs are integrals over time.
     sampled_mean: mean over all initial conditions, as for `sampled_worst`.
     """
 
@@ -65,11 +65,10 @@ def cost_above_optimum(
             continuous = flight_cost(game, unconfirmed_solution(game), gain)
             worst = continuous.worst
             mean = continuous.mean
-        problem = sampled(game, chain.dt)
-        optimum = solve_discrete(problem).P
+        _, optimum = hold_of(game.A, game.B, game.Q, game.R, chain.dt).forever()
     except NoSolutionError as error:
         return f"the cost has no optimum here: {error}"
-    sampled_worst, sampled_mean = _sampled_costs(problem.step, optimum, chain)
+    sampled_worst, sampled_mean = _sampled_costs(game, optimum, chain)
     return CostAboveOptimum(worst, mean, sampled_worst, sampled_mean)
 
 
@@ -116,7 +115,7 @@ def weights_at(
     return Q, R
 
 
-def _sampled_costs(step: Game, optimum: np.ndarray, chain: Chain) -> tuple[float, float]:
+def _sampled_costs(game: Game, optimum: np.ndarray, chain: Chain) -> tuple[float, float]:
     """Return the worst and the mean cost of a sampled loop above the optimum, percent."""
     # At the first sample, delayed commands have their equilibrium values, and earlier observations
     # equal the present ones. If the loop is unstable, both results are inf. If no deviation has a
@@ -125,9 +124,13 @@ def _sampled_costs(step: Game, optimum: np.ndarray, chain: Chain) -> tuple[float
 
     if chain.radius >= 1.0:
         return math.inf, math.inf
-    n = chain.states
-    weights = chain.C.T @ step.R @ chain.C
-    weights[:n, :n] += step.Q
+    x = np.eye(chain.states, len(chain.F))
+    weights = np.zeros_like(chain.F)
+    for seconds, acting in chain.acting:
+        hold = hold_of(game.A, game.B, game.Q, game.R, seconds)
+        both = np.vstack([x, acting])
+        weights += both.T @ hold.W @ both
+        x = hold.A @ x + hold.B @ acting
     X = chain.start.T @ solve_discrete_lyapunov(chain.closed.T, weights) @ chain.start
     values, vectors = np.linalg.eigh(optimum)
     paid = values > _COSTS_NOTHING * max(float(values[-1]), 0.0)

@@ -114,16 +114,16 @@ class Episodes:
         self._air = None
         if turbulence is not None:
             self._air = EpisodeAir(turbulence, points, count, deployed.deployment.dt)
+        self._boxes = np.array([start_box(deployed.model, point) for point in points])
         self._flight = SampledFlight(
             deployed,
             deployed.deployment.dt,
             deployed.deployment.delay,
-            parts_of_a_sample(list(points), deployed.deployment.dt),
+            parts_of_a_sample(self.points, deployed.deployment.dt, self._boxes),
             moves=_moved_by_actions(deployed, self.low, self.high),
             winds=() if self._air is None else self._air.names,
         )
         self._envelopes = [flight_envelope(deployed.model, point) for point in points]
-        self._boxes = np.array([start_box(deployed.model, point) for point in points])
         self._trims = np.array([deployed.trim_vector(point) for point in points])
         self._linear = deployed.model.state_places(deployed.model.linear)
         self.owners = np.zeros(count, dtype=int)
@@ -139,19 +139,19 @@ class Episodes:
 
     def _allocate(self, count: int) -> None:
         """Allocate a row of states and of held values for each episode, and name their parts."""
-        # A row of the states contains state, memory, and the number of remaining samples. A row of
-        # the held values contains actions, trim, push, and the lowest and the highest state. The
+        # A row of the states contains state, memory, extremes, and the number of remaining samples.
+        # A row of the held values contains actions, trim, push, and the limits of the state. The
         # trim ends with the parameters, the memory with the inputs, and the push with the winds.
         flight = self._flight
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
-        X, memory, _ = flight.slices
+        X, memory, *_ = flight.slices
         actions, trim, push = flight.held_slices
-        self._state = np.zeros((count, memory.stop + 1))
+        self._state = np.zeros((count, sum(flight.sizes) + 1))
         self._held = np.zeros((count, push.stop + 2 * n))
         self.states = self._state[:, X]
         self.inputs = self._state[:, memory.stop - m : memory.stop]
-        self._left = self._state[:, memory.stop]
+        self._left = self._state[:, -1]
         self._actions = self._held[:, actions]
         self.parameters = self._held[:, trim][:, n + m :]
         self._winds = self._held[:, push.stop - len(flight.winds) : push.stop]
@@ -258,8 +258,10 @@ class Episodes:
         """
         time = float(self.done[number] * self.deployed.deployment.dt)
         envelope = self._envelopes[self.owners[number]]
-        if not envelope.within(self.states[number]).all():
-            return departure_at(envelope, self.states[number], time)
+        lowest, highest = self._flight.extremes(self._state[number, :-1])
+        beyond = np.where(lowest < envelope.least, lowest, highest)
+        if not envelope.within(beyond).all():
+            return departure_at(envelope, beyond, time)
         # The state keeps its values if the next values are not numbers.
         state, held = self._state[number], self._held[number]
         sizes = sum(self._flight.sizes), sum(self._flight.held_sizes)
@@ -295,13 +297,15 @@ class Episodes:
         now, left = ca.vertsplit(state, [0, flown, flown + 1])
         flying, limits = ca.vertsplit(held, [0, of_flight, of_flight + 2 * n])
         actions, trim, _ = (flying[part] for part in flight.held_slices)
-        X, before = now[:n], now[-m:]
+        memory = flight.slices[1]
+        inputs = slice(memory.stop - m, memory.stop)
+        X, before = now[:n], now[inputs]
         assert flight.moves is not None  # set by the constructor
         U = flight.moves(actions, X, before, trim)
         cost = flight.dt * cost_rate(self.deployed)(X, U, trim)
         after = flight.tick()(now, flying)
         kept, left, outcome = _outcome(flown, n)(now, after, cost, left, limits)
-        o = self.deployed.observe(kept[:n], kept[-m:], trim)
+        o = self.deployed.observe(kept[:n], kept[inputs], trim)
         return ca.Function("episode", [state, held], [ca.vertcat(kept, left), outcome, o])
 
     def _observation(self) -> ca.Function:
@@ -309,7 +313,8 @@ class Episodes:
         n, m = len(self.deployed.model.states), len(self.deployed.model.inputs)
         state = ca.MX.sym("state", sum(self._flight.sizes))
         trim = ca.MX.sym("trim", self._flight.held_sizes[1])
-        seen = self.deployed.observe(state[:n], state[-m:], trim)
+        end = self._flight.slices[1].stop
+        seen = self.deployed.observe(state[:n], state[end - m : end], trim)
         return ca.Function("observation", [state, trim], [seen])
 
 
@@ -345,7 +350,7 @@ def _outcome(size: int, n: int) -> ca.Function:
     # - before, after: state before and after the sample
     # - cost: cost of the sample, replaced by `_DEAREST` if not finite
     # - left: number of remaining samples, before including and after excluding this one
-    # - limits: lowest X and highest X
+    # - limits: lowest X and highest X, for the extremes at the end of a state
     # - accepted state: `after` if all its entries are finite, else `before`
     # - outcome: reward, whether the aircraft left the limits, whether no samples remain
     # An entry of `after` that is not finite counts as leaving the limits. The reward is -cost. If
@@ -355,7 +360,9 @@ def _outcome(size: int, n: int) -> ca.Function:
     limits = ca.SX.sym("limits", 2 * n)
     numbers = all_finite(after)
     kept = ca.if_else(numbers, after, before)
-    lost = ca.logic_not(ca.logic_and(numbers, is_within(kept[:n], limits[:n], limits[n:])))
+    lowest, highest = kept[size - 2 * n : size - n], kept[size - n :]
+    inside = (is_within(each, limits[:n], limits[n:]) for each in (lowest, highest))
+    lost = ca.logic_not(ca.logic_and(numbers, ca.logic_and(*inside)))
     later = ca.fmax(left - 1.0, 0.0)
     paid = ca.if_else(all_finite(cost), cost, _DEAREST)
     reward = -paid * ca.if_else(lost, 1.0 + later, 1.0)

@@ -1,7 +1,8 @@
 """Simulation of many flights of a deployed policy, sampled and held as deployed.
 
-The state of a flight is [X; memory; past]. The memory contains the commands u_{k-1} ... u_{k-d-1}
-that act now or later. The past contains earlier observations that the policy uses.
+The state of a flight is [X; memory; past; extremes]. The memory contains the commands
+u_{k-1} ... u_{k-d-1} that act now or later. The past contains earlier observations that the policy
+uses. The extremes are the lowest and the highest X of the integration steps of the last sample.
 
 During a sample, [raw; trim; push] is held: the outputs of the network, the trim (X0; U0; p), and
 the rates added to those of the linear states, followed by the disturbances of the aircraft.
@@ -78,14 +79,15 @@ class SampledFlight:
 
     @cached_property
     def sizes(self) -> tuple[int, ...]:
-        """Numbers of entries of the parts of the state: X, memory, past."""
+        """Numbers of entries of the parts of the state: X, memory, past, extremes."""
         model = self.deployed.model
+        n = len(model.states)
         past = self.deployed.past if self.has_past else 0
-        return len(model.states), len(model.inputs) * (self.whole + 1), past
+        return n, len(model.inputs) * (self.whole + 1), past, 2 * n
 
     @cached_property
     def slices(self) -> tuple[slice, ...]:
-        """Slices of the parts of the state: X, memory, past."""
+        """Slices of the parts of the state: X, memory, past, extremes."""
         return _slices(self.sizes)
 
     @cached_property
@@ -110,7 +112,7 @@ class SampledFlight:
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         state, held = ca.MX.sym("state", sum(self.sizes)), ca.MX.sym("held", sum(self.held_sizes))
-        X, memory, past = _parts(state, self.sizes)
+        X, memory, past, _ = _parts(state, self.sizes)
         raw, trim, push = _parts(held, self.held_sizes)
         before = memory[-m:]
         moves = commands(self.deployed) if self.moves is None else self.moves
@@ -120,28 +122,32 @@ class SampledFlight:
         after = X
         if self.early:
             early_parts = max(1, math.ceil(self.parts * self.early / self.dt - _WHOLE))
-            after = held_step(model, self.early, early_parts, self.winds)(after, before, push, p)
+            early = held_step(model, self.early, early_parts, self.winds)
+            after, on_the_way = early(after, before, push, p)
         late = self.dt - self.early
         late_parts = max(1, math.ceil(self.parts * late / self.dt - _WHOLE))
-        after = held_step(model, late, late_parts, self.winds)(after, acting, push, p)
+        after, extremes = held_step(model, late, late_parts, self.winds)(after, acting, push, p)
+        if self.early:
+            lowest = ca.fmin(on_the_way[:n], extremes[:n])
+            extremes = ca.vertcat(lowest, ca.fmax(on_the_way[n:], extremes[n:]))
         still_to_act, _ = ca.vertsplit(memory, [0, m * self.whole, m * (self.whole + 1)])
         if self.has_past:
             past = ca.vertcat(past, self.deployed.observe(X, before, trim))[-past.numel() :]
-        later = ca.densify(ca.vertcat(after, U, still_to_act, past))
+        later = ca.densify(ca.vertcat(after, U, still_to_act, past, extremes))
         return ca.Function("tick", [state, held], [later])
 
     def entering(self) -> ca.Function:
         """Return the function (state, trim) -> inputs of the policy's network."""
         state = ca.MX.sym("state", sum(self.sizes))
         trim = ca.MX.sym("trim", self.held_sizes[1])
-        X, memory, past = _parts(state, self.sizes)
+        X, memory, past, _ = _parts(state, self.sizes)
         observed = self.deployed.observe(X, memory[-len(self.deployed.model.inputs) :], trim)
         frames = ca.vertcat(past, observed)
         seen = self.deployed.normalized(frames)[1]
         return ca.Function("entering", [state, trim], [ca.densify(seen)])
 
     def start(self, states: np.ndarray, trims: np.ndarray) -> np.ndarray:
-        """Return the initial states [X; memory; past] of flights.
+        """Return the initial states [X; memory; past; extremes] of flights.
 
         The inputs have their trim values, and earlier observations equal the first.
 
@@ -156,7 +162,13 @@ class SampledFlight:
         if self.has_past:
             observed = RowFunction(self.deployed.observe)(states, inputs, trims)[0]
             past = np.tile(observed, (1, self.deployed.deployment.history - 1))
-        return np.hstack([states, memory, past])
+        return np.hstack([states, memory, past, states, states])
+
+    def extremes(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the lowest and the highest X of a sample from states of flights, (..., n) each."""
+        *_, extremes = self.slices
+        n = self.sizes[0]
+        return states[..., extremes][..., :n], states[..., extremes][..., n:]
 
     def compiled(self, flights: int, seconds: float) -> CompiledSamples:
         """Return the policy and the aircraft, compiled if flights * seconds / dt >= `COMPILE_FROM`.

@@ -334,6 +334,7 @@ class PlacedFlights:
             stable=np.array([place.stable for place in self.places])[self.owners],
             counted=len(self.linear),
             patience=self._patience,
+            extremes=self.flight.extremes,
         )
 
     def motion(self, flown: History) -> Motion:
@@ -414,7 +415,7 @@ class PlacedFlights:
     def _other_equilibria(self, steady: np.ndarray, place: Place) -> tuple[int, dict[str, float]]:
         """Return the number of flights at other equilibria, and one such equilibrium."""
         search = EquilibriumSearch(self.flight.deployed, place.point, place.steady)
-        X, memory, _ = self.flight.slices
+        X, memory, *_ = self.flight.slices
         m = len(place.point.model.inputs)
         ball = BALL * place.box[place.decisive]
         count = 0
@@ -462,7 +463,7 @@ def measured_cycle(flight: SampledFlight, loop: Loop, point: OperatingPoint) -> 
     loop: the flight, for `march`
     point: trim of the flight
     """
-    X, memory, _ = flight.slices
+    X, memory, *_ = flight.slices
     with np.errstate(all="ignore"):
         flown, _ = march(loop, max(64, round(_CYCLE_SECONDS / flight.dt)))
     states = flown.states[0]
@@ -521,7 +522,7 @@ def ends_from_trim(
     model = points[0].model
     still = STILL * np.array([model.signals[name].nominal for name in model.states])
     trims = np.array([flight.deployed.trim_vector(point) for point in points])
-    X, memory, _ = flight.slices
+    X, memory, *_ = flight.slices
     window = flight.samples_in_window
     ticks = window * max(1, round(seconds / (window * flight.dt)))
     loop = SampledRows(samples, flight.start(trims[:, X], trims), trims)

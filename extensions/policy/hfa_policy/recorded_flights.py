@@ -29,6 +29,7 @@ class RecordedFlights:
 
     flight: the aircraft over a sample.
     states: X, (N, T, n).
+    lowest, highest: extremes of X in the sample before, (N, T, n).
     before: inputs just before each sample, (N, T, m).
     trims: (X0; U0; p) of each flight, (N, t).
     inside: True until the flight leaves its envelope, (N, T).
@@ -36,6 +37,8 @@ class RecordedFlights:
 
     flight: SampledFlight
     states: np.ndarray
+    lowest: np.ndarray
+    highest: np.ndarray
     before: np.ndarray
     trims: np.ndarray
     inside: np.ndarray
@@ -59,15 +62,17 @@ def recorded_flights(
     loop = SampledRows(flight.compiled(len(owners), seconds), flight.start(starts, trims), trims)
     with np.errstate(all="ignore"):
         flown, _ = march(loop, ticks)
-    X, memory, _ = flight.slices
+    X, memory, *_ = flight.slices
     states = flown.states[:, :, X]
+    lowest, highest = flight.extremes(flown.states)
     before = flown.states[:, :, memory][:, :, -len(deployed.model.inputs) :]
     envelopes = [flight_envelope(deployed.model, place.point) for place in places]
     least = np.array([each.least for each in envelopes])[owners, None]
     most = np.array([each.most for each in envelopes])[owners, None]
-    inside = np.logical_and.accumulate(is_within(states, least, most), axis=1)
+    within = is_within(lowest, least, most) & is_within(highest, least, most)
+    inside = np.logical_and.accumulate(within, axis=1)
     inside[:, 0] = True
-    return RecordedFlights(flight, states, before, trims, inside)
+    return RecordedFlights(flight, states, lowest, highest, before, trims, inside)
 
 
 def resolved_flight(
@@ -92,7 +97,8 @@ def _figures(flown: RecordedFlights) -> Figures:
     """Return the largest deviation of each linear state from the trim, within the envelope."""
     model = flown.flight.deployed.model
     trim = flown.trims[:, None, : flown.states.shape[2]]
-    deviations = np.where(flown.inside[:, :, None], np.abs(flown.states - trim), 0.0)
+    farthest = np.maximum(flown.highest - trim, trim - flown.lowest)
+    deviations = np.where(flown.inside[:, :, None], farthest, 0.0)
     largest = dict(zip(model.states, deviations.max(axis=(0, 1)).tolist(), strict=True))
     return {
         f"the largest deviation of {name}": (largest[name], _SMALL * model.states[name].nominal)

@@ -28,6 +28,7 @@ from hfa_aircraft.waveform import Waveform
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.envelope import flight_envelope
 from hfa_flight.flight import lengthened
+from hfa_flight.needs import ALL, SHARE, is_enough, needed_share
 from hfa_flight.options import NONE, PolicyGiven, ScenarioGiven, noted_linear_model
 from hfa_flight.policies.laws import LAWS
 from hfa_flight.scenario import Scenario, with_errors
@@ -111,6 +112,15 @@ class FlyRequest(Request):
         rare=True,
     )
 
+    need: Mapping[str, float] = option(
+        "share of the flights of --samples or --draws that must stay within limits for exit code "
+        "0; default 1, all",
+        f"{SHARE}=X",
+        needed_share,
+        named=True,
+        rare=True,
+    )
+
     @property
     def members(self) -> int | None:
         """Number of flights with random differences, or None for a single flight."""
@@ -162,7 +172,7 @@ class FlyRequest(Request):
                 controller, point, scenario, steps, name, condition
             )
         elif given.law == NONE:
-            policy = open_loop(steps, tuple(model.inputs), scenario.tick, scenario.ticks)
+            policy = open_loop(steps, tuple(model.inputs))
         elif given.law in LAWS and given.weights is None:
             self.refuse(
                 ("command", "reference"),
@@ -217,7 +227,8 @@ def fly(request: FlyRequest) -> int:
     the cost of the flight.
 
     Exit code 1 if a state leaves its envelope, an input exceeds its control limits, or an
-    oscillation does not decay (--samples: in every flight; --draws: in any).
+    oscillation does not decay. With --samples or --draws, every flight must pass, or the share of
+    --need.
     """
     if request.members is not None:
         return _fly_members(request)
@@ -229,6 +240,7 @@ def fly(request: FlyRequest) -> int:
     request.processes.refuse(
         ("workers", "resume"), "applies only to --samples or --draws; remove this option"
     )
+    request.refuse(("need",), "applies only to --samples or --draws; remove this option")
     file = request.output.file
     if file is not None and file.suffix == ".zarr":
         raise BadInputError(
@@ -303,10 +315,11 @@ def _fly_members(request: FlyRequest) -> int:
         )
     if request.processes.resume and target is None:
         raise BadInputError("--resume requires a store; add -o FILE.zarr")
+    share = request.need.get(SHARE, ALL)
     spread = None
     if request.draws is not None:
         spread = request.aircraft.spread(request.trim.held_parameters)
-    plan = MonteCarlo(members, request.scenario.seed, *request.flight(), spread=spread)
+    plan = MonteCarlo(members, request.scenario.seed, *request.flight(), spread, share)
     progress = ProgressLine("simulate")
     if target is None:
         flown = run_monte_carlo(plan, request.processes.workers, progress)
@@ -327,4 +340,4 @@ def _fly_members(request: FlyRequest) -> int:
         report = with_stability(report, plan, request.trim.condition, ProgressLine("draws"))
     shown = replace(request, output=replace(request.output, file=None))
     shown.show(report, figure=lambda: drawn_figure(plan), notes=notes)
-    return 0 if report.data["within_limits"] >= plan.least_within else 1
+    return 0 if is_enough(report.data["within_limits"], plan.members, plan.share) else 1

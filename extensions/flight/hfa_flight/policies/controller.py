@@ -195,10 +195,11 @@ class ServoPolicy(Policy):
 
     def _inputs(self, t: ca.SX, measurements: Measurements) -> ca.SX:
         """Return the input y = [measured; commands] of the controller. Missing commands are 0."""
+        since = measurements.since if measurements.since.numel() else t
         values = dict(
             zip(
                 COMMAND_SIGNALS,
-                (self.commands.at(t), self.commands.rate(t), self.commands.end(t)),
+                (self.commands.at(t), self.commands.rate(t), self.commands.end(since)),
                 strict=True,
             )
         )

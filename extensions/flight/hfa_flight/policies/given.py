@@ -75,7 +75,7 @@ def policy_and_scenario(
         return OpenLoop("none", held=np.zeros((1, len(inputs)))), scenario
     if isinstance(given, Mapping):
         steps = command_steps(given)
-        return open_loop(steps, inputs, scenario.tick, scenario.ticks), scenario
+        return open_loop(steps, inputs), scenario
     if isinstance(given, Critic) and not given.linear:
         return function_policy(given.origin, given.policy, point), scenario
     if isinstance(given, Tracking):
@@ -193,8 +193,6 @@ class PythonPolicy(Policy):
     point: the trim
     tick: s
     """
-
-    is_held = True
 
     function: Callable[[float, Any], Any]
     point: OperatingPoint

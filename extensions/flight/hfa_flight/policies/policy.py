@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -23,6 +22,9 @@ from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 from hfa_support.reporting.report import Reported
 from trim.point.operating_point import OperatingPoint
 
+#: Times that differ by less are equal, s.
+SAME_TIME = 1e-9
+
 
 class Measurements(NamedTuple):
     """Measured values that a policy receives, as deviations from trim, with sensor noise.
@@ -32,6 +34,7 @@ class Measurements(NamedTuple):
     positions: (m,), actuator positions, or (0,) without actuators
     rates: (m,), actuator rates, or (0,) without actuators of order 2
     updraft: (1,), or (0,) in still air
+    since: (1,), time from which stepping commands are held, s
     """
 
     error: ca.SX
@@ -39,6 +42,7 @@ class Measurements(NamedTuple):
     positions: ca.SX
     rates: ca.SX
     updraft: ca.SX = ca.SX(0, 1)
+    since: ca.SX = ca.SX(0, 1)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -53,11 +57,9 @@ class Policy(Reported):
     start: (l,), initial memory
     identity: JSON data that identify the policy
     fastest: magnitude of the policy's fastest mode, 1/s. It determines the number of substeps
-    is_held: whether u is constant during a tick
     predicts: whether the linear model is flown with the policy too, as a prediction
     """
 
-    is_held: ClassVar[bool] = False
     predicts: ClassVar[bool] = True
 
     name: str
@@ -88,8 +90,16 @@ class Policy(Reported):
         """
         return ca.SX(0, 1)
 
-    def held_inputs(self, tick: int) -> np.ndarray:
-        """Return the held inputs of a tick, (h,)."""
+    @property
+    def breaks(self) -> np.ndarray:
+        """Times at which commands step, s. The integration is broken there."""
+        return np.zeros(0)
+
+    def held_inputs(self, tick: int, time: float) -> np.ndarray:
+        """Return the inputs held from a time in a tick, (h,).
+
+        time: s
+        """
         row: np.ndarray = self.held[min(tick, len(self.held) - 1)]
         return row
 
@@ -235,34 +245,44 @@ def column_by_column(matrix: np.ndarray) -> np.ndarray:
     return np.asarray(matrix, dtype=float).ravel(order="F")
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class OpenLoop(Policy):
-    """Policy whose inputs depend on time alone.
+    """Policy whose inputs are constant between steps.
 
-    held: (N, m), inputs during each tick as deviations from trim
+    held: (1 + S, m), deviations of the inputs from trim, before the first step and after each
+    times: (S,), times of the steps, s, increasing
     """
 
-    is_held = True
+    times: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def breaks(self) -> np.ndarray:
+        """Times of the steps, s."""
+        return self.times
+
+    def held_inputs(self, tick: int, time: float) -> np.ndarray:
+        """Return the deviations of the inputs from a time on, (m,)."""
+        row: np.ndarray = self.held[np.searchsorted(self.times, time + SAME_TIME, side="right")]
+        return row
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return the stored inputs of the tick, as deviations from trim, (m,)."""
+        """Return the held inputs, as deviations from trim, (m,)."""
         return held
 
 
-def open_loop(commands: CommandSteps, inputs: tuple[str, ...], tick: float, ticks: int) -> OpenLoop:
+def open_loop(commands: CommandSteps, inputs: tuple[str, ...]) -> OpenLoop:
     """Return the policy that applies commanded steps of inputs, as deviations from trim.
 
-    Each step begins at the first tick at or after its time. The steps are not filtered.
+    The steps act at their times and are not filtered.
 
     inputs: names of all m inputs
-    tick: s
-    ticks: number of ticks
 
     Raises BadInputError if a commanded name is not an input.
     """
     for name in commands.names:
         refuse_unknown("without a law only inputs are commanded; unknown input", name, inputs)
     columns = [inputs.index(name) for name in commands.names]
-    table = np.zeros((ticks, len(inputs)))
-    for time, row in zip(commands.times, commands.values, strict=True):
-        table[math.ceil(time / tick - 1e-9) :, columns] = row
-    return OpenLoop("none", held=table, identity={"u": table})
+    held = np.zeros((1 + len(commands.times), len(inputs)))
+    held[1:, columns] = commands.values
+    identity = {"u": held, "times": commands.times}
+    return OpenLoop("none", held=held, times=np.asarray(commands.times), identity=identity)

@@ -74,6 +74,11 @@ class TrimPath(Result):
         return table_expression(self.inputs, self.commanded(t)) - ca.DM(np.array(self.base.inputs))
 
     @property
+    def breaks(self) -> np.ndarray:
+        """Times of the steps of the commands, s."""
+        return self.commands.times
+
+    @property
     def filter(self) -> tuple[float, float]:
         """Bandwidth, rad/s, and damping of the filter of the commands."""
         return self.commands.bandwidth, self.commands.damping

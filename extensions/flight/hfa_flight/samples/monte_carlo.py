@@ -22,6 +22,7 @@ from hfa_flight.air.names import ALPHA, limited_names
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.envelope import envelope_data, refuse_start
 from hfa_flight.flight import Flight, fly_within
+from hfa_flight.needs import ALL, refuse_share
 from hfa_flight.policies.policy import Policy
 from hfa_flight.scenario import Scenario, with_errors
 from hfa_flight.simulation import CompiledLoop
@@ -98,6 +99,7 @@ class MonteCarlo(StatesAndInputs, Reported):
     scenario: scenario with the random quantities to be drawn
     envelope: limits of the states. A flight ends at the first tick outside
     spread: distribution of the members' parameters, or None for the parameters of the model
+    share: share of the members that must stay within their limits for a PASS, by default all
 
     Raises BadInputError if a number is wrong, the flight does not begin inside its envelope, a
     relative error is given for a parameter of value 0, a signal has no formula, or the random
@@ -112,11 +114,13 @@ class MonteCarlo(StatesAndInputs, Reported):
     scenario: Scenario
     envelope: Limits
     spread: ParameterSpread | None = None
+    share: float = ALL
 
     def __post_init__(self) -> None:
         """Raise BadInputError if the plan cannot be simulated."""
         refuse_unless_whole("members", self.members, 1)
         refuse_unless_whole("seed", self.seed, 0)
+        refuse_share(self.share)
         object.__setattr__(self, "scenario", self.scenario.on(self.model))
         for name in ("reference", "disturbance", "noise"):
             if not hasattr(getattr(self.scenario, name), "to_dict"):
@@ -148,14 +152,6 @@ class MonteCarlo(StatesAndInputs, Reported):
         """
         plant = NonlinearPlant(self.model, self.point, uncertain=True)
         return ClosedLoop(plant, self.policy, self.member(0))
-
-    @property
-    def least_within(self) -> int:
-        """Number of members that must stay within their limits for a PASS.
-
-        It is 1 if all members have the same aircraft, and N if the aircraft are drawn.
-        """
-        return 1 if self.spread is None else self.members
 
     @cached_property
     def aircraft(self) -> list[Model]:

@@ -10,6 +10,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_flight.air.names import ANGLE_OF_ATTACK, OVER_GROUND, has_angle_of_attack, limited_names
 from hfa_flight.envelope import control_limits
+from hfa_flight.needs import is_enough, need_text
 from hfa_flight.results import MemberSummary
 from hfa_flight.samples.monte_carlo import MonteCarlo
 from hfa_flight.scenario import Uncertainty
@@ -73,8 +74,9 @@ def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
     )
     if where:
         flown += f", {where}"
-    verdict = verdict_text(found.within_limits >= plan.least_within)
+    verdict = verdict_text(is_enough(found.within_limits, plan.members, plan.share))
     inside = f"{found.within_limits} of {plan.members} members stayed within limits"
+    inside += need_text(plan.share)
     title = "\n".join([f"{verdict}: {inside}", flown, *_outcomes(found)])
     parts: list[Part] = []
     if found.held:

@@ -25,6 +25,7 @@ from hfa.options.output import Output, ProgressLine, picture_option
 from hfa.options.part import OfModel, option, part
 from hfa.options.request import Request, command
 from hfa.options.trim import Trim
+from hfa_flight.needs import ALL, SHARE, needed_share
 from hfa_support.errors import BadInputError, prefix_errors
 from trim.point.linearize import linearize
 
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 
 _MOST_STARTS = 10_000
 #: Options that do not apply to the quickest flight.
-_OF_COST = ("starts", "weights", "policy", "seconds", "bound")
+_OF_COST = ("starts", "need", "weights", "policy", "seconds", "bound")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,6 +75,15 @@ class OptimizeRequest(Request):
         "number of random initial conditions in the default box, for a table of flights",
         "N",
         whole(1, _MOST_STARTS),
+    )
+    need: Mapping[str, float] = option(
+        "share of the initial conditions of --starts from which a flight is found and the "
+        "policies of --weights and --policy converge within limits, for exit code 0; default 1, "
+        "all",
+        f"{SHARE}=X",
+        needed_share,
+        named=True,
+        rare=True,
     )
     weights: Path | None = option(
         "compare with the policy of this gain K, critic (W or P) or network", "FILE", critic_path
@@ -180,7 +190,9 @@ def optimize(request: OptimizeRequest) -> int:
     at the limits of the inputs, and the policies of --weights and --policy. --starts N prints a
     table for many initial conditions. --to NAME=VALUE searches for flights from one trim to
     another, and --minimize time for the quickest flight. Exit code 1 if no flight was found, or if
-    the simulation refutes the flight.
+    the simulation refutes the flight. With --starts, a flight must be found and the policies of
+    --weights and --policy converge within the limits from every initial condition, or from the
+    share of --need.
     """
     begins = (bool(request.deviations), request.starts is not None, bool(request.to))
     if begins.count(True) != 1:
@@ -196,11 +208,13 @@ def optimize(request: OptimizeRequest) -> int:
             ("output.picture", "seconds"),
             "applies only to a single flight; remove this option or --starts",
         )
+    if request.starts is None:
+        request.refuse(("need",), "applies only to --starts; remove this option, or add --starts")
     search, game = request.search()
     loops = request.loops(search, game)
     bound = None if request.bound is None else _bound(request.bound, search)
     if request.starts is not None:
-        return _table(request, search, loops, bound)
+        return _table(request, search, game, loops, bound)
     return _one(request, search, loops, bound)
 
 
@@ -250,6 +264,7 @@ def _one(
 def _table(
     request: OptimizeRequest,
     search: BestFlights,
+    game: Game,
     loops: list[CompiledLoop],
     bound: CostStatement | None,
 ) -> int:
@@ -260,5 +275,9 @@ def _table(
     assert request.starts is not None  # the caller found --starts
     starts = drawn_starts(search.problem, request.starts, request.seed)
     table = starts_table(search, starts, loops, ProgressLine("optimize"), bound)
+    names = [loop.loop.policy.name for loop in loops]
+    judged = names[int(np.isfinite(game.delta)) :]
+    share = request.need.get(SHARE, ALL)
+    table = replace(table, judged=judged, share=share)
     request.show(table.report())
-    return 0 if table.found else 1
+    return 0 if table.ok else 1

@@ -28,7 +28,8 @@ from hfa_support.errors import BadInputError, warn
 from hfa_support.native.bound import BoundFunction
 from trim.point.operating_point import OperatingPoint
 
-#: Longest step of a flight in moving air or with actuators, s.
+#: Longest step of a flight, s, and of one in moving air or with actuators.
+_LONGEST = 0.01
 _FINE = 0.001
 #: Largest number of ticks in a sample time.
 _PARTS = 1000
@@ -44,8 +45,6 @@ class DeployedPolicy(Policy):
         at each sample, or None for 0
     feedforward: u_d of the inputs, which is added to the commands at each sample, or None for 0
     """
-
-    is_held = True
 
     deployed: Deployed
     point: OperatingPoint
@@ -168,15 +167,15 @@ def policy_about(deployed: Deployed, point: OperatingPoint, name: str) -> Deploy
 def sampled_scenario(policy: DeployedPolicy, scenario: Scenario, point: OperatingPoint) -> Scenario:
     """Return the scenario with the duration, tick and step that a policy requires.
 
-    The duration is a whole number of ticks. With moving air or actuators, a step is at most
-    `_FINE`. Otherwise the steps are those of `hfa assess`. Raises BadInputError for a delay that is
+    The duration is a whole number of ticks. A step is at most `_LONGEST`, and with moving
+    air or actuators at most `_FINE`. Raises BadInputError for a delay that is
     not a fraction of the sample time.
     """
     dt = policy.deployed.deployment.dt
     parts = parts_of_a_sample([point], dt)
-    steps = max(1, math.ceil(parts * policy.tick / dt - 1e-9))
-    if scenario.moving_air or scenario.actuators is not None:
-        steps = max(steps, math.ceil(policy.tick / _FINE - 1e-9))
+    is_fine = scenario.moving_air or scenario.actuators is not None
+    longest = min(dt / parts, _FINE if is_fine else _LONGEST)
+    steps = max(1, math.ceil(policy.tick / longest - 1e-9))
     count = max(1, round(scenario.duration / policy.tick))
     return replace(
         scenario, duration=count * policy.tick, tick=policy.tick, step=policy.tick / steps

@@ -42,6 +42,8 @@ class Chain(NamedTuple):
     states: number of aircraft states, the first entries of s.
     dt: sample time, s.
     start: (N, states), matrix from the deviations of the states to s at the first sample.
+    acting: durations of the parts of a sample, s, with the matrices (m, N) from s to the inputs
+        that act in them in the closed loop.
     """
 
     F: np.ndarray
@@ -50,6 +52,7 @@ class Chain(NamedTuple):
     states: int
     dt: float
     start: np.ndarray
+    acting: tuple[tuple[float, np.ndarray], ...] = ()
 
     @property
     def closed(self) -> np.ndarray:
@@ -142,7 +145,10 @@ def chain_of(equilibrium: Equilibrium, dt: float, delay: float) -> Chain:
         F[size - count :, :n] = frames.C
         F[size - count :, before] = frames.D
         start[past:] = np.tile(frames.C, ((size - past) // count, 1))
-    return Chain(F, G, C, n, dt, start)
+    delayed = C if whole == 0 else np.eye(size)[n + (whole - 1) * m : n + whole * m]
+    acting = [(early_time, np.eye(size)[before]), (dt - early_time, delayed)]
+    parts = tuple(part for part in acting if part[0] > 0.0)
+    return Chain(F, G, C, n, dt, start, parts)
 
 
 class Delays(NamedTuple):
