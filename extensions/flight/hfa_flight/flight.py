@@ -43,7 +43,7 @@ from hfa_flight.limit_cycle import (
     oscillation,
     slowest_recognized,
 )
-from hfa_flight.policies.given import PythonPolicy, policy_and_scenario
+from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.policies.policy import GainPolicy
 from hfa_flight.scenario import MOST_STEPS, Scenario, Uncertainty, with_errors
 from hfa_flight.simulation import CompiledLoop
@@ -141,10 +141,9 @@ def fly(
     compiled = CompiledLoop(loop)
 
     def flown_in(parts: int) -> Flight:
-        finer = compiled if parts == 1 else compiled.refined(parts)
-        return fly_within(finer, within, progress=progress)
+        return fly_within(compiled.refined(parts), within, progress=progress)
 
-    if isinstance(flown, PythonPolicy):
+    if flown.is_called:
         result = flown_in(1)
     else:
         result, error = resolved(flown_in, _figures, happens.step)

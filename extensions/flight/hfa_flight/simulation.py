@@ -61,12 +61,15 @@ class CompiledLoop:
             self._alpha = list(loop.plant.point.model.states).index(ALPHA)
         self._flights = flights
         self.stepper = self._runge_kutta(1)
+        self._refined: dict[int, CompiledLoop] = {1: self}
 
     def refined(self, parts: int) -> CompiledLoop:
         """Return the loop with several recorded steps in place of each."""
-        finer = copy(self)
-        finer.stepper = self._runge_kutta(parts)
-        return finer
+        if parts not in self._refined:
+            finer = copy(self)
+            finer.stepper = self._runge_kutta(parts)
+            self._refined[parts] = finer
+        return self._refined[parts]
 
     def _runge_kutta(self, parts: int) -> RungeKutta:
         """Return the stepper of the Runge-Kutta method, as machine code if that saves time."""

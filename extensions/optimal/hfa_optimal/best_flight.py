@@ -31,6 +31,7 @@ class PolicyFlight(Result):
     departure: first departure from the envelope (state, time, value, limit), or None if the flight
         stays within.
     saturated: names of saturated inputs.
+    resolved: whether cost and departure hardly change with half the integration step.
     """
 
     policy: str
@@ -39,6 +40,7 @@ class PolicyFlight(Result):
     over_best: float | None
     departure: Any
     saturated: Sequence[str]
+    resolved: bool = True
 
     @property
     def lost(self) -> bool:
@@ -54,8 +56,10 @@ class PolicyFlight(Result):
         """
         cost = flown.cost if flown.converges else None
         ratio = None if cost is None or best is None else cost / best
+        is_resolved = flown.integration is None or flown.integration.is_resolved
+        saturated = list(flown.saturated)
         return PolicyFlight(
-            flown.name, flown.converges, cost, ratio, flown.departure, list(flown.saturated)
+            flown.name, flown.converges, cost, ratio, flown.departure, saturated, is_resolved
         )
 
 

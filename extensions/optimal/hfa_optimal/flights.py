@@ -13,6 +13,7 @@ import numpy as np
 from controller.critic.critic import Critic
 from hfa_aircraft.march.cost import Cost
 from hfa_aircraft.march.ending import FAR, OF_COST, EndRule, Outcome, has_decayed
+from hfa_aircraft.march.refinement import Figures, IntegrationError, resolved
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.envelope import Departure, departure
 from hfa_flight.history import Deviations
@@ -46,6 +47,7 @@ class SimulatedFlight(NamedTuple):
     cost: running cost plus tail, or inf if the flight does not converge to the trim
     departure: first departure from the envelope, or None if the flight stays within
     saturated: names of the inputs that reach a limit
+    integration: change of the cost and of the departure with half the integration step
     """
 
     name: str
@@ -57,6 +59,7 @@ class SimulatedFlight(NamedTuple):
     cost: float
     departure: Departure | None
     saturated: tuple[str, ...]
+    integration: IntegrationError | None = None
 
     @property
     def converges(self) -> bool:
@@ -206,7 +209,9 @@ class Flights:
     ) -> SimulatedFlight:
         """Return the simulated flight of a closed loop from an initial condition.
 
-        The simulation ends early if a state deviates by more than `FAR` nominal values.
+        The simulation ends early if a state deviates by more than `FAR` nominal values. It is
+        repeated with half the step until cost and departure hardly change, at most three times. A
+        policy in Python is simulated once.
 
         start: initial deviations z, (k,)
         seconds: duration of the flight, s
@@ -219,9 +224,28 @@ class Flights:
         ticks = max(1, math.ceil(seconds / scenario.tick - 1e-9))
         scenario = replace(scenario, duration=ticks * scenario.tick, initial=initial)
         rule = EndRule(FAR * np.array([state.nominal for state in problem.model.states.values()]))
-        with np.errstate(all="ignore"):
-            rows = loop.fly(scenario, stop=lambda rows: rule.is_over(rows.states), policy=policy)
-        return self.priced(loop.loop.policy, rows)
+
+        def flown(parts: int) -> SimulatedFlight:
+            finer = loop.refined(parts)
+            with np.errstate(all="ignore"):
+                rows = finer.fly(
+                    scenario, stop=lambda rows: rule.is_over(rows.states), policy=policy
+                )
+            return self.priced(loop.loop.policy, rows)
+
+        if loop.loop.policy.is_called:
+            return flown(1)
+        flight, error = resolved(flown, self._figures, scenario.step)
+        return flight._replace(integration=error)
+
+    def _figures(self, flight: SimulatedFlight) -> Figures:
+        """Return the figures that must not depend on the integration step."""
+        figures = {}
+        if flight.converges:
+            figures["the cost"] = (flight.cost, np.finfo(float).tiny)
+        if flight.departure is not None:
+            figures["the time of the departure"] = (flight.departure.time, self.tick)
+        return figures
 
     def priced(self, policy: Policy, rows: Deviations) -> SimulatedFlight:
         """Return a simulated flight with its cost, first departure from the envelope and saturated

@@ -198,6 +198,11 @@ class PythonPolicy(Policy):
     point: OperatingPoint
     tick: float
 
+    @property
+    def is_called(self) -> bool:
+        """True: the function may count its calls."""
+        return True
+
     @classmethod
     def of(cls, function: Callable[..., Any], point: OperatingPoint, tick: float) -> PythonPolicy:
         """Return the policy of a function of (t, X), named after the function.

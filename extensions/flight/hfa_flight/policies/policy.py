@@ -91,6 +91,11 @@ class Policy(Reported):
         return ca.SX(0, 1)
 
     @property
+    def is_called(self) -> bool:
+        """True if the policy is a function of the user, which is called in one flight alone."""
+        return False
+
+    @property
     def breaks(self) -> np.ndarray:
         """Times at which commands step, s. The integration is broken there."""
         return np.zeros(0)
