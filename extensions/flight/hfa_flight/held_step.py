@@ -38,7 +38,7 @@ def parts_of_a_sample(
     boxes: half-widths (k,) of the initial conditions about each trim, or empty
     """
     fastest = max(fastest_mode(point, np.zeros(len(point.model.linear))) for point in points)
-    for point, half_widths in zip(points, boxes, strict=bool(boxes)):
+    for point, half_widths in zip(points, boxes, strict=len(boxes) > 0):
         fastest = max(fastest, fastest_mode(point, half_widths))
     parts = max(1, math.ceil(dt * fastest / _LONGEST), math.ceil(dt / _SECONDS - 1e-9))
     return min(parts, _MOST_PARTS)

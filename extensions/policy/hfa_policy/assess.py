@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hfa_aircraft.model import Model
+from hfa_flight.needs import ALL, SHARE, refuse_share
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.scenario import Scenario
@@ -95,7 +96,10 @@ def assess(
     for name, width in (box or {}).items():
         refuse_unknown("box names an unknown state", name, model.linear)
         refuse_unless_positive(f"box of {name}", width)
-    assessor = Assessor(deployed, trims_of(model, points), samples, seed, box or {})
+    share = (needs or {}).get(SHARE, ALL)
+    refuse_share(share)
+    trims = trims_of(model, points)
+    assessor = Assessor(deployed, trims, samples, seed, box or {}, share=share)
     return assessment_of(
         assessor,
         needs=needs or {},

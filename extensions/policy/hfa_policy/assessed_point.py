@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.march.refinement import IntegrationError
+from hfa_flight.envelope import flight_envelope
+from hfa_flight.needs import ALL, is_enough
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.equilibrium import Equilibrium
 from hfa_flight.policies.deployment.sampled_loop import Delays, Margins
@@ -21,9 +23,6 @@ from hfa_policy.reach import OwnMode, left_alone
 from hfa_policy.rough_flights import RoughFlights
 from hfa_support.reporting.results import Result, given
 from trim.point.operating_point import OperatingPoint
-
-#: Fraction of the flights that must converge for a policy to hold.
-MOST_OF_THEM = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +51,7 @@ class AssessedPoint(Result):
     remarks: reasons why parts of the assessment are missing, one sentence each.
     integration: integration error of some of the flights, or None without flights or on changed
         aircraft.
+    share: share of the flights that must converge for the policy to hold, by default all.
     """
 
     deployed: Deployed
@@ -70,6 +70,7 @@ class AssessedPoint(Result):
     rough: RoughFlights | None = None
     remarks: tuple[str, ...] = ()
     integration: IntegrationError | None = None
+    share: float = ALL
 
     @property
     def radius(self) -> float:
@@ -107,14 +108,23 @@ class AssessedPoint(Result):
     def holds(self) -> bool:
         """True if the policy stabilizes the aircraft.
 
-        The sampled loop must be stable at its equilibrium, with no action or input saturated there.
-        If flights were simulated, at least half must converge.
+        The sampled loop must be stable at its equilibrium, within the limits of the states and with
+        no action or input saturated there. If flights were simulated, the required share must
+        converge, without and with a disturbance pulse.
         """
         if self.equilibrium is None or self.equilibrium.clips or not self.radius < 1.0:
             return False
-        if self.flights is None:
-            return True
-        return self.flights.returned >= MOST_OF_THEM * self.flights.starts
+        flown = [each for each in (self.flights, self.disturbed) if each is not None]
+        converge = (is_enough(each.returned, each.starts, self.share) for each in flown)
+        return not self.beyond and all(converge)
+
+    @property
+    def beyond(self) -> list[str]:
+        """Sentences on the states that exceed their limits at the equilibrium."""
+        if self.equilibrium is None:
+            return []
+        broken = flight_envelope(self.point.model, self.point).broken(self.equilibrium.states)
+        return [text.replace("would have to be", "is", 1) for text in broken]
 
     @property
     def offset(self) -> np.ndarray:

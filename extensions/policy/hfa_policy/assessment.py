@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_aircraft.matrices import LINEAR
+from hfa_flight.needs import SHARE, is_enough
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.notes import notes_on_files
 from hfa_policy.assessed_point import AssessedPoint
@@ -32,6 +33,7 @@ NEEDS = {
     "delay": "a delay of {:g} s is not tolerated",
     "margin": "the disk margin is not at least {:g}",
     "cost": "the linear cost is not within {:g} % of the optimum",
+    SHARE: "fewer than the share {:g} of the flights converge",
 }
 #: Largest number of columns of the first line.
 _FIRST_LINE = 80
@@ -43,7 +45,7 @@ class Assessment(Result, Reported):
 
     deployed: the policy on its aircraft.
     points: results at each trim.
-    needs: delay (s), margin, or cost (percent) -> required value.
+    needs: delay (s), margin, cost (percent) or share of the flights -> required value.
     variations: results on changed aircraft.
     assumed: description of the trim that was assumed because none was given, otherwise "".
 
@@ -161,7 +163,7 @@ class Assessment(Result, Reported):
         if len(self.points) > 1:
             place = f" {where_text([failing[0].assessed], self.points)}"
         count = f"{len(failing)} of {len(self.variations)} changed aircraft"
-        return [f"does not hold {count}, the first{place}: {failing[0].text}"]
+        return [f"does not hold on {count} (first{place}: {failing[0].text})"]
 
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -248,6 +250,9 @@ def _meets(point: AssessedPoint, name: str, need: float) -> bool:
         return point.delays.limit > need * (1.0 + 1e-9)
     if name == "margin":
         return point.margins is not None and point.margins.disk.disk >= need
+    if name == SHARE:
+        flown = [each for each in (point.flights, point.disturbed) if each is not None]
+        return all(is_enough(each.returned, each.starts, need) for each in flown)
     if point.cost is None:
         return False
     return point.cost.largest <= need

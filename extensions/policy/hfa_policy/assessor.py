@@ -11,6 +11,7 @@ import numpy as np
 
 from hfa_flight.held_step import parts_of_a_sample
 from hfa_flight.initial_box import start_box
+from hfa_flight.needs import ALL
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.equilibrium import Equilibrium, EquilibriumSearch, whole_turns
 from hfa_flight.policies.deployment.sampled_loop import (
@@ -52,6 +53,7 @@ class Assessor:
     seed: seed of the initial conditions.
     box: linear state -> half-width of the initial-condition box, instead of the usual half-width.
     steady: original trim if the points are on a changed aircraft, otherwise None.
+    share: share of the flights that must converge.
     """
 
     deployed: Deployed
@@ -60,6 +62,7 @@ class Assessor:
     seed: int = 0
     box: Mapping[str, float] = field(default_factory=dict)
     steady: OperatingPoint | None = None
+    share: float = ALL
 
     def flight(self) -> SampledFlight:
         """Return the simulation of sampled flights that begin near the trims."""
@@ -183,6 +186,7 @@ class Assessor:
             disturbed=pushed,
             actions=tuple(action_effects(self.deployed, place, search)),
             observations=tuple(seen),
+            share=self.share,
         )
         if place.equilibrium is None or place.reach is None:
             return found

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
 
-from hfa_policy.assessed_point import MOST_OF_THEM, AssessedPoint, scheduled_value
+from hfa_flight.needs import is_enough
+from hfa_policy.assessed_point import AssessedPoint, scheduled_value
+from hfa_policy.cost_above_optimum import weights_at
 from hfa_policy.outcomes import Outcomes, departure_text
 from hfa_support.reporting.text import short_number, shown_unit
 
@@ -19,6 +21,8 @@ _LINEAR = 0.01
 _SAME_COST = 1e-6
 #: An equilibrium closer to the trim, relative to the initial-condition box, counts as the trim.
 _AT_TRIM = 0.01
+#: Share of the flights that stay about an unstable equilibrium from which on it chatters.
+_MOST = 0.5
 #: Largest number of trims that are listed.
 _LISTED = 3
 
@@ -122,12 +126,18 @@ def _saturation(point: AssessedPoint) -> list[_Found]:
     return [_Found(Severity.FAILURE, text)]
 
 
+def _beyond_limits(point: AssessedPoint) -> list[_Found]:
+    if not point.beyond:
+        return []
+    return [_Found(Severity.FAILURE, f"at the equilibrium, {point.beyond[0]}")]
+
+
 def _instability(point: AssessedPoint) -> list[_Found]:
     if not point.radius >= 1.0:
         return []
     text = f"unstable at its equilibrium (spectral radius {point.radius:.5f})"
     flown = point.flights
-    if flown is not None and flown.returned >= MOST_OF_THEM * flown.starts > 0:
+    if flown is not None and flown.returned >= _MOST * flown.starts > 0:
         text = f"chatters: {text}, where {flown.returned} of {flown.starts} flights stay"
     return [_Found(Severity.FAILURE, text, point.radius)]
 
@@ -170,6 +180,9 @@ def _other_equilibrium(point: AssessedPoint) -> list[_Found]:
         return []
     where = ", ".join(f"{name} {value:.4g}" for name, value in flown.elsewhere_at.items())
     text = f"{flown.elsewhere} of {flown.starts} flights converge to another equilibrium: {where}"
+    if flown.elsewhere_inputs:
+        rate = offset_rate(point, flown.elsewhere_at, flown.elsewhere_inputs)
+        text += f", which costs {rate:.2g} per second"
     return [_Found(Severity.WARNING, text, flown.elsewhere / flown.starts)]
 
 
@@ -204,8 +217,23 @@ def _delay(point: AssessedPoint) -> list[_Found]:
     return [_Found(Severity.NOTE, f"unstable with {1e3 * limit:.4g} ms of delay", -limit)]
 
 
+def offset_rate(
+    point: AssessedPoint, states: Mapping[str, float], inputs: Mapping[str, float]
+) -> float:
+    """Return the cost per second at an equilibrium, z'Qz + v'Rv in deviations from the trim.
+
+    states, inputs: values of the linear states and of the inputs at the equilibrium
+    """
+    Q, R = weights_at(point.deployed, point.point)
+    trim = point.point.values
+    z = np.array([states[name] - trim[name] for name in point.point.model.linear])
+    v = np.array([inputs[name] - trim[name] for name in point.deployed.commanded])
+    return float(z @ Q @ z + v @ R @ v)
+
+
 def _steady_state_error(point: AssessedPoint) -> list[_Found]:
-    if point.equilibrium is None:
+    """Return the finding on the steady-state error at a stable equilibrium."""
+    if point.equilibrium is None or not point.radius < 1.0:
         return []
     model = point.point.model
     shares = np.where(point.place.decisive, np.abs(point.offset) / point.place.box, 0.0)
@@ -273,7 +301,9 @@ def _calm_in_rough_air(point: AssessedPoint) -> list[_Found]:
         return [_Found(Severity.NOTE, text)]
     count = rough.flights - rough.inside
     text = f"{_leaving(count, rough.flights, flights)} ({departure_text(rough.departure)})"
-    return [_Found(Severity.FAILURE, text, count / rough.flights)]
+    is_tolerated = is_enough(rough.inside, rough.flights, point.share)
+    severity = Severity.WARNING if is_tolerated else Severity.FAILURE
+    return [_Found(severity, text, count / rough.flights)]
 
 
 def _left_out(point: AssessedPoint) -> list[_Found]:
@@ -292,7 +322,7 @@ def _integration(point: AssessedPoint) -> list[_Found]:
 
 #: Kinds of findings, in the order of the report.
 _KINDS: tuple[Callable[[AssessedPoint], list[_Found]], ...] = (
-    *(_no_equilibrium, _saturation, _calm_in_rough_air),
+    *(_no_equilibrium, _saturation, _beyond_limits, _calm_in_rough_air),
     lambda point: _leaving_flights(point, point.flights, ""),
     *(_limit_cycle, _own_mode, _instability, _convergence, _other_equilibrium),
     lambda point: _leaving_flights(point, point.disturbed, "with a disturbance pulse: "),

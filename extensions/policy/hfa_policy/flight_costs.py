@@ -39,24 +39,20 @@ class Ratios(NamedTuple):
         return Ratios(min(values), statistics.median(values), max(values))
 
 
-class Returns(NamedTuple):
-    """Undiscounted returns of the flights that end at the trim, each minus the flight's cost.
-
-    mean: mean of the returns.
-    deviation: standard deviation of the returns.
-    flights: number of these flights.
-    """
+class MeanCost(NamedTuple):
+    """Mean and standard deviation of the costs of some flights."""
 
     mean: float
     deviation: float
-    flights: int
 
     @staticmethod
-    def of(costs: Sequence[float]) -> Returns | None:
-        """Return the returns of flights with these costs, or None without flights."""
-        if not costs:
-            return None
-        return Returns(-float(np.mean(costs)), float(np.std(costs)), len(costs))
+    def of(costs: Sequence[float]) -> MeanCost | None:
+        """Return the mean of some costs, or None without costs."""
+        return MeanCost(float(np.mean(costs)), float(np.std(costs))) if costs else None
+
+    def text(self) -> str:
+        """Return the mean and the standard deviation as text."""
+        return f"{self.mean:.4g} ± {self.deviation:.3g}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,14 +68,17 @@ class FlightCosts(Result):
     refused: number of initial conditions for which a search found no flight, or for which the
         simulation did not confirm the flight.
     lost: number of the policy's flights that leave the envelope or do not end at the trim, from the
-        initial conditions that are compared.
-    policy_over_best: costs of the policy's flights that end at the trim, relative to the best, or
-        None if no such flight exists.
+        initial conditions that are compared. The others are held.
+    lqr_lost: the same of the LQR's flights.
+    both: number of initial conditions from which the flights of both are held.
+    unresolved: number of held flights whose cost changes with half the integration step.
+    policy_over_best: costs of the policy's held flights, relative to the best, or None if no such
+        flight exists.
     lqr_over_best: the same of the LQR's flights.
-    policy_over_lqr: costs of the policy's flights relative to the LQR's, where both end at the
-        trim, or None.
-    returns: returns of the policy's flights that end at the trim, or None if none does.
-    lqr_returns: the same of the LQR's flights.
+    policy_over_lqr: costs of the policy's flights relative to the LQR's, where both are held, or
+        None.
+    cost: cost of the policy's flights, where both are held, or None.
+    lqr_cost: the same of the LQR's flights.
     offset_rate: cost per second of the steady-state error, or None without an equilibrium.
     brackets: bounds on the cost from each initial condition with a lower bound, or empty without a
         certificate.
@@ -90,11 +89,14 @@ class FlightCosts(Result):
     found: int
     refused: int
     lost: int
+    lqr_lost: int
+    both: int
+    unresolved: int
     policy_over_best: Ratios | None
     lqr_over_best: Ratios | None
     policy_over_lqr: Ratios | None
-    returns: Returns | None
-    lqr_returns: Returns | None
+    cost: MeanCost | None
+    lqr_cost: MeanCost | None
     offset_rate: float | None
     brackets: Sequence[Bracket] = ()
 
@@ -133,27 +135,24 @@ class FlightCosts(Result):
         return [f"median cost {with_lqr}", with_lqr, ratio]
 
     def sentences(self) -> list[str]:
-        """Return sentences on the returns and on the range of the ratios."""
+        """Return sentences on the mean costs and on the range of the ratios."""
         sentences = []
         if self.brackets:
             sentences.append(bracket_sentence((each, each.policy) for each in self.brackets))
-        if self.returns is not None and self.lqr_returns is not None:
-            policy, linear = self._returns_text(self.returns), self._returns_text(self.lqr_returns)
-            sentences.append(f"return {policy}, LQR {linear}")
+        if self.cost is not None and self.lqr_cost is not None:
+            some = "" if self.both == self.compared else f" from {self.both} of {self.compared}"
+            sentences.append(f"mean cost {self.cost.text()}, LQR {self.lqr_cost.text()}{some}")
         if self.ratios is not None:
             least, _, worst = self.ratios
             reference = "the best found" if self.found else "the exact gain's"
             sentences.append(f"flights cost {_number(least)} to {_number(worst)} x {reference}")
-        if self.lost:
+        if self.lost or self.lqr_lost:
             count = f"{self.lost} of {self.compared}"
-            sentences.append(f"{count} flights do not end at the trim")
+            lqr = f", of the LQR {self.lqr_lost}"
+            sentences.append(f"{count} flights leave or do not end at the trim{lqr}")
+        if self.unresolved:
+            sentences.append(f"{self.unresolved} flights are not resolved by the integration step")
         return sentences
-
-    def _returns_text(self, returns: Returns) -> str:
-        """Return mean and deviation as text, with the number of flights if some are missing."""
-        text = f"{returns.mean:.4g} ± {returns.deviation:.3g}"
-        some = f" in {returns.flights} of {self.starts} flights"
-        return text if returns.flights == self.starts else text + some
 
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -166,8 +165,11 @@ class FlightCosts(Result):
             "policy_over_best": self.policy_over_best,
             "lqr_over_best": self.lqr_over_best,
             "policy_over_lqr": self.policy_over_lqr,
-            "returns": self.returns,
-            "lqr_returns": self.lqr_returns,
+            "lqr_not_converged": self.lqr_lost,
+            "both_converged": self.both,
+            "unresolved": self.unresolved,
+            "cost": self.cost,
+            "lqr_cost": self.lqr_cost,
             "offset_rate": self.offset_rate,
             "brackets": self.brackets,
         }
@@ -213,7 +215,12 @@ def flight_costs(
     table = starts_table(search, starts, [loop], progress, bound, searched=searched)
     compared = [each for each in table.flights if each.cost is not None or not searched]
     linear, flown = ([each.policies[index] for each in compared] for index in range(2))
-    both = [(one.cost, other.cost) for one, other in zip(flown, linear, strict=True)]
+    both = [
+        (one.cost, other.cost)
+        for one, other in zip(flown, linear, strict=True)
+        if one.cost is not None and other.cost is not None and not (one.lost or other.lost)
+    ]
+    held, lqr_held = ([each for each in some if not each.lost] for some in (flown, linear))
     offset_rate = None
     if place.equilibrium is not None:
         z = (place.equilibrium.states - np.array(point.states))[problem.places]
@@ -225,11 +232,14 @@ def flight_costs(
         found=table.found,
         refused=table.refused if searched else 0,
         lost=sum(each.lost for each in flown),
-        policy_over_best=Ratios.of([each.over_best for each in flown if each.over_best]),
-        lqr_over_best=Ratios.of([each.over_best for each in linear if each.over_best]),
-        policy_over_lqr=Ratios.of([one / other for one, other in both if one and other]),
-        returns=Returns.of([one for one, _ in both if one is not None]),
-        lqr_returns=Returns.of([other for _, other in both if other is not None]),
+        lqr_lost=sum(each.lost for each in linear),
+        both=len(both),
+        unresolved=sum(not each.resolved for each in (*held, *lqr_held)),
+        policy_over_best=Ratios.of([each.over_best for each in held if each.over_best]),
+        lqr_over_best=Ratios.of([each.over_best for each in lqr_held if each.over_best]),
+        policy_over_lqr=Ratios.of([one / other for one, other in both]),
+        cost=MeanCost.of([one for one, _ in both]),
+        lqr_cost=MeanCost.of([other for _, other in both]),
         offset_rate=offset_rate,
         brackets=[
             replace(each.bracket, policy=each.policies[1].cost)

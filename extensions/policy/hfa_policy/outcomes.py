@@ -171,6 +171,7 @@ class Outcomes(Result):
         None.
     elsewhere: number of flights that converge to another equilibrium.
     elsewhere_at: linear state -> value at the first other equilibrium, or empty if there is none.
+    elsewhere_inputs: input -> value there, or empty.
     moving: number of flights that neither converge to an equilibrium nor leave the limits.
     seconds: duration of a flight, s.
     departure: departure of the flight that leaves the envelope first, or None if no flight leaves.
@@ -185,6 +186,7 @@ class Outcomes(Result):
     cycle: LimitCycle | None
     elsewhere: int
     elsewhere_at: dict[str, float]
+    elsewhere_inputs: dict[str, float]
     moving: int
     seconds: float
     departure: Departure | None
@@ -384,7 +386,7 @@ class PlacedFlights:
                 cycle = self._cycle(swinging, place)
         elif returned.size and not place.stable:
             cycle = self._cycle(int(returned[0]), place)
-        elsewhere, elsewhere_at = self._other_equilibria(settling, place)
+        elsewhere, elsewhere_at, elsewhere_inputs = self._other_equilibria(settling, place)
         return Outcomes(
             starts=len(mine),
             returned=len(returned),
@@ -395,6 +397,7 @@ class PlacedFlights:
             cycle=cycle,
             elsewhere=elsewhere,
             elsewhere_at=elsewhere_at,
+            elsewhere_inputs=elsewhere_inputs,
             moving=len(neither) - elsewhere,
             seconds=self.seconds,
             departure=left,
@@ -412,14 +415,17 @@ class PlacedFlights:
         loop = SampledRows(samples, self.states[[number]], self.trims[[number]])
         return measured_cycle(self.flight, loop, place.point)
 
-    def _other_equilibria(self, steady: np.ndarray, place: Place) -> tuple[int, dict[str, float]]:
-        """Return the number of flights at other equilibria, and one such equilibrium."""
+    def _other_equilibria(
+        self, steady: np.ndarray, place: Place
+    ) -> tuple[int, dict[str, float], dict[str, float]]:
+        """Return the number of flights at other equilibria, and states and inputs at the first."""
         search = EquilibriumSearch(self.flight.deployed, place.point, place.steady)
         X, memory, *_ = self.flight.slices
         m = len(place.point.model.inputs)
         ball = BALL * place.box[place.decisive]
         count = 0
         first: dict[str, float] = {}
+        inputs: dict[str, float] = {}
         for _ in range(_OTHERS):
             if not steady.size:
                 break
@@ -432,10 +438,13 @@ class PlacedFlights:
                 at = np.all(np.abs(here - there[place.decisive]) <= ball, axis=1)
             if at[0]:
                 count += int(at.sum())
-                first = first or dict(zip(place.point.model.linear, there.tolist(), strict=True))
+                if not first:
+                    model = place.point.model
+                    first = dict(zip(model.linear, there.tolist(), strict=True))
+                    inputs = dict(zip(model.inputs, other.inputs.tolist(), strict=True))
             at[0] = True
             steady = steady[~at]
-        return count, first
+        return count, first, inputs
 
     def _worst(self, neither: np.ndarray, returned: np.ndarray) -> tuple[int, str]:
         """Return the index of the worst flight that stays inside the envelope, and its outcome."""

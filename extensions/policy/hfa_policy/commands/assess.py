@@ -20,6 +20,7 @@ from hfa.options.trim import Trim, called_at, scheduled
 from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Waveform
 from hfa_flight.air.turbulence import Turbulence
+from hfa_flight.needs import ALL, SHARE, needed_share
 from hfa_flight.options import (
     at_held_altitude,
     gust_at,
@@ -48,6 +49,8 @@ def _need(name: str, text: str) -> float:
 
     if name not in NEEDS:
         raise BadInputError(f"is unknown; {choice_of(name, NEEDS)}")
+    if name == SHARE:
+        return needed_share(name, text)
     value = number(text)
     if value < 0.0:
         raise BadInputError(f"is {text}; give a number of at least 0")
@@ -127,9 +130,9 @@ class AssessRequest(Request):
         rare=True,
     )
     need: Mapping[str, float] = option(
-        "requirement: delay to tolerate (s), smallest disk margin, or largest linear cost "
-        "(percent above the optimum); repeatable",
-        "delay|margin|cost=X",
+        "requirement: delay to tolerate (s), smallest disk margin, largest linear cost (percent "
+        "above the optimum), or share of the flights that converge (default 1, all); repeatable",
+        "delay|margin|cost|share=X",
         _need,
         named=True,
     )
@@ -281,7 +284,15 @@ def _assessments(
             )
     scenarios = [request.scenario_at(point) for point in points] if request.is_rough() else []
     assessors = [
-        Assessor(each, points, request.samples, request.seed, request.box) for each in deployed
+        Assessor(
+            each,
+            points,
+            request.samples,
+            request.seed,
+            request.box,
+            share=request.need.get(SHARE, ALL),
+        )
+        for each in deployed
     ]
     results = [
         assessment_of(

@@ -12,6 +12,7 @@ from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import NONE
 from hfa_flight.policies.deployment.normalizer import Normalizer
 from hfa_flight.policies.deployment.stable_baselines import Zip
+from hfa_support.units import conversion
 
 #: Least number of observations to recognize a line, and the largest distance from it, relative to
 #: their range. Observations are in single precision. Those one sample apart differ by about 1e-3.
@@ -78,7 +79,7 @@ def _notes_on_units(deployed: Deployed, observed: list[str], units: list[str]) -
         if name not in deployed.model.states:
             continue
         own = deployed.model.unit(name)
-        expected = {own.replace("rad", "deg"): math.radians(1.0), own: 1.0}.get(unit)
+        expected = conversion(unit, own)
         scale = float(entry.get("scale", 1.0))
         if expected is not None and not math.isclose(scale, expected, rel_tol=1e-3):
             yield (

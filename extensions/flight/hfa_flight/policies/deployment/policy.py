@@ -29,7 +29,7 @@ from hfa_support.native.bound import BoundFunction
 from trim.point.operating_point import OperatingPoint
 
 #: Longest step of a flight, s, and of one in moving air or with actuators.
-_LONGEST = 0.01
+_LONGEST = 0.02
 _FINE = 0.001
 #: Largest number of ticks in a sample time.
 _PARTS = 1000
