@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.linalg import expm
+from scipy.linalg import expm, solve_continuous_lyapunov
 
 import hfa
 from hfa_flight.envelope import Departure
@@ -52,29 +52,25 @@ def test_the_problem_is_the_linear_one() -> None:
     np.testing.assert_allclose(MODEL.B, B, atol=1e-12)
 
 
-@pytest.mark.parametrize("is_held", [True, False])
-def test_a_flight_costs_its_integral_and_the_linear_tail(is_held: bool) -> None:
+def test_a_flight_costs_its_integral_and_the_linear_tail() -> None:
     """Saturated inputs are near a limit; a large tail does not converge and costs inf."""
     t = np.linspace(0.0, 2.0, 21)
     z = np.exp(-2.5 * t)[:, None] * [3.0, -1.0]
     v = np.column_stack([np.linspace(-2.9995, 3.0, 21), 0.1 * np.ones(21)])
-    rows = Deviations(t, z, z, v, z[:, :0], z, {})
-    law = SimpleNamespace(name="law", is_held=is_held)
+    rows = Deviations(t, z, z, v, z[:, :0], z, {}, 7.0 * t)
+    law = SimpleNamespace(name="law")
     flown = Flights(PROBLEM).priced(law, rows)
-    of_inputs = (v**2) @ [1.0, 4.0]
-    running = np.trapezoid((z**2) @ [2.0, 0.5], t)
-    running += of_inputs[:-1] @ np.diff(t) if is_held else np.trapezoid(of_inputs, t)
     tail = z[-1] @ PROBLEM.P @ z[-1]
-    assert flown.running_cost == pytest.approx(running)
-    assert (flown.tail, flown.cost) == (pytest.approx(tail), pytest.approx(running + tail))
+    assert flown.running_cost == 14.0
+    assert (flown.tail, flown.cost) == (pytest.approx(tail), pytest.approx(14.0 + tail))
     assert (flown.converges, flown.lost, flown.departure) == (True, False, None)
     assert flown.saturated == ("force",)
     np.testing.assert_allclose(flown.states[0], [13.0, -1.0])
     np.testing.assert_allclose(flown.inputs[0], [-1.9995, 1.1])
     assert flown.ending == "converges"
-    inside = Deviations(t, z, z, 0.9 * v, z[:, :0], z, {})
+    inside = replace(rows, inputs=0.9 * v)
     assert Flights(PROBLEM).priced(law, inside).saturated == ()
-    far = Deviations(t, z[::-1] + np.array([18.0, 0.0]), z, v, z[:, :0], z, {})
+    far = replace(rows, states=z[::-1] + np.array([18.0, 0.0]))
     lost = Flights(PROBLEM).priced(law, far)
     assert math.isinf(lost.cost)
     assert (lost.departure.state, lost.departure.limit) == ("position", 30.0)
@@ -82,6 +78,20 @@ def test_a_flight_costs_its_integral_and_the_linear_tail(is_held: bool) -> None:
     assert PolicyFlight.of(lost, 2.0).over_best is None
     record = PolicyFlight.of(flown, 2.0)
     assert (record.over_best, record.lost) == (pytest.approx(flown.cost / 2.0), False)
+
+
+def test_flights_have_the_cost_of_their_policies() -> None:
+    """Of a gain, z'Xz by SciPy's Lyapunov solution; inputs that do not move cost nothing."""
+    problem = flight_problem(CART, POINT, np.diag([2.0, 0.5]), np.diag([1.0]), inputs=["force"])
+    K = 0.5 * problem.K
+    flights = Flights(problem)
+    start = np.array([0.5, 0.2])
+    flown = flights.fly(flights.of_gain("half", K), start, 60.0)
+    closed = A - B[:, :1] @ K
+    X = solve_continuous_lyapunov(closed.T, -(problem.Q + K.T @ problem.R @ K))
+    assert flown.cost == pytest.approx(start @ X @ start, rel=1e-6)
+    assert flown.integration is not None
+    assert flown.integration.is_resolved
 
 
 def test_the_step_resolves_the_fastest_mode() -> None:

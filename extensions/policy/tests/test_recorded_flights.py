@@ -17,29 +17,29 @@ from hfa_policy.recorded_flights import recorded_flights, resolved_flight
 
 @pytest.mark.parametrize("dt", [0.02, 0.5])
 def test_the_steps_of_a_sample_are_halved_until_flights_are_resolved(dt):
-    """With one integration step a sample of 0.5 s, deviations are wrong by more than 0.1 %.
+    """With the returned steps, deviations agree with those of four times as many.
 
-    With the returned steps, they agree with those of 16 steps.
+    With one integration step a sample of 0.5 s, they are wrong by more than 0.1 %.
     """
     o = ca.SX.sym("o", 4)
     weak = ca.Function("policy", [o], [ca.vertcat(0.0 * o[0], 0.0 * o[1])])
     deployed = Deployed(gtm_deployment({"file": weak}, timing={"dt": dt}), aircraft("ppo_gtm"))
     assessor = Assessor(deployed, trims("ppo_gtm")[1:2])
-    flight = replace(assessor.flight(), parts=1)
+    flight = assessor.flight()
     places = assessor.places(flight)
     found, error = resolved_flight(flight, places, 3)
     assert error.is_resolved
     assert error.step == dt / found.parts
-    assert (found.parts > 1) == (dt == 0.5)
 
     def largest(parts):
         flown = recorded_flights(replace(flight, parts=parts), places, 3, 2)
-        away = np.abs(flown.states - flown.trims[:, None, : flown.states.shape[2]])
+        trim = flown.trims[:, None, : flown.states.shape[2]]
+        away = np.maximum(flown.highest - trim, trim - flown.lowest)
         return np.where(flown.inside[:, :, None], away, 0.0).max(axis=(0, 1))
 
-    np.testing.assert_allclose(largest(found.parts), largest(16), rtol=2.0 * RESOLVED)
+    np.testing.assert_allclose(largest(found.parts), largest(4 * found.parts), rtol=2.0 * RESOLVED)
     if dt == 0.5:
-        assert (np.abs(largest(1) / largest(16) - 1.0) > RESOLVED).any()
+        assert (np.abs(largest(1) / largest(found.parts) - 1.0) > RESOLVED).any()
 
 
 def test_an_assessment_states_the_integration_error():
@@ -49,7 +49,7 @@ def test_an_assessment_states_the_integration_error():
     (point,) = found.points
     assert point.integration.is_resolved
     assert point.integration.text() in " ".join(str(found.report()).split())
-    assert found.as_data()["points"][0]["integration"]["step"] == 0.02
+    assert found.as_data()["points"][0]["integration"]["step"] <= 0.02
     wrong = IntegrationError(0.02, 0.4, "the largest deviation of pitch")
     coarse = Assessment(found.deployed, (replace(point, integration=wrong),))
     assert wrong.text() in [finding.text for finding in coarse.findings]

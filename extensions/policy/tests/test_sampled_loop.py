@@ -124,12 +124,26 @@ def test_margins_equal_python_control(case):
     assert found.disk.disk == pytest.approx(disk, rel=1e-3)
 
 
+def integrated_weights(A, B, Q, R, dt):
+    """Return Q, N and R of the integral over a sample, and A and B of a sample, by quadrature."""
+    n = len(A)
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    total = np.zeros((n + B.shape[1],) * 2)
+    both = np.zeros_like(total)
+    both[:n, :n], both[n:, n:] = Q, R
+    for node, weight in zip(nodes, weights, strict=True):
+        Phi, Gamma = held(A, B, 0.5 * dt * (1.0 + node))
+        along = np.vstack([np.hstack([Phi, Gamma]), np.eye(len(total))[n:]])
+        total += 0.5 * dt * weight * along.T @ both @ along
+    return total[:n, :n], total[:n, n:], total[n:, n:], *held(A, B, dt)
+
+
 def test_costs_equal_scipy():
     """The largest and mean costs above the optimum, in percent, agree with SciPy's Lyapunov
     solutions.
 
-    They are compared for continuous control and for the sampled loop. The optimum of the sampled
-    loop is SciPy's Riccati solution.
+    They are compared for continuous control and for the sampled loop, whose cost is the integral.
+    The optimum of the sampled loop is SciPy's Riccati solution.
     """
     deployed, equilibrium, K = linear_case(1.3)
     lost = cost_above_optimum(deployed, equilibrium, chain_of(equilibrium, DT, 0.0))
@@ -140,10 +154,10 @@ def test_costs_equal_scipy():
     shares = np.linalg.eigvals(np.linalg.solve(optimum, value)).real - 1.0
     assert lost.worst == pytest.approx(100.0 * shares.max(), abs=1e-7)
     assert lost.mean == pytest.approx(100.0 * shares.mean(), abs=1e-7)
-    Phi, Gamma = held(equilibrium.A, equilibrium.B, DT)
-    optimum = solve_discrete_are(Phi, Gamma, DT * game.Q, DT * game.R)
+    cost, cross, price, Phi, Gamma = integrated_weights(game.A, game.B, game.Q, game.R, DT)
+    optimum = solve_discrete_are(Phi, Gamma, cost, price, s=cross)
     closed = Phi - Gamma @ K
-    value = solve_discrete_lyapunov(closed.T, DT * (game.Q + K.T @ game.R @ K))
+    value = solve_discrete_lyapunov(closed.T, cost - cross @ K - K.T @ cross.T + K.T @ price @ K)
     shares = np.linalg.eigvals(np.linalg.solve(optimum, value)).real - 1.0
     assert lost.sampled_worst == pytest.approx(100.0 * shares.max(), abs=1e-6)
     assert lost.sampled_mean == pytest.approx(100.0 * shares.mean(), abs=1e-6)
