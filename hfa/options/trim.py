@@ -274,7 +274,7 @@ class Trim(Part):
             with suppress(NoSolutionError, BadInputError):
                 freed = release(self.condition, free=(name,))
                 point = trim(self.aircraft, freed, self.start_point)
-                if not point.far_out:
+                if not point._far_out:
                     value = self.model.describe(name, point[name])
                     instead = f"--free {name} in place of --hold" if name in self.hold else ""
                     found.append(f"{instead or f'--free {name}'} ({name} {value})")
