@@ -16,13 +16,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from benchmarks.certificate_limit import certificate_limit
+import hfa
 from benchmarks.report import Limit, Row, in_turn, shortest
 from controller.game.zero_sum import Game
-from controller.hfa_files import published_game
-from controller.riccati.game_batch import solve_games
-from controller.riccati.gare import unconfirmed_solution
-from controller.riccati.normal_form import NormalForm
 from hfa.paper import default_parameters
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
@@ -76,56 +72,31 @@ def _start(quick: bool) -> list[Row]:
     return rows
 
 
-def _games(quick: bool) -> list[Row]:
-    """Return the comparison of certified game solutions of the HFA with SciPy's solver."""
-    from scipy.linalg import block_diag, solve_continuous_are
-
-    count = 20 if quick else 1000
-    flights = trim_points(
-        aircraft(),
-        ("dihedral",),
-        np.radians(np.linspace(0.0, 20.0, count))[:, None],
-    )
-    index = [STATES.index(name) for name in LINEAR_STATES]
-    A = flights.A[:, index][:, :, index]
-    B = flights.B[:, index]
-    game = published_game(A[count // 2], B[count // 2])
-    weights = block_diag(game.R, -(game.delta**2) * np.eye(6))
-
-    def ours() -> None:
-        assert solve_games(A, B, game).certified.all()
-
-    def peer() -> None:
-        for a, b in zip(A[::5], B[::5], strict=True):
-            solve_continuous_are(a, np.hstack([b, game.E]), game.Q, weights)
-
-    timing = in_turn(ours, peer, units=count, peer_units=count / 5)
-    algebra = certificate_limit([NormalForm.of_plants(A, B, game)])
-    cores = os.cpu_count() or 1  # the games are solved in threads
-    limit = Limit(algebra.seconds / cores, f"{algebra.what}, on {cores} cores")
-    job = f"{count} game Riccati equations, certified"
-    return [Row(job, "SciPy solve_continuous_are, no certificate", timing, 8.0, limit=limit)]
-
-
 def _one_game(quick: bool) -> list[Row]:
-    """Return comparisons of certified solutions of random games with SciPy's."""
-    from benchmarks.jobs_scale import random_game
-
+    """Return comparisons of `hfa.solve` with the ordered Schur form of the same equation."""
     rows = []
-    for states, goal in ((6, 1.8),) if quick else ((6, 1.8), (24, 1.0), (48, 1.0), (96, 0.8)):
-        games = [random_game(states, seed) for seed in range(2 if quick else 480 // states)]
+    for states, goal in ((6, 25),) if quick else ((6, 25), (24, 20), (48, 15), (96, 15)):
+        games = [game_of(states, seed) for seed in range(2 if quick else 960 // states)]
         timing = in_turn(
-            partial(_each, unconfirmed_solution, games),
-            partial(_each, scipy_value, games),
+            partial(_each, hfa.solve, games),
+            partial(_each, schur_value, games),
             len(games),
             len(games),
             repeats=1 if quick else 5,
         )
-        limit = certificate_limit([NormalForm.of(game)[None] for game in games])
-        job = f"one certified game of {states} states"
-        peer = "SciPy solve_continuous_are, no certificate"
-        rows.append(Row(job, peer, timing, 1.0 / goal, limit=limit))
+        job = f"`hfa.solve` of a game of {states} states: certificate, cost, L2 gain"
+        peer = "the bare equation by SciPy's ordered Schur form, no certificate"
+        rows.append(Row(job, peer, timing, 1.0 / goal))
     return rows
+
+
+def game_of(states: int, seed: int) -> Game:
+    """Return a random game with one input for every four states, E = I and delta 50."""
+    random = np.random.default_rng(seed)
+    inputs = max(1, states // 4)
+    A = random.standard_normal((states, states)) / sqrt(states)
+    B = random.standard_normal((states, inputs))
+    return Game(A, B, Q=np.eye(states), R=np.eye(inputs), delta=50.0)
 
 
 def _each(function: Callable[[Game], Any], games: Sequence[Game]) -> None:
@@ -133,12 +104,14 @@ def _each(function: Callable[[Game], Any], games: Sequence[Game]) -> None:
         function(game)
 
 
-def scipy_value(game: Game) -> np.ndarray:
-    """Return the value matrix P (n, n) of a game, computed with SciPy."""
-    from scipy.linalg import block_diag, solve_continuous_are
+def schur_value(game: Game) -> np.ndarray:
+    """Return the value matrix P (n, n) of a game with R = I from SciPy's ordered Schur form."""
+    from scipy.linalg import schur
 
-    weights = block_diag(game.R, -(game.delta**2) * np.eye(game.E.shape[1]))
-    return solve_continuous_are(game.A, np.hstack([game.B, game.E]), game.Q, weights)
+    n = len(game.A)
+    H = np.block([[game.A, -game.S], [-game.Q, -game.A.T]])
+    _, basis, _ = schur(H, sort="lhp")
+    return np.linalg.solve(basis[:n, :n].T, basis[n:, :n].T)
 
 
 def six_state_rates(p: Parameters, altitude: float) -> Callable[..., np.ndarray]:
@@ -473,6 +446,5 @@ JOBS = {
     "trim": _trim,
     "angles": _angles,
     "f16": _f16,
-    "games": _games,
     "one_game": _one_game,
 }

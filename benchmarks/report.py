@@ -27,7 +27,7 @@ PAGES = (FOLDER.parent / "docs" / "scaling.md", FOLDER / "README.md")
 PICTURE = FOLDER.parent / "docs" / "pictures" / "benchmarks.png"
 #: Module -> names of its jobs.
 SUBJECTS = {
-    "models": ("start", "trim", "angles", "f16", "games", "one_game"),
+    "models": ("start", "trim", "angles", "f16", "one_game"),
     "flight": ("loop", "members"),
     "jsbsim": ("737", "environments"),
     "optimal": ("best_flight",),

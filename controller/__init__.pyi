@@ -2,9 +2,7 @@
 
 from .critic.critic_file import critic_in as critic_in
 from .critic.critic_history import critics_over_time as critics_over_time
-from .discrete.solution import sampled as sampled, solve_discrete as solve_discrete
 from .game.basis import basis as basis
-from .game.discrete_game import DiscreteGame as DiscreteGame
 from .hfa_files import load_game as load_game
 from .learning.recording import Stack as Stack, random_pool as random_pool, record as record
 from .learning.ticks import run as run
@@ -13,6 +11,5 @@ from .plant.generalized_plant import (
     solve_plant as solve_plant,
 )
 from .riccati.frequency_response import bounded_real_gain as bounded_real_gain
-from .riccati.game_batch import solve_games as solve_games
 from .riccati.margins import disk_margin as disk_margin
 from .riccati.smallest_delta import minimum_delta as minimum_delta

@@ -94,9 +94,10 @@ def feedforward(game: Game, P: np.ndarray, reference: Waveform) -> Feedforward:
 
     P: (n, n), the stabilizing solution
 
-    Raises BadInputError if the reference has another number of states than the game, or if A - S P
-    is not Hurwitz.
+    Raises BadInputError if the game is in discrete time, if the reference has another number of
+    states than the game, or if A - S P is not Hurwitz.
     """
+    game.refuse_steps("a reference")
     if reference.size != len(game.A):
         raise BadInputError(
             f"the reference has {reference.size} states; the game has {len(game.A)}"

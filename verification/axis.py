@@ -1,27 +1,20 @@
-"""What a verdict needs of a game, in continuous and in discrete time, and simulations of loops."""
+"""Simulations of closed loops, in continuous and in discrete time."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
 
-from controller.critic.critic import Critic
-from controller.game.zero_sum import Game
+from controller.riccati.gare import Solution
 from hfa_aircraft.march.ending import FAR_OF_VALUE, OF_EXACT, OF_VALUE, EndRule, has_decayed
 from hfa_aircraft.march.march import Free, march
 from hfa_aircraft.march.steppers import Adaptive, Recurrence, Stepper
 from hfa_support.matrices import quadratic_forms
-from hfa_support.reporting.checks import Check
 from verification.critic_errors import Exact
-from verification.scope import NonlinearPlant
-from verification.verdict import Section
-
-if TYPE_CHECKING:
-    from controller.discrete.solution import DiscreteSolution
 
 #: A simulation ends when the exact loop has decayed to exp(-`DECAY`).
 DECAY = 5.0
@@ -53,121 +46,6 @@ class Loop(Protocol):
 
         Returns the end state minus the equilibrium, (n,), the cost, and the discount of the cost
         after the end, or None if the loop does not converge.
-        """
-
-
-class LinearLoop(NamedTuple):
-    """Verdict on the linear loop u = -K z of a critic.
-
-    checks: stability, and in continuous time the L2 gain.
-    cost_lost: largest cost above the optimum over all initial conditions, percent, or inf.
-    section: section of the report, with the cost, gain and margins.
-    """
-
-    checks: list[Check]
-    cost_lost: float
-    section: Section
-
-
-class TimeAxis(Protocol):
-    """What a verdict on a critic needs of a game: its exact solution, and everything that differs
-    between continuous and discrete time.
-
-    The pipeline (`verify`) and all searches use a game only through this protocol. A verdict on
-    another kind of game is another implementation.
-
-    period: unit of the time of a cost: second or step.
-    price: weight of u - u* in the cost above V*, (m, m).
-    """
-
-    period: str
-    price: np.ndarray
-
-    @property
-    def step(self) -> Game:
-        """The game; in discrete time, the game of one step."""
-
-    @property
-    def exact(self) -> Exact:
-        """Certified solution of the game."""
-
-    @property
-    def name(self) -> str:
-        """The game in the first line of a verdict, such as "linear game"."""
-
-    @property
-    def solution(self) -> str:
-        """What `exact` is, for the heading of a report."""
-
-    # The critic and its matrices.
-    def critic(self, given: Critic) -> Critic:
-        """Return the critic with the policy that its value implies in this time."""
-
-    def gain(self, P: np.ndarray) -> np.ndarray:
-        """Return the gain K (m, n) of the policy that the value z'P z implies."""
-
-    def more_errors(self, critic: Critic, box: np.ndarray, limit: float) -> list[Check]:
-        """Return the checks of errors besides those of K, P, V and u.
-
-        box: half-widths of the box of states, (n,)
-        """
-
-    def linear_loop(self, critic: Critic, is_exact: bool) -> LinearLoop:
-        """Return the verdict on the loop u = -K z.
-
-        is_exact: whether the critic equals the exact solution, for the texts
-        """
-
-    def value_checks(self, P: np.ndarray, limit: float) -> list[Check]:
-        """Return the checks of the matrix P of a critic's value, besides its errors.
-
-        limit: limit of the residual of the Riccati equation
-        """
-
-    def game_loop(self, P: np.ndarray) -> Check:
-        """Return the check that the loop with both policies of the value z'P z is stable."""
-
-    def residuals(self, values: np.ndarray) -> np.ndarray:
-        """Return the relative residuals of the Riccati equation, (N,), for N matrices P."""
-
-    # Critics that are not quadratic: the exact functions, and simulations.
-    def exact_at(self, kind: str, z: ca.SX) -> ca.SX:
-        """Return the exact function "value", "gradient" or "policy" at the state z, (n,)."""
-
-    def is_stable(self, K: np.ndarray) -> bool:
-        """Return whether the loop A - B K is stable."""
-
-    def cost(self, z: np.ndarray, u: np.ndarray) -> float:
-        """Return the cost of a state and an input per second, or per step."""
-
-    def excess(self, K: np.ndarray) -> np.ndarray | None:
-        """Return X (n, n) with J - V* = z'X z for the policy u = -K z under its disturbance.
-
-        The result is None if the loop is not stable or the cost has no bound.
-        """
-
-    def loop(self, critic: Critic, b: np.ndarray) -> Loop:
-        """Return the closed loop without disturbance.
-
-        b: half-widths of the box of states, (n,)
-        """
-
-    def worst_loop(self, critic: Critic, b: np.ndarray, X: np.ndarray) -> Loop:
-        """Return the closed loop under the disturbance of u = -K z, the critic's linear part.
-
-        The cost is J - V*. Inputs and disturbances count from their values at the equilibrium.
-
-        b: half-widths of the box of states, (n,)
-        X: (n, n), `excess` of K
-        """
-
-    def plant_loop(
-        self, plant: NonlinearPlant, critic: Critic | None, b: np.ndarray
-    ) -> Loop | None:
-        """Return the closed loop of the nonlinear plant, or None if it is not simulated.
-
-        critic: the critic, or None for the exact policy
-        b: half-widths of the box of states, (n,)
         """
 
 
@@ -300,11 +178,11 @@ def flow_loop(
 def step_loop(
     x: ca.SX,
     after: ca.SX,
-    exact: DiscreteSolution,
+    exact: Solution,
     by_exact: np.ndarray,
     steps: int,
     b: np.ndarray,
-    running: Callable[[np.ndarray], Expression],
+    running: Callable[[np.ndarray], Expression] | None = None,
 ) -> SimulatedLoop:
     """Return the closed loop x⁺ = after(x) with cost Σ αᵏ running(x_k).
 
@@ -312,15 +190,17 @@ def step_loop(
     by_exact: A - B K* of the exact loop, (n, n)
     steps: number of steps
     b: half-widths of the box of states, (n,)
-    running: equilibrium -> function x -> cost of a step
+    running: equilibrium -> function x -> cost of a step, or None without a cost
     """
     equilibrium = newton_equilibrium(x, after - x, b)
-    paid = type(x)(0.0) if equilibrium is None else running(equilibrium)(x)
+    paid = type(x)(0.0)
+    if running is not None and equilibrium is not None:
+        paid = running(equilibrium)(x)
     n = x.numel()
     step = ca.Function("step", [x], [ca.densify(after), ca.densify(paid)])
     state = type(x).sym("state", n + 2)  # x, the sum so far, and αᵏ
     x_after, cost = step(state[:n])
-    total, weight = state[n] + state[n + 1] * cost, exact.discount * state[n + 1]
+    total, weight = state[n] + state[n + 1] * cost, exact.game.discount * state[n + 1]
     later = ca.Function("later", [state], [ca.vertcat(x_after, total, weight)])
     stepper = Recurrence(later, 1 if isinstance(x, ca.MX) else min(steps, _PER_TICK))
     return SimulatedLoop(

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from controller.game.zero_sum import Game
 from controller.hfa_game import ordinary_deviations
-from controller.riccati.normal_form import NormalForm
+from controller.riccati.certificate import form_of
 from hfa_aircraft.names import PlantNames
 from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.reporting.results import Vector
@@ -61,4 +61,4 @@ def usual_box(game: Game) -> Box:
         about = "within the limits of the states that the model declares"
         return Box(game.half_widths, about, "box of limits")
     about = "balanced units of the game (a convention, because no typical deviations are given)"
-    return Box(NormalForm.of(game).units, about, "balanced box")
+    return Box(form_of(game).units, about, "balanced box")

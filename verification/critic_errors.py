@@ -17,7 +17,7 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.game.zero_sum import Game
-from controller.riccati.normal_form import NormalForm
+from controller.riccati.certificate import form_of
 from hfa_aircraft.names import PlantNames
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
@@ -118,16 +118,16 @@ def critic_errors(
     limit: limit of each error
     box: half-widths of the box of states, (n,)
     """
-    checks = matrix_errors(game, "K", critic.K, exact.K, limit)
+    checks = matrix_errors(game, "K", critic.K, exact, limit)
     if not critic.network:
         checks += box_errors(game, critic, exact, box, limit)
     if critic.P is not None:
-        checks += matrix_errors(game, "P", critic.P, exact.P, limit)
+        checks += matrix_errors(game, "P", critic.P, exact, limit)
     return checks
 
 
 def matrix_errors(
-    game: Game, name: str, matrix: np.ndarray, exact: np.ndarray, limit: float
+    game: Game, name: str, matrix: np.ndarray, solution: Exact, limit: float
 ) -> list[Check]:
     """Return three checks of the errors of a matrix P or K.
 
@@ -136,21 +136,25 @@ def matrix_errors(
     - the relative error of U P U or R^(1/2) K U, in the Frobenius norm,
     - the largest relative error of an entry of U P U or diag(R)^(1/2) K U.
 
+    In discrete time, R is the `Game.price` R + α B'P B.
+
     name: "P" or "K"
     matrix: P, (n, n), or K, (m, n), of the critic
-    exact: the exact matrix
+    solution: the exact solution
     limit: limit of each error
     """
-    units = NormalForm.of(game).units
+    units = form_of(game).units
+    exact = solution.P if name == "P" else solution.K
+    price = game.price(solution.P)
     if name == "P":
         scales = np.outer(units, units)
         entry_scales = scales
         root = np.eye(len(matrix))
     else:
-        eigenvalues, vectors = np.linalg.eigh(game.R)
+        eigenvalues, vectors = np.linalg.eigh(price)
         root = np.sqrt(np.abs(eigenvalues))[:, None] * vectors.T
         scales = np.outer(np.ones(len(matrix)), units)
-        entry_scales = np.sqrt(np.diag(game.R))[:, None] * scales
+        entry_scales = np.sqrt(np.diag(price))[:, None] * scales
     norm = relative_error(matrix, exact)
     balanced = relative_error(root @ matrix * scales, root @ exact * scales)
     entry = entry_error((matrix - exact) * entry_scales, exact * entry_scales)
@@ -181,7 +185,7 @@ def box_errors(
         u_errors = np.abs(critic.K - exact.K) @ box
         if critic.feedback is not None:
             u_errors += 0.5 * np.abs(critic.feedback) @ (higher_slopes / box)
-    u_scale = np.sqrt(np.diag(game.R))
+    u_scale = np.sqrt(np.diag(game.price(exact.P)))
     policy = entry_error(u_scale * u_errors, u_scale * (np.abs(exact.K) @ box))
     checks = [error_check("policy_rel_error", policy, limit, "the policy in the box")]
     if critic.P is None:

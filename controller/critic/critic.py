@@ -6,7 +6,7 @@ In all three cases u and V are CasADi functions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 from operator import mul
@@ -16,8 +16,9 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.features import basis_of
+from controller.critic.symbols import symbols_for
 from controller.game.basis import Basis, monomials
-from controller.game.discrete_game import DiscreteGame
+from controller.game.q_function import of_q_function
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_support.arguments import ArrayLike, checks_arguments, need
 from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
@@ -27,8 +28,6 @@ from hfa_support.reporting.results import Matrix
 
 #: Possible outputs of a network: V, ∂V/∂z, u.
 FUNCTIONS = ("V", "gradient", "policy")
-#: Kinds of games that have critics: in continuous and in discrete time.
-GAMES = (Game, DiscreteGame)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -43,7 +42,7 @@ class Critic(Reported):
     constant: V(0), or 0 if V is unknown
     precision: floating-point type of the numbers in the critic's file
     feedback: (m, n), R⁻¹B', if the policy follows from the value as u = -½ R⁻¹B' ∂V/∂z; None for an
-        independent policy
+        independent policy, and in discrete time
     F: (m, n), R⁻¹N' of a game with cross weights, if the policy follows from the value as
         u = -½ R⁻¹B' ∂V/∂z - F z; None for 0
     L: (k, n), gain of the learned worst disturbance d = L z, or None if none was learned
@@ -200,7 +199,7 @@ class Critic(Reported):
 
 
 @checks_arguments
-def from_gain(game: Game | DiscreteGame, K: ArrayLike) -> Critic:
+def from_gain(game: Game, K: ArrayLike) -> Critic:
     """Return the critic with the policy u = -K z.
 
     game: the game whose solution the critic approximates
@@ -213,12 +212,12 @@ def from_gain(game: Game | DiscreteGame, K: ArrayLike) -> Critic:
     >>> hfa.verify(game, hfa.from_gain(game, [[0.5]])).ok
     False
     """
-    need(game, GAMES, "from_gain: game", Game.how_to_make)
+    need(game, Game, "from_gain: game", Game.how_to_make)
     return Critic(game.checked_gain(K))
 
 
 @checks_arguments
-def from_value(game: Game | DiscreteGame, P: ArrayLike) -> Critic:
+def from_value(game: Game, P: ArrayLike) -> Critic:
     """Return the critic with the value V = z'Pz and the policy u = -R⁻¹(B'P + N') z.
 
     In discrete time, the policy is optimal for one step, followed by the cost V.
@@ -233,17 +232,17 @@ def from_value(game: Game | DiscreteGame, P: ArrayLike) -> Critic:
     >>> hfa.from_value(game, [[3.0]]).K.tolist()
     [[3.0]]
     """
-    need(game, GAMES, "from_value: game", Game.how_to_make)
+    need(game, Game, "from_value: game", Game.how_to_make)
     P = numbers_in("P", P)
     if P.shape != game.A.shape:
         n = len(game.A)
         raise BadInputError(f"P is {shape_text(P.shape)}; give {n} x {n}, states x states")
     K = game.gain((P + P.T) / 2.0)  # z'Pz depends on this part
-    return Critic(K, P, "P", feedback=game.R_inverse_B_transposed)
+    return Critic(K, P, "P", feedback=_feedback(game))
 
 
 def from_parts(
-    game: Game | DiscreteGame,
+    game: Game,
     parts: Mapping[str, np.ndarray],
     basis: Basis | ca.Function | str = "quadratic",
     policy: ca.Function | None = None,
@@ -292,7 +291,7 @@ def _with_policy(critic: Critic, K: np.ndarray) -> Critic:
         z = ca.SX.sym("z", K.shape[1])
         network["policy"] = ca.Function("policy", [z], [ca.densify(-ca.DM(K) @ z)])
     origin = f"{critic.origin} and K"
-    return replace(critic, K=K, origin=origin, feedback=None, network=network)
+    return replace(critic, K=K, origin=origin, feedback=None, network=network, implies_policy=False)
 
 
 def polynomial_policy(weights: np.ndarray, scales: np.ndarray) -> ca.Function:
@@ -324,19 +323,8 @@ def polynomial_policy(weights: np.ndarray, scales: np.ndarray) -> ca.Function:
     return ca.Function("policy", [z], [ca.densify(ca.DM(weights) @ ca.vertcat(*psi))])
 
 
-def symbols_for(functions: Iterable[ca.Function], n: int) -> ca.SX:
-    """Return new CasADi symbols z (n,), as arguments of all given functions.
-
-    The symbols are of type SX if all functions are SX functions, and otherwise of type MX.
-    Evaluation of a wide network with SX symbols would take a minute and a gigabyte.
-    """
-    if all(function.is_a("SXFunction") for function in functions):
-        return ca.SX.sym("z", n)
-    return ca.MX.sym("z", n)  # type: ignore[return-value]  # has the same operators
-
-
 def from_functions(
-    game: Game | DiscreteGame,
+    game: Game,
     z: ca.SX,
     outputs: Mapping[str, ca.SX],
     origin: str,
@@ -371,17 +359,44 @@ def from_functions(
     else:
         assert P is not None  # a critic has u or V
         K = game.gain(P)
-    return Critic(
+    critic = Critic(
         K,
         P,
         origin,
         constant=0.0 if V is None else float(network["V"](np.zeros(len(game.A)))),
         precision=precision,
-        feedback=game.R_inverse_B_transposed if u is None else None,
+        feedback=_feedback(game) if u is None else None,
         F=game.F if u is None and game.N.any() else None,
         network=network,
         variants=variants or {},
     )
+    return critic if u is not None else _with_implied_policy(game, critic)
+
+
+def _feedback(game: Game) -> np.ndarray | None:
+    """Return R⁻¹B' of the policy that a value implies, or None in discrete time."""
+    return None if game.is_discrete else game.R_inverse_B_transposed
+
+
+def _with_implied_policy(game: Game, critic: Critic) -> Critic:
+    """Return the critic of a value with the policy that it implies in discrete time.
+
+    The policy of a quadratic value is linear, u = -K x, and the critic is unchanged, as it is if it
+    contains a number that is not finite. Otherwise V, ∂V/∂x and the policy become CasADi functions
+    in `network`.
+    """
+    if not game.is_discrete or critic.is_quadratic or not critic.finite:
+        return critic
+    from controller.critic.implied_policy import policy_of_next
+
+    assert critic.P is not None  # V or its gradient is known
+    assert critic.gradient is not None
+    network = dict(critic.network)
+    if not network:
+        assert critic.value is not None  # weights
+        network = {"V": critic.value, "gradient": critic.gradient}
+    network["policy"] = policy_of_next(game, critic.gradient, (critic.P + critic.P.T) / 2.0)
+    return replace(critic, network=network, implies_policy=True)
 
 
 def _derivative_at_0(expression: ca.SX, z: ca.SX) -> np.ndarray:
@@ -398,7 +413,7 @@ _TOGETHER = 1e-6
 
 @checks_arguments
 def from_weights(
-    game: Game | DiscreteGame,
+    game: Game,
     weights: ArrayLike,
     basis: Basis | str | ca.Function = "quadratic",
     constant: float = 0.0,
@@ -424,7 +439,7 @@ def from_weights(
     >>> hfa.from_weights(game, [3.0]).K.tolist()
     [[3.0]]
     """
-    need(game, GAMES, "from_weights: game", Game.how_to_make)
+    need(game, Game, "from_weights: game", Game.how_to_make)
     weights = numbers_in("W", weights)
     n = len(game.A)
     if not is_finite(constant):
@@ -447,7 +462,7 @@ def from_weights(
             f"{psi.size} functions; give the name of the basis of W"
         )
     P = psi.matrix(weights)
-    return Critic(
+    critic = Critic(
         game.gain(P),
         P,
         "weights",
@@ -455,16 +470,17 @@ def from_weights(
         basis=psi,
         constant=constant,
         precision=precision,
-        feedback=game.R_inverse_B_transposed,
+        feedback=_feedback(game),
     )
+    return _with_implied_policy(game, critic)
 
 
 def from_q_function(
-    game: DiscreteGame, H: ArrayLike, parts: Mapping[str, np.ndarray] | None = None
+    game: Game, H: ArrayLike, parts: Mapping[str, np.ndarray] | None = None
 ) -> Critic:
     """Return the critic of a Q-function Q(x, u, w) = [x; u; w]'H [x; u; w] in discrete time.
 
-    P, K and L are those at the extremum of Q over u and w (`DiscreteGame.of_q_function`).
+    P, K and L are those at the extremum of Q over u and w (`of_q_function`).
 
     game: the game whose solution the critic approximates
     H: symmetric matrix over (x, u, w) or (x, u)
@@ -473,7 +489,7 @@ def from_q_function(
     Raises BadInputError if a matrix has a wrong shape, or H has no extremum.
     """
     H = numbers_in("H", H)
-    found = game.of_q_function(H) | dict(parts or {})
+    found = of_q_function(game, H) | dict(parts or {})
     critic = from_parts(game, {name: found[name] for name in ("P", "K")})
     return replace(critic, H=H, L=found.get("L"))
 

@@ -16,7 +16,6 @@ from controller.critic.critic import Critic, from_parts, from_q_function, polyno
 from controller.critic.features import is_list
 from controller.critic.reading import DIMENSIONS, CriticReader, Reading, in_plant_units
 from controller.game.basis import Basis
-from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.readers.matrices_file import file_scales, found_in
@@ -34,9 +33,7 @@ OWN_FILES = (*MATRIX_FILES, ".onnx", ".pkl", ".pt", ".pth", ".safetensors", ".zi
 _ALIASES = {"weights": "W", "gains": "K", "times": "time", "t": "time"}
 
 
-def critics_in(
-    path: str | Path, game: Game | DiscreteGame, reading: Reading | None = None
-) -> tuple[Critic, ...]:
+def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> tuple[Critic, ...]:
     """Return the critics in a file: one critic, or one for each time of a history.
 
     - A network file (`is_network`) contains one critic.
@@ -69,7 +66,7 @@ def critics_in(
     entries = entries_in(path)
     with prefix_errors(path):
         more: dict[str, Any] = {}
-        if isinstance(game, DiscreteGame):
+        if game.is_discrete:
             more = {name: entries[name] for name in ("P", "K", "L") if name in entries}
             if "H" in entries:
                 return (from_q_function(game, entries["H"], more),)
@@ -99,9 +96,7 @@ def critics_in(
 
 
 @checks_arguments
-def critic_in(
-    path: str | Path, game: Game | DiscreteGame, reading: Reading | None = None
-) -> Critic:
+def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> Critic:
     """Return the critic in a file, or the last critic of a history.
 
     path, game, reading: as for `critics_in`
@@ -114,7 +109,7 @@ def critic_in(
 @checks_arguments
 def read_critic(
     path: str | Path,
-    game: Game | DiscreteGame | None = None,
+    game: Game | None = None,
     *,
     basis: str | None = None,
     network: str = "",
@@ -198,7 +193,7 @@ def entries_in(path: str | Path) -> dict[str, Any]:
     return {own: stored[key] for key, own in _ALIASES.items() if key in stored} | stored
 
 
-def _part_by_shape(array: np.ndarray, game: Game | DiscreteGame) -> str:
+def _part_by_shape(array: np.ndarray, game: Game) -> str:
     """Return which of "W", "P" and "K" an unnamed array is, according to its shape."""
     shapes = {"P": game.A.shape, "K": game.B.T.shape}
     fitting = [name for name, shape in shapes.items() if array.shape == shape]

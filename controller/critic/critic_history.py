@@ -13,7 +13,6 @@ from controller.critic.critic import Critic, from_parts
 from controller.critic.features import is_list
 from controller.critic.reading import DIMENSIONS, Reading, in_plant_units
 from controller.game.basis import Basis, basis as named_basis
-from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_aircraft.readers.matrices_file import file_scales, words
 from hfa_support.arguments import checks_arguments
@@ -23,7 +22,7 @@ from hfa_support.matrices import checked_matrix, shape_text
 
 @checks_arguments
 def critics_over_time(
-    game: Game | DiscreteGame,
+    game: Game,
     times: np.ndarray,
     basis: str = "quadratic",
     **parts: np.ndarray | None,
@@ -98,7 +97,7 @@ def with_named_basis(reading: Reading, entries: Mapping[str, Any]) -> Reading:
 
 
 def rows_over_time(
-    entries: Mapping[str, Any], game: Game | DiscreteGame, reading: Reading
+    entries: Mapping[str, Any], game: Game, reading: Reading
 ) -> tuple[Critic, ...] | None:
     """Return the critics of a history, one for each time, or None if the file is not a history.
 

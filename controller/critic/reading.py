@@ -12,7 +12,6 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.critic.features import basis_of
 from controller.game.basis import Basis
-from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 
 #: Array of a critic -> number of its dimensions.
@@ -36,7 +35,7 @@ class Reading:
     activation: str | None = None
     scale: np.ndarray | None = None
 
-    def psi(self, game: Game | DiscreteGame) -> Basis | ca.Function:
+    def psi(self, game: Game) -> Basis | ca.Function:
         """Return the basis ψ of the weights for the states of a game (`basis_of`)."""
         return basis_of(self.basis or "quadratic", len(game.A), game.names.states)
 
@@ -46,7 +45,7 @@ class CriticReader(Protocol):
     `hfa.critics`.
     """
 
-    def __call__(self, game: Game | DiscreteGame, path: str | Path, reading: Reading) -> Critic:
+    def __call__(self, game: Game, path: str | Path, reading: Reading) -> Critic:
         """Return the critic in a file, as a function of the game's states.
 
         Raises BadInputError if the file cannot be read as a critic of this game.

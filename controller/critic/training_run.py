@@ -16,7 +16,6 @@ from hfa_support.reporting.text import RowsMade, Table, matrix_table
 
 if TYPE_CHECKING:
     from controller.critic.critic import Critic
-    from controller.game.discrete_game import DiscreteGame
     from controller.game.zero_sum import Game
 
 
@@ -98,12 +97,12 @@ class TrainingRun(Result, Reported):
     clock: str = "s"
     H: Matrix | None = None
 
-    def critic(self, game: Game | DiscreteGame) -> Critic:
+    def critic(self, game: Game) -> Critic:
         """Return the critic of the last weights, or of H, for the given game."""
         from controller.critic.critic import from_q_function, from_weights
 
         if self.H is not None:
-            return from_q_function(game, self.H)  # type: ignore[arg-type]
+            return from_q_function(game, self.H)
         return from_weights(game, self.weights[-1], self.basis)
 
     @property

@@ -28,8 +28,10 @@ def deviation_rates(linear: LinearModel, game: Game) -> ca.Function:
     game: game on this linear model
 
     Raises BadInputError if the equations contain tables, have a switch at the trim, have other
-    derivatives than A and B of the game, or if a rate is not 0 at the operating point.
+    derivatives than A and B of the game, if a rate is not 0 at the operating point, or if the game
+    is in discrete time.
     """
+    game.refuse_steps("the nonlinear game")
     model = linear.model
     refuse_kinks(linear)
     rates = rates_about_trim(linear)

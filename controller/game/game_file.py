@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.readers.matrices_file import (
@@ -27,7 +26,7 @@ from hfa_support.errors import BadInputError, prefix_errors, shortened
 
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta", "N")
 #: Further entries of a plant in discrete time (time = "discrete").
-DISCRETE_KEYS = ("time", "discount")
+DISCRETE_KEYS = ("time", "dt", "discount")
 
 
 @dataclass(frozen=True)
@@ -48,8 +47,6 @@ class StoredGame(NamedTuple):
     game: the game
     notes: texts on unused entries, on defaults that were used, and on ignored names
     provenance: entry -> text on the origin of the plant, as stored in the file
-    discrete: discrete-time game with the matrices of `game` as its step, or None for a plant in
-        continuous time
     has_time: True if the file declares continuous or discrete time
     stated: names of the entries A, B, E, Q, R, delta and N that the file contains
     """
@@ -57,7 +54,6 @@ class StoredGame(NamedTuple):
     game: Game
     notes: tuple[str, ...]
     provenance: dict[str, str]
-    discrete: DiscreteGame | None = None
     has_time: bool = False
     stated: tuple[str, ...] = ()
 
@@ -80,8 +76,8 @@ def stored_game(
     - Without any value, E is the identity, delta is inf (linear quadratic regulator) and N is 0.
     - In a file with the entry `disturbances`, E describes the wind and is not used.
     - If neither A nor B is at the top level, the entries of the only structure with both are read.
-    - With time = "discrete", the result also contains the discrete-time game, and `defaults` is not
-      used. The file may then also contain `discount`.
+    - With time = "discrete", or the sample time dt, the game is in discrete time, and `defaults` is
+      not used. The file may then also contain `discount`.
 
     path: the plant file
     found: entries of the file, if `read_arrays` has already read them, or None
@@ -105,31 +101,33 @@ def stored_game(
         names = names._replace(origin=str(path))
         if is_discrete(stored):
             defaults = no_defaults
+        parts |= _time(stored)
         game = replace(_completed(parts, defaults(parts, names), notes), names=names)
         noted = tuple(f"{path}: {note}" for note in notes)
         return StoredGame(
             game,
             noted,
             _provenance(stored),
-            _discrete(stored, game),
-            has_time="time" in stored,
+            has_time="time" in stored or "dt" in stored,
             stated=tuple(key for key in MODEL_KEYS if key in stored),
         )
 
 
-def _discrete(stored: Mapping[str, Any], game: Game) -> DiscreteGame | None:
-    """Return the discrete-time game of a plant file, or None for a plant in continuous time."""
+def _time(stored: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the entries dt and discount of a game in discrete time, {} in continuous time."""
     if not is_discrete(stored):
-        for key in DISCRETE_KEYS:
-            if key in stored and key != "time":
-                raise BadInputError(
-                    f'{key} requires a discrete-time plant; remove {key}, or add time = "discrete"'
-                )
-        return None
-    discount = 1.0
-    if "discount" in stored:
-        discount = one_number("discount", stored["discount"])
-    return DiscreteGame(game, discount)
+        if "discount" in stored:
+            raise BadInputError(
+                'discount requires a discrete-time plant; remove it, or add time = "discrete"'
+            )
+        return {}
+    time: dict[str, Any] = {"dt": True}
+    for key in ("dt", "discount"):
+        if key in stored and stored[key] is not True:
+            time[key] = one_number(key, stored[key])
+    if not time["dt"]:
+        raise BadInputError('dt is 0, but time is "discrete"; give the sample time in s')
+    return time
 
 
 def _unused(stored: Mapping[str, Any]) -> list[str]:

@@ -1,7 +1,9 @@
-"""Zero-sum games on a linear model: the cost, and the policies that follow from a value."""
+"""Zero-sum games on a linear model, in continuous or in discrete time: the cost, and the policies
+that follow from a value."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -11,7 +13,13 @@ import numpy as np
 from hfa_aircraft.names import UNNAMED, PlantNames
 from hfa_aircraft.signals import StatesAndInputs
 from hfa_support.arguments import ArrayLike, checks_arguments
-from hfa_support.errors import BadInputError, numbers_in, shown
+from hfa_support.errors import (
+    BadInputError,
+    is_finite,
+    numbers_in,
+    refuse_unless_positive,
+    shown,
+)
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import ByValue
@@ -21,6 +29,9 @@ from hfa_support.reporting.text import matrix_table, numbered
 LARGEST_CRITIC_ENTRY = 1e50
 #: Magnitude of a negative scaled eigenvalue that counts as rounding.
 SEMIDEFINITE = 1e-12
+#: Smallest sample time, multiplied by the largest entry of A. The entries of A - I of a step have
+#: then at least ten digits.
+SHORTEST = 1e-6
 
 
 @checks_arguments
@@ -28,18 +39,23 @@ SEMIDEFINITE = 1e-12
 class Game(ByValue, Reported):
     """Zero-sum game J = ∫ z'Qz + 2z'Nu + u'Ru - δ² d'd dt, z' = A z + B u + E d (paper Eq. 15-16).
 
-    The input u minimizes J, and the disturbance d maximizes J. In the paper, N = 0.
+    The input u minimizes J, and the disturbance d maximizes J. In the paper, N = 0. With dt, time
+    is discrete: z⁺ = A z + B u + E d, J = Σ αᵏ (z'Qz + 2z'Nu + u'Ru - δ² d'd).
 
     A: (n, n)
     B: (n, m)
     E: (n, k), disturbance matrix; by default the identity, as in the paper
     Q: (n, n), symmetric positive semidefinite; or its diagonal, (n,)
-    R: (m, m), symmetric positive definite; or its diagonal, (m,)
+    R: (m, m), symmetric positive definite, in discrete time semidefinite; or its diagonal, (m,)
     delta: δ > 0; by default inf (LQR without a disturbance)
     N: (n, m), cross weights; by default 0. [[Q, N], [N', R]] must be positive semidefinite.
     names: names of the states and inputs in reports; by default x1, x2, ... and u1, u2, ...
     half_widths: (n,), largest box of states about the trim within the limits of the model, in which
         critics are compared; None if unknown
+    dt: None, or 0, for continuous time; in discrete time the sample time, s, or True if it is not
+        known, as in python-control
+    discount: α of one step, 0 < α <= 1; 1 in continuous time
+    continuous: game in continuous time that was sampled (`sampled`), or None
 
     Raises BadInputError if a matrix has a wrong shape, is not definite as required, or contains a
     number that is not finite or is too large.
@@ -63,6 +79,9 @@ class Game(ByValue, Reported):
     N: np.ndarray = None  # type: ignore[assignment]  # becomes 0
     names: PlantNames = field(default=UNNAMED, compare=False)
     half_widths: np.ndarray | None = field(default=None, compare=False)
+    dt: float | bool | None = None
+    discount: float = 1.0
+    continuous: Game | None = field(default=None, compare=False)
 
     if TYPE_CHECKING:
 
@@ -77,6 +96,9 @@ class Game(ByValue, Reported):
             N: ArrayLike | None = None,
             names: PlantNames = UNNAMED,
             half_widths: np.ndarray | None = None,
+            dt: float | bool | None = None,
+            discount: float = 1.0,
+            continuous: Game | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -105,6 +127,11 @@ class Game(ByValue, Reported):
         m = self.B.shape[1]
         if 0 in (n, m):
             raise BadInputError("A or B is empty; a game needs at least one state and one input")
+        if not self.E.shape[1]:
+            raise BadInputError(
+                "E has no columns; leave E out for the identity, and set delta=inf for a game"
+                " without disturbance"
+            )
         shapes = {"A": (n, n), "B": (n, m), "E": (n, self.E.shape[1]), "Q": (n, n), "R": (m, m)}
         shapes["N"] = (n, m)
         for name, shape in shapes.items():
@@ -114,10 +141,12 @@ class Game(ByValue, Reported):
                 if name == "A":
                     rule = "give a square matrix"
                 raise BadInputError(f"{name} is {shape_text(actual)}; {rule}")
+        vars(self)["dt"] = _checked_dt(self.dt)
         check_definite("Q", self.Q, strictly=False)
-        check_definite("R", self.R, strictly=True)
+        check_definite("R", self.R, strictly=self.dt is None)
         if self.N.any() and not is_semidefinite(self.weights):
             raise BadInputError(_indefinite_weights(self))
+        _check_discount(self.dt, self.discount)
         vars(self).update(delta=_checked_delta(self.delta), names=self.names.completed(n, m))
 
     def __hash__(self) -> int:
@@ -137,10 +166,21 @@ class Game(ByValue, Reported):
         """Matrix [[Q, N], [N', R]] of the cost rate of (z, u), (n + m, n + m)."""
         return np.block([[self.Q, self.N], [self.N.T, self.R]])
 
+    @property
+    def is_discrete(self) -> bool:
+        """True for a game in discrete time."""
+        return self.dt is not None
+
     @cached_property
     def F(self) -> np.ndarray:
         """F = R⁻¹ N', (m, n). With v = u + F z, the cost rate is z'(Q - N R⁻¹ N')z + v'R v."""
-        return np.linalg.solve(self.R, self.N.T)
+        return self._over_R(self.N.T)
+
+    def _over_R(self, right: np.ndarray) -> np.ndarray:
+        """Return R⁻¹ times a matrix, or R⁺ if R is singular, as it may be in discrete time."""
+        if self.is_discrete and not is_definite(self.R):
+            return np.linalg.pinv(self.R) @ right
+        return np.linalg.solve(self.R, right)
 
     @cached_property
     def without_cross_weights(self) -> Game:
@@ -157,15 +197,16 @@ class Game(ByValue, Reported):
         safe = np.where(sizes > 0.0, sizes, 1.0)
         values, vectors = np.linalg.eigh(weights / np.outer(safe, safe))
         root = sizes[:, None] * (vectors * np.sqrt(values.clip(0.0)))
-        basis, _ = np.linalg.qr(root[n:].T, mode="complete")
-        root_beyond_u = root[:n] @ basis[:, len(self.R) :]
+        _, sizes_of_u, basis = np.linalg.svd(root[n:] / safe[n:, None])
+        rank = len(self.R) if is_definite(self.R) else int(np.sum(sizes_of_u > SEMIDEFINITE**0.5))
+        root_beyond_u = root[:n] @ basis[rank:].T
         Q = root_beyond_u @ root_beyond_u.T
         return replace(self, A=self.A - self.B @ self.F, Q=(Q + Q.T) / 2.0, N=0.0 * self.N)
 
     @cached_property
     def R_inverse_B_transposed(self) -> np.ndarray:
         """R⁻¹ B', (m, n). The policy of the value V is u = -½ R⁻¹ B' ∂V/∂z - F z."""
-        return np.linalg.solve(self.R, self.B.T)
+        return self._over_R(self.B.T)
 
     @cached_property
     def S_control(self) -> np.ndarray:
@@ -183,8 +224,47 @@ class Game(ByValue, Reported):
         return self.S_control - self.S_disturbance / self.delta**2
 
     def gain(self, P: np.ndarray) -> np.ndarray:
-        """Return K = R⁻¹(B'P + N'), (m, n). The policy of the value z'Pz is u = -K z."""
-        return self.R_inverse_B_transposed @ P + self.F
+        """Return K (m, n) of the policy u = -K z of the value z'P z (`policies`)."""
+        return self.policies(P)[0]
+
+    def disturbance_gain(self, P: np.ndarray) -> np.ndarray:
+        """Return L (k, n) of the worst disturbance d = L z for the value z'P z (`policies`)."""
+        return self.policies(P)[1]
+
+    def policies(self, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return K (m, n) and L (k, n) of the policies u = -K z and d = L z of the value z'P z.
+
+        In continuous time, K = R⁻¹(B'P + N') and L = δ⁻² E'P. In discrete time, the policies are
+        optimal for one step, followed by the cost z'P z:
+
+          [K; -L] = (W + α G'P G)⁻¹ (α G'P A + [N 0]'),  G = [B E],  W = blkdiag(R, -δ² I)
+
+        Both are nan if no extremum exists. With δ = inf, L is 0.
+
+        P: (n, n)
+        """
+        if not self.is_discrete:
+            return self.R_inverse_B_transposed @ P + self.F, self.E.T @ P / self.delta**2
+        m = len(self.R)
+        G = np.hstack([self.B, self.E / self.delta])
+        W = -np.eye(G.shape[1])
+        W[:m] = 0.0
+        W[:m, :m] = self.R
+        right = self.discount * G.T @ P @ self.A
+        right[:m] += self.N.T
+        try:
+            with np.errstate(all="ignore"):
+                gains = np.linalg.solve(W + self.discount * G.T @ P @ G, right)
+        except np.linalg.LinAlgError:
+            gains = np.full_like(right, np.nan)
+        return gains[:m], -gains[m:] / self.delta
+
+    def price(self, P: np.ndarray) -> np.ndarray:
+        """Return the weight (m, m) of u - u* in the cost above the value z'P z.
+
+        In continuous time, it is R. In discrete time, it is R + α B'P B.
+        """
+        return self.R + self.discount * self.B.T @ P @ self.B if self.is_discrete else self.R
 
     def checked_gain(self, K: ArrayLike) -> np.ndarray:
         """Return K as an array of floats.
@@ -200,25 +280,74 @@ class Game(ByValue, Reported):
             )
         return K
 
-    def disturbance_gain(self, P: np.ndarray) -> np.ndarray:
-        """Return L = δ⁻² E' P, (k, n). The worst disturbance for the value z'Pz is d = L z."""
-        return self.E.T @ P / self.delta**2
-
     def worst_case_loop(self, P: np.ndarray) -> np.ndarray:
         """Return A - B K + E L, (n, n), the loop with both policies of the value z'Pz.
 
-        With N = 0, the loop is A - S P.
+        In continuous time with N = 0, the loop is A - S P.
         """
+        if self.is_discrete:
+            K, L = self.policies(P)
+            return self.A - self.B @ K + self.E @ L
         return self.without_cross_weights.A - self.S @ P
 
     def residual(self, P: np.ndarray) -> np.ndarray:
         """Return the residual of the game's Riccati equation, (n, n).
 
-        With N = 0, the residual is A'P + P A + Q - P S P. Otherwise A and Q are those of
-        `without_cross_weights`.
+        In continuous time with N = 0, it is A'P + P A + Q - P S P. Otherwise A and Q are those of
+        `without_cross_weights`. In discrete time, it is the cost of one step with both policies of
+        P, followed by z'P z, minus z'P z.
         """
+        if self.is_discrete:
+            K, L = self.policies(P)
+            after = self.worst_case_loop(P)
+            pair = np.vstack([np.eye(len(P)), -K])
+            paid = pair.T @ self.weights @ pair - (self.delta**2 * L.T @ L if L.any() else 0.0)
+            return paid + self.discount * after.T @ P @ after - P
         plain = self.without_cross_weights
         return plain.A.T @ P + P @ plain.A + plain.Q - P @ self.S @ P
+
+    def sampled(self, dt: float, discount: float = 1.0) -> Game:
+        """Return the sampled game, with constant u and d in each step of dt seconds.
+
+        The cost of a step is dt (z'Qz + 2z'Nu + u'Ru - δ² d'd) at the beginning of the step. Thus
+        the weights of the step are Q dt, R dt and N dt, and the delta of the step is √dt δ.
+
+        Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, Section 4.3.
+
+        dt: sample time, s
+        discount: discount of one step
+
+        Raises BadInputError if dt is not positive, if dt is below `SHORTEST` divided by the largest
+        entry of A, or if the game is in discrete time already.
+        """
+        from scipy.linalg import expm
+
+        refuse_unless_positive("dt", dt, " s")
+        self.refuse_steps("Game.sampled")
+        fastest = float(np.abs(self.A).max())
+        if dt * fastest < SHORTEST and fastest > 0.0:
+            raise BadInputError(
+                f"dt = {dt:g} s is too short: A of a step would differ from the identity by less"
+                f" than {SHORTEST:g}, and lose its rates to rounding; give at least"
+                f" {SHORTEST / fastest:.2g} s, or solve the game in continuous time"
+            )
+        n, m = self.B.shape
+        rates = np.hstack([self.A, self.B, self.E])
+        still = np.zeros((rates.shape[1] - n, rates.shape[1]))
+        A, B, E = np.split(expm(dt * np.vstack([rates, still]))[:n], [n, n + m], axis=1)
+        return replace(
+            self,
+            A=A,
+            B=B,
+            E=E,
+            Q=self.Q * dt,
+            R=self.R * dt,
+            N=self.N * dt,
+            delta=self.delta * math.sqrt(dt),
+            dt=dt,
+            discount=discount,
+            continuous=self,
+        )
 
     def with_delta(self, delta: float) -> Game:
         """Return a copy of the game with this delta."""
@@ -231,6 +360,17 @@ class Game(ByValue, Reported):
         """
         if self.N.any():
             raise BadInputError(f"{what} has no cross weights; remove N")
+
+    def refuse_steps(self, what: str) -> None:
+        """Raise BadInputError if the game is in discrete time.
+
+        what: the command or function, for the message
+        """
+        if self.is_discrete:
+            raise BadInputError(
+                f"{what} requires a game in continuous time, but this game has dt; for a game in"
+                " discrete time there are hfa.solve, hfa.learn and hfa.verify"
+            )
 
 
 def _indefinite_weights(game: Game) -> str:
@@ -253,6 +393,29 @@ def _with_diagonal(name: str, weights: Any) -> Any:
             f"{name} is the number {shown(weights)}; give a matrix, or its diagonal"
         )
     return np.diag(numbers_in(f"the diagonal of {name}", weights)) if is_row else weights
+
+
+def _checked_dt(dt: Any) -> float | bool | None:
+    """Return the sample time, s, True if it is unknown, or None for continuous time."""
+    if dt is None or dt is True:
+        return dt
+    if is_finite(dt) and dt is not False and dt >= 0.0:
+        return float(dt) or None
+    raise BadInputError(
+        f"dt is {shown(dt)}; give the sample time in s, True if it is unknown, or None for"
+        " continuous time"
+    )
+
+
+def _check_discount(dt: float | bool | None, discount: Any) -> None:
+    """Raise BadInputError if the discount is not valid."""
+    if not (is_finite(discount) and 0.0 < discount <= 1.0):
+        raise BadInputError(
+            f"discount is {shown(discount)}; give the factor per step, a number above 0 and at "
+            "most 1"
+        )
+    if dt is None and discount != 1.0:
+        raise BadInputError("discount requires a game in discrete time; add dt, or remove discount")
 
 
 def _checked_delta(delta: float) -> float:
@@ -364,9 +527,14 @@ def game_report(game: Game) -> Report:
         for name, (rows, columns) in names.items()
         if max(len(rows), len(columns)) <= _MOST
     ]
+    stored = (*names, "delta")
+    change, time = "z'", ""
+    if game.is_discrete:
+        change, time = "z⁺", f", discount {game.discount:g} a step"
+        stored += ("dt", "discount")
     return Report(
-        title=f"Game on {game.names.origin}, delta {game.delta:.6g}:"
-        f" z' = A z + B u + E d, cost z'Qz{cross} + u'Ru - delta^2 d'd",
+        title=f"Game on {game.names.origin}, delta {game.delta:.6g}{time}:"
+        f" {change} = A z + B u + E d, cost z'Qz{cross} + u'Ru - delta^2 d'd",
         parts=tables,
-        data={name: getattr(game, name) for name in (*names, "delta")},
+        data={name: getattr(game, name) for name in stored},
     )

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from controller.critic.training_run import TrainingRun
 from controller.game.zero_sum import Game
 from controller.learning.policy_iteration import policy_iteration
 from controller.learning.published import published_law
+from controller.learning.q_learning import learn_steps
 from controller.learning.recording import Stack
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, refuse_unknown
@@ -31,6 +34,8 @@ def learn(
     - "published": Eq. (46) of the paper with the gains of Theorem 1, as printed. Its weights
       overflow in the first steps on the aircraft of the paper
 
+    A game in discrete time is learned by Q-learning from recorded steps (`learn_steps`).
+
     Use `controller.run` for a learning law that you define yourself. The result is not verified.
     `hfa.verify` verifies it with the matrix A of the game.
 
@@ -51,6 +56,14 @@ def learn(
     """
     need(game, Game, "learn: game", "a game: hfa.game(linear, Q, R, delta)")
     refuse_unknown("unknown law", law, LAWS)
+    if game.is_discrete:
+        if law != DEFAULT or pool is not None:
+            raise BadInputError(
+                "a game in discrete time is learned by Q-learning from its own samples; leave out"
+                " law and pool"
+            )
+        run, H = learn_steps(game, seed, progress=progress)
+        return replace(run, H=H)
     if pool is not None:
         need(pool, Stack, "learn: pool", Stack.how_to_make)
     if not game.without_cross_weights.Q.any():

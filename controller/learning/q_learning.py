@@ -16,8 +16,8 @@ import numpy as np
 
 from controller.critic.training_run import SETTLED, TrainingRun
 from controller.game.basis import Basis, basis
-from controller.game.discrete_game import DiscreteGame
-from controller.game.zero_sum import LARGEST_CRITIC_ENTRY
+from controller.game.q_function import of_q_function, q_function
+from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, is_definite
 from controller.learning.recording import excitation, natural_spread, rank, refuse_poor, unit_rows
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.matrices import LARGEST, checked_matrix
@@ -66,29 +66,31 @@ class Steps(Reported):
         return np.hstack([self.states, self.inputs, self.disturbances])
 
 
-def random_steps(problem: DiscreteGame, seed: int) -> Steps:
+def random_steps(problem: Game, seed: int) -> Steps:
     """Return recorded steps from random states with random inputs and disturbances.
 
-    No input or disturbance changes a state by more than the spread of the state in one step. The
+    No input or disturbance changes a state by more than the spread of the state in one problem. The
     cost of each is at most the cost of all states together.
 
     seed: seed of the random numbers
     """
-    step = problem.step
-    E = step.E if np.isfinite(step.delta) else step.E[:, :0]
-    spread = natural_spread(step)
-    cost = float(np.diag(step.Q) @ spread**2) or 1.0
+    E = problem.E if np.isfinite(problem.delta) else problem.E[:, :0]
+    spread = natural_spread(problem)
+    cost = float(np.diag(problem.Q) @ spread**2) or 1.0
     widths = [spread]
-    for matrix, prices in ((step.B, np.diag(step.R)), (E, np.full(E.shape[1], step.delta**2))):
+    for matrix, prices in (
+        (problem.B, np.diag(problem.R)),
+        (E, np.full(E.shape[1], problem.delta**2)),
+    ):
         reach = np.abs(matrix / spread[:, None]).max(axis=0)
         farthest = 1.0 / np.where(reach > 0.0, reach, 1.0)
         widths.append(np.minimum(farthest, np.sqrt(cost / prices)))
     sizes = np.concatenate(widths)
     count = STEPS_PER_WEIGHT * len(sizes) * (len(sizes) + 1) // 2
     together = np.random.default_rng(seed).uniform(-sizes, sizes, (count, len(sizes)))
-    n, m = step.B.shape
+    n, m = problem.B.shape
     states, inputs, disturbances = np.split(together, [n, n + m], axis=1)
-    next_states = states @ step.A.T + inputs @ step.B.T + disturbances @ E.T
+    next_states = states @ problem.A.T + inputs @ problem.B.T + disturbances @ E.T
     return Steps(states, inputs, disturbances, next_states)
 
 
@@ -104,7 +106,7 @@ class Learned(NamedTuple):
 
 
 def learn_steps(
-    problem: DiscreteGame,
+    problem: Game,
     seed: int = 0,
     *,
     steps: Steps | None = None,
@@ -120,10 +122,16 @@ def learn_steps(
     steps: recorded steps, by default `random_steps`
     progress: called before each block of value iterations, or None
 
-    Raises BadInputError if the steps do not determine H or do not have the columns of the game.
+    Raises BadInputError if R is singular, or if the steps do not determine H or do not have the
+    columns of the game.
     Raises NoSolutionError if the disturbance gains more than it costs, or if the iteration diverges
     or does not converge.
     """
+    if not is_definite(problem.R):
+        raise BadInputError(
+            "R is singular: Q-learning begins with the cost of one step, which then has no minimum"
+            " over u; give R > 0, or solve the game with hfa.solve"
+        )
     recorded = random_steps(problem, seed) if steps is None else steps
     learner = _QLearner.of(problem, recorded)
     H = None
@@ -178,7 +186,7 @@ class _QLearner:
     inverse: pseudoinverse of the features, (M, N)
     """
 
-    problem: DiscreteGame
+    problem: Game
     steps: Steps
     cost: np.ndarray
     scales: np.ndarray
@@ -187,9 +195,9 @@ class _QLearner:
     inverse: np.ndarray
 
     @classmethod
-    def of(cls, problem: DiscreteGame, steps: Steps) -> _QLearner:
+    def of(cls, problem: Game, steps: Steps) -> _QLearner:
         together = steps.together
-        cost = problem.q_function(np.zeros_like(problem.step.A))
+        cost = q_function(problem, np.zeros_like(problem.A))
         if together.shape[1] != len(cost):
             raise BadInputError(
                 f"the steps have {together.shape[1]} columns of x, u and w, but the game "
@@ -214,7 +222,7 @@ class _QLearner:
 
     @cached_property
     def _of_costs(self) -> np.ndarray:
-        """Weights (M,) of H fitted to the costs of the steps, without the cost after the step."""
+        """Weights (M,) of H fitted to the costs of the steps, without the cost after them."""
         return self.inverse @ self.costs
 
     @cached_property
@@ -235,7 +243,7 @@ class _QLearner:
         """
         weights = self._of_costs
         if H is not None:
-            P = self.problem.of_q_function(H)["P"]
+            P = of_q_function(self.problem, H)["P"]
             weights = weights + self._of_next_states @ _weights(P)
         H = self._H(weights)
         if not np.abs(H).max() <= LARGEST_CRITIC_ENTRY:
@@ -244,7 +252,7 @@ class _QLearner:
             )
         if not self.has_saddle(H):
             raise NoSolutionError(
-                f"at delta = {self.problem.step.delta:g}, the disturbance increases the cost "
+                f"at delta = {self.problem.delta:g}, the disturbance increases the cost "
                 "without bound; choose a larger delta (`hfa solve` reports the smallest)"
             )
         return H
@@ -255,7 +263,7 @@ class _QLearner:
         The policies are applied in all steps after the first. The weights h of the returned
         function solve h = inverse (costs + α features(x⁺) h).
         """
-        parts = self.problem.of_q_function(H)
+        parts = of_q_function(self.problem, H)
         policy = np.vstack([-parts["K"], *([parts["L"]] if "L" in parts else [])])
         after = self.steps.next_states
         moved = _products(np.hstack([after, after @ policy.T]) / self.scales)
@@ -264,7 +272,7 @@ class _QLearner:
 
     def has_saddle(self, H: np.ndarray) -> bool:
         """Return whether the quadratic form of H has a minimum over u and a maximum over w."""
-        n, m = self.problem.step.B.shape
+        n, m = self.problem.B.shape
         scaled = H * np.outer(self.scales, self.scales)
         of_inputs = np.linalg.eigvalsh(scaled[n : n + m, n : n + m])
         of_disturbances = np.linalg.eigvalsh(scaled[n + m :, n + m :])
@@ -275,7 +283,7 @@ class _QLearner:
         together = self.steps.together
         values = np.einsum("ji,ik,jk->j", together, H, together)
         moved = self.steps.next_states
-        P = self.problem.of_q_function(H)["P"]
+        P = of_q_function(self.problem, H)["P"]
         after = self.problem.discount * np.einsum("ji,ik,jk->j", moved, P, moved)
         error = np.linalg.norm(values - self.costs - after)
         terms = np.abs(values) + np.abs(self.costs) + np.abs(after)
@@ -294,14 +302,14 @@ class _QLearner:
 
         before, after: H of consecutive iterations
         """
-        n, m = self.problem.step.B.shape
+        n, m = self.problem.B.shape
         squares = np.outer(self.scales, self.scales)
         change = np.abs((after - before) * squares)[:n, :n].max()
         size = np.abs(after * squares)[:n, :n].max()
         if not (change <= SETTLED * size and self.has_saddle(after)):
             return False
         A, B, E = np.split(self._fitted_steps(), [n, n + m], axis=1)
-        policies = self.problem.of_q_function(after)
+        policies = of_q_function(self.problem, after)
         loops = [A - B @ policies["K"]]
         if "L" in policies:
             loops.append(loops[0] + E @ policies["L"])
@@ -334,7 +342,7 @@ def _training_run(learner: _QLearner, rows: list[tuple[int, np.ndarray]], seed: 
     seed: seed of the random steps
     """
     residuals = [learner.residual(H) for _, H in rows]
-    parts = [learner.problem.of_q_function(H) for _, H in rows]
+    parts = [of_q_function(learner.problem, H) for _, H in rows]
     of_cost = np.array([residual.of_cost for residual in residuals])
     return TrainingRun(
         law="Q-learning",
@@ -346,7 +354,7 @@ def _training_run(learner: _QLearner, rows: list[tuple[int, np.ndarray]], seed: 
         K=parts[-1]["K"],
         excitation=excitation(learner.features),
         seed=seed,
-        names=learner.problem.step.names,
+        names=learner.problem.names,
         clock="iterations",
         H=rows[-1][1],
     )

@@ -96,8 +96,9 @@ def record(game: Game, states: np.ndarray) -> Stack:
     game: the game, with A
     states: (N, n)
 
-    Raises BadInputError if the states are not (N, n).
+    Raises BadInputError if the states are not (N, n), or if the game is in discrete time.
     """
+    game.refuse_steps("record")
     states = numbers_in("recorded states", states)
     if states.ndim != 2 or states.shape[1] != game.A.shape[0]:
         raise BadInputError(
@@ -115,8 +116,8 @@ def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | Non
     seed: the same seed gives the same states
     half_widths: half-widths of the box, (n,); by default `natural_spread`
 
-    Raises BadInputError if `half_widths` are not n positive numbers, or count or seed is out of
-    range.
+    Raises BadInputError if `half_widths` are not n positive numbers, if count or seed is out of
+    range, or if the game is in discrete time.
 
     >>> import hfa
     >>> from controller import random_pool
@@ -124,6 +125,7 @@ def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | Non
     >>> random_pool(game, 100, seed=1).states.shape
     (100, 1)
     """
+    game.refuse_steps("random_pool")
     refuse_unless_whole("count", count, 1)
     refuse_unless_whole("seed", seed, 0)
     n = game.A.shape[0]

@@ -20,11 +20,9 @@ import numpy as np
 from controller.game.zero_sum import Game, check_definite
 from controller.plant.plant_axes import Axes
 from controller.plant.plant_side import Side
-from controller.plant.value_error import value_error
 from controller.riccati.balancing import spectrum
 from controller.riccati.certificate import certified_solution
 from controller.riccati.delta_search import Answer, smallest_delta
-from controller.riccati.existence import Found, solution_that_holds, value_found
 from controller.riccati.frequency_response import (
     peak_gain,
     responses,
@@ -33,7 +31,7 @@ from controller.riccati.frequency_response import (
     system_gain,
 )
 from controller.riccati.normal_form import RANK, NormalForm
-from controller.riccati.smallest_delta import DeltaMin, obstacle
+from controller.riccati.smallest_delta import DeltaMin
 from hfa_aircraft.readers.matrices_file import entries_of, one_number
 from hfa_support.arguments import checks_arguments
 from hfa_support.arrays.read import read_arrays
@@ -53,12 +51,6 @@ from hfa_support.reporting.results import Matrix
 DERIVATIONS_AGREE = 1e-8
 #: Relative accuracy of delta_min.
 TOLERANCE = 2.5e-7
-#: If δ is within this relative distance of the gain of D11, the existence of a controller is
-#: undecided.
-SHARP = 1e-9
-#: If the error of ρ(XY) exceeds this fraction of ρ(XY) and δ², first order is not accurate, and
-#: nothing is decided.
-FIRST_ORDER = 0.1
 COUPLING = "coupling condition"
 
 #: For control and filter side: messages on an unstable mode that cannot be controlled or observed,
@@ -272,12 +264,6 @@ class GeneralizedPlant(Reported):
         or if rounding hides whether a controller exists.
         """
         check_modes(self)
-        without = conditions(self, math.inf)
-        if not without.exists:
-            raise NoSolutionError(
-                "rounding hides whether a solution without disturbance exists:"
-                f" {_barely_met(self) or without.reason}"
-            )
         begin = max(1.0, 2.0 * self.floor)
         gain = _gain_of_optimal_loop(self.apart)
         if 0.0 < gain < math.inf:
@@ -406,8 +392,7 @@ def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateF
     """Return the certified solution for one δ."""
     answer = conditions(plant, delta)
     if not answer.exists:
-        verdict = "is undecided" if answer.exists is None else "fails"
-        raise NoSolutionError(f"the {answer.condition} {verdict}: {answer.reason}")
+        raise NoSolutionError(f"the {answer.condition} fails: {answer.reason}")
     values: list[np.ndarray] = []
     checks: list[Check] = []
     for side, name in zip(plant.apart.sides, ("control", "filter"), strict=False):
@@ -562,12 +547,11 @@ def loop_checks(
 
 def _gain_of_optimal_loop(plant: GeneralizedPlant) -> float:
     """Return an upper bound of δ_min: the L2 gain from w to z with the H2-optimal controller."""
-    values = []
-    for side in plant.sides:
-        value = solution_that_holds(NormalForm.of(side.game(math.inf)))
-        if value is None:
-            return math.inf
-        values.append(value)
+    forms = [NormalForm.of(side.game(math.inf)) for side in plant.sides]
+    try:
+        values = [form.value(form.unrefined()) for form in forms]
+    except NoSolutionError:
+        return math.inf
     if len(values) == 1:
         _, F = plant.sides[0].policies(values[0], math.inf)
         loop = (plant.A + plant.B2 @ F, plant.B1, plant.C1 + plant.D12 @ F, plant.D11)
@@ -584,23 +568,9 @@ def check_modes(plant: GeneralizedPlant) -> None:
     mode or the zero.
     """
     for side, sentences in zip(plant.sides, _OBSTACLES, strict=False):
-        found = obstacle(NormalForm.of(side.game(math.inf)), *sentences)
-        if found.sentence:
-            raise NoSolutionError(found.sentence)
-        if found.shown <= RANK:  # rounding errors in the entries move a double pole off the axis
-            _, hidden = sentences
-            raise NoSolutionError(hidden.format(found.undamped))
-
-
-def _barely_met(plant: GeneralizedPlant) -> str:
-    """Return a text on modes that are barely controllable or observable, "" without such modes."""
-    verbs = (("u reaches", "z shows"), ("the sensors see", "the disturbance reaches"))
-    sides = zip(plant.sides, _OBSTACLES, verbs, strict=False)
-    found = [
-        obstacle(NormalForm.of(side.game(math.inf)), *sentences).faint(*words)
-        for side, sentences, words in sides
-    ]
-    return "; ".join(text for text in found if text)
+        found = NormalForm.of(side.game(math.inf)).obstacle(*sentences)
+        if found:
+            raise NoSolutionError(found)
 
 
 def _response_difference(one: Controller, other: Controller) -> float:
@@ -621,91 +591,25 @@ def conditions(plant: GeneralizedPlant, delta: float) -> Answer:
     """Return whether the conditions for a controller are satisfied, and the first violated
     condition.
 
-    `exists` is None if rounding leaves a condition undecided. The conditions are evaluated without
-    certificates. Source: Zhou, Doyle and Glover, Theorem 17.1.
+    The conditions are evaluated without certificates. Source: Zhou, Doyle and Glover, Theorem 17.1.
     """
-    if not delta > plant.floor * (1.0 + SHARP):
-        surely = delta < plant.floor * (1.0 - SHARP)
+    if not delta > plant.floor:
         reason = f"D11 alone causes a gain of {plant.floor:.6g} under every controller"
-        return Answer(False if surely else None, reason, "feedthrough condition")
-    plant = plant.apart
-    forms = [side.form(delta) for side in plant.sides]
-    found = []
+        return Answer(False, reason, "feedthrough condition")
+    forms = [NormalForm.of(side.game(delta)) for side in plant.apart.sides]
     for form, equation in zip(forms, _EQUATIONS, strict=False):
-        found.append(value_found(form))
-        if found[-1].answer.exists is False:
-            return found[-1].answer._replace(condition=equation)
-    for each, equation in zip(found, _EQUATIONS, strict=False):
-        if each.answer.exists is None:
-            return each.answer._replace(condition=equation)
-    if len(found) == 1 or math.isinf(delta):
+        answer = form.existence()
+        if not answer.exists:
+            return answer._replace(condition=equation)
+    if len(forms) == 1 or math.isinf(delta):
         return Answer(True)
-    by_signs = _coupling_by_signs(found[0], found[1], delta)
-    if by_signs.exists is not None:
-        return by_signs
-    X, Y = (solution_that_holds(each.form) for each in found)
-    if X is None or Y is None:
-        return Answer(None, "X or Y is too large for double precision", COUPLING)
-    by_radius = _coupling_by_radius(forms, X, Y, delta)
-    if by_radius.exists is None and _keeps_gain(plant, X, Y, delta):
-        return Answer(True)
-    return by_radius
-
-
-def _coupling_by_signs(control: Found, filter_: Found, delta: float) -> Answer:
-    """Return whether ρ(XY) < δ², or None if undecided, provided that X and Y exist."""
-    # With the bases [X1; X2] and [Y1; Y2] of the stable subspaces, the condition is that
-    # [[X1'X2, X2'Y2/δ], [Y2'X2/δ, Y1'Y2]]
-    # is positive definite. The eigenvalues of this matrix are accurate even if X or Y is too large
-    # for double precision. If X or Y is singular and not 0, the matrix is never positive definite,
-    # and the result is None or False.
-    # Source: Benner, Byers, Mehrmann and Xu, A robust numerical method for the γ-iteration in
-    # H-infinity control, Linear Algebra and its Applications 425 (2007).
-    assert control.subspace is not None  # X exists
-    assert filter_.subspace is not None  # Y exists
-    X1, X2 = np.split(control.subspace.basis, 2)
-    Y1, Y2 = np.split(filter_.subspace.basis, 2)
-    if not X2.any() or not Y2.any():
-        return Answer(True)
-    between = control.form.T @ filter_.form.T.T / delta
-    crossed = X2.T @ between @ Y2
-    signs = np.block([[X1.T @ X2, crossed], [crossed.T, Y1.T @ Y2]])
-    smallest = float(np.linalg.eigvalsh((signs + signs.T) / 2.0)[0])
-    turned = control.subspace.error + filter_.subspace.error
-    open_below = turned * (2.0 + float(np.linalg.norm(between, 2)))
-    if smallest > open_below:
-        return Answer(True)
-    if smallest < -open_below:
-        return Answer(False, "rho(XY) is not below delta^2", COUPLING)
-    return Answer(None, "rounding hides whether rho(XY) is below delta^2", COUPLING)
-
-
-def _coupling_by_radius(
-    forms: list[NormalForm], X: np.ndarray, Y: np.ndarray, delta: float
-) -> Answer:
-    """Return whether ρ(XY) < δ², or None if the error of ρ hides the answer."""
-    # ρ(XY) = max a'X a over all a with a a' <= Y. To first order, a change dX of X adds a'(dX)a at
-    # the maximizing a. A change dY of Y adds b'(dY)b, with b = X a ρ^-½.
-    radius, a = _radius(X, Y)
-    if radius == 0.0:
-        return Answer(True)
-    b = X @ a / math.sqrt(radius)
-    by_roots = abs(_radius(Y, X)[0] - radius)  # error of the root of a nearly singular Y or X
-    error = value_error(forms[0], X, a) + value_error(forms[1], Y, b) + by_roots
-    largest = max(radius, delta**2)
-    if not error <= FIRST_ORDER * largest or abs(radius - delta**2) <= error:
-        return Answer(None, "rho(XY) equals delta^2 within rounding", COUPLING)
-    reason = f"rho(XY) = {radius / delta**2:.6g} delta^2"
-    return Answer(True) if radius < delta**2 else Answer(False, reason, COUPLING)
-
-
-def _keeps_gain(plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: float) -> bool:
-    """Return whether the loop with the controller for X and Y has a verified gain below δ."""
     try:
-        controller = central_controller(plant, X, Y, delta)
-        return all(check.ok for check in loop_checks(*closed_plant(plant, controller), delta))
-    except (NoSolutionError, np.linalg.LinAlgError):
-        return False
+        X, Y = (form.value(form.by_schur()) for form in forms)
+    except NoSolutionError as error:
+        return Answer(False, str(error), COUPLING)
+    radius, _ = _radius(X, Y)
+    reason = f"rho(XY) = {radius / delta**2:.6g} delta^2"
+    return Answer(radius < delta**2, reason, COUPLING, 1.0 - radius / delta**2)
 
 
 def _radius(X: np.ndarray, Y: np.ndarray) -> tuple[float, np.ndarray]:

@@ -10,15 +10,13 @@ terms are stored with the game. Source: Zhou, Doyle and Glover, Robust and Optim
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from controller.discrete.feedthrough import without_feedthrough
 from controller.game.zero_sum import Game
-from controller.riccati.normal_form import RANK, NormalForm, Sizes
+from controller.plant.feedthrough import without_feedthrough
+from controller.riccati.normal_form import RANK
 
 
 class Reduced(NamedTuple):
@@ -75,16 +73,6 @@ class Side(NamedTuple):
         A, E, Q = without_feedthrough(A, E, C, D, delta)
         return Game(A=A, B=self.B, E=E, Q=(Q + Q.T) / 2.0, R=self.N.T @ self.N, delta=delta)
 
-    def form(self, delta: float) -> NormalForm:
-        """Return the normal form of the game at δ, with data on its rounding errors.
-
-        The errors are proportional to the magnitudes of the terms from which the matrices of the
-        game are computed. The field `made_of` contains these magnitudes.
-        """
-        form = NormalForm.of(self.game(delta))
-        sizes = self._sizes(delta).in_coordinates(form.T, np.diag(form.units))
-        return replace(form, made_of=sizes)
-
     def policies(self, X: np.ndarray, delta: float) -> tuple[np.ndarray, np.ndarray]:
         """Return F1 of the worst disturbance w = F1 x and F2 of the best input u = F2 x.
 
@@ -109,32 +97,3 @@ class Side(NamedTuple):
         Q, R = np.linalg.qr(self.N, mode="complete")
         m = self.N.shape[1]
         return np.linalg.solve(R[:m], Q[:, :m].T), Q[:, m:].T
-
-    def _sizes(self, delta: float) -> Sizes:
-        """Return magnitudes of the terms from which the matrices of the game at δ are computed."""
-        past, rest = self._split()
-        into = np.abs(self.B) @ np.abs(past)
-        A = np.abs(self.A) + into @ np.abs(self.C)
-        E = np.abs(self.E) + into @ np.abs(self.D)
-        C = np.abs(rest) @ np.abs(self.C)
-        D = np.abs(rest) @ np.abs(self.D)
-        Q = C.T @ C
-        through = self.reduced().D
-        if through.any() and not math.isinf(delta):
-            of_w, root = _inverse_sizes(through.T, D.T, delta)
-            of_z, _ = _inverse_sizes(through, D, delta)
-            A = A + E @ of_w @ D.T @ C / delta**2
-            E = E @ root.T
-            Q = C.T @ of_z @ C
-        scaled = np.abs(np.linalg.solve(np.linalg.cholesky(self.N.T @ self.N), self.B.T)).T
-        return Sizes(A, scaled, E, Q)
-
-
-def _inverse_sizes(D: np.ndarray, sizes: np.ndarray, delta: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return relative bounds |M⁻¹| |M| |M⁻¹| and |L⁻¹| |M| |L⁻¹|' |L⁻¹| of the rounding errors."""
-    # M = I - D D'/δ² = L L'. The bounds are relative to the unit roundoff.
-    M = np.eye(len(D)) - D @ D.T / delta**2
-    parts = np.eye(len(D)) + sizes @ sizes.T / delta**2
-    inverse = np.abs(np.linalg.inv(M))
-    root = np.abs(np.linalg.inv(np.linalg.cholesky(M)))
-    return inverse @ parts @ inverse, root @ parts @ root.T @ root

@@ -105,6 +105,24 @@ def is_hurwitz(matrix: np.ndarray) -> bool:
     return spectrum(matrix).abscissa < 0.0
 
 
+def stability(matrix: np.ndarray, *, is_discrete: bool) -> tuple[float, float]:
+    """Return the abscissa of a loop and 0, or in discrete time its spectral radius and 1.
+
+    The loop is stable if the first number is below the second. It is inf if the loop is not finite.
+    """
+    limit = 1.0 if is_discrete else 0.0
+    if not np.isfinite(matrix).all():
+        return np.inf, limit
+    found = spectrum(matrix)
+    return float(np.abs(found.eigenvalues).max()) if is_discrete else found.abscissa, limit
+
+
+def is_stable(loop: np.ndarray, *, is_discrete: bool) -> bool:
+    """Return whether a loop is stable: Hurwitz, or in discrete time with spectral radius < 1."""
+    value, limit = stability(loop, is_discrete=is_discrete)
+    return value < limit
+
+
 def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the balanced form D⁻¹ M D of a matrix M, (n, n), and the diagonal of D, (n,).
 

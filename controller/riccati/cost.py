@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
-from controller.riccati.balancing import spectrum
+from controller.riccati.balancing import is_stable, spectrum
+from controller.riccati.certificate import form_of
 from controller.riccati.frequency_response import bounded_real_gain
 from controller.riccati.gare import Solution
-from controller.riccati.normal_form import NormalForm
-from hfa_support.reporting.results import Result
+from hfa_support.matrices import spectral_radius
+from hfa_support.reporting.results import Result, given
 
 #: An eigenvalue of P* below this fraction of the largest belongs to a state without cost.
 SIGNLESS = 1e-12
@@ -28,16 +29,16 @@ LOSS_TOLERANCE = 1e-10
 class FlightCost(Result):
     """Cost of u = -K z above the optimum, in percent of the optimal cost z'P*z.
 
-    Each policy's cost is computed under the worst disturbance for this policy. The excess is inf if
-    the cost has no bound. This is the case if the L2 gain is not below delta, or if the loop is
-    unstable.
+    The cost is that under the worst disturbance for the policy, in discrete time under the worst
+    disturbance for the optimum (`loss_matrix`). The excess is inf if the cost has no bound. This is
+    the case if the L2 gain is not below delta, or if the loop is unstable.
 
     worst: largest excess over all initial conditions, percent
     mean: mean excess over initial conditions with the same optimal cost, percent
     gain: L2 gain of u = -K z, which must be below delta
     exact_gain: L2 gain of the optimum
     distance: smallest change of A - B K that gives an undamped mode, relative to the norm of A - B
-        K in balanced units; 0 for an unstable loop
+        K in balanced units; 0 for an unstable loop; None in discrete time
     exact_distance: the same distance for the optimum
     """
 
@@ -45,8 +46,8 @@ class FlightCost(Result):
     mean: float
     gain: float
     exact_gain: float
-    distance: float
-    exact_distance: float
+    distance: float | None
+    exact_distance: float | None
 
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -55,9 +56,10 @@ class FlightCost(Result):
             "cost_lost_mean_percent": self.mean,
             "l2_gain": self.gain,
             "l2_gain_exact": self.exact_gain,
-            "distance_to_instability": self.distance,
-            "distance_to_instability_exact": self.exact_distance,
-        }
+        } | given(
+            distance_to_instability=self.distance,
+            distance_to_instability_exact=self.exact_distance,
+        )
 
 
 def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
@@ -72,21 +74,28 @@ def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
 
     Raises NoSolutionError if rounding hides whether A - B K is stable.
     """
-    exact_gain = bounded_real_gain(game, exact.K)
-    exact_distance = spectrum(game.A - game.B @ exact.K).axis_distance()
-    is_moderate = np.all(np.abs(K) <= LARGEST_CRITIC_ENTRY)
-    loop = spectrum(game.A - game.B @ K) if is_moderate else None
-    if loop is None or loop.abscissa >= 0.0:
-        return FlightCost(math.inf, math.inf, math.inf, exact_gain, 0.0, exact_distance)
-    worst, mean = cost_above_optimum(game, exact, K)
+    infinite = math.inf, math.inf
+    is_moderate = bool(np.all(np.abs(K) <= LARGEST_CRITIC_ENTRY))
+    stable = is_moderate and is_stable(game.A - game.B @ K, is_discrete=game.is_discrete)
+    worst, mean = cost_above_optimum(game, exact, K) if stable else infinite
     return FlightCost(
         worst=100.0 * worst,
         mean=100.0 * mean,
-        gain=bounded_real_gain(game, K),
-        exact_gain=exact_gain,
-        distance=loop.axis_distance(),
-        exact_distance=exact_distance,
+        gain=bounded_real_gain(game, K) if is_moderate else math.inf,
+        exact_gain=bounded_real_gain(game, exact.K),
+        distance=_distance(game, K if stable else None),
+        exact_distance=_distance(game, exact.K),
     )
+
+
+def _distance(game: Game, K: np.ndarray | None) -> float | None:
+    """Return the relative distance of A - B K from the imaginary axis, or None in discrete time.
+
+    K: (m, n), or None if it does not stabilize
+    """
+    if game.is_discrete:
+        return None
+    return 0.0 if K is None else spectrum(game.A - game.B @ K).axis_distance()
 
 
 def cost_above_optimum(game: Game, exact: Solution, K: np.ndarray) -> tuple[float, float]:
@@ -104,7 +113,7 @@ def cost_above_optimum(game: Game, exact: Solution, K: np.ndarray) -> tuple[floa
     D = loss_matrix(game, exact, K)
     if D is None:
         return math.inf, math.inf
-    return excess_ratios(D, exact.P, NormalForm.of(game).units)
+    return excess_ratios(D, exact.P, form_of(game).units)
 
 
 def excess_ratios(D: np.ndarray, P: np.ndarray, units: np.ndarray) -> tuple[float, float]:
@@ -139,17 +148,36 @@ def loss_matrix(game: Game, exact: Solution, K: np.ndarray) -> np.ndarray | None
     Small losses therefore keep their digits. The result is also None if the iteration does not
     converge.
 
+    In discrete time, the cost is that under w = L* z, the worst disturbance for the optimum:
+
+    D = α F'D F + (K - K*)'(R + α B'P* B)(K - K*)
+
     game: the game
     exact: solution of the game, with P*, K* and L*
     K: (m, n), stabilizing
     """
-    from scipy.linalg import solve_continuous_lyapunov
+    units = form_of(game).units
+    D = _loss_in_units(game, exact, K, units)
+    return None if D is None else D / np.outer(units, units)
 
-    change = K - exact.K
-    charge = change.T @ game.R @ change
-    spread = game.S_disturbance / game.delta**2
-    start = game.A - game.B @ K + game.E @ exact.disturbance_gain
-    D = np.zeros_like(game.A)
+
+def _loss_in_units(
+    game: Game, exact: Solution, K: np.ndarray, units: np.ndarray
+) -> np.ndarray | None:
+    """Return the `loss_matrix` for states in balanced units, in which the equations are solved."""
+    from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
+
+    change = (K - exact.K) * units
+    charge = change.T @ exact.price @ change
+    loop = game.A - game.B @ K + game.E @ exact.disturbance_gain
+    start = math.sqrt(game.discount) * loop * units / units[:, None]
+    if game.is_discrete:
+        if not spectral_radius(start) < 1.0:
+            return None
+        return np.asarray(solve_discrete_lyapunov(start.T, charge))
+    E = game.E / units[:, None] / game.delta
+    spread = E @ E.T
+    D = np.zeros_like(start)
     for _ in range(MAX_STEPS):
         F = start + spread @ D
         try:

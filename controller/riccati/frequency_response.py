@@ -2,38 +2,49 @@
 
 The closed loop is z' = (A - B K) z + E d with the output y = (Q^½ z, R^½ u) and u = -K z. Its gain
 is sup ‖y‖₂/‖d‖₂ = max_ω σ_max(C (jω I - A + B K)⁻¹ E), C'C = Q + K'R K. The solution of the game
-has a gain below δ. `gain_sweep.py` computes the gain independently, by a frequency sweep.
+has a gain below δ.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import is_hurwitz, norms, spectrum
+from controller.riccati.balancing import balanced, norms, spectrum
+from controller.riccati.bilinear import System, in_continuous_time
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
+from hfa_support.matrices import spectral_radius
 
 TOLERANCE = 1e-9
 #: A gain below this fraction of ‖C‖ ‖E‖ / ‖A - B K‖ is rounding: the disturbance does not affect
 #: the output.
 ZERO = 1e-12
+#: An eigenvalue with |Re λ| up to this fraction of the largest may be on the axis.
+NEAR_AXIS = 1e-6
+#: Number of the least damped poles near whose frequencies the search for a gain begins.
+STARTS = 4
 #: Largest number of entries of the matrices that are solved at once: 64 MB.
 _LARGEST = 2**22
-#: A - B K, E and C of a closed loop.
-Triple = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def level_crossings(
-    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level: float
+    A: np.ndarray,
+    B: np.ndarray,
+    C: np.ndarray,
+    D: np.ndarray,
+    level: float,
+    width: float = math.inf,
 ) -> np.ndarray:
     """Return all frequencies at which a singular value of C (jω I - A)⁻¹ B + D may equal a level.
 
     The frequencies, in rad/s and ascending, are |Im λ| of all eigenvalues λ of the bounded-real
-    Hamiltonian, including those off the imaginary axis. The level must not be a singular value of
-    D.
+    Hamiltonian with |Re λ| <= width |λ| of the largest, by default of all. The level must not be a
+    singular value of D.
     Source: Zhou, Doyle and Glover, Section 4.7.
     """
     free = level**2 * np.eye(D.shape[1]) - D.T @ D
@@ -45,7 +56,9 @@ def level_crossings(
     ratio = math.sqrt((np.linalg.norm(into) or 1.0) / (np.linalg.norm(out) or 1.0))
     loop = A + B @ by_output
     H = np.block([[loop, into / ratio], [-out * ratio, -loop.T]])
-    return np.unique(np.abs(spectrum(H).eigenvalues.imag))
+    roots = np.linalg.eigvals(balanced(H)[0])
+    near = np.abs(roots.real) <= width * np.abs(roots).max()
+    return np.unique(np.abs(roots.imag[near]))
 
 
 def peak_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level: float) -> float:
@@ -80,20 +93,54 @@ def peak_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level:
 def bounded_real_gain(game: Game, K: np.ndarray) -> float:
     """Return the L2 gain of the closed loop with u = -K z, from the disturbance to (Q^½ z, R^½ u).
 
-    The result is inf if the loop is not stable (`system_gain`).
+    In discrete time, signals are weighted by α^(k/2), as their squares are in the cost. The result
+    is inf if the loop is not stable (`system_gain`).
 
     K: (m, n)
 
     Raises BadInputError if K is not a real m x n matrix, and NoSolutionError as `system_gain` does.
     """
-    loop, E, C = closed_loop(game, K)
-    return system_gain(loop, E, C, np.zeros((len(C), E.shape[1])))
+    return loop_gain(game, K).high
 
 
-def closed_loop(game: Game, K: np.ndarray) -> Triple:
-    """Return the closed loop of u = -K z as (A - B K, E, C), with C'C = Q + K'R K.
+class LoopGain(NamedTuple):
+    """Bounds of the L2 gain of a closed loop.
 
-    C z is the output (Q^½ z, R^½ u). With cross weights N, C'C = Q - N K - K'N' + K'R K.
+    low, high: bounds, inf for an unstable loop
+    point: s = jω, or in discrete time z = exp(jω), at which the response has the gain `low`
+    """
+
+    low: float
+    high: float
+    point: complex
+
+
+def loop_gain(game: Game, K: np.ndarray) -> LoopGain:
+    """Return the bounds of the L2 gain of the `closed_loop` of u = -K z.
+
+    K: (m, n)
+
+    Raises BadInputError if K is not a real m x n matrix, and NoSolutionError as `system_gain` does.
+    """
+    loop = closed_loop(game, K)
+    if not game.is_discrete:
+        low, high, frequency = gain_bounds(*loop)
+        return LoopGain(low, high, 1j * frequency)
+    if not spectral_radius(loop.A) < 1.0:
+        return LoopGain(math.inf, math.inf, 1.0)
+    # The gain at infinite frequency, z = -1, makes the search inaccurate. It is the smaller one of
+    # those at z = 1 and -1 if z and A change their sign where necessary.
+    ends = [np.linalg.norm(loop.C @ responses_at(loop.A, loop.B, z), 2) for z in (1.0, -1.0)]
+    sign = 1.0 if ends[0] >= ends[1] else -1.0
+    low, high, frequency = gain_bounds(*in_continuous_time(loop._replace(A=sign * loop.A)))
+    return LoopGain(low, high, sign * cmath.exp(2j * math.atan(frequency)))
+
+
+def closed_loop(game: Game, K: np.ndarray) -> System:
+    """Return the closed loop of u = -K z as (A - B K, E, C, 0), with C'C = Q + K'R K.
+
+    C z is the output (Q^½ z, R^½ u). With cross weights N, C'C = Q - N K - K'N' + K'R K. In
+    discrete time, the loop of the signals weighted by α^(k/2) has √α (A - B K) and √α E.
 
     K: (m, n)
 
@@ -102,7 +149,9 @@ def closed_loop(game: Game, K: np.ndarray) -> Triple:
     K = game.checked_gain(K)
     state_cost = square_root(game.without_cross_weights.Q)
     C = np.vstack([state_cost, square_root(game.R) @ (K - game.F)])
-    return game.A - game.B @ K, game.E, C
+    root = math.sqrt(game.discount)
+    nothing = np.zeros((len(C), game.E.shape[1]))
+    return System(root * (game.A - game.B @ K), root * game.E, C, nothing)
 
 
 def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
@@ -114,16 +163,48 @@ def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> f
 
     Raises NoSolutionError if a pole is on the imaginary axis within rounding.
     """
-    if not is_hurwitz(A):
-        return math.inf
+    return gain_bounds(A, B, C, D)[1]
+
+
+def gain_bounds(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray
+) -> tuple[float, float, float]:
+    """Return a gain of C (sI - A)⁻¹ B + D, an upper bound of all its gains, and the frequency of
+    the first, rad/s.
+
+    The bounds differ by `TOLERANCE`. The lower one is the largest singular value at the frequency.
+    Above the upper one, the bounded-real Hamiltonian has no eigenvalue on the imaginary axis.
+    Source: Bruinsma and Steinbuch, Systems and Control Letters 14 (1990), 287-293.
+
+    Raises NoSolutionError if a pole is on the imaginary axis within rounding.
+    """
+    poles = spectrum(A).eigenvalues
+    if poles.real.max() >= 0.0:
+        return math.inf, math.inf, float(abs(poles[-1].imag))
+    if len(C) > len(A) and not D.any():
+        C = np.linalg.qr(C).R  # the same gains by fewer outputs
+        D = D[: len(C)]
     typical = float(np.linalg.norm(C) * np.linalg.norm(B) / np.linalg.norm(A, 2))
-    level = ZERO * typical
-    while level > 0.0:
-        peak = peak_gain(A, B, C, D, level)
-        if not peak >= level:
+    through = float(np.linalg.norm(D, 2)) if D.size else 0.0
+    if typical == 0.0:
+        return through, through, 0.0
+    likely = poles[np.argsort(-poles.real / np.abs(poles))[:STARTS]]
+    frequencies = np.unique(np.concatenate([[0.0], np.abs(likely), np.abs(likely.imag)]))
+    low, at = max(ZERO * typical, through), math.inf
+    is_first = True
+    while len(frequencies):
+        gains = gains_at(A, B, C, D, frequencies, 1.0)
+        place = int(gains.argmax())
+        if gains[place] > low:
+            low, at = float(gains[place]), float(frequencies[place])
+        elif not is_first:  # crossings without a larger gain are rounding
             break
-        level = peak * (1.0 + TOLERANCE)
-    return level if level > 10.0 * ZERO * typical else 0.0
+        is_first = False
+        near = level_crossings(A, B, C, D, low * (1.0 + TOLERANCE), NEAR_AXIS)
+        frequencies = (near[1:] + near[:-1]) / 2.0 if len(near) > 1 else near
+    if low <= max(10.0 * ZERO * typical, through):
+        return (through, through, at) if through else (0.0, 0.0, 0.0)
+    return low, low * (1.0 + TOLERANCE), at
 
 
 def gains_at(
@@ -153,6 +234,11 @@ def gains_at(
 def _together(size: int) -> int:
     """Return how many matrices of so many entries are in memory at once."""
     return max(1, _LARGEST // max(size, 1))
+
+
+def responses_at(loop: np.ndarray, B: np.ndarray, point: complex) -> np.ndarray:
+    """Return (s I - loop)⁻¹ B, (n, m), at one point s or z."""
+    return np.linalg.solve(point * np.eye(len(loop)) - loop, B)
 
 
 def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.ndarray:

@@ -1,24 +1,21 @@
-"""Exact solution of the zero-sum game on a linear model: certified, and confirmed by its cost."""
+"""Exact solution of a zero-sum game, in continuous or in discrete time, with its certificate."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controller.game.q_function import q_function
 from controller.game.zero_sum import Game
-from controller.riccati.certificate import (
-    Certificate,
-    Certified,
-    certified_solution,
-)
+from controller.riccati.balancing import is_stable, spectrum
+from controller.riccati.certificate import Certificate, Certified, certified_solution, form_of
+from controller.riccati.form import Form
 from controller.riccati.loop_margins import LoopMargin, loop_margins, named_margins
 from controller.riccati.margins import DiskMargin, disk_margin
 from controller.riccati.meaning import meaning_checks
-from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin, smallest_delta_of, why_refused
 from hfa_aircraft.names import PlantNames
 from hfa_support.arguments import ArrayLike, checks_arguments, need
@@ -26,7 +23,7 @@ from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result, Roots
+from hfa_support.reporting.results import Matrix, Result, Roots, given
 
 if TYPE_CHECKING:
     import control
@@ -43,12 +40,10 @@ class Solution(Result, Reported):
     disturbance_gain: L, (k, n), of the worst disturbance d = L z
     game: the game
     certificate: the tests that P passed
-    closed_loop_eigenvalues: eigenvalues of A - B K, the loop without disturbance, 1/s
-    worst_case_eigenvalues: eigenvalues of A - S P = A - B K + E L, the loop under the worst
-        disturbance, 1/s
-    abscissa_error: change of the largest real part of the eigenvalues of A - B K by rounding of A,
-        B and K, 1/s, to first order
     meaning: checks of the cost and the L2 gain of the policies, () if they were not made
+
+    The eigenvalues of a game in discrete time are those of a step. With a discount, the optimal
+    policy may not stabilize the plant (`is_stable`).
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
@@ -64,9 +59,6 @@ class Solution(Result, Reported):
     disturbance_gain: Matrix
     game: Game
     certificate: Certificate
-    closed_loop_eigenvalues: Roots
-    worst_case_eigenvalues: Roots
-    abscissa_error: float
     meaning: tuple[Check, ...] = ()
 
     @property
@@ -75,9 +67,40 @@ class Solution(Result, Reported):
         return self.game.delta
 
     @property
+    def discount(self) -> float | None:
+        """Discount α of one step, or None in continuous time."""
+        return self.game.discount if self.game.is_discrete else None
+
+    @property
+    def spectral_radius(self) -> float | None:
+        """Spectral radius of A - B K in discrete time, otherwise None."""
+        return float(np.abs(self.poles()).max()) if self.game.is_discrete else None
+
+    @property
+    def H(self) -> Matrix | None:
+        """Matrix of the Q-function over (x, u, w), or (x, u), in discrete time, otherwise None."""
+        return q_function(self.game, self.P) if self.game.is_discrete else None
+
+    @property
+    def price(self) -> np.ndarray:
+        """Weight of u - u* in the cost above V*: R, in discrete time R + α B'P B, (m, m)."""
+        return self.game.price(self.P)
+
+    @property
     def names(self) -> PlantNames:
         """Names and units of the game's states and inputs."""
         return self.game.names
+
+    @cached_property
+    def closed_loop_eigenvalues(self) -> Roots:
+        """Eigenvalues of A - B K, the loop without disturbance, (n,), 1/s."""
+        return spectrum(self.game.A - self.game.B @ self.K).eigenvalues
+
+    @cached_property
+    def worst_case_eigenvalues(self) -> Roots:
+        """Eigenvalues of A - B K + E L, the loop under the worst disturbance, (n,), 1/s."""
+        worst = self.game.E @ self.disturbance_gain - self.game.B @ self.K
+        return spectrum(self.game.A + worst).eigenvalues
 
     @property
     def closed_loop(self) -> control.StateSpace:
@@ -90,7 +113,8 @@ class Solution(Result, Reported):
         game = self.game
         A = game.A - game.B @ self.K
         states = list(self.names.states)
-        return control.ss(A, game.E, np.eye(len(A)), 0, states=states, outputs=states)
+        time = {"states": states, "outputs": states, "dt": game.dt or 0}
+        return control.ss(A, game.E, np.eye(len(A)), 0, **time)
 
     def poles(self) -> np.ndarray:
         """Return the eigenvalues of A - B K, (n,) complex, 1/s."""
@@ -98,13 +122,14 @@ class Solution(Result, Reported):
 
     @property
     def is_stable(self) -> bool:
-        """True if every eigenvalue of A - B K has a real part below -`abscissa_error`."""
-        return bool(self.closed_loop_eigenvalues.real.max() < -self.abscissa_error)
+        """True if A - B K is stable."""
+        game = self.game
+        return is_stable(game.A - game.B @ self.K, is_discrete=game.is_discrete)
 
     @cached_property
     def smallest(self) -> DeltaMin:
         """Bounds of the smallest delta that has a solution."""
-        return smallest_delta_of(NormalForm.of(self.game))
+        return smallest_delta_of(form_of(self.game))
 
     @property
     def delta_min(self) -> float:
@@ -118,25 +143,18 @@ class Solution(Result, Reported):
 
     @cached_property
     def loops(self) -> tuple[LoopMargin, ...]:
-        """Margins at each input, with the loops of the other inputs closed."""
-        return loop_margins(*self._balanced)
+        """Margins at each input, with the loops of the other inputs closed; () if not stable."""
+        return loop_margins(self.game, self.K) if self.is_stable else ()
 
     @property
-    def loop_margins(self) -> dict[str, dict[str, float]]:
-        """Stability margins, input -> name of the margin -> value (`named_margins`)."""
-        return named_margins(self.names.inputs, self.loops)
+    def loop_margins(self) -> dict[str, dict[str, float]] | None:
+        """Stability margins, input -> name of the margin -> value (`named_margins`), or None."""
+        return named_margins(self.names.inputs, self.loops) if self.loops else None
 
     @cached_property
-    def disk_margin(self) -> DiskMargin:
-        """Disk margin for all inputs together."""
-        return disk_margin(*self._balanced)
-
-    @property
-    def _balanced(self) -> tuple[Game, np.ndarray]:
-        """The game in normal form and its gain K there, so that margins do not depend on units."""
-        solved = certified(NormalForm.of(self.game))
-        balanced = solved.form.game()
-        return balanced, balanced.gain(solved.X)
+    def disk_margin(self) -> DiskMargin | None:
+        """Disk margin for all inputs together, or None without stability."""
+        return disk_margin(self.game, self.K) if self.is_stable else None
 
     def cost(self, z: ArrayLike) -> float:
         """Return z'P z, the value of the game from the initial state z, (n,).
@@ -163,14 +181,17 @@ class Solution(Result, Reported):
             "certificate": self.certificate,
             "closed_loop_eigenvalues": self.closed_loop_eigenvalues,
             "worst_case_eigenvalues": self.worst_case_eigenvalues,
-            "closed_loop_abscissa_error": self.abscissa_error,
             "meaning": self.meaning,
             "delta": self.delta,
             "delta_min": self.delta_min,
             "delta_margin": self.delta_margin,
-            "loop_margins": self.loop_margins,
-            "disk_margin": self.disk_margin,
-        }
+        } | given(
+            discount=self.discount,
+            spectral_radius=self.spectral_radius,
+            H=self.H,
+            loop_margins=self.loop_margins,
+            disk_margin=self.disk_margin,
+        )
 
     def report(self) -> Report:
         """Return a report of the solution: P, K, eigenvalues, checks, delta_min and margins."""
@@ -185,10 +206,14 @@ def solve(game: Game, progress: Progress | None = None) -> Solution:
 
     A'P + P A + Q - P S P = 0,  K = R⁻¹B'P,  L = δ⁻²E'P,  S = B R⁻¹ B' - δ⁻²E E'
 
+    In discrete time, with G = [√α B  √α E/δ] and W = blkdiag(R, -I):
+
+    P = Q + α A'P A - √α A'P G (W + G'P G)⁻¹ √α G'P A,  [K; -δL] = (W + G'P G)⁻¹ √α G'P A
+
     With cross weights N, A is replaced by A - B R⁻¹N', Q by Q - N R⁻¹N', and K is R⁻¹(B'P + N').
 
     The certificate is a set of tests of P. The cost and the L2 gain of the policies confirm it. All
-    tests are made in normal form. The verdict therefore does not depend on the user's units.
+    tests are made in balanced units. The verdict therefore does not depend on the user's units.
 
     game: the game
     progress: called by the search for delta_min, which runs only if there is no solution
@@ -205,9 +230,9 @@ def solve(game: Game, progress: Progress | None = None) -> Solution:
     ([[3.0972]], 1.0)
     """
     need(game, Game, "solve: game", "a game: hfa.game(linear, Q, R, delta)")
-    form = NormalForm.of(game)
+    form = form_of(game)
     solved = certified(form, progress)
-    meaning = meaning_checks(solved.form.game(), solved.X, np.ones(len(solved.X)))
+    meaning = meaning_checks(form.game(), solved.X, np.ones(len(solved.X)))
     for check in meaning:
         if not check.ok:
             unconfirmed = f"certified, but not confirmed: {check.name}: {check.reason}"
@@ -222,14 +247,24 @@ def unconfirmed_solution(game: Game) -> Solution:
     For searches and sweeps that solve many games. The arguments and errors are those of `solve`.
     """
     need(game, Game, "unconfirmed_solution: game", "a game: hfa.game(linear, Q, R, delta)")
-    form = NormalForm.of(game)
+    form = form_of(game)
     return solution_of(form, certified(form), game)
 
 
-def certified(form: NormalForm, progress: Progress | None = None) -> Certified:
+def quick_solution(game: Game) -> tuple[np.ndarray, np.ndarray]:
+    """Return P and K of a game without refinement and without a certificate, for searches.
+
+    Raises NoSolutionError if no solution exists.
+    """
+    form = form_of(game)
+    P = form.value(form.unrefined())
+    return P, game.gain(P)
+
+
+def certified(form: Form, progress: Progress | None = None) -> Certified:
     """Return the certified solution of a game.
 
-    form: normal form of the game
+    form: form of the game
     progress: called by the search for delta_min, which runs only if there is no solution
 
     Raises NoSolutionError if there is no certified solution. The message contains the failed test
@@ -241,52 +276,15 @@ def certified(form: NormalForm, progress: Progress | None = None) -> Certified:
         raise NoSolutionError(why_refused(form, str(failure), progress)) from failure
 
 
-def solution_of(form: NormalForm, certified: Certified, game: Game) -> Solution:
+def solution_of(form: Form, certified: Certified, game: Game) -> Solution:
     """Return the solution of a game in the user's coordinates.
 
-    form: normal form of the game
-    certified: certified solution of the game, possibly in other coordinates
+    form: form of the game
+    certified: certified solution of the game
     game: the game as the user gave it
     """
     X = certified.X
-    accurate = certified.form
-    P = accurate.value(X)
+    P = form.value(X)
+    K, L = form.policies(X)
     P.setflags(write=False)
-    return Solution(
-        P=P,
-        K=accurate.gain(X),
-        disturbance_gain=accurate.disturbance_gain(X),
-        game=game,
-        certificate=certified.certificate,
-        closed_loop_eigenvalues=np.sort_complex(certified.loops.control),
-        worst_case_eigenvalues=np.sort_complex(certified.loops.game),
-        abscissa_error=_abscissa_error(form, certified),
-    )
-
-
-def _abscissa_error(form: NormalForm, certified: Certified) -> float:
-    """Return the change of the largest real part of the eigenvalues of A - B K by rounding, 1/s."""
-    # The result is a first-order bound, or inf if A - B K is defective. Rounding affects A, B and
-    # K. A change D of the matrix moves the eigenvalue with right eigenvector x and left eigenvector
-    # y by y'D x / y'x. Rounding changes A by at most n ε |A|, and the gain by at most n ε |K|, in
-    # the coordinates of the normal form and in those of the solution. Source: Golub and Van Loan,
-    # Matrix Computations, Section 7.2.2.
-    form_of_X = certified.form
-    A = form_of_X.A
-    B = form_of_X.B
-    K = B.T @ certified.X
-    _, values, right, rows = certified.loops  # rows: y with y'x = 1
-    if not np.isfinite(rows).all():
-        return math.inf
-    x = x_in_form = turned_x = np.abs(right)
-    y = y_in_form = np.abs(rows).T
-    if form_of_X is not form:
-        turn = form_of_X.T * form.units  # from one form to the other
-        x_in_form = np.abs(np.linalg.solve(turn, right))
-        turned_x = np.abs(turn) @ x_in_form
-        y_in_form = np.abs(rows @ turn).T
-    moved = y * ((np.abs(A) + np.abs(B) @ np.abs(K)) @ x)
-    moved += y_in_form * (np.abs(form.A) @ x_in_form)
-    through_gain = np.abs(rows @ B).T * (np.abs(K) @ (x + turned_x))
-    rounding = len(A) * np.finfo(float).eps * (moved.sum(axis=0) + through_gain.sum(axis=0))
-    return float((values.real + rounding).max() - values.real.max())
+    return Solution(P=P, K=K, disturbance_gain=L, game=game, certificate=certified.certificate)

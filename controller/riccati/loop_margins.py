@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.gain_sweep import frequency_grid
+from controller.riccati.frequency_grid import frequency_grid
 from controller.riccati.margins import ClosedLoop, disk_of, disk_sizes, loop_at_inputs
 from hfa_support.arguments import ArrayLike, checks_arguments, need
 from trim.linear.linear_model import LinearModel

@@ -17,9 +17,12 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced, spectrum
+from controller.riccati.bilinear import System, in_continuous_time
+from controller.riccati.frequency_grid import frequency_grid
 from controller.riccati.frequency_response import level_crossings, responses
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
+from hfa_support.matrices import spectral_radius
 
 #: Relative distance of the level above the largest bound found. Values below the level everywhere
 #: are proved,
@@ -46,6 +49,8 @@ SMALL_FRACTION = 1e-3
 FARTHEST = 5.0
 
 
+#: Frequencies per decade of the grid where the search begins.
+PER_DECADE = 20
 #: The response at up to this number of frequencies is computed without the Schur form.
 FEW = 4
 #: Number of states that are solved for with one product of matrices.
@@ -159,17 +164,38 @@ def closed_at(closed: np.ndarray, enters: np.ndarray, leaves: np.ndarray) -> Clo
     return ClosedLoop(A, enters / units[:, None], leaves * units, 0.5 * np.eye(len(leaves)))
 
 
+def closed_steps(steps: System, dt: float) -> ClosedLoop:
+    """Return the closed loop M of a system in discrete time, as a system in s = (z - 1) / (z + 1).
+
+    dt: sample time, s
+
+    Raises NoSolutionError if a pole is not stable.
+    """
+    radius = spectral_radius(steps.A)
+    if not radius < 1.0:
+        raise NoSolutionError(
+            f"the loop has the spectral radius {radius:.4g} and no margins; give a stabilizing gain"
+        )
+    A, units = balanced(steps.A)
+    loop = steps._replace(A=A, B=steps.B / units[:, None], C=steps.C * units)
+    return ClosedLoop(*in_continuous_time(loop), dt=dt)
+
+
 def loop_at_inputs(game: Game, K: np.ndarray) -> ClosedLoop:
     """Return M = S - I/2 at all inputs of the closed loop with u = -K z.
 
-    game: the game, for A and B
+    game: the game, for A, B and dt. Where dt is not known, frequencies are in rad per step.
     K: (m, n)
 
     Raises BadInputError if K is not a real m x n matrix, and NoSolutionError if A - B K is not
-    Hurwitz.
+    stable.
     """
     K = game.checked_gain(K)
-    return closed_at(game.A - game.B @ K, game.B, -K)
+    closed = game.A - game.B @ K
+    if not game.is_discrete:
+        return closed_at(closed, game.B, -K)
+    dt = 1.0 if game.dt is True else float(game.dt or 0.0)
+    return closed_steps(System(closed, game.B, -K, 0.5 * np.eye(len(K))), dt)
 
 
 @checks_arguments
@@ -185,7 +211,7 @@ def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
     K: (m, n)
 
     Raises BadInputError if K is not a real m x n matrix, and NoSolutionError if A - B K is not
-    Hurwitz.
+    stable.
     Source: Seiler, Packard and Gahinet, IEEE Control Systems Magazine 40 (2020), 78-95.
     """
     return disk_of(loop_at_inputs(game, K))
@@ -205,11 +231,14 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
     """
     ends = np.unique(np.concatenate([[0.0], np.abs(loop.poles), np.abs(loop.poles.imag)]))
     pieces = list(pairwise([*ends.tolist(), math.inf]))
-    there = loop.at(ends)
+    # The search begins at the largest bound of a grid: at a level next to σ_max(D), rounding hides
+    # the crossings.
+    grid = np.append(frequency_grid(loop.poles, PER_DECADE), near)
+    there = loop.at(grid)
     scalings = _osborne_scaling(there)
     most = scaled_norm(there, scalings).argmax()
     scaling = scalings[most]
-    point = near or float(ends[most])
+    point = float(grid[most])
     frequency = math.inf
     highest = float(scaled_norm(loop.D, best_scaling(loop.D)))
     many = max(MANY // len(loop.D) ** 2, 1)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
+import operator
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from controller.game.weights import matrix_text
-from controller.riccati.balancing import is_hurwitz
-from controller.riccati.certificate import NOTICEABLE, TEST_OF_SENSITIVITY, Certificate
+from controller.game.zero_sum import Game
+from controller.riccati.balancing import stability
 from hfa_support.reporting.checks import checks_block
-from hfa_support.reporting.report import Report
+from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import (
     Table,
     controller_tables,
@@ -27,33 +31,37 @@ def solution_report(solution: Solution) -> Report:
     game = solution.game
     inputs = solution.names.inputs
     states = solution.names.states
-    poles = [value for value in solution.closed_loop_eigenvalues if value.imag >= 0]
     smallest = solution.smallest
-    doubt = ""
-    if smallest.uncertain:
-        doubt = f" (not decided, because of rounding, down to {smallest.refused:.7g})"
-    disk = solution.disk_margin
+    title = (
+        f"Exact game solution for {solution.names.origin}: certified\n"
+        f"delta {solution.delta:.6g}, smallest possible {smallest.value:.7g}"
+        f", margin {solution.delta_margin:.4g}"
+    )
+    if game.is_discrete:
+        title += f", discount {game.discount:g} a step"
+        radius = solution.spectral_radius
+        stabilizes = "stabilizes" if solution.is_stable else "does NOT stabilize"
+        loop = (
+            f"u = -K x {stabilizes}: A - B K has the spectral radius {radius:.7g},"
+            f" sqrt(discount) (A - B K) {_discounted(game, solution.K)[0]:.7g}"
+        )
+    else:
+        poles = [value for value in solution.closed_loop_eigenvalues if value.imag >= 0]
+        loop = f"closed loop A - B K, 1/s: {', '.join(map(eigenvalue_text, poles))}"
     confirmed = (checks_block(solution.meaning),) if solution.meaning else ()
     return Report(
-        title=(
-            f"Exact game solution for {solution.names.origin}: certified\n"
-            f"delta {solution.delta:.6g}, smallest possible {smallest.value:.7g}"
-            f"{doubt}, margin {solution.delta_margin:.4g}"
-        ),
+        title=title,
         parts=(
             "\n".join(_weights(solution)),
             matrix_table("P", states, states, solution.P),
             *controller_tables(
                 {"K": (inputs, states, solution.K)},
-                lambda printed: is_hurwitz(game.A - game.B @ printed["K"]),
+                lambda printed: operator.lt(*_discounted(game, printed["K"])),
             ),
-            *sensitivity_warning(solution.certificate),
-            f"closed loop A - B K, 1/s: {', '.join(map(eigenvalue_text, poles))}",
+            loop,
             checks_block(solution.certificate.checks),
             *confirmed,
-            _margins_table(solution),
-            f"All inputs at once: disk {disk.disk:.4g}, gain {disk.gain:.4g},"
-            f" phase {disk.phase:.4g} deg, at {disk.frequency:.4g} rad/s",
+            *_margins(solution),
         ),
         data=solution.as_data(),
         records=Table(
@@ -63,14 +71,22 @@ def solution_report(solution: Solution) -> Report:
     )
 
 
-def sensitivity_warning(certificate: Certificate) -> Iterator[str]:
-    """Yield a warning if the last digits of the entries of the game change K noticeably."""
-    for check in certificate.checks:
-        if check.name in TEST_OF_SENSITIVITY and check.value > NOTICEABLE:
-            yield (
-                f"WARNING: one unit in the last place of the entries of the game changes K by\n"
-                f"up to {check.value:.2g}, relative; further digits of K have no meaning"
-            )
+def _discounted(game: Game, K: np.ndarray) -> tuple[float, float]:
+    """Return the `stability` of √α (A - B K), on which the cost depends."""
+    loop = math.sqrt(game.discount) * (game.A - game.B @ K)
+    return stability(loop, is_discrete=game.is_discrete)
+
+
+def _margins(solution: Solution) -> Iterator[Part]:
+    """Yield a table with the margins of each input, and those of all inputs, if they are known."""
+    disk = solution.disk_margin
+    if disk is None:
+        return
+    yield _margins_table(solution)
+    yield (
+        f"All inputs at once: disk {disk.disk:.4g}, gain {disk.gain:.4g},"
+        f" phase {disk.phase:.4g} deg, at {disk.frequency:.4g} rad/s"
+    )
 
 
 def _margins_table(solution: Solution) -> Table:

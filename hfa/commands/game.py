@@ -21,7 +21,6 @@ from hfa_support.reporting.results import Matrix, Result, given
 
 if TYPE_CHECKING:
     from controller.critic.training_run import TrainingRun
-    from controller.game.discrete_game import DiscreteGame
     from hfa_aircraft.model import Model
     from trim.linear.linear_model import LinearModel
     from verification.verdict import Verdict
@@ -131,8 +130,8 @@ def solve(request: SolveRequest) -> int:
             request.show(report, notes=report.data["warnings"])
             return 0
     named = request.named_game(arrays)
-    if named.discrete is not None:
-        return _solve_discrete(request, named, named.discrete)
+    if named.game.is_discrete:
+        request.refuse(("draws",), CONTINUOUS)
     with named.asking_for_time():
         solution = gare.solve(named.game, ProgressLine("solve"))
         solved = solution.report()
@@ -146,15 +145,6 @@ def solve(request: SolveRequest) -> int:
         solved = replace(solved, parts=parts).with_data(expanded.data)
     solved = with_tracking(solved, request.reference, named, solution.P, solution.K)
     request.show(solved.with_data(named), figure=figure, notes=named.warnings)
-    return 0
-
-
-def _solve_discrete(request: SolveRequest, named: NamedGame, problem: DiscreteGame) -> int:
-    """Solve a game in discrete time and return the exit code."""
-    from controller.discrete.solution import solve_discrete
-
-    report = solve_discrete(problem, ProgressLine("solve")).report()
-    request.show(report.with_data(named), notes=named.warnings)
     return 0
 
 
@@ -175,19 +165,20 @@ def learn(request: LearnRequest) -> int:
     from verification.critic.critic_check import verify
 
     named = request.named_game()
-    if named.discrete is not None:
-        return _learn_discrete(request, named, named.discrete)
+    if named.game.is_discrete:
+        return _learn_discrete(request, named)
     run = request.learning.learned(named.game)
     return _show_learned(request, named, run, verify(named.game, run))
 
 
-def _learn_discrete(request: LearnRequest, named: NamedGame, problem: DiscreteGame) -> int:
+def _learn_discrete(request: LearnRequest, named: NamedGame) -> int:
     """Learn the solution of a game in discrete time by Q-learning, and return the exit code."""
     from controller.critic.critic import from_q_function
     from controller.learning.q_learning import learn_steps
     from verification.critic.critic_check import verify
 
     request.learning.refuse(("law",), CONTINUOUS)
+    problem = named.game
     run, H = learn_steps(problem, request.learning.seed, progress=ProgressLine("learn"))
     return _show_learned(request, named, run, verify(problem, from_q_function(problem, H)), H)
 

@@ -32,7 +32,6 @@ from verification.verdict import NEAR, Verdict
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from controller.game.discrete_game import DiscreteGame
 
 #: With more files than this, a critic that is not quadratic is simulated from only a few initial
 #: conditions.
@@ -115,7 +114,7 @@ def verify(request: VerifyRequest) -> int:
             "requires a single critic; remove it, or give a single file with --weights",
         )
     named = request.named_game()
-    if named.discrete is not None:
+    if named.game.is_discrete:
         request.refuse(("discount", "dt", "flights", "reference"), CONTINUOUS)
     game = _judged_game(request, named)
     scope = Scope(
@@ -152,14 +151,12 @@ def verify(request: VerifyRequest) -> int:
     return 0 if all(verdict.holds(cost) for verdict in judged) else 1
 
 
-def _judged_game(request: VerifyRequest, named: NamedGame) -> Game | DiscreteGame:
+def _judged_game(request: VerifyRequest, named: NamedGame) -> Game:
     """Return the game whose solution the critics approximate: with --discount, the sampled game."""
     if request.discount is None:
-        return named.discrete or named.game
-    from controller.discrete.solution import sampled
-
+        return named.game
     assert request.dt is not None  # required with --discount
-    return sampled(named.game, request.dt, request.discount)
+    return named.game.sampled(request.dt, request.discount)
 
 
 def _figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
@@ -213,7 +210,7 @@ def _check_file(
     path: Path,
     request: VerifyRequest,
     named: NamedGame,
-    game: Game | DiscreteGame,
+    game: Game,
     scope: Scope,
     *,
     alone: bool,

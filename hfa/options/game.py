@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.discrete_game import DiscreteGame
 from controller.game.linear_game import widths_within_limits
 from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
@@ -150,7 +149,7 @@ class GameGiven(Part):
         if self.plant is not None:
             self.refuse_aircraft(aircraft, trim)
             named = self._game_of_file(self.plant, read)
-            if named.discrete is not None and not may_be_discrete:
+            if named.game.is_discrete and not may_be_discrete:
                 raise BadInputError(
                     f"{self.plant} is in discrete time; give a plant in continuous time, or use hfa"
                     " solve, hfa learn or hfa verify --weights"
@@ -179,7 +178,6 @@ class GameGiven(Part):
             stored.game,
             warnings=stored.notes,
             plant_provenance=stored.provenance,
-            discrete=stored.discrete,
             has_time=stored.has_time,
             weights_from=self.weights.sources("default", stored.stated),
         )
@@ -226,7 +224,6 @@ class NamedGame(Result):
     warnings: notes to print with results
     plant_provenance: provenance of a plant read from a file
     linear: linear model of the aircraft, or None for a plant from a file or a design
-    discrete: game of a discrete-time plant, otherwise None
     has_time: False if the plant file does not state whether time is continuous or discrete
     weights_from: name -> "given", "file", "design" or "default", for Q, R and delta
     """
@@ -235,7 +232,6 @@ class NamedGame(Result):
     warnings: tuple[str, ...] = ()
     plant_provenance: Mapping[str, str] = field(default_factory=dict)
     linear: LinearModel | None = None
-    discrete: DiscreteGame | None = None
     has_time: bool = True
     weights_from: Mapping[str, str] = field(default_factory=dict)
 
@@ -289,10 +285,10 @@ class NamedGame(Result):
 
 def _is_solvable_in_steps(game: Game) -> bool:
     """Return whether the game x⁺ = A x + B u has a solution."""
-    from controller.discrete.solution import solve_discrete
+    from controller.riccati.gare import unconfirmed_solution
 
     try:
-        solve_discrete(DiscreteGame(game))
+        unconfirmed_solution(replace(game, dt=True))
     except NoSolutionError:
         return False
     return True

@@ -129,22 +129,24 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
     # python-control stores 0 or None for continuous time.
     dt = np.asarray(stored.pop("dt", None), dtype=object)
     if np.any((dt != 0) & (dt != None)):  # noqa: E711  entry by entry
-        text = shortened(str(dt.item() if dt.size == 1 else dt.tolist()))
-        raise BadInputError(
-            f'dt = {text} denotes discrete time; set dt = 0, or replace dt with time = "discrete"'
-        )
+        stored["dt"] = dt.item() if dt.size == 1 else dt.tolist()
     return stored, notes
 
 
 def is_discrete(stored: Mapping[str, Any]) -> bool:
-    """Return whether the file of a plant contains time = "discrete".
+    """Return whether the file of a plant contains time = "discrete", or a sample time dt.
+
+    dt = 0 is continuous time, as in python-control.
 
     Raises BadInputError if `time` is neither "discrete" nor "continuous".
     """
     time = words(stored, "time")
     if time and time not in (("discrete",), ("continuous",)):
         raise BadInputError(f'time is {shortened(time[0])}; give "continuous" or "discrete"')
-    return time == ("discrete",)
+    has_dt = "dt" in stored and np.any(stored["dt"])
+    if time == ("continuous",) and has_dt:
+        raise BadInputError('dt denotes discrete time, but time is "continuous"; remove dt or time')
+    return time == ("discrete",) or bool(has_dt)
 
 
 def one_number(name: str, value: Any) -> float:

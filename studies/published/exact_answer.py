@@ -11,8 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from controller.discrete.solution import solve_discrete
-from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import largest
 from controller.riccati.gare import unconfirmed_solution
@@ -72,13 +70,13 @@ class Plant:
             weights[..., m:, m:] = -(self.gamma**2) * np.eye(k)
         return weights
 
-    def game(self) -> Game | DiscreteGame:
-        """Return the plant as a `Game`, or as a `DiscreteGame` in discrete time."""
+    def game(self) -> Game:
+        """Return the plant as a game."""
         E = self.E
         if not E.shape[1]:
             E = np.zeros((len(self.A), 1))
         game = Game(self.A, self.B, E, self.Q, self.R, self.gamma, self.N)
-        return DiscreteGame(game, self.discount) if self.is_discrete else game
+        return replace(game, dt=True, discount=self.discount) if self.is_discrete else game
 
     def with_entry(self, name: str, row: int, column: int, value: float) -> Plant:
         """Return the plant with one entry changed.
@@ -122,10 +120,7 @@ def certified_value(plant: Plant) -> np.ndarray:
 
     Raises NoSolutionError if no solution exists.
     """
-    game = plant.game()
-    if isinstance(game, DiscreteGame):
-        return solve_discrete(game).P
-    return unconfirmed_solution(game).P
+    return unconfirmed_solution(plant.game()).P
 
 
 def rough_values(plants: Plant) -> np.ndarray:

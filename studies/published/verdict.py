@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from controller.critic.critic import from_gain, from_q_function, from_value, from_weights
-from controller.game.discrete_game import DiscreteGame
 from controller.game.weights import weights_line
 from hfa_support.errors import prefix_errors
 from hfa_support.progress import Progress
@@ -145,7 +144,7 @@ def _cost_above_optimum(file: PrintedFile) -> float:
     printed = {name: block.values for name, block in file.answer.items()}
     if "K" in printed:
         critic = from_gain(game, file.signs["K"] * printed["K"])
-    elif isinstance(game, DiscreteGame) and "H" in printed:
+    elif game.is_discrete and "H" in printed:
         critic = from_q_function(game, (printed["H"] + printed["H"].T) / 2.0)
     elif "P" in printed:
         critic = from_value(game, printed["P"])

@@ -8,7 +8,6 @@ from scipy.linalg import block_diag, expm, solve_continuous_are
 
 from controller import bounded_real_gain, minimum_delta
 from controller.riccati.cost import flight_cost
-from controller.riccati.game_batch import solve_games
 from hfa import (
     BadInputError,
     Game,
@@ -150,18 +149,6 @@ def test_critics_are_judged_with_the_cross_weights():
         verdict = verify(game, critic)
         assert not verdict.ok
         assert "without cross weights N" in verdict.reason
-
-
-def test_a_stack_of_games_keeps_the_cross_weights():
-    game = crossed(4)
-    A = np.array([game.A, game.A + 0.1 * np.eye(4)])
-    B = np.array([game.B, 1.1 * game.B])
-    batch = solve_games(A, B, game)
-    for i in range(2):
-        P = solve_continuous_are(A[i], B[i], game.Q, game.R, s=game.N)
-        assert np.allclose(batch.P[i], P, atol=1e-8 * np.abs(P).max())
-        K = np.linalg.solve(game.R, B[i].T @ P + game.N.T)
-        assert np.allclose(batch.K[i], K, atol=1e-8 * np.abs(K).max())
 
 
 def test_the_joint_weight_decides():

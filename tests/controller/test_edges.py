@@ -19,22 +19,21 @@ from controller.critic.critic import from_parts, from_q_function, polynomial_pol
 from controller.critic.critic_file import critic_in
 from controller.critic.reading import Reading
 from controller.game.basis import monomials
-from controller.game.discrete_game import DiscreteGame
 from controller.game.weights import cost_text, nominal_weights
 from controller.game.zero_sum import game_report
 from controller.hfa_game import paper_game
 from controller.learning.q_learning import Steps, learn_steps
 from controller.reference import feedforward
-from controller.riccati.game_batch import solve_games
 from controller.riccati.loop_margins import loop_margins, margins
 from hfa import BadInputError, Game, solve
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.waveform import Waveform
 from hfa_model import LINEAR_STATES, published_models
+from tests.support.steps_of import in_steps
 
 pytestmark = pytest.mark.usefixtures("folder")
 GAME = Game(**SMALL)
-STEP = DiscreteGame(replace(GAME, A=0.2 * GAME.A))
+STEP = in_steps(replace(GAME, A=0.2 * GAME.A))
 CROSSED = replace(GAME, N=[[0.1], [0.2]])
 
 
@@ -90,11 +89,6 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: plant(B2=np.zeros((1, 0)), D12=np.zeros((2, 0))),
         "the plant has no state or no input u",
     ),
-    "stacks": (
-        lambda: solve_games(np.ones((2, 2, 2)), np.ones((3, 2, 1)), GAME),
-        "give stacks (N, n, n) and (N, n, m)",
-    ),
-    "one plant": (lambda: solve_games(np.eye(2), np.ones((2, 1)), GAME), "give stacks (N, n, n)"),
 }  # fmt: skip
 
 

@@ -16,22 +16,18 @@ from strategies import changed_matrix, coordinates, games, in_coordinates
 import hfa
 from controller import load_game, minimum_delta
 from controller.critic.critic import from_gain, from_value
-from controller.discrete.solution import minimum_delta_discrete, sampled, solve_discrete
-from controller.game.discrete_game import DiscreteGame
-from controller.riccati.existence import existence
 from controller.riccati.loop_margins import loop_margins
 from controller.riccati.margins import disk_margin
-from controller.riccati.normal_form import NormalForm
 from hfa import Game, NoSolutionError, solve, verify
 
 #: Relative accuracy of two brackets of delta_min.
 CLOSE = 3e-6
 
 
-def solution_of(problem: Game | DiscreteGame) -> Any:
+def solution_of(problem: Game) -> Any:
     """Return the solution of a game, or None if it is refused."""
     try:
-        return solve(problem) if isinstance(problem, Game) else solve_discrete(problem)
+        return solve(problem)
     except NoSolutionError:
         return None
 
@@ -48,8 +44,8 @@ def test_coordinates_change_no_solution(game: Game, data: st.DataObject) -> None
     smallest = minimum_delta(game)
     assert minimum_delta(other).value == pytest.approx(smallest.value, rel=CLOSE, abs=1e-12)
     if smallest.value > 1e-3 and not smallest.uncertain:
-        assert existence(NormalForm.of(other.with_delta(1.001 * smallest.value))).exists
-        assert existence(NormalForm.of(other.with_delta(0.999 * smallest.value))).exists is False
+        assert solution_of(other.with_delta(1.001 * smallest.value)) is not None
+        assert solution_of(other.with_delta(0.999 * smallest.value)) is None
         game = game.with_delta(3.0 * smallest.value)
         other = other.with_delta(3.0 * smallest.value)
         exact = solve(game)
@@ -157,15 +153,15 @@ def test_coordinates_change_no_discrete_solution(
     game: Game, data: st.DataObject, discount: float, dt: float
 ) -> None:
     """In other coordinates, a game in discrete time has the same delta_min and the same K."""
-    problem = sampled(game, dt, discount)
+    problem = game.sampled(dt, discount)
     exact = solution_of(problem)
     T = data.draw(coordinates(game.A))
     other = in_coordinates(problem, T)
     assume(exact is not None and solution_of(other) is not None)
     K = changed_matrix("K", exact.K, T)
-    np.testing.assert_allclose(solve_discrete(other).K, K, rtol=1e-7, atol=1e-8 * np.abs(K).max())
+    np.testing.assert_allclose(solve(other).K, K, rtol=1e-7, atol=1e-8 * np.abs(K).max())
     try:
-        smallest, found = (minimum_delta_discrete(each) for each in (problem, other))
+        smallest, found = (minimum_delta(each) for each in (problem, other))
     except NoSolutionError as refusal:
         assert "rounding" in str(refusal)  # noqa: PT017
         return

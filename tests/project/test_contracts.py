@@ -46,11 +46,9 @@ BREACHES = {
     },
     "Games:": {
         "controller/game/basis.py": "controller.riccati.gare",
-        "controller/riccati/cost.py": "controller.discrete.solution",
+        "controller/riccati/cost.py": "controller.plant.generalized_plant",
     },
-    "What learns and what solves in steps": {
-        "controller/game/weights.py": "controller.critic.critic"
-    },
+    "What learns knows critics": {"controller/game/weights.py": "controller.critic.critic"},
     "Nonlinear games": {"controller/riccati/meaning.py": "controller.expansion.series"},
     "Verdicts:": {
         "verification/scope.py": "verification.axis",
@@ -74,7 +72,7 @@ BREACHES = {
     "Doors:": {"hfa_aircraft/units.py": "hfa_support.entry_points"},
     "What learns never imports": {
         "controller/learning/recording.py": "controller.riccati.gare",
-        "controller/learning/q_learning.py": "controller.discrete.solution",
+        "controller/learning/q_learning.py": "controller.riccati.step_form",
     },
     "Only the commands that learn": {
         "hfa/options/game.py": "controller.learning.policy_iteration",

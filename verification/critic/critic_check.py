@@ -11,7 +11,6 @@ import numpy as np
 
 from controller.critic.critic import Critic, from_parts
 from controller.critic.training_run import TrainingRun
-from controller.game.discrete_game import DiscreteGame
 from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
@@ -19,7 +18,6 @@ from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unless_positive
 from hfa_support.reporting.checks import Check
 from hfa_support.reporting.report import Part
-from verification.axis import TimeAxis
 from verification.box import usual_box
 from verification.critic_errors import critic_errors
 from verification.error_table import (
@@ -28,6 +26,7 @@ from verification.error_table import (
     rank_check,
     run_table,
 )
+from verification.judged_game import JudgedGame
 from verification.scope import LIMIT, Scope
 from verification.verdict import Details, Section, Verdict, explained
 
@@ -45,7 +44,7 @@ _CRITICS = (
 
 @checks_arguments
 def verify(
-    game: Game | DiscreteGame,
+    game: Game,
     critic: Critic | Sequence[Critic] | Solution | TrainingRun,
     *,
     limit: float = LIMIT,
@@ -89,29 +88,28 @@ def verify(
     >>> hfa.verify(game, hfa.from_gain(game, 1.01 * K)).reason
     'every entry of K is 1.01 times the exact one'
     """
-    need(game, (Game, DiscreteGame), "verify: game", "a game: hfa.game(linear, Q, R, delta)")
+    need(game, Game, "verify: game", "a game: hfa.game(linear, Q, R, delta)")
     refuse_unless_positive("limit", limit)
     scope = scope or Scope()
-    given = _critics(game, critic)
-    axis = axis_of(game)
-    critics = [axis.critic(each) for each in given]
+    critics = _critics(game, critic)
+    judged = JudgedGame(game)
     last = critics[-1]
-    box = scope.box or usual_box(axis.step)
-    errors_of = partial(_errors, axis, box.half_widths, limit)
+    box = scope.box or usual_box(judged.game)
+    errors_of = partial(_errors, judged, box.half_widths, limit)
 
     errors = errors_of(last)
-    loop = axis.linear_loop(last, all(check.ok for check in errors))
-    found = None if last.is_quadratic else _searched(axis, last, box.half_widths, limit, scope)
+    loop = judged.linear_loop(last, all(check.ok for check in errors))
+    found = None if last.is_quadratic else _searched(judged, last, box.half_widths, limit, scope)
     over_time = _NO_TIME
     if isinstance(critic, TrainingRun):
-        over_time = _run(axis, critic)
+        over_time = _run(judged, critic)
     elif _is_history(critic):
-        table = history_table(critics, errors_of, axis.residuals, limit)
+        table = history_table(critics, errors_of, judged.residuals, limit)
         over_time = _OverTime(table, [], [_history_section(table)])
 
     checks = [*errors, *loop.checks]
     if last.P is not None and last.finite:
-        checks += axis.value_checks(last.P, limit)
+        checks += judged.value_checks(last.P, limit)
     sections = [Section((f"Box of states: {box.about}",), Details(box=box)), loop.section]
     nonlinear = None
     if found is not None:
@@ -119,7 +117,7 @@ def verify(
         checks += found.checks
         sections.append(found.section)
         if linear is not None:
-            nonlinear, part = _nonlinear(last, linear, axis, limit)
+            nonlinear, part = _nonlinear(last, linear, judged, limit)
             sections.append(Section(part, Details()))
     elif last.is_layer:
         sections.append(_polynomial_section(last))
@@ -127,17 +125,17 @@ def verify(
     sections += over_time.sections
     reason = over_time.reason
     if not reason and not all(check.ok for check in errors):
-        reason = _reason(game, axis, last, limit, scope, box.half_widths)
+        reason = _reason(game, judged, last, limit, scope, box.half_widths)
     return Verdict(
         last,
-        axis.exact,
+        judged.exact,
         explained(checks, reason),
         limit,
         reason,
         loop.cost_lost if found is None else found.flown.cost_lost_flown_percent,
-        axis.name,
-        axis.solution,
-        weights_line(axis.step.Q, axis.step.R, axis.step.delta, N=axis.step.N),
+        judged.name,
+        judged.solution,
+        weights_line(judged.game.Q, judged.game.R, judged.game.delta, N=judged.game.N),
         box,
         flights=None if found is None else found.flown.flights,
         searched=0 if found is None else found.states,
@@ -159,10 +157,10 @@ class _OverTime(NamedTuple):
 _NO_TIME = _OverTime(None, [], [])
 
 
-def _run(axis: TimeAxis, run: TrainingRun) -> _OverTime:
+def _run(judged: JudgedGame, run: TrainingRun) -> _OverTime:
     """Return the errors and the rank of a training run."""
     rank = rank_check(run)
-    return _OverTime(run_table(run, axis.exact.P, axis.residuals), [rank], [], rank.reason)
+    return _OverTime(run_table(run, judged.exact.P, judged.residuals), [rank], [], rank.reason)
 
 
 def _history_section(table: ErrorTable) -> Section:
@@ -171,46 +169,33 @@ def _history_section(table: ErrorTable) -> Section:
 
 
 def _searched(
-    axis: TimeAxis, critic: Critic, box: np.ndarray, limit: float, scope: Scope
+    judged: JudgedGame, critic: Critic, box: np.ndarray, limit: float, scope: Scope
 ) -> Findings:
     """Return the errors that are searched for, and the simulations of the critic."""
     from verification.network.search import findings_of
 
-    return findings_of(axis, critic, box, limit, scope)
+    return findings_of(judged, critic, box, limit, scope)
 
 
 def _nonlinear(
-    critic: Critic, linear: LinearModel, axis: TimeAxis, limit: float
+    critic: Critic, linear: LinearModel, judged: JudgedGame, limit: float
 ) -> tuple[NonlinearComparison | None, Part]:
     """Return the comparison with the nonlinear game, or None, and its part of the report."""
     from verification.nonlinear_game import compare_with_nonlinear
 
-    if not isinstance(axis.exact, Solution):
+    if judged.game.is_discrete:
         return None, ("Nonlinear game: not compared in discrete time",)
     try:
-        compared = compare_with_nonlinear(critic, linear, axis.exact, limit)
+        compared = compare_with_nonlinear(critic, linear, judged.exact, limit)
     except (BadInputError, NoSolutionError) as error:
         return None, (f"Nonlinear game: not compared: {error}",)
     return compared, compared.part()
 
 
-def axis_of(game: Game | DiscreteGame) -> TimeAxis:
-    """Return the game as verdicts need it, with its exact solution.
-
-    Raises NoSolutionError if the game has no certified solution.
-    """
-    if isinstance(game, DiscreteGame):
-        from verification.critic.in_steps import InSteps
-
-        return InSteps(game)
-    from verification.critic.in_time import InTime
-
-    return InTime(game)
-
-
-def _critics(game: Game | DiscreteGame, given: object) -> Sequence[Critic]:
+def _critics(game: Game, given: object) -> Sequence[Critic]:
     """Return what is judged as critics: one, or one for each time of a history."""
     if isinstance(given, Critic):
+        _refuse_other_time(game, given)
         return (given,)
     if isinstance(given, TrainingRun):
         return (given.critic(game),)
@@ -221,9 +206,25 @@ def _critics(game: Game | DiscreteGame, given: object) -> Sequence[Critic]:
             raise BadInputError(
                 "a critic or its time is missing; create the history with critics_over_time"
             )
+        for each in given:
+            _refuse_other_time(game, each)
         return given
     need(given, Critic, "verify: critic", _CRITICS)
     raise AssertionError
+
+
+def _refuse_other_time(game: Game, critic: Critic) -> None:
+    """Raise BadInputError if the policy of a critic's value is that of the other kind of time."""
+    if game.is_discrete and critic.feedback is not None:
+        made, judged = "continuous", "discrete"
+    elif critic.implies_policy and not game.is_discrete:
+        made, judged = "discrete", "continuous"
+    else:
+        return
+    raise BadInputError(
+        f"the critic was made with a game in {made} time, but the game is in {judged} time; make"
+        " the critic with this game"
+    )
 
 
 def _is_history(given: object) -> TypeGuard[Sequence[Critic]]:
@@ -231,15 +232,15 @@ def _is_history(given: object) -> TypeGuard[Sequence[Critic]]:
     return isinstance(given, (list, tuple)) and all(isinstance(each, Critic) for each in given)
 
 
-def _errors(axis: TimeAxis, box: np.ndarray, limit: float, critic: Critic) -> list[Check]:
+def _errors(judged: JudgedGame, box: np.ndarray, limit: float, critic: Critic) -> list[Check]:
     """Return the checks of a critic's errors, without those that are searched for."""
-    errors = critic_errors(axis.step, critic, axis.exact, limit, box)
-    return errors + axis.more_errors(critic, box, limit)
+    errors = critic_errors(judged.game, critic, judged.exact, limit, box)
+    return errors + judged.more_errors(critic, box, limit)
 
 
 def _reason(
-    game: Game | DiscreteGame,
-    axis: TimeAxis,
+    game: Game,
+    judged: JudgedGame,
     critic: Critic,
     limit: float,
     scope: Scope,
@@ -253,7 +254,7 @@ def _reason(
 
     with suppress(NoSolutionError):  # no solution of a nearby game for comparison
         nearby = None if scope.nearby is None else scope.nearby()
-        return diagnose(axis, critic, limit, box, other_games(game, nearby))
+        return diagnose(judged, critic, limit, box, other_games(game, nearby))
     return ""
 
 

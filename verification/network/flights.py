@@ -14,8 +14,9 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.riccati.cost import SIGNLESS
 from hfa_support.reporting.checks import Check, at_most
-from verification.axis import Loop, TimeAxis
+from verification.axis import Loop
 from verification.critic_errors import Exact
+from verification.judged_game import JudgedGame
 
 if TYPE_CHECKING:
     from verification.scope import NonlinearPlant
@@ -73,7 +74,7 @@ def equilibrium_check(equilibrium: np.ndarray | None, b: np.ndarray, limit: floa
 
 
 def fly(
-    axis: TimeAxis,
+    judged: JudgedGame,
     critic: Critic,
     exact: Exact,
     b: np.ndarray,
@@ -87,29 +88,29 @@ def fly(
     flights: number of initial conditions. At most `_WIDE_FLIGHTS` are used for a wide network
     plant: nonlinear plant of a critic in continuous time, or None
     """
-    if not flights or not critic.finite or not axis.is_stable(critic.K):
+    if not flights or not critic.finite or not judged.is_stable(critic.K):
         return FlightResults()
     if critic.wide:
         flights = min(flights, _WIDE_FLIGHTS)
-    losses = costs_above_optimum(axis, critic, exact, b, flights)
+    losses = costs_above_optimum(judged, critic, exact, b, flights)
     few = min(FEW, flights)
-    loop = axis.loop(critic, b)
+    loop = judged.loop(critic, b)
     reached = [_reach(loop, b, few)]
     for policy in (critic, None):
-        nonlinear = None if plant is None else axis.plant_loop(plant, policy, b)
+        nonlinear = None if plant is None else judged.plant_loop(plant, policy, b)
         if nonlinear is not None:
             reached.append(_reach(nonlinear, b, few))
     rest = loop.equilibrium
     equilibrium_cost = 0.0
     if rest is not None:
-        equilibrium_cost = axis.cost(rest, np.array(critic.policy(rest)).ravel())
+        equilibrium_cost = judged.cost(rest, np.array(critic.policy(rest)).ravel())
     return FlightResults(
         flights, float(losses.max()), float(losses.mean()), rest, equilibrium_cost, *reached
     )
 
 
 def costs_above_optimum(
-    axis: TimeAxis, critic: Critic, exact: Exact, b: np.ndarray, flights: int
+    judged: JudgedGame, critic: Critic, exact: Exact, b: np.ndarray, flights: int
 ) -> np.ndarray:
     """Return the cost above V* from each initial condition, in percent of V*, (flights,).
 
@@ -118,10 +119,10 @@ def costs_above_optimum(
     the end of a simulation is computed for the linear loop. All costs are inf if a simulation does
     not converge, or if the linear loop is unstable.
     """
-    remaining = axis.excess(critic.K)
+    remaining = judged.excess(critic.K)
     if remaining is None:
         return np.full(flights, math.inf)
-    loop = axis.worst_loop(critic, b, remaining)
+    loop = judged.worst_loop(critic, b, remaining)
     starts = np.vstack([worst_start(remaining, exact.P, b), starts_in(b, flights - 1)])
     losses = []
     for start in starts:

@@ -15,8 +15,9 @@ import numpy as np
 
 from controller.critic.critic import FUNCTIONS, Critic
 from hfa_support.reporting.checks import Check
-from verification.axis import TimeAxis, quadratic_at
+from verification.axis import quadratic_at
 from verification.critic_errors import SMALL, Exact, error_check
+from verification.judged_game import JudgedGame
 from verification.network.flights import (
     DOUBLINGS,
     FEW,
@@ -78,7 +79,7 @@ class Comparison(NamedTuple):
     weights: (m,), square roots of the weights of the inputs, by which errors of inputs are
         compared.
     box: half-widths b (n,) of the box |z_i| <= b_i.
-    exact_at: function (kind, z) -> exact function, as `TimeAxis.exact_at`, or None for z'Pz and
+    exact_at: function (kind, z) -> exact function, as `JudgedGame.exact_at`, or None for z'Pz and
         -K z.
     """
 
@@ -144,21 +145,23 @@ def _floored(sizes: np.ndarray) -> np.ndarray:
 
 
 def findings_of(
-    axis: TimeAxis, critic: Critic, b: np.ndarray, limit: float, scope: Scope
+    judged: JudgedGame, critic: Critic, b: np.ndarray, limit: float, scope: Scope
 ) -> Findings:
     """Return the errors of a critic over the box |z_i| <= b_i, and the results of its simulations.
 
     limit: largest relative error that passes
     """
-    about = Comparison(critic, axis.exact, np.sqrt(np.diag(axis.price)), b, axis.exact_at)
+    about = Comparison(
+        critic, judged.exact, np.sqrt(np.diag(judged.exact.price)), b, judged.exact_at
+    )
     origin, worst = search(about)
     # The errors of a polynomial are bounded, and its bounds are checked.
     errors = search_checks(critic, origin, worst, limit) if critic.network else []
     checks = list(errors)
-    flown = fly(axis, critic, axis.exact, b, scope.flights, scope.plant)
+    flown = fly(judged, critic, judged.exact, b, scope.flights, scope.plant)
     if flown.flights:
         checks.append(equilibrium_check(flown.rest_point, b, limit))
-    section = nonlinear_section(critic, b, worst, flown, axis.period)
+    section = nonlinear_section(critic, b, worst, flown, judged.period)
     states = starts_of(critic) if critic.network else 0
     return Findings(errors, checks, flown, section, states)
 

@@ -18,10 +18,10 @@ import numpy as np
 from controller.critic.critic import FUNCTIONS, Critic
 from controller.game.basis import basis
 from controller.game.zero_sum import Game
-from controller.riccati.normal_form import NormalForm
+from controller.riccati.certificate import form_of
 from hfa_support.errors import BadInputError
-from verification.axis import TimeAxis
 from verification.critic_errors import SMALL, Exact, matrix_errors
+from verification.judged_game import JudgedGame
 from verification.reasons.hypotheses import (
     DEGREE,
     EXACT,
@@ -128,7 +128,7 @@ def named_with_noise(view: View, hypotheses: Sequence[Hypothesis]) -> str:
 
 
 def diagnose(
-    axis: TimeAxis,
+    judged: JudgedGame,
     critic: Critic,
     limit: float,
     box: np.ndarray,
@@ -136,20 +136,20 @@ def diagnose(
 ) -> str:
     """Return a sentence that names the mistake in a critic, or "" if no mistake is recognized.
 
-    axis: the game to be solved, and its exact solution
+    judged: the game to be solved, and its exact solution
     critic: P and K, K alone, or a network
     limit: largest relative error of a correct P
     box: half-widths of the box of states, (n,), used for a network
     others: other games that the critic may solve (`other_games`)
     """
-    game = axis.step
-    exact = axis.exact
+    game = judged.game
+    exact = judged.exact
     if critic.network:
-        return _of_network(axis, critic, box, others.of_network)
+        return _of_network(judged, critic, box, others.of_network)
     value, gain = _views(game, critic, exact.P, exact.K)
     if value is None or critic.P is None:
         return _of_view(gain, _usual(game, gain, critic), others.of_matrix(gain))
-    P_is_right = all(check.ok for check in matrix_errors(game, "P", critic.P, exact.P, limit))
+    P_is_right = all(check.ok for check in matrix_errors(game, "P", critic.P, exact, limit))
     if P_is_right and critic.feedback is not None and critic.is_quadratic:
         return _rounded(gain)
     if P_is_right:
@@ -159,10 +159,10 @@ def diagnose(
     if mistake:
         return mistake
     # |K - K_P| with the gain K_P that the critic's P implies, relative to |K| of the solution.
-    difference = error_of(gain, gain.exact + gain.judged - axis.gain(critic.P))
+    difference = error_of(gain, gain.exact + gain.judged - judged.game.gain(critic.P))
     if difference > _APART:
         return _NOT_TOGETHER
-    return "" if P_is_right else _another_root(axis, critic.P)
+    return "" if P_is_right else _another_root(judged, critic.P)
 
 
 def _of_view(
@@ -185,7 +185,7 @@ def _usual(game: Game, view: View, critic: Critic) -> list[Hypothesis]:
 
 def _views(game: Game, critic: Critic, P: np.ndarray, K: np.ndarray) -> tuple[View | None, View]:
     """Return the critic's and the exact matrix P, and the critic's and the exact gain K."""
-    units = NormalForm.of(game).units
+    units = form_of(game).units
     inputs = np.outer(np.sqrt(np.diag(game.R)), units)
     value = None
     if critic.P is not None:
@@ -229,10 +229,10 @@ def _beyond_quadratic(critic: Critic) -> str:
     )
 
 
-def _another_root(axis: TimeAxis, P: np.ndarray) -> str:
+def _another_root(judged: JudgedGame, P: np.ndarray) -> str:
     """Return a sentence that P is another root of the Riccati equation, or "" if P is not."""
-    residual = float(axis.residuals(P[None])[0])
-    loop = axis.game_loop(P)
+    residual = float(judged.residuals(P[None])[0])
+    loop = judged.game_loop(P)
     if residual > _ROOT or loop.ok:
         return ""
     return (
@@ -245,14 +245,14 @@ def _another_root(axis: TimeAxis, P: np.ndarray) -> str:
 
 
 def _of_network(
-    axis: TimeAxis,
+    judged: JudgedGame,
     critic: Critic,
     box: np.ndarray,
     others: Callable[[View], Iterator[Hypothesis]],
 ) -> str:
     """Return a sentence on the mistake that explains most of a network's error, or ""."""
-    game = axis.step
-    exact = axis.exact
+    game = judged.game
+    exact = judged.exact
     own_policy = "policy" in critic.network and not critic.implies_policy
     at_origin = _network_views(exact, Answer(critic.P, critic.K), critic, box)
     over_box = _network_views(exact, nearest_linear(game, critic, box), critic, box)
@@ -266,9 +266,9 @@ def _of_network(
         if has_constant and box_errors[-1] <= SMALL:
             return "it is right except for a constant in u"
         return "it solves the linear game at the origin, and differs from its solution away from it"
-    judged = slice(None) if own_policy else slice(-1)  # a K that follows from P is not judged
+    parts = slice(None) if own_policy else slice(-1)  # a K that follows from P is not judged
     causes = [_NO_CAUSE]
-    for view in (*at_origin[judged], *over_box[judged]):
+    for view in (*at_origin[parts], *over_box[parts]):
         hypotheses = list(of_matrix(game, view))
         if view.kind == "P" and "V" not in critic.network:
             hypotheses += of_rows(view, "slope", DEGREE)
@@ -277,7 +277,7 @@ def _of_network(
     if min(causes).share > _CLEAR:
         causes += _of_variants(game, exact, critic, box)
     if min(causes).share > _CLEAR:
-        for view in over_box[judged]:
+        for view in over_box[parts]:
             causes.append(named(view, others(view), OF_NETWORKS))
     if not own_policy and box_errors[0] <= NEAR and box_errors[-1] > FAR:
         rule = "the step that it implies" if critic.implies_policy else "u = -½ R⁻¹B'∂V/∂z"

@@ -16,11 +16,8 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from controller.discrete.solution import quick_discrete, sampled
-from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
-from controller.riccati.careful_derivations import unrefined
-from controller.riccati.gare import unconfirmed_solution
+from controller.riccati.gare import quick_solution, unconfirmed_solution
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import minimum_delta
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -111,12 +108,12 @@ class OtherGames(Protocol):
         """Yield hypotheses that a network, represented by a matrix, solves another game."""
 
 
-def other_games(game: Game | DiscreteGame, nearby: Nearby | None = None) -> OtherGames:
+def other_games(game: Game, nearby: Nearby | None = None) -> OtherGames:
     """Return the other games that a critic may solve by mistake.
 
     nearby: other games in continuous time, or None
     """
-    if isinstance(game, DiscreteGame):
+    if game.is_discrete:
         return _OtherSteps(game)
     return _OtherTimes(game, nearby or Nearby())
 
@@ -157,30 +154,29 @@ class _OtherTimes:
 class _OtherSteps:
     """Hypotheses that a critic of a game in discrete time solves another game."""
 
-    def __init__(self, problem: DiscreteGame) -> None:
+    def __init__(self, problem: Game) -> None:
         self.problem = problem
 
     def of_matrix(self, view: View) -> Iterator[Hypothesis]:
         """Yield games in continuous time, or without disturbance, discount or cross weights."""
         problem = self.problem
-        step = problem.step
         if problem.continuous is not None:
             says = "in continuous time, without discount"
             game = problem.continuous
         else:
             says = 'of x\' = A x + B u; did you mean time = "continuous"?'
-            game = step
+            game = replace(problem, dt=None, discount=1.0)
         with contextlib.suppress(NoSolutionError):
             solution = unconfirmed_solution(game)
             yield is_answer(view, Answer(solution.P, solution.K), f"this is the {view.noun} {says}")
         others = {
-            "without disturbance (delta = inf)": replace(problem, step=step.with_delta(math.inf)),
+            "without disturbance (delta = inf)": problem.with_delta(math.inf),
             "without discount": replace(problem, discount=1.0),
-            "without cross weights N": replace(problem, step=replace(step, N=0.0 * step.N)),
+            "without cross weights N": replace(problem, N=0.0 * problem.N),
         }
         for says, other in others.items():
             with contextlib.suppress(NoSolutionError):
-                answer = Answer(*quick_discrete(other))
+                answer = Answer(*quick_solution(other))
                 yield is_answer(view, answer, f"this is the {view.noun} {says}")
 
     def of_network(self, view: View) -> Iterator[Hypothesis]:
@@ -230,7 +226,7 @@ def families(game: Game, nearby: Nearby) -> list[Family]:
             lambda noun, _: (
                 f'this is the {noun} of x⁺ = A x + B u; did you mean time = "discrete"?'
             ),
-            lambda _: Answer(*quick_discrete(DiscreteGame(game))),
+            lambda _: Answer(*quick_solution(replace(game, dt=True))),
         )
     )
     members += _in_steps("of another game", game, rate)
@@ -314,9 +310,7 @@ def solved(game: Game) -> Answer:
 
     Raises NoSolutionError if no solution exists.
     """
-    form = NormalForm.of(game)
-    P = form.value(unrefined(form))
-    return Answer(P, game.gain(P))
+    return Answer(*quick_solution(game))
 
 
 def discounted(game: Game, rate: float) -> Game:
@@ -332,7 +326,7 @@ def held(game: Game, step: float) -> Answer:
 
     step: time step, s
     """
-    return Answer(*quick_discrete(sampled(game, step)))
+    return Answer(*quick_solution(game.sampled(step)))
 
 
 def of_whole_cost(answer: Answer, step: float) -> Answer:
@@ -360,8 +354,9 @@ def euler(game: Game, step: float) -> Answer:
         R=step * game.R,
         delta=math.sqrt(step) * game.delta,
         N=step * game.N,
+        dt=step,
     )
-    return Answer(*quick_discrete(DiscreteGame(of_step)))
+    return Answer(*quick_solution(of_step))
 
 
 def is_answer(view: View, answer: Answer, says: str) -> Hypothesis:

@@ -11,15 +11,15 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller.critic.critic import GAMES, Critic, from_functions, from_weights, symbols_for
+from controller.critic.critic import Critic, from_functions, from_weights
 from controller.critic.features import basis_of
 from controller.critic.network.activations import COMMON
 from controller.critic.network.network_file import NetworkFile, network_in, network_of_tensors
 from controller.critic.network.q_function import policy_of
 from controller.critic.network.torch_module import module_network, state_dict_of
 from controller.critic.reading import Reading
+from controller.critic.symbols import symbols_for
 from controller.game.basis import Basis
-from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, prefix_errors, shortened, warn
@@ -30,7 +30,7 @@ OUTPUTS = ("V", "gradient", "policy", "V+policy")
 
 @checks_arguments
 def from_network(
-    game: Game | DiscreteGame,
+    game: Game,
     source: str | Path | ca.Function | Mapping[str, Any] | Callable[..., Any],
     *,
     network: str = "",
@@ -63,7 +63,7 @@ def from_network(
     >>> hfa.from_network(game, V).P.diagonal().tolist()
     [3.0, 3.0, 3.0, 3.0, 3.0, 3.0]
     """
-    need(game, GAMES, "from_network: game", Game.how_to_make)
+    need(game, Game, "from_network: game", Game.how_to_make)
     n, m = game.B.shape
     scales = np.ones(n) if scale is None else np.asarray(scale, dtype=float)
     if scales.shape != (n,) or not np.all(np.isfinite(scales) & (scales != 0.0)):
@@ -109,7 +109,7 @@ def from_network(
         return _of_states(game, stored, scales, origin, variants, ",".join(parts.values()))
 
 
-def read_critic(game: Game | DiscreteGame, path: str | Path, reading: Reading) -> Critic:
+def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
     """Return the critic of the network in a file.
 
     Warns that a .zip file is read without its normalizer, clip and action map. Raises BadInputError
@@ -138,7 +138,7 @@ def read_critic(game: Game | DiscreteGame, path: str | Path, reading: Reading) -
 
 
 def _of_states(
-    game: Game | DiscreteGame,
+    game: Game,
     stored: NetworkFile,
     scales: np.ndarray,
     origin: str,
@@ -170,7 +170,7 @@ def _of_states(
 
 
 def _on_basis(
-    game: Game | DiscreteGame,
+    game: Game,
     stored: NetworkFile,
     psi: Basis | ca.Function,
     scales: np.ndarray,

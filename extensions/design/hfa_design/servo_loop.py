@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.riccati.balancing import spectrum
-from controller.riccati.gain_sweep import frequency_grid
+from controller.riccati.frequency_grid import frequency_grid
 from controller.riccati.loop_margins import (
     LoopMargin,
     margin_of,

@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.critic.critic import from_functions, symbols_for
+from controller.critic.critic import from_functions
+from controller.critic.symbols import symbols_for
 from controller.game.zero_sum import Game
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.equilibrium import Equilibrium

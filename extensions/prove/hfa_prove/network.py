@@ -15,7 +15,7 @@ from hfa_prove.enclosure.relaxation import Relaxation
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from verification.box import Box, usual_box
-from verification.critic.critic_check import axis_of
+from verification.judged_game import JudgedGame
 from verification.network.search import Comparison
 from verification.scope import LIMIT
 
@@ -71,9 +71,10 @@ def error_bound(
     limit: relative error to be proved
     seconds: time after which the proof ends, with the fraction of the box that is proved
     """
-    axis = axis_of(game)
-    b = (usual_box(axis.step) if box is None else box).half_widths
-    about = Comparison(critic, axis.exact, np.sqrt(np.diag(axis.price)), b, axis.exact_at)
+    judged = JudgedGame(game)
+    b = (usual_box(game) if box is None else box).half_widths
+    scales = np.sqrt(np.diag(judged.exact.price))
+    about = Comparison(critic, judged.exact, scales, b, judged.exact_at)
     functions = about.functions
     kinds = tuple(kind for kind in functions if functions[kind].is_a("SXFunction"))
     if not kinds:

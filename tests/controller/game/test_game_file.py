@@ -150,8 +150,8 @@ def test_structures_are_read_if_top_level_is_empty() -> None:
             "inputs contains .* which cannot be printed",
         ),
         (load_game, PLANT | {"delta": [1.0, 2.0]}, "delta has 2 elements; give a single number"),
-        (load_game, PLANT | {"dt": [[0.1], 2.0]}, "denotes discrete time"),
-        (load_game, PLANT | {"dt": 0.1}, r"dt = 0\.1 denotes discrete time"),
+        (load_game, PLANT | {"dt": -0.1}, "dt is -0.1; give the sample time in s"),
+        (load_game, PLANT | {"dt": 0.1, "time": "continuous"}, "dt denotes discrete time, but"),
     ],
 )
 def test_bad_entries_are_refused_in_one_line(

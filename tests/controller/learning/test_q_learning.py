@@ -5,19 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controller.discrete.solution import minimum_delta_discrete, solve_discrete
-from controller.game.discrete_game import DiscreteGame
+from controller import minimum_delta
+from controller.game.q_function import of_q_function, q_function
 from controller.learning.q_learning import Steps, _QLearner, learn_steps, random_steps
 from controller.learning.recording import natural_spread
-from hfa import BadInputError, Game, NoSolutionError
+from hfa import BadInputError, Game, NoSolutionError, solve
+from tests.support.steps_of import in_steps
 
 
-def _problem(seed: int, delta: float = np.inf, discount: float = 0.97) -> DiscreteGame:
+def _problem(seed: int, delta: float = np.inf, discount: float = 0.97) -> Game:
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 6))
     A, B, E = (rng.standard_normal((n, size)) for size in (n, 2, 1))
     step = Game(1.3 * A / np.abs(np.linalg.eigvals(A)).max(), B, E, np.eye(n), np.eye(2), delta)
-    return DiscreteGame(replace(step, N=0.1 * rng.standard_normal((n, 2))), discount)
+    return in_steps(replace(step, N=0.1 * rng.standard_normal((n, 2))), discount)
 
 
 @pytest.mark.parametrize(
@@ -31,8 +32,8 @@ def test_q_learning_finds_the_exact_q_function(seed, margin):
     """
     problem = _problem(seed)
     if np.isfinite(margin):
-        problem = _problem(seed, margin * minimum_delta_discrete(problem).value)
-    exact = solve_discrete(problem)
+        problem = _problem(seed, margin * minimum_delta(problem).value)
+    exact = solve(problem)
     run, H = learn_steps(problem, seed)
     assert np.abs(run.P - exact.P).max() <= 1e-9 * np.abs(exact.P).max()
     assert np.abs(H - exact.H).max() <= 1e-9 * np.abs(exact.H).max()
@@ -44,10 +45,10 @@ def test_unusable_games_and_steps_are_refused():
     refused.
     """
     problem = _problem(2)
-    smallest = minimum_delta_discrete(problem).value
+    smallest = minimum_delta(problem).value
     with pytest.raises(NoSolutionError, match="delta"):
         learn_steps(_problem(2, 0.9 * smallest))
-    unreached = DiscreteGame(Game([[1.2]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], np.inf))
+    unreached = in_steps(Game([[1.2]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], np.inf))
     with pytest.raises(NoSolutionError, match="Q-learning diverges"):
         learn_steps(unreached)
     steps = random_steps(problem, 0)
@@ -68,9 +69,9 @@ def test_random_steps_move_and_cost_no_more_than_the_states(price):
     If inputs are cheap, the spread of the states limits them, otherwise their cost.
     """
     problem = _problem(1, 5.0)
-    units = np.arange(1.0, 1.0 + len(problem.step.A))  # the spread of the states differs
-    step = replace(problem.step, Q=np.diag(units), R=price * np.eye(2), delta=5.0 * price)
-    problem = replace(problem, step=step)
+    units = np.arange(1.0, 1.0 + len(problem.A))  # the spread of the states differs
+    step = replace(problem, Q=np.diag(units), R=price * np.eye(2), delta=5.0 * price)
+    problem = step
     steps = random_steps(problem, 3)
     spread = natural_spread(step)
     budget = float(np.diag(step.Q) @ spread**2)
@@ -94,15 +95,15 @@ def test_random_steps_move_and_cost_no_more_than_the_states(price):
 def test_only_the_exact_q_function_is_settled():
     """H is settled if it is a fixed point, has a saddle, and stabilizes with and without L."""
     free = _problem(0)
-    problem = _problem(0, 1.1 * minimum_delta_discrete(free).value)
-    exact = solve_discrete(problem)
+    problem = _problem(0, 1.1 * minimum_delta(free).value)
+    exact = solve(problem)
     learner = _QLearner.of(problem, random_steps(problem, 1))
     H = exact.H
     assert learner.is_settled(H, H)
     np.testing.assert_allclose(learner.policy_iteration(H), H, atol=1e-8 * np.abs(H).max())
     np.testing.assert_allclose(learner.value_iteration(H), H, atol=1e-8 * np.abs(H).max())
     assert not learner.is_settled((1.0 + 1e-5) * H, H)
-    n, m = problem.step.B.shape
+    n, m = problem.B.shape
     for block, factor in ((slice(n, n + m), -1.0), (slice(n + m, None), -1.0)):
         other = H.copy()
         other[block, block] *= factor
@@ -117,8 +118,8 @@ def test_only_the_exact_q_function_is_settled():
     pushed[n : n + m, :n] = H[n : n + m, n : n + m] @ exact.K
     pushed[n + m :, :n] = -H[n + m :, n + m :] @ L
     pushed[:n, n:] = pushed[n:, :n].T
-    policies = problem.of_q_function(pushed)
-    step = problem.step
+    policies = of_q_function(problem, pushed)
+    step = problem
     root = np.sqrt(problem.discount)
     loop = step.A - step.B @ policies["K"]
     radii = [
@@ -130,8 +131,8 @@ def test_only_the_exact_q_function_is_settled():
     x, after = learner.steps.together, learner.steps.next_states
     wrong = 1.1 * H
     values = np.einsum("ji,ik,jk->j", x, wrong, x)
-    costs = np.einsum("ji,ik,jk->j", x, problem.q_function(np.zeros((n, n))), x)
-    P = problem.of_q_function(wrong)["P"]
+    costs = np.einsum("ji,ik,jk->j", x, q_function(problem, np.zeros((n, n))), x)
+    P = of_q_function(problem, wrong)["P"]
     next_values = problem.discount * np.einsum("ji,ik,jk->j", after, P, after)
     error = np.linalg.norm(values - costs - next_values)
     terms = np.linalg.norm(np.abs(values) + np.abs(costs) + np.abs(next_values))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import control
 import numpy as np
@@ -13,7 +12,7 @@ from plant_references import gain_of, of_slycot
 from strategies import in_coordinates, turn
 
 from controller import solve_plant
-from controller.plant.generalized_plant import GeneralizedPlant, conditions
+from controller.plant.generalized_plant import GeneralizedPlant
 from controller.riccati.smallest_delta import DeltaMin
 from hfa import NoSolutionError
 
@@ -95,34 +94,6 @@ def agree(one: DeltaMin, other: DeltaMin) -> bool:
 def turned(plant: GeneralizedPlant, seed: int) -> GeneralizedPlant:
     """Return a plant in rotated coordinates."""
     return in_coordinates(plant, turn(plant.A, seed))
-
-
-def test_rotated_coordinates_keep_the_smallest_delta() -> None:
-    """In rotated coordinates, delta_min of a plant lies between 1.2845 and 1.2846.
-
-    The plant has poles from 8e-4 to 5,148 rad/s.
-    """
-    plant = mixed_sensitivity(15)
-    for each in (plant, turned(plant, 15)):
-        assert conditions(each, 1.2846).exists
-        assert conditions(each, 1.2845).exists is False
-
-
-def test_rotated_coordinates_keep_the_coupling() -> None:
-    """A plant with poles from 2e-4 to 1000 rad/s has the same coupling in rotated coordinates.
-
-    The gain of the loop with the controller is below delta.
-    """
-    plant = mixed_sensitivity(12)
-    delta = 1.01 * plant.minimum_delta().value
-    given: Any = solve_plant(plant, delta)
-    assert given.coupling > 0.9
-    rotated = turned(plant, 12)
-    found: Any = solve_plant(rotated, delta)
-    assert gain_of(rotated, found) < delta
-    # In rotated coordinates, the given numbers contain rounding of the fast states: 1e-13
-    # relative to 2e-4 rad/s, or 1e-9.
-    assert found.coupling == pytest.approx(given.coupling, rel=1e-8)
 
 
 def test_a_change_of_coordinates_is_reversible() -> None:

@@ -35,7 +35,7 @@ def test_destabilizing_policies_have_no_cost(first: tuple[Game, np.ndarray]) -> 
     check = cost_check(game, -P, INITIAL)
     assert not check.ok
     assert "are not stabilizing" in check.reason
-    with pytest.raises(NoSolutionError, match=r"abscissa \+.* these policies have infinite cost"):
+    with pytest.raises(NoSolutionError, match=r"these policies have infinite cost"):
         cost_matrix(game, -game.gain(P), game.disturbance_gain(P))
 
 

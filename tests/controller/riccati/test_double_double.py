@@ -4,23 +4,10 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-import mpmath
 import numpy as np
 import pytest
 
 from controller.riccati.double_double import product_of_doubles
-from controller.riccati.normal_form import precise_inverse
-
-
-def test_an_orthogonal_matrix_is_inverted_with_twice_the_digits() -> None:
-    """One step of Newton's method squares the rounding of W, 1e-16."""
-    W = np.linalg.qr(np.random.default_rng(0).normal(size=(4, 4)))[0]
-    high, low = precise_inverse(W)
-    with mpmath.workdps(50):
-        error = mpmath.matrix(W.T.tolist()) * (
-            mpmath.matrix(high.tolist()) + mpmath.matrix(low.tolist())
-        ) - mpmath.eye(4)
-        assert max(abs(each) for each in error) < 1e-30
 
 
 @pytest.mark.parametrize("n", [0, 1, 6, 100])

@@ -13,8 +13,6 @@ from reference_riccati import reference_solution, relative_error
 from tolerances import SAME_FORMULA
 
 from controller import minimum_delta
-from controller.riccati.careful_derivations import by_refined_doubling
-from controller.riccati.existence import existence
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin
 from hfa import BadInputError, Game, NoSolutionError, solve
@@ -45,7 +43,7 @@ def test_P_and_K_are_exact_to_1e12(name: str) -> None:
     units = 1.0 / np.sqrt(np.diag(reference.P))  # every entry, in balanced units
     assert np.abs((solution.P - reference.P) * np.outer(units, units)).max() < 1e-12
     form = NormalForm.of(game)
-    assert relative_error(form.value(by_refined_doubling(form)), reference.P) < 1e-12
+    assert relative_error(form.value(form.by_doubling()), reference.P) < 1e-12
 
 
 def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
@@ -75,7 +73,7 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
     content = json.loads(json.dumps(solution.to_dict(), allow_nan=False))
     assert np.array_equal(np.array(content["P"]), P)
     assert (content["delta"], content["certificate"]["ok"]) == (game.delta, True)
-    assert len({check["name"] for check in content["certificate"]["checks"]}) == 10
+    assert len({check["name"] for check in content["certificate"]["checks"]}) == 8
     assert solve(game.with_delta(math.inf)).to_dict()["delta"] is None
 
 
@@ -207,7 +205,7 @@ def test_existence_agrees_with_the_reference_solver(games: int) -> None:
     for number in range(games):
         game = random_game(rng, scaled=number % 2 == 0)
         exists = reference_solution(game).exists
-        assert existence(NormalForm.of(game)).exists == exists
+        assert NormalForm.of(game).existence().exists == exists
         verdicts[exists] += 1
     assert min(verdicts) >= games // 4
 
@@ -244,7 +242,7 @@ def test_the_printed_gain_stabilizes(slow: float, is_refined: bool) -> None:
     modes = np.array([[0.8, 0.6], [-0.6, 0.8]])
     A = modes @ np.diag([1e3, slow]) @ modes.T
     B = 100.0 * modes @ [[1.0], [1.0]]
-    solution = solve(Game(A, B, np.zeros((2, 1)), 1e-12 * np.eye(2), np.eye(1), math.inf))
+    solution = solve(Game(A, B, np.zeros((2, 1)), 4e-12 * np.eye(2), np.eye(1), math.inf))
     printed = printed_matrices(solution.report())["K"]
     assert np.linalg.eigvals(A - B @ printed).real.max() < 0.0
     assert (np.linalg.eigvals(A - B @ solution.K.round(4)).real.max() > 0.0) == is_refined

@@ -17,10 +17,8 @@ import pytest
 import scipy.linalg
 from reference_riccati import reference_solution
 
-from controller.riccati.existence import existence
 from controller.riccati.gare import unconfirmed_solution
-from controller.riccati.normal_form import NormalForm
-from hfa import Game, NoSolutionError, solve
+from hfa import Game, solve
 
 #: Largest error, relative to the largest entry of X. The scaled examples test X with a condition
 #: number of about 1e16.
@@ -107,23 +105,6 @@ def test_the_corner_of_an_integrator_chain_is_exact(n: int) -> None:
     """
     game = equation(np.eye(n, k=1), np.eye(n)[:, [-1]], 4.0 * np.diag(np.eye(n)[0]), [[9.0]])
     assert solve(game).P[0, -1] == pytest.approx(6.0, rel=1e-13)
-
-
-def test_a_loop_at_the_axis_is_refused() -> None:
-    """Example 14 with the parameter 1e-6 is refused, because an eigenvalue of the Hamiltonian is on
-    the axis.
-
-    The existence of the value is undecided.
-    """
-    A = np.kron(np.diag([-1e-6, 1e-6]), np.eye(2)) + np.kron(np.eye(2), [[0, 1], [-1, 0]])
-    game = equation(A, np.ones((4, 1)), np.ones((4, 4)), [[1]])
-    with pytest.raises(
-        NoSolutionError, match="puts an eigenvalue on the imaginary axis at 1 rad/s"
-    ):
-        solve(game)
-    assert (
-        existence(NormalForm.of(game)).exists is None
-    )  # undecided, so that the search for delta_min does not rely on it
 
 
 # Examples without a closed form, with the parameters of the report: compared with 60 digits, or

@@ -13,9 +13,9 @@ from known_models import game_at
 from planted_critics import gain, value
 from tolerances import SAME_FORMULA
 
-from controller import DiscreteGame, sampled, solve_discrete
-from hfa import Game, from_gain, from_value, verify
+from hfa import Game, from_gain, from_value, solve, verify
 from hfa.main import BAD_INPUT, FAILED
+from tests.support.steps_of import in_steps
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -25,8 +25,8 @@ DT = 0.01
 
 def test_exact_discounted_critic_passes_and_mistakes_are_named(game: Game) -> None:
     """The exact P and K pass. Each wrong critic fails with a message that names the mistake."""
-    problem = sampled(game, DT, DISCOUNT)
-    exact = solve_discrete(problem)
+    problem = game.sampled(DT, DISCOUNT)
+    exact = solve(problem)
     assert verify(problem, from_value(problem, exact.P)).ok
     assert verify(problem, from_gain(problem, exact.K)).ok
     for wrong, message in (
@@ -50,9 +50,9 @@ def test_reported_excess_cost_agrees_with_simulation(game: Game) -> None:
     The simulations begin at 1000 initial states. The cost under the worst disturbance w = L x
     is summed over 3000 steps.
     """
-    problem = sampled(game, DT, DISCOUNT)
-    exact = solve_discrete(problem)
-    step = problem.step
+    problem = game.sampled(DT, DISCOUNT)
+    exact = solve(problem)
+    step = problem
     K = 1.1 * exact.K
     rng = np.random.default_rng(0)
     check = verify(problem, from_gain(problem, K))
@@ -81,7 +81,7 @@ def test_verify_compares_with_the_specified_problem_only(game: Game) -> None:
         "verify",
         *AT_15,
         "--weights",
-        stored("P.npz", P=solve_discrete(sampled(game, DT, DISCOUNT)).P),
+        stored("P.npz", P=solve(game.sampled(DT, DISCOUNT)).P),
     )
     problem = ("--discount", str(DISCOUNT), "--dt", str(DT))
     data = answer(*words, *problem)
@@ -100,8 +100,8 @@ def test_an_exact_critic_that_does_not_stabilize_fails() -> None:
 
     With discount 0.95 and a step of 5 ms at 20 deg, the spectral radius of A - B K is 1.00003.
     """
-    problem = sampled(game_at(20.0), 0.005, 0.95)
-    exact = solve_discrete(problem)
+    problem = game_at(20.0).sampled(0.005, 0.95)
+    exact = solve(problem)
     verdict = verify(problem, from_value(problem, exact.P))
     assert "not stabilizing\nexact within 1e-06" in str(verdict)
     assert failed_names(verdict.checks) == {"control_loop_radius"}
@@ -119,8 +119,8 @@ def test_discrete_verdicts_are_printed() -> None:
     The verdict on an unstable gain names the matrix A - B K.
     """
     game = Game([[0.9]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], np.inf)
-    problem = DiscreteGame(game, 0.9)
-    exact = solve_discrete(problem)
+    problem = in_steps(game, 0.9)
+    exact = solve(problem)
     verdict = verify(problem, from_value(problem, exact.P))
     assert str(verdict).startswith("PASS on the discrete game, balanced box: optimal cost")
     assert "A - B K" in str(verify(problem, from_gain(problem, [[-1.0]])))

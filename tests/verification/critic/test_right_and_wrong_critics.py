@@ -21,10 +21,12 @@ from network_files import torch_file
 from project import ROOT
 
 import hfa
-from controller import DiscreteGame, basis, critics_over_time, sampled, solve_discrete
+from controller import basis, critics_over_time
 from controller.critic.critic import Critic
+from hfa import solve
+from tests.support.steps_of import in_steps
 from verification import Scope
-from verification.critic.critic_check import axis_of
+from verification.judged_game import JudgedGame
 
 pytestmark = pytest.mark.usefixtures("folder")
 FAST = Scope(flights=4)
@@ -34,7 +36,7 @@ DEGREE = np.pi / 180.0
 class Case(NamedTuple):
     """A game with its exact solution."""
 
-    game: hfa.Game | DiscreteGame
+    game: hfa.Game
     P: np.ndarray
     K: np.ndarray
 
@@ -49,9 +51,9 @@ class Case(NamedTuple):
     def with_delta(self, factor: float) -> np.ndarray:
         """Return the exact P for another delta."""
         game = self.game
-        if isinstance(game, DiscreteGame):
-            step = game.step.with_delta(factor * game.step.delta)
-            return solve_discrete(DiscreteGame(step, game.discount)).P
+        if game.is_discrete:
+            step = game.with_delta(factor * game.delta)
+            return solve(in_steps(step, game.discount)).P
         return hfa.solve(game.with_delta(factor * game.delta)).P
 
 
@@ -63,13 +65,13 @@ def case_of(time: str) -> Case:
     rng = np.random.default_rng(4)
     A, B, E = (rng.standard_normal((3, columns)) for columns in (3, 2, 1))
     Q, R = np.diag([1.0, 2.0, 0.5]), np.diag([1.0, 0.6])
-    game: hfa.Game | DiscreteGame = hfa.Game(A, B, 0.3 * E, Q, R, 4.0)
+    game: hfa.Game = hfa.Game(A, B, 0.3 * E, Q, R, 4.0)
     if time == "discrete":
         step = hfa.Game(np.eye(3) + 0.15 * A, 0.3 * B, 0.1 * E, Q, R, 30.0)
-        game = DiscreteGame(step, 0.97)
+        game = in_steps(step, 0.97)
     if time == "sampled":
-        game = sampled(hfa.Game(A, B, 0.3 * E, Q, R, 4.0), 0.05, 0.999)
-    exact = axis_of(game).exact
+        game = hfa.Game(A, B, 0.3 * E, Q, R, 4.0).sampled(0.05, 0.999)
+    exact = JudgedGame(game).exact
     return Case(game, exact.P, exact.K)
 
 
@@ -190,16 +192,16 @@ def gtm() -> tuple[list[str], hfa.Game]:
     return [*words, *weights], hfa.game(linear, Q=[1.0] * 4, R=[1.0] * 2)
 
 
-def games_on_the_command_line() -> Iterator[tuple[list[str], hfa.Game | DiscreteGame, str]]:
+def games_on_the_command_line() -> Iterator[tuple[list[str], hfa.Game, str]]:
     """Yield words of the command line, the same game in Python, and the names of game and box."""
     paper = game_at(15.0)
     yield list(AT_15), paper, "linear game, typical box"
     words = [*AT_15, "--discount", "0.99", "--dt", "0.02"]
-    yield words, sampled(paper, 0.02, 0.99), "sampled game, typical box"
+    yield words, paper.sampled(0.02, 0.99), "sampled game, typical box"
     yield *gtm(), "linear game, box of limits"
     step = case_of("discrete").game
-    assert isinstance(step, DiscreteGame)
-    plant = {name: getattr(step.step, name) for name in "ABEQR"} | {"delta": step.step.delta}
+    assert step.is_discrete
+    plant = {name: getattr(step, name) for name in "ABEQR"} | {"delta": step.delta}
     path = stored("plant.json", time="discrete", discount=step.discount, **plant)
     yield ["--model", path], step, "discrete game, balanced box"
 
@@ -207,7 +209,7 @@ def games_on_the_command_line() -> Iterator[tuple[list[str], hfa.Game | Discrete
 def test_the_box_is_the_same_on_the_command_line_and_in_python() -> None:
     """The first line names the game and its box, which both ways of the same game share."""
     for words, game, names in games_on_the_command_line():
-        exact = axis_of(game).exact
+        exact = JudgedGame(game).exact
         told = hfa.verify(game, hfa.from_gain(game, exact.K))
         data = answer("verify", *words, "--weights", stored("K.npz", K=exact.K))
         assert data["box"]["half_widths"] == pytest.approx(told.box.half_widths, rel=1e-12)
@@ -222,7 +224,7 @@ def test_a_gain_is_verified_without_code_for_networks() -> None:
 import sys
 from hfa.main import main
 code = main(["verify", "--dihedral", "15", "--weights", "{path}"])
-others = ("controller.critic.network", "controller.discrete", "verification.network",
+others = ("controller.critic.network", "controller.critic.implied", "verification.network",
           "verification.reasons", "hfa_prove.enclosure")
 print(code, [name for name in sys.modules if name.startswith(others)])
 """

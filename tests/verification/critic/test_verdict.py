@@ -16,7 +16,6 @@ from scipy.linalg import solve_discrete_lyapunov
 from tolerances import SAME_FORMULA
 
 from controller.critic.critic import Critic
-from controller.game.discrete_game import DiscreteGame
 from controller.hfa_game import ORDINARY_DEVIATIONS
 from controller.riccati.margins import disk_margin
 from hfa import (
@@ -32,12 +31,12 @@ from hfa import (
 from hfa.paper import level_flight
 from hfa_model import choice
 from hfa_support.reporting.checks import at_most
+from tests.support.steps_of import in_steps
 from verification import Scope
 from verification.axis import DECAY, SLOWEST
 from verification.box import ordinary_box
-from verification.critic.in_steps import InSteps
-from verification.critic.in_time import InTime
 from verification.figures import verdict_figure, verdicts_figure
+from verification.judged_game import JudgedGame
 from verification.scope import nonlinear_plant
 from verification.verdict import verdicts_report
 
@@ -289,7 +288,7 @@ def test_loops_and_costs_of_a_verdict_are_those_of_numpy() -> None:
     paid = z @ z + 2.0 * z @ N @ u + u @ game.R @ u
     P = solve(game).P
     skewed = P + 0.1 * (np.triu(np.ones((3, 3)), 1) - np.tril(np.ones((3, 3)), -1))
-    in_time = InTime(game)
+    in_time = JudgedGame(game)
     loop = game.A - game.B @ game.gain(P) + game.E @ game.E.T @ P / game.delta**2
     abscissa = np.linalg.eigvals(loop).real.max()
     assert in_time.game_loop(P).value == pytest.approx(abscissa, rel=1e-9)
@@ -310,21 +309,21 @@ def test_loops_and_costs_of_a_verdict_are_those_of_numpy() -> None:
     by_exact = -np.linalg.eigvals(A - B @ in_time.exact.K).real.max()
     for rate in (9.0 * by_exact, 0.5 * by_exact, 1e-9 * by_exact):
         slowest = max(min(rate, by_exact), by_exact / SLOWEST)
-        assert in_time.duration(-rate * np.eye(3)) == pytest.approx(DECAY / slowest, rel=1e-9)
-    problem = DiscreteGame(step, 0.8)
-    in_steps = InSteps(problem)
+        assert in_time._duration(-rate * np.eye(3)) == pytest.approx(DECAY / slowest, rel=1e-9)
+    problem = in_steps(step, 0.8)
+    sampled = JudgedGame(problem)
     K, L = problem.policies(P)
     radius = np.abs(np.linalg.eigvals(step.A - step.B @ K + step.E @ L)).max()
     for given in (P, skewed):
-        found = in_steps.game_loop(given)
+        found = sampled.game_loop(given)
         assert found.value == pytest.approx(math.sqrt(0.8) * radius, rel=1e-9)
-        assert in_steps.residuals(given[None]) == pytest.approx(in_steps.residuals(P[None]))
-    assert in_steps.cost(z, u) == pytest.approx(paid)
-    assert in_steps.residuals(in_steps.exact.P[None])[0] < 1e-12
-    assert in_steps.residuals(1.1 * in_steps.exact.P[None])[0] > 1e-3
-    exact = in_steps.exact
+        assert sampled.residuals(given[None]) == pytest.approx(sampled.residuals(P[None]))
+    assert sampled.cost(z, u) == pytest.approx(paid)
+    assert sampled.residuals(sampled.exact.P[None])[0] < 1e-12
+    assert sampled.residuals(1.1 * sampled.exact.P[None])[0] > 1e-3
+    exact = sampled.exact
     critic = from_gain(problem, 0.9 * exact.K)
-    found = in_steps.linear_loop(critic, True)
+    found = sampled.linear_loop(critic, True)
     checks = {check.name: check.value for check in found.checks}
     L = exact.disturbance_gain
     crossed = N @ critic.K
@@ -334,12 +333,12 @@ def test_loops_and_costs_of_a_verdict_are_those_of_numpy() -> None:
     )
     excess = np.linalg.eigvals(np.linalg.solve(exact.P, whole - exact.P)).real
     assert found.cost_lost == pytest.approx(100.0 * excess.max(), rel=1e-8)
-    assert found.section.data.cost_lost_worst_percent == found.cost_lost
-    assert in_steps.excess(critic.K) == pytest.approx(whole - exact.P, rel=1e-6)
+    assert found.section.data.graded.worst == found.cost_lost
+    assert sampled.excess(critic.K) == pytest.approx(whole - exact.P, rel=1e-6)
     H = exact.H + rng.uniform(0.1, 0.2, exact.H.shape)
     learned = replace(critic, L=1.5 * L, H=H)
     sizes = np.sqrt(np.abs(np.diag(exact.H)))
-    more = [check.value for check in in_steps.more_errors(learned, np.ones(3), 1e-6)]
+    more = [check.value for check in sampled.more_errors(learned, np.ones(3), 1e-6)]
     off = (np.abs(H - exact.H) / sizes / sizes[:, None]).max()
     assert more == pytest.approx([0.5, off])
     radius = np.abs(np.linalg.eigvals(step.A - step.B @ critic.K)).max()

@@ -20,10 +20,10 @@ from network_files import onnx_file, torch_file
 import hfa
 from controller import basis, critics_over_time
 from controller.critic.critic import Critic
-from controller.discrete.solution import sampled, solve_discrete
-from controller.game.discrete_game import DiscreteGame
+from controller.game.zero_sum import Game
 from hfa import from_weights, solve, verify
 from hfa.main import FAILED
+from tests.support.steps_of import in_steps
 from verification.box import ordinary_box
 from verification.scope import Scope
 from verification.verdict import Verdict
@@ -45,8 +45,8 @@ def exact_value() -> np.ndarray:
 
 
 @cache
-def discounted() -> DiscreteGame:
-    return sampled(GAME, DT, DISCOUNT)
+def discounted() -> Game:
+    return GAME.sampled(DT, DISCOUNT)
 
 
 def weights(name: str, P: np.ndarray | None = None) -> np.ndarray:
@@ -111,7 +111,7 @@ def history(**more: Any) -> str:
 
 def steps_file(**more: Any) -> str:
     """Write the sampled plant as a plant in discrete time and return its path."""
-    step = discounted().step
+    step = discounted()
     return stored(
         "plant.json",
         time="discrete",
@@ -123,7 +123,7 @@ def steps_file(**more: Any) -> str:
 
 
 def of_steps() -> np.ndarray:
-    return weights("paper", solve_discrete(discounted()).P)
+    return weights("paper", solve(discounted()).P)
 
 
 def npz(path: str = "w.npz", **more: Any) -> str:
@@ -173,8 +173,8 @@ def over_time() -> Verdict:
     return verify(GAME, critics, scope=FAST)
 
 
-def in_steps() -> Verdict:
-    problem = DiscreteGame(discounted().step, DISCOUNT)
+def of_a_game_in_steps() -> Verdict:
+    problem = in_steps(discounted(), DISCOUNT)
     critic = from_weights(problem, of_steps(), "paper")
     return verify(problem, critic, scope=replace(FAST, box=ordinary_box()))
 
@@ -194,7 +194,7 @@ CALLS: dict[str, Callable[[], Verdict]] = {
     "V and policy": lambda: judged(network("V+policy", V(), policy())),
     "file": lambda: judged(hfa.read_critic(npz(), GAME, basis="paper")),
     "over time": over_time,
-    "discrete": in_steps,
+    "discrete": of_a_game_in_steps,
     "discounted": discounted_file,
 }
 #: Ways in that are tried in the fast tests.

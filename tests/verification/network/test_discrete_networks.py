@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -15,15 +14,13 @@ from network_files import torch_file
 
 from controller import basis
 from controller.critic.critic import Critic, from_functions
-from controller.discrete.implied_policy import discrete_critic, policy_of_next
-from controller.discrete.solution import DiscreteSolution, sampled, solve_discrete
-from controller.game.discrete_game import DiscreteGame
-from hfa import Game, from_gain, from_network, from_weights, verify
+from controller.critic.implied_policy import policy_of_next
+from hfa import Game, Solution, from_gain, from_network, from_weights, solve, verify
 from hfa.main import DONE, FAILED
+from tests.support.steps_of import in_steps
 from verification import Scope
 from verification.box import Box
-from verification.critic.in_steps import InSteps
-from verification.critic.in_time import InTime
+from verification.judged_game import JudgedGame
 from verification.network.flights import costs_above_optimum
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -34,24 +31,24 @@ SCOPE = Scope(Box(BOX, "planted"), flights=20)
 Z = ca.SX.sym("z", 2)
 
 
-def problem_of(delta: float = 20.0, discount: float = 1.0, N: float = 0.0) -> DiscreteGame:
+def problem_of(delta: float = 20.0, discount: float = 1.0, N: float = 0.0) -> Game:
     step = Game(A, B, 0.1 * np.eye(2), np.eye(2), np.eye(1), delta)
-    return DiscreteGame(replace(step, N=np.full((2, 1), N)), discount)
+    return in_steps(replace(step, N=np.full((2, 1), N)), discount)
 
 
-def exact_of(problem: DiscreteGame) -> DiscreteSolution:
-    return solve_discrete(problem)
+def exact_of(problem: Game) -> Solution:
+    return solve(problem)
 
 
-def critic_of(problem: DiscreteGame, **outputs: ca.SX) -> Critic:
-    return from_functions(problem.step, Z, outputs, "planted")
+def critic_of(problem: Game, **outputs: ca.SX) -> Critic:
+    return from_functions(problem, Z, outputs, "planted")
 
 
-def exact_value(problem: DiscreteGame) -> ca.SX:
+def exact_value(problem: Game) -> ca.SX:
     return ca.bilin(ca.DM(exact_of(problem).P), Z, Z)
 
 
-def exact_policy(problem: DiscreteGame) -> ca.SX:
+def exact_policy(problem: Game) -> ca.SX:
     return -ca.DM(exact_of(problem).K) @ Z
 
 
@@ -122,10 +119,10 @@ def test_a_wrong_quartic_weight_fails_in_discrete_time() -> None:
     problem = problem_of()
     functions = basis("quadratic+quartic", 2)
     weights = functions.weights(exact_of(problem).P)
-    right = from_weights(problem.step, weights, functions)
+    right = from_weights(problem, weights, functions)
     assert verify(problem, right).ok
     weights[-1] = 50.0
-    wrong = from_weights(problem.step, weights, functions)
+    wrong = from_weights(problem, weights, functions)
     verdict = verify(problem, wrong, scope=SCOPE)
     assert "searched_value_error" in failed_names(verdict.checks)
 
@@ -137,16 +134,16 @@ def test_the_implied_policy_is_a_saddle_point() -> None:
     differs from the linearized policy.
     """
     problem = problem_of(delta=20.0, discount=0.95, N=0.2)
-    step = problem.step
+    step = problem
     P = exact_of(problem).P
     value = ca.bilin(ca.DM(P), Z, Z) + 2e4 * Z[0] ** 4
     V = ca.Function("V", [Z], [value])
-    critic = discrete_critic(problem, critic_of(problem, V=value))
+    critic = critic_of(problem, V=value)
     u = ca.SX.sym("u")
     w = ca.SX.sym("w", 2)
     x = np.array([0.4, -0.3])
     after = ca.DM(A) @ x + ca.DM(B) @ u + ca.DM(step.E) @ w
-    paid = float(x @ step.Q @ x) + 2.0 * float(x @ problem.step.N[:, 0]) * u + u**2
+    paid = float(x @ step.Q @ x) + 2.0 * float(x @ problem.N[:, 0]) * u + u**2
     Q = paid - step.delta**2 * ca.sumsqr(w) + 0.95 * V(after)
     slopes = ca.Function("slopes", [ca.vertcat(u, w)], [ca.gradient(Q, ca.vertcat(u, w))])
     worst = ca.rootfinder("worst", "newton", {"x": w, "p": u, "g": ca.gradient(Q, w)})
@@ -164,43 +161,43 @@ def test_the_policy_is_nan_at_a_kink() -> None:
     problem = problem_of(delta=np.inf)
     exact = exact_of(problem)
     slope = ca.Function("slope", [Z], [1e3 * ca.sign(Z[1]) * ca.vertcat(0.0, 1.0)])
-    policy = policy_of_next(problem, slope, exact.K, exact.disturbance_gain)
+    policy = policy_of_next(problem, slope, exact.P)
     assert np.isnan(np.array(policy([0.1, 0.0]))).all()
 
 
 @pytest.mark.parametrize("factor", [0.7, 1.2])
-@pytest.mark.parametrize("time", [InTime, InSteps])
+@pytest.mark.parametrize("is_discrete", [False, True])
 def test_simulated_cost_of_a_linear_network_equals_that_of_its_loop(
-    time: Any, factor: float
+    is_discrete: bool, factor: float
 ) -> None:
     """The cost of u = c - K z counts from its equilibrium under the worst disturbance, to 1e-6.
 
     With a smaller gain, the loop is several times slower than the exact one.
     """
     problem = problem_of(discount=0.97, delta=40.0)
-    step = problem.step
-    axis = time(problem if time is InSteps else step)
+    step = problem if is_discrete else replace(problem, dt=None, discount=1.0)
+    axis = JudgedGame(step)
     exact = axis.exact
     K = factor * exact.K
     offset = 0.05
     remaining = axis.excess(K)
     assert remaining is not None
     worst = exact.disturbance_gain
-    if time is InTime:
+    if not is_discrete:
         worst = worst + step.E.T @ remaining / step.delta**2
     loop = A - B @ K + step.E @ worst
-    rate = -loop if time is InTime else np.eye(2) - loop
+    rate = np.eye(2) - loop if is_discrete else -loop
     rest = np.linalg.solve(rate, B[:, 0] * offset)
     policy = -ca.DM(K) @ Z + offset
-    losses = costs_above_optimum(axis, critic_of(problem, policy=policy), exact, BOX, 10)
+    losses = costs_above_optimum(axis, critic_of(step, policy=policy), exact, BOX, 10)
     starts = np.random.default_rng(1).uniform(-1.0, 1.0, (9, 2))
     starts[::2] = np.sign(starts[::2])
     for loss, start in zip(losses[1:], starts * BOX, strict=True):
         away = start - rest
         lost = 100.0 * float(away @ remaining @ away) / float(start @ exact.P @ start)
         assert loss == pytest.approx(lost, rel=1e-6)
-    centred = costs_above_optimum(axis, critic_of(problem, policy=-ca.DM(K) @ Z), exact, BOX, 2)
-    linear = verify(problem if time is InSteps else step, from_gain(step, K))
+    centred = costs_above_optimum(axis, critic_of(step, policy=-ca.DM(K) @ Z), exact, BOX, 2)
+    linear = verify(step, from_gain(step, K))
     assert centred.max() == pytest.approx(linear.cost_lost, rel=1e-6)
 
 
@@ -210,13 +207,13 @@ def test_the_exact_network_of_a_discounted_game_passes(game: Game) -> None:
 
     The exact gain followed by a saturating tanh fails away from the origin.
     """
-    problem = sampled(game, 0.01, 0.99)
-    K = solve_discrete(problem).K
-    right = from_network(game, torch_file("right.pt", {"weight": -K}))
+    problem = game.sampled(0.01, 0.99)
+    K = solve(problem).K
+    right = from_network(problem, torch_file("right.pt", {"weight": -K}))
     verdict = verify(problem, right)
     assert verdict.ok, failed_names(verdict.checks)
     layers = {"0.weight": 1e3 * K, "2.weight": -1e-3 * np.eye(5)}
-    bent = from_network(game, torch_file("bent.pt", layers), activation="tanh")
+    bent = from_network(problem, torch_file("bent.pt", layers), activation="tanh")
     verdict = verify(problem, bent, scope=Scope(flights=2))
     assert verdict.K_rel_error < 1e-9
     assert "searched_policy_error" in failed_names(verdict.checks)
@@ -229,7 +226,7 @@ def test_verify_reports_how_networks_are_read() -> None:
     """
     problem = problem_of()
     exact = exact_of(problem)
-    step = problem.step
+    step = problem
     plant = {name: getattr(step, name).tolist() for name in "ABEQR"} | {"delta": step.delta}
     path = stored("plant.json", time="discrete", **plant)
     words = ("verify", "--model", path, "--network", "policy=", "--weights")

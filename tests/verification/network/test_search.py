@@ -15,8 +15,8 @@ from controller.critic.critic import Critic, from_functions
 from controller.hfa_game import ORDINARY_DEVIATIONS
 from hfa import Game, from_gain, from_network, solve, verify
 from verification.box import ordinary_box
-from verification.critic.in_time import InTime
 from verification.critic_errors import SMALL, box_errors
+from verification.judged_game import JudgedGame
 from verification.network.flights import (
     _reach,
     costs_above_optimum,
@@ -89,7 +89,7 @@ def test_no_simulated_cost_exceeds_the_linear_worst(
     data = check.to_dict()
     flown = data["network"]["cost_lost_flown_percent"]
     assert flown == pytest.approx(data["graded"]["cost_lost_worst_percent"], rel=1e-6)
-    losses = costs_above_optimum(InTime(game), critic, solve(game), BOX, 40)
+    losses = costs_above_optimum(JudgedGame(game), critic, solve(game), BOX, 40)
     assert data["network"]["cost_lost_flown_mean_percent"] == pytest.approx(losses.mean())
 
 

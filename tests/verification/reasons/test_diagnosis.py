@@ -32,8 +32,8 @@ from hfa import Game, from_gain, from_value, verify
 from hfa.main import FAILED
 from verification.box import ordinary_box, usual_box
 from verification.critic.critic_check import LIMIT
-from verification.critic.in_time import InTime
 from verification.critic_errors import critic_errors
+from verification.judged_game import JudgedGame
 from verification.reasons.diagnosis import diagnose, nearest_linear
 from verification.reasons.hypotheses import Hypothesis, View
 from verification.reasons.other_games import discounted, other_games
@@ -60,7 +60,7 @@ def named(
         scheduled = Scheduled(lambda x: f"at dihedral {x:.4f} deg", at, starts)
     half_widths = np.ones(len(game.A)) if box is None else box
     others = other_games(game, Nearby(printed or {}, scheduled))
-    return diagnose(InTime(game), candidate, LIMIT, half_widths, others)
+    return diagnose(JudgedGame(game), candidate, LIMIT, half_widths, others)
 
 
 def wrong(game: Game, candidate: Critic) -> bool:
@@ -134,7 +134,7 @@ def named_under_noise(mistake: str, size: float, games: int, seed: int) -> int:
         kind, plant, words = OF_ANY_GAME.get(mistake, RIGHT[index % 3])
         table = noisy(kind, plant(game), size, rng)
         candidate = candidate_of(game, kind, lambda _, table=table: table)
-        reason = diagnose(InTime(game), candidate, LIMIT, np.ones(len(game.A)), NoGames())
+        reason = diagnose(JudgedGame(game), candidate, LIMIT, np.ones(len(game.A)), NoGames())
         if words:
             count += words in reason
         else:

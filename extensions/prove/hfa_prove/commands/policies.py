@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from controller.critic.critic import symbols_for
 from controller.critic.critic_file import critic_in, is_network
+from controller.critic.symbols import symbols_for
 from controller.riccati.gare import unconfirmed_solution
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment

@@ -13,7 +13,6 @@ from flint import acb, acb_mat, arb, arb_mat
 
 from controller.critic.critic import Critic
 from controller.game.zero_sum import Game
-from controller.riccati.careful_derivations import by_schur
 from controller.riccati.gare import unconfirmed_solution
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta
@@ -213,7 +212,7 @@ def find_solution(game: Game, weights: Weights, A: TaylorModel, B: TaylorModel) 
     """
     form = NormalForm.of(game)
     units = form.units
-    start = by_schur(form)
+    start = form.by_schur()
     if not np.isfinite(start).all():
         raise NoSolutionError(
             "no finite approximate solution of the Riccati equation was found, "

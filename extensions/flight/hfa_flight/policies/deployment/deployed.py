@@ -20,7 +20,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller.critic.critic import symbols_for
+from controller.critic.symbols import symbols_for
 from hfa_aircraft.layout import components
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.march.march import saturated

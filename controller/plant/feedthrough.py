@@ -6,12 +6,10 @@ import math
 
 import numpy as np
 
-from controller.riccati.frequency_response import Triple
-
 
 def without_feedthrough(
     A: np.ndarray, E: np.ndarray, C: np.ndarray, D: np.ndarray, delta: float
-) -> Triple:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return A, E and Q = C'C of a system without feedthrough.
 
     The original system is x' = A x + E w, z = C x + D w. The gain of the returned system is below δ

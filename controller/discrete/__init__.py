@@ -1,1 +1,0 @@
-"""Discrete-time games: normal form, exact solution and implied policy."""

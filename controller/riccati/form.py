@@ -1,0 +1,251 @@
+"""A game in the coordinates in which it is solved, and Newton's method for its Riccati equation."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.balancing import largest
+from controller.riccati.delta_search import Answer
+from hfa_support.reporting.checks import Check
+
+RESIDUAL = 1e-10
+#: Magnitude of a negative eigenvalue of P, relative to the largest entry, that counts as rounding.
+INDEFINITENESS = 1e-10
+#: A refusal names a mode whose reach or whose cost in Q is below this fraction of the largest rate.
+BARELY = 1e-10
+#: Largest number of Newton steps. Each gains about 16 digits minus those lost to the condition
+#: number; two are enough except near the smallest delta.
+REFINEMENTS = 12
+#: After a relative correction of this size, the next one is rounding, as each gains as many digits.
+LAST_CORRECTION = 1e-9
+#: p, the cost of the final state of a doubling, smaller than in most games in balanced units.
+LAST = 2.0**-4
+UNREACHED = (
+    "within 1e-10 of its largest rate, (A, B) is not stabilizable: no input reaches the {}; change"
+    " B or leave that mode out of A"
+)
+HIDDEN = (
+    "within 1e-10 of its size, (A, Q) is not detectable: the undamped {} has no cost; give it"
+    " weight in Q"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Form(ABC):
+    """Game in balanced units y = z / u of its states, without discount and without cross weights.
+
+    X is the solution of its Riccati equation, and P = X / (u u') that of the user's game. The
+    discount is taken into √α A, √α B and √α E. The input is v = u + F z, for which N = 0.
+
+    A: (n, n)
+    inputs: (n, m), B
+    disturbance: (n, k), E before its division by delta
+    Q: (n, n)
+    R: (m, m)
+    F: (m, n), R⁻¹ N', for the user's states z
+    units: u, (n,), powers of two, so that the change of units does not round
+    delta: delta of the game
+    """
+
+    A: np.ndarray
+    inputs: np.ndarray
+    disturbance: np.ndarray
+    Q: np.ndarray
+    R: np.ndarray
+    F: np.ndarray
+    units: np.ndarray
+    delta: float
+
+    @classmethod
+    @lru_cache(maxsize=8)
+    def of(cls, game: Game) -> Self:
+        """Return the form of a game, cached for each game."""
+        plain = game.without_cross_weights
+        units = cls.units_of(plain)
+        root = math.sqrt(game.discount)
+        return cls(
+            A=root * plain.A * units / units[:, None],
+            inputs=root * plain.B / units[:, None],
+            disturbance=root * plain.E / units[:, None],
+            Q=plain.Q * np.outer(units, units),
+            R=plain.R,
+            F=game.F,
+            units=units,
+            delta=game.delta,
+        )
+
+    @staticmethod
+    @abstractmethod
+    def units_of(game: Game) -> np.ndarray:
+        """Return the units u (n,) in which a game with N = 0 is balanced."""
+
+    @cached_property
+    def E(self) -> np.ndarray:
+        """E scaled to δ = 1, (n, k)."""
+        return self.disturbance / self.delta
+
+    def with_delta(self, delta: float) -> Self:
+        """Return the same game with another delta, in the same coordinates."""
+        return replace(self, delta=delta)
+
+    def with_last_digits_changed(self) -> Self:
+        """Return the game with the entries one or two units in the last place larger or smaller.
+
+        Q and R remain semidefinite: row and column i are multiplied by the same factor.
+        """
+        sizes = self.A.size, self.inputs.size, self.disturbance.size
+        numbers = np.arange(sum(sizes))
+        # Signs without a pattern: those of sin(k²).
+        changes = 1.0 + np.finfo(float).eps * np.sign(np.sin(numbers**2 + 1.0))
+        A, inputs, disturbance = np.split(changes, np.cumsum(sizes[:2]))
+        by_state, by_input = A[: len(self.A)], inputs[: len(self.R)]
+        return replace(
+            self,
+            A=self.A * A.reshape(self.A.shape),
+            inputs=self.inputs * inputs.reshape(self.inputs.shape),
+            disturbance=self.disturbance * disturbance.reshape(self.disturbance.shape),
+            Q=self.Q * by_state * by_state[:, None],
+            R=self.R * by_input * by_input[:, None],
+        )
+
+    def of_value(self, P: np.ndarray) -> np.ndarray:
+        """Return the X that belongs to P (..., n, n) of the user."""
+        return P * np.outer(self.units, self.units)
+
+    def value(self, X: np.ndarray) -> np.ndarray:
+        """Return the P (n, n) of the user that belongs to X, symmetric."""
+        P = X / np.outer(self.units, self.units)
+        return (P + P.T) / 2.0
+
+    @abstractmethod
+    def game(self) -> Game:
+        """Return the game in the units y, with the input v."""
+
+    @abstractmethod
+    def gains(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return K (m, n) and L (k, n) of v = -K y and d = L y, the policies of the value y'X y."""
+
+    def policies(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return K (m, n) and L (k, n) of u = -K z and d = L z of the user."""
+        K, L = self.gains(X)
+        return K / self.units + self.F, L / self.units
+
+    @abstractmethod
+    def relative_residual(self, X: np.ndarray) -> float:
+        """Return the largest residual of the Riccati equation for X, relative to its terms."""
+
+    @abstractmethod
+    def newton_step(self, X: np.ndarray) -> np.ndarray:
+        """Return the Newton correction of X, from a residual in twice the precision.
+
+        Corrections by such residuals converge to the rounding of X (Wilkinson's iterative
+        refinement). Raises NoSolutionError if its equation is singular within rounding.
+        """
+
+    def refined(self, X: np.ndarray) -> np.ndarray:
+        """Return the X after the smallest of several Newton corrections of the symmetric part of X.
+
+        Raises NoSolutionError as `newton_step` does.
+        """
+        best = X = (X + X.T) / 2.0
+        smallest = math.inf
+        for _ in range(REFINEMENTS):
+            with np.errstate(all="ignore"):  # an overflow is refused
+                correction = self.newton_step(X)
+            X = X + correction
+            size = float(largest(correction))
+            if size < smallest:
+                best, smallest = X, size
+            if size <= LAST_CORRECTION * largest(X):
+                break
+        return best
+
+    @abstractmethod
+    def unrefined(self) -> np.ndarray:
+        """Return X from a stable subspace. Raises NoSolutionError if it has none."""
+
+    def by_schur(self) -> np.ndarray:
+        """Return X from a Schur form after Newton steps. Raises NoSolutionError if none exists."""
+        return self.refined(self.unrefined())
+
+    @abstractmethod
+    def by_doubling(self) -> np.ndarray:
+        """Return X by a doubling algorithm after Newton steps.
+
+        Raises NoSolutionError if a matrix is singular.
+        """
+
+    @abstractmethod
+    def axis_checks(self) -> tuple[Check, ...]:
+        """Return the checks that half of the spectrum is stable, as far as a form makes them."""
+
+    @abstractmethod
+    def checks(self, X: np.ndarray) -> tuple[Check, ...]:
+        """Return the checks of X: its equation, its sign, and both closed loops."""
+
+    @abstractmethod
+    def existence(self) -> Answer:
+        """Return whether the game has a value at this delta, and the reason if not."""
+
+    @abstractmethod
+    def delta_bound(self, X: np.ndarray) -> float:
+        """Return a delta near delta_min from the X without disturbance, or 0 if delta_min is 0."""
+
+    @abstractmethod
+    def obstacle(self) -> str:
+        """Return the mode because of which no delta has a solution, as one sentence, or ""."""
+
+
+class Mode(NamedTuple):
+    """Eigenvalue λ of a matrix.
+
+    value: λ
+    rounding: change of λ by rounding of the matrix
+    """
+
+    value: complex
+    rounding: float
+
+    def __str__(self) -> str:
+        """Return the name of the mode for a message, "mode with eigenvalue 0.5 ± 1i"."""
+        parts = self.value.real, self.value.imag
+        real, imaginary = (part if abs(part) > self.rounding else 0.0 for part in parts)
+        pair = f" ± {abs(imaginary):.4g}i" if imaginary else ""
+        return f"mode with eigenvalue {real:.4g}{pair}"
+
+
+def modes_of(A: np.ndarray) -> list[Mode]:
+    """Return the eigenvalues of A (n, n) with their roundings, n² eps |A| / |y'x| with the
+    eigenvectors x and y, at most 1e-6 |A|, the rounding of a double eigenvalue.
+    """
+    from scipy.linalg import eig
+
+    values, left, right = eig(A, left=True)
+    size = float(np.linalg.norm(A, 2))
+    aligned = np.abs(np.vecdot(left.T, right.T))
+    with np.errstate(divide="ignore"):
+        roundings = len(A) ** 2 * np.finfo(float).eps * size / aligned
+    return list(map(Mode, values.tolist(), np.minimum(roundings, 1e-6 * size).tolist()))
+
+
+def dependence(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> float:
+    """Return the smallest singular value of [A' - λI; rows], relative to the norm of A.
+
+    The rows are first scaled to the norm of A. If the matrix does not have full column rank, the
+    result is of the order of rounding.
+
+    A: (n, n)
+    value: λ
+    rows: (p, n)
+    size: norm of A
+    """
+    scaled = rows * (size / (float(np.linalg.norm(rows, 2)) or 1.0))
+    stacked = np.vstack([A.T - value * np.eye(len(A)), scaled])
+    return float(np.linalg.svd(stacked, compute_uv=False)[-1]) / size

@@ -1,0 +1,262 @@
+"""A game in discrete time, in the coordinates in which it is solved: no discount and δ = 1."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.balancing import largest, largest_or_1, units_of
+from controller.riccati.delta_search import Answer
+from controller.riccati.double_double import (
+    add,
+    exact,
+    product,
+    product_of_doubles,
+    transposed,
+)
+from controller.riccati.form import (
+    BARELY,
+    HIDDEN,
+    INDEFINITENESS,
+    LAST,
+    RESIDUAL,
+    UNREACHED,
+    Form,
+    dependence,
+    modes_of,
+)
+from controller.riccati.lyapunov import Lyapunov
+from hfa_support.errors import NoSolutionError
+from hfa_support.matrices import spectral_radius
+from hfa_support.reporting.checks import Check, at_least, at_most, below
+
+#: Lower bound of the smallest eigenvalue of I - E'X E and, relative, of R + B'X B.
+SADDLE = 1e-12
+#: Largest number of doublings.
+DOUBLINGS = 60
+
+
+@dataclass(frozen=True, eq=False)
+class StepForm(Form):
+    """Game y⁺ = A y + B v + E w in discrete time with δ = 1.
+
+      X = Q + A'X A - A'X G (W + G'X G)⁻¹ G'X A,  G = [B E],  W = blkdiag(R, -I)
+
+    R may be singular: the solution only needs R + B'X B > 0.
+    """
+
+    @staticmethod
+    def units_of(game: Game) -> np.ndarray:
+        """Return the units u (n,) in which a game with N = 0 is balanced."""
+        alpha = game.discount
+        return units_of(math.sqrt(alpha) * game.A, alpha * game.S_control, game.Q)
+
+    def game(self) -> Game:
+        """Return the game in the units y, with the input v."""
+        matrices = (self.A, self.inputs, self.disturbance, self.Q, self.R)
+        return Game(*matrices, self.delta, dt=True)
+
+    @cached_property
+    def G(self) -> np.ndarray:
+        """[B E], (n, m + k)."""
+        return np.hstack([self.inputs, self.E])
+
+    @cached_property
+    def W(self) -> np.ndarray:
+        """blkdiag(R, -I), (m + k, m + k)."""
+        W = -np.eye(self.G.shape[1])
+        W[: len(self.R)] = 0.0
+        W[: len(self.R), : len(self.R)] = self.R
+        return W
+
+    def gains(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return K (m, n) and L (k, n) of v = -K y and w = L y, the policies of the value y'X y."""
+        K, minus_L = np.split(self._both_gains(X), [len(self.R)])
+        return K, -minus_L / self.delta
+
+    def _both_gains(self, X: np.ndarray) -> np.ndarray:
+        """Return [K; -δ L] = (W + G'X G)⁻¹ G'X A, (m + k, n)."""
+        return np.linalg.solve(self.W + self.G.T @ X @ self.G, self.G.T @ X @ self.A)
+
+    def _residual(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the residual of X in twice the precision, and the loop A - G [K; -δ L], (n, n).
+
+        The residual is that of the cost of both policies. Their errors affect it to second order.
+        """
+        gains = self._both_gains(X)
+        loop = add(exact(self.A), product_of_doubles(-self.G, gains))
+        paid = product(product_of_doubles(gains.T, self.W), exact(gains))
+        after = product(transposed(loop), product(exact(X), loop))
+        left = add(add(exact(self.Q), paid), add(exact(-X), after))[0]
+        return (left + left.T) / 2.0, loop[0]
+
+    def relative_residual(self, X: np.ndarray) -> float:
+        """Return the largest residual of Bellman's equation for X relative to its terms.
+
+        The terms are |Q|, |K'R K|, |X| and |A - B K|'|X||A - B K|, entry by entry. The residual is
+        nan if X has no policies.
+        """
+        X = (X + X.T) / 2.0
+        try:
+            residual, _ = self._residual(X)
+        except np.linalg.LinAlgError:
+            return math.nan
+        K, _ = self.gains(X)
+        loop = np.abs(self.A - self.inputs @ K)
+        terms = np.abs(self.Q) + np.abs(K.T @ self.R @ K) + np.abs(X) + loop.T @ np.abs(X) @ loop
+        return float(largest(residual) / (float(terms.max()) or 1.0))
+
+    def newton_step(self, X: np.ndarray) -> np.ndarray:
+        """Return the Newton correction Z, (n, n): Z = F'Z F + residual(X), F the loop of X.
+
+        Raises NoSolutionError if this equation is singular within rounding.
+        """
+        with _no_singularity():
+            residual, loop = self._residual(X)
+            return Lyapunov.of_steps(loop).solve(-residual)[0]
+
+    def unrefined(self) -> np.ndarray:
+        """Return X, (n, n), from the stable subspace of the extended symplectic pencil.
+
+        Source: Van Dooren, SIAM J. Scientific and Statistical Computing 2 (1981), 121-135.
+
+        Raises NoSolutionError if the subspace does not have dimension n or is not a graph.
+        """
+        from scipy.linalg import ordqz
+
+        n = len(self.A)
+        size = self.G.shape[1]
+        one, zero = np.eye(n), np.zeros((n, n))
+        no_states = np.zeros((size, n))
+        left = np.block(
+            [
+                [self.A, zero, self.G],
+                [-self.Q, one, no_states.T],
+                [no_states, no_states, self.W],
+            ]
+        )
+        right = np.block([[one, zero], [zero, self.A.T], [no_states, -self.G.T]])
+        # The rows that the last columns of `left` do not enter form a pencil of size 2n.
+        rows = np.linalg.qr(left[:, 2 * n :], mode="complete").Q[:, size:].T
+        with _no_singularity():
+            _, _, alpha, beta, _, basis = ordqz(
+                rows @ left[:, : 2 * n], rows @ right, sort="iuc", output="real"
+            )
+            if np.sum(np.abs(alpha) < np.abs(beta)) != n:
+                raise NoSolutionError("the pencil has eigenvalues on the unit circle")
+            return np.linalg.solve(basis[:n, :n].T, basis[n:, :n].T)
+
+    def by_doubling(self) -> np.ndarray:
+        """Return X as the limit of the costs over 2^k steps, with the cost p I of the final state,
+        after Newton steps.
+
+        X = p I + Y, and the first step with the final cost p I gives a game of Y without R. With
+        V = (I + S Y)^-1, each doubling replaces
+
+        Y <- Y + A'Y V A,  S <- S + A V S A',  A <- A V A
+
+        Source: Chu, Fan, Lin and Wang, Int. J. Control 77 (2004).
+        """
+        one = np.eye(len(self.A))
+        G = self.G
+        with _no_singularity():
+            weights = self.W + LAST * G.T @ G
+            crossed = LAST * G.T @ self.A
+            gains = np.linalg.solve(weights, crossed)
+            A = self.A - G @ gains
+            Y = self.Q + LAST * (self.A.T @ self.A - one) - crossed.T @ gains
+            S = G @ np.linalg.solve(weights, G.T)
+            with np.errstate(all="ignore"):
+                for _ in range(DOUBLINGS):
+                    V = np.linalg.inv(one + S @ Y)
+                    A, S, Y = A @ V @ A, S + A @ V @ S @ A.T, Y + A.T @ Y @ V @ A
+                    if np.abs(A).max() <= 1e-8:
+                        break
+        return self.refined(Y + LAST * one)
+
+    def axis_checks(self) -> tuple[Check, ...]:
+        """Return no checks: `unrefined` counts the eigenvalues inside the unit circle."""
+        return ()
+
+    def checks(self, X: np.ndarray) -> tuple[Check, ...]:
+        """Return the checks of X: equation, sign, saddle of the policies, and both closed loops.
+
+        Raises NoSolutionError if a matrix is singular.
+        """
+        size = float(largest_or_1(X))
+        with _no_singularity():
+            K, _ = self.gains(X)
+            _, game_loop = self._residual(X)
+        residual = self.relative_residual(X)
+        error = float(largest(self.newton_step(X))) / size
+        smallest = _least(X) / size
+        paid = _least(np.eye(self.E.shape[1]) - self.E.T @ X @ self.E)
+        price = self.R + self.inputs.T @ X @ self.inputs
+        weight = _least(price) / float(largest_or_1(price))
+        game_radius = spectral_radius(game_loop)
+        radius = spectral_radius(self.A - self.inputs @ K)
+        unsolved = f"the residual of Bellman's equation is {residual:.2g}"
+        inexact = f"a Newton step changes P by {error:.2g}"
+        indefinite = f"P is indefinite ({smallest:.3g} of its size)"
+        unpaid = "delta^2 I - discount E'P E is not positive definite"
+        free = "R + discount B'P B is not positive definite"
+        grows = "sqrt(discount) ({}) has radius {:.6g}".format
+        return (
+            at_most("residual", residual, RESIDUAL, unsolved),
+            at_most("newton_correction", error, RESIDUAL, inexact),
+            at_least("positive_semidefinite", smallest, -INDEFINITENESS, indefinite),
+            at_least("disturbance_pays", paid, SADDLE, unpaid),
+            at_least("input_pays", weight, SADDLE, free),
+            below("game_loop_radius", game_radius, 1.0, grows("A - B K + E L", game_radius)),
+            below("control_loop_radius", radius, 1.0, grows("A - B K", radius)),
+        )
+
+    def existence(self) -> Answer:
+        """Return whether the game has a value at this delta, by the checks of its X."""
+        try:
+            checks = self.checks(self.by_schur())
+        except NoSolutionError as failure:
+            return Answer(False, str(failure))
+        failed = [
+            each.reason for each in checks if not each.ok and each.name != "newton_correction"
+        ]
+        return Answer(False, failed[0]) if failed else Answer(True)
+
+    def delta_bound(self, X: np.ndarray) -> float:
+        """Return |E'X E|^½ of the X without disturbance, where the search for delta_min begins."""
+        E = self.disturbance
+        return math.sqrt(float(np.linalg.eigvalsh(E.T @ X @ E).max(initial=0.0).clip(0.0)))
+
+    def obstacle(self) -> str:
+        """Return the mode because of which no delta has a solution, as one sentence, or ""."""
+        size = float(np.linalg.norm(self.A, 2)) or 1.0
+        for mode in modes_of(self.A):
+            value = mode.value
+            if abs(value) < 1.0 - mode.rounding:
+                continue
+            if dependence(self.A, value, self.inputs.T, size) <= BARELY:
+                return UNREACHED.format(f"{mode} of sqrt(discount) A, which does not decay")
+            on_circle = abs(value) <= 1.0 + mode.rounding
+            if on_circle and dependence(self.A.T, value, self.Q, size) <= BARELY:
+                return HIDDEN.format(f"{mode} of sqrt(discount) A")
+        return ""
+
+
+def _least(matrix: np.ndarray) -> float:
+    """Return the smallest eigenvalue of the symmetric part of a matrix, inf without entries."""
+    return float(np.linalg.eigvalsh((matrix + matrix.T) / 2.0).min(initial=math.inf))
+
+
+@contextmanager
+def _no_singularity() -> Iterator[None]:
+    """Raise NoSolutionError where linear algebra meets a singular or an infinite matrix."""
+    try:
+        yield
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise NoSolutionError(f"the computation fails: {error}") from error

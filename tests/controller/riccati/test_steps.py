@@ -1,0 +1,206 @@
+"""Games in discrete time: value iteration, closed forms, SciPy, and the limit of short samples."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import block_diag, solve_discrete_are
+
+import hfa
+from controller import bounded_real_gain, disk_margin, minimum_delta
+from hfa import BadInputError, Game, NoSolutionError
+
+GOLDEN = (1.0 + math.sqrt(5.0)) / 2.0
+
+
+def game_of(seed: int, **changes: object) -> Game:
+    """Return a random game with three states, two inputs and units from 1e-3 to 1e3."""
+    random = np.random.default_rng(seed)
+    units = 10.0 ** random.uniform(-3.0, 3.0, 3)
+    A = 0.8 * random.standard_normal((3, 3)) * units[:, None] / units
+    B, E = (random.standard_normal((3, 2)) * units[:, None] for _ in range(2))
+    Q = np.diag(units**-2.0)
+    N = 0.1 * random.standard_normal((3, 2)) / units[:, None]
+    entries = {"A": A, "B": B, "E": E, "Q": Q, "R": np.eye(2), "N": N, "delta": 40.0}
+    return Game(**(entries | {"dt": True, "discount": 0.95} | changes))
+
+
+def iterated(game: Game, steps: int = 1000) -> np.ndarray:
+    """Return the cost of the best play of so many steps, (n, n), by dynamic programming.
+
+    All entries are inf if the disturbance gains more than it pays.
+    """
+    n, m = game.B.shape
+    k = game.E.shape[1] if math.isfinite(game.delta) else 0
+    G = np.hstack([game.B, game.E[:, :k]])
+    W = np.zeros((m + k, m + k))
+    W[:m, :m] = game.R
+    W[m:, m:] = -(game.delta**2) * np.eye(k) if k else 0.0
+    cross = np.hstack([game.N, np.zeros((n, k))])
+    P = np.zeros((n, n))
+    for _ in range(steps):
+        if k and np.linalg.eigvalsh(-(W + game.discount * G.T @ P @ G)[m:, m:])[0] <= 0.0:
+            return np.full((n, n), np.inf)
+        across = game.discount * game.A.T @ P @ G + cross
+        price = W + game.discount * G.T @ P @ G
+        best = np.linalg.lstsq(price, across.T, rcond=None)[0]
+        P = game.Q + game.discount * game.A.T @ P @ game.A - across @ best
+        P = (P + P.T) / 2.0
+    return P
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"discount": 1.0, "dt": 0.1},
+        {"delta": math.inf},
+        {"R": np.zeros((2, 2)), "N": np.zeros((3, 2))},
+        {"R": np.diag([1.0, 0.0]), "N": np.zeros((3, 2)), "delta": math.inf},
+    ],
+    ids=["discounted", "undiscounted", "LQR", "R = 0", "R singular"],
+)
+@pytest.mark.parametrize("seed", range(2))
+def test_the_value_is_the_limit_of_dynamic_programming(seed: int, changes: dict) -> None:
+    """P is the cost of many steps, and K and L are a saddle point of the step before them."""
+    game = game_of(seed, **changes)
+    solution = hfa.solve(game)
+    units = np.sqrt(np.diag(game.Q))
+    scale = np.outer(units, units)
+    P = iterated(game)
+    np.testing.assert_allclose(solution.P / scale, P / scale, rtol=1e-7, atol=1e-7)
+    x = 1.0 / units
+
+    def cost(du: float, dw: float) -> float:
+        u = -solution.K @ x + du
+        w = solution.disturbance_gain @ x + dw
+        after = game.A @ x + game.B @ u + game.E @ w
+        paid = x @ game.Q @ x + 2.0 * x @ game.N @ u + u @ game.R @ u
+        earned = game.delta**2 * w @ w if math.isfinite(game.delta) else 0.0
+        return float(paid - earned + game.discount * after @ solution.P @ after)
+
+    value = solution.cost(x)
+    assert cost(0.0, 0.0) == pytest.approx(value)
+    assert min(cost(step, 0.0) for step in (-0.1, 0.1)) > value
+    if math.isfinite(game.delta):
+        assert max(cost(0.0, step) for step in (-0.1, 0.1)) < value
+    names = {check.name for check in (*solution.certificate.checks, *solution.meaning)}
+    assert {"cost_lyapunov", "l2_gain", "gain_change", "second_derivation"} <= names
+
+
+@pytest.mark.parametrize(
+    ("A", "B", "Q", "R"),
+    [
+        (
+            [[0.63399379, 0.54906824, 0.76253406], [0.5404729, 0.53745766, 0.08731853],
+             [0.27524045, 0.84922129, 0.4681622]],
+            [[0.96861695], [0.05532739], [0.78934047]], np.eye(3), np.eye(1),
+        ),
+        (
+            [[0.9512, 0], [0, 0.9048]], [[4.877, 4.877], [-1.1895, 3.569]],
+            np.diag([0.005, 0.02]), np.diag([1.0 / 3.0, 3.0]),
+        ),
+        (
+            [[0.998, 0.067, 0, 0], [-0.067, 0.998, 0, 0], [0, 0, 0.998, 0.153],
+             [0, 0, -0.153, 0.998]],
+            [[0.0033, 0.02], [0.1, -0.0007], [0.04, 0.0073], [-0.0028, 0.1]],
+            [[1.87, 0, 0, -0.244], [0, 0.744, 0.205, 0], [0, 0.205, 0.589, 0],
+             [-0.244, 0, 0, 1.048]], np.eye(2),
+        ),
+        (
+            [[-0.6, -2.2, -3.6, -5.400018], [1.0, 0.6, 0.8, 3.399982], [0.0, 1.0, 1.8, 3.799982],
+             [0.0, 0.0, 0.0, -0.999982]],
+            [[1.0, -1.0, -1.0, -1.0], [0.0, 1.0, -1.0, -1.0], [0.0, 0.0, 1.0, -1.0],
+             [0.0, 0.0, 0.0, 1.0]],
+            [[2, 1, 3, 6], [1, 2, 2, 5], [3, 2, 6, 11], [6, 5, 11, 22]], np.eye(4),
+        ),
+        (
+            np.kron(np.eye(2), np.diag([1, 1], k=1)), np.kron(np.eye(2), [[0], [0], [1]]),
+            block_diag([[1, 1], [1, 1]], 0, [[1, -1], [-1, 1]], 0), np.diag([3.0, 1.0]),
+        ),
+    ],
+    ids=["gh-2251", "DAREX 2", "DAREX 6", "DAREX 8", "DAREX 10"],
+)  # fmt: skip
+def test_the_cases_of_scipy_are_solved(A: list, B: list, Q: list, R: list) -> None:
+    """K agrees with scipy.linalg on the cases of SciPy's tests."""
+    A, B = np.array(A, dtype=float), np.array(B, dtype=float)
+    P = solve_discrete_are(A, B, Q, R)
+    K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+    found = hfa.solve(Game(A, B, Q=Q, R=R, dt=True))
+    np.testing.assert_allclose(found.K, K, atol=1e-9 * np.abs(K).max() + 1e-15)
+
+
+@pytest.mark.parametrize(
+    ("A", "B", "Q", "R", "P"),
+    [
+        ([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[GOLDEN]]),
+        ([[4.0, 3.0], [-4.5, -3.5]], [[1.0], [-1.0]], [[9.0, 6.0], [6.0, 4.0]], [[1.0]],
+         [[9.0 * GOLDEN, 6.0 * GOLDEN], [6.0 * GOLDEN, 4.0 * GOLDEN]]),
+        ([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 2.0], [2.0, 4.0]], [[1.0]],
+         [[1.0, 2.0], [2.0, 2.0 + math.sqrt(5.0)]]),
+        ([[2.0, -1.0], [1.0, 0.0]], [[1.0], [0.0]], [[0.0, 0.0], [0.0, 1.0]], [[0.0]], np.eye(2)),
+    ],
+    ids=["QuantEcon: golden", "DAREX 1", "DAREX 5", "DAREX 3: R = 0"],
+)  # fmt: skip
+def test_regulators_with_a_closed_form(A: list, B: list, Q: list, R: list, P: list) -> None:
+    """P of regulators with a known solution is right to 1e-10; R may be 0."""
+    solution = hfa.solve(Game(A, B, Q=Q, R=R, dt=True))
+    np.testing.assert_allclose(solution.P, P, atol=1e-10 * np.abs(P).max())
+
+
+def test_delta_min_separates_bounded_from_unbounded_costs() -> None:
+    """Dynamic programming converges .1 % above delta_min, and loses its saddle .1 % below."""
+    for seed in range(2):
+        game = game_of(seed, delta=1e3)
+        smallest = minimum_delta(game)
+        assert smallest.value <= smallest.refused * (1.0 + 2e-6)
+        above = game.with_delta(1.001 * smallest.value)
+        solution = hfa.solve(above)
+        assert bounded_real_gain(above, solution.K) < above.delta
+        with pytest.raises(NoSolutionError, match="below delta_min"):
+            hfa.solve(game.with_delta(0.999 * smallest.value))
+        assert np.isinf(iterated(game.with_delta(0.999 * smallest.value), 4000)).all()
+        assert np.isfinite(iterated(above)).all()
+
+
+def test_gain_and_margins_of_a_scalar_loop() -> None:
+    """x+ = .8 x + u + w with u = -.3 x: gain of (x, u), and gain margins, in closed form."""
+    game = Game([[0.8]], [[1.0]], [[1.0]], [[1.0]], [[4.0]], dt=0.2)
+    K = np.array([[0.3]])
+    output = math.sqrt(1.0 + 4.0 * 0.3**2)
+    assert bounded_real_gain(game, K) == pytest.approx(output / 0.5, rel=1e-8)
+    # A gain f u: stable for |.8 - .3 f| < 1, thus f up to 6.
+    loop = hfa.solve(replace(game, Q=[[0.2]])).loops[0]
+    gain = hfa.solve(replace(game, Q=[[0.2]])).K[0, 0]
+    assert loop.gain_high == pytest.approx(1.8 / gain, rel=1e-6)
+    # S - 1/2 at z = -1 is the largest: |1 / (1 + l) - 1/2|, l = -.3 / 1.8.
+    sensitivity = [abs(1.0 / (1.0 + 0.3 / (z - 0.8)) - 0.5) for z in (1.0, -1.0)]
+    assert disk_margin(game, K).disk == pytest.approx(1.0 / max(sensitivity), rel=1e-6)
+    assert disk_margin(game, K).frequency == pytest.approx(math.pi / 0.2, rel=1e-6)
+
+
+def test_short_samples_approach_the_game_in_continuous_time() -> None:
+    """K of sampled games approaches K with the order 1; samples that lose the rates are refused."""
+    A, B = [[0.0, 1.0], [2.0, -0.1]], [[0.0], [1.0]]
+    game = Game(A, B, Q=[1.0, 0.1], R=[0.5], delta=20.0)
+    exact = hfa.solve(game)
+    errors = [np.abs(hfa.solve(game.sampled(dt)).K - exact.K).max() for dt in (2e-3, 1e-3)]
+    assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.02)
+    sampled = hfa.solve(game.sampled(1e-3))
+    assert sampled.disk_margin.disk == pytest.approx(exact.disk_margin.disk, rel=5e-3)
+    assert sampled.disk_margin.frequency == pytest.approx(exact.disk_margin.frequency, rel=5e-2)
+    with pytest.raises(BadInputError, match=r"dt = 1e-07 s is too short: .* give at least 5e-07 s"):
+        game.sampled(1e-7)
+
+
+def test_dt_of_python_control() -> None:
+    """None and 0 are continuous time, a number is the sample time, True an unknown one."""
+    make = {"A": [[0.5]], "B": [[1.0]], "Q": [1.0], "R": [1.0]}
+    assert hfa.solve(Game(**make, dt=0)).K[0, 0] == pytest.approx(0.5 + math.sqrt(1.25))
+    assert hfa.solve(Game(**make, dt=True)).K == hfa.solve(Game(**make, dt=0.1)).K
+    for wrong in (-0.1, math.nan, "1", False):
+        with pytest.raises(BadInputError, match="give the sample time"):
+            Game(**make, dt=wrong)

@@ -1,0 +1,141 @@
+"""Every public function that takes a game or its solution: in discrete time it is right, or refuses
+in one line that names what to call.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import controller
+import hfa
+from hfa import BadInputError, Game
+
+PACKAGES = (
+    *("hfa", "hfa.paper", "controller", "verification", "trim", "hfa_aircraft"),
+    *("hfa_flight", "hfa_policy", "hfa_optimal", "hfa_prove", "hfa_design", "hfa_identify"),
+)
+LINEAR = hfa.LinearModel.of([[0.5, 0.2], [0.0, 0.3]], [[0.0], [1.0]])
+GAME = Game(LINEAR.A, LINEAR.B, Q=np.eye(2), R=[1.0], delta=9.0, dt=0.1, discount=0.9)
+EXACT = hfa.solve(GAME)
+WEIGHTS = np.array([EXACT.P[0, 0], 2.0 * EXACT.P[0, 1], EXACT.P[1, 1]])
+Z = ca.SX.sym("z", 2)
+V = ca.Function("V", [Z], [ca.bilin(ca.DM(EXACT.P), Z, Z)])
+
+
+def _is_exact(critic: Any) -> None:
+    assert critic.u([0.3, -0.2]) == pytest.approx(-EXACT.K @ [0.3, -0.2])
+    assert hfa.verify(GAME, critic).ok
+
+
+def _read_critic() -> None:
+    np.savez("W.npz", W=WEIGHTS, basis="quadratic")
+    for read in (hfa.read_critic, controller.critic_in):
+        _is_exact(read("W.npz", GAME))
+
+
+def _gain() -> None:
+    gain = controller.bounded_real_gain(GAME, EXACT.K)
+    z = np.exp(1j * np.linspace(0.0, np.pi, 2000))[:, None, None] * np.eye(2)
+    loop = np.sqrt(0.9) * (GAME.A - GAME.B @ EXACT.K)
+    outputs = np.vstack([np.eye(2), EXACT.K])
+    response = outputs @ np.linalg.inv(z - loop) * np.sqrt(0.9)
+    assert gain == pytest.approx(np.linalg.norm(response, 2, axis=(1, 2)).max(), rel=1e-4)
+
+
+def _margin() -> None:
+    z = np.exp(1j * np.linspace(1e-3, np.pi, 4000))
+    loop = (EXACT.K @ np.linalg.inv(z[:, None, None] * np.eye(2) - GAME.A) @ GAME.B)[:, 0, 0]
+    worst = np.abs(1.0 / (1.0 + loop) - 0.5).max()
+    assert controller.disk_margin(GAME, EXACT.K).disk == pytest.approx(1.0 / worst, rel=1e-3)
+
+
+def _history() -> None:
+    rows = np.array([0.5 * WEIGHTS, WEIGHTS])
+    critics = controller.critics_over_time(GAME, np.array([0.0, 1.0]), W=rows)
+    _is_exact(critics[-1])
+
+
+def _smallest() -> None:
+    smallest = controller.minimum_delta(GAME).value
+    assert hfa.solve(GAME.with_delta(1.01 * smallest)).certificate.ok
+    with pytest.raises(hfa.NoSolutionError):
+        hfa.solve(GAME.with_delta(0.99 * smallest))
+
+
+#: Public name -> test that it is right in discrete time, or, with the prefix "refused", a call that
+#: is refused.
+HANDLED: dict[str, Callable[[], Any]] = {
+    "Game": lambda: GAME,
+    "Solution": lambda: EXACT.poles(),
+    "solve": lambda: EXACT,
+    "learn": lambda: _is_exact(hfa.learn(GAME).critic(GAME)),
+    "verify": lambda: _is_exact(hfa.from_gain(GAME, EXACT.K)),
+    "from_gain": lambda: _is_exact(hfa.from_gain(GAME, EXACT.K)),
+    "from_value": lambda: _is_exact(hfa.from_value(GAME, EXACT.P)),
+    "from_weights": lambda: _is_exact(hfa.from_weights(GAME, WEIGHTS)),
+    "from_network": lambda: _is_exact(hfa.from_network(GAME, V)),
+    "read_critic": _read_critic,
+    "critic_in": _read_critic,
+    "critics_over_time": _history,
+    "bounded_real_gain": _gain,
+    "disk_margin": _margin,
+    "minimum_delta": _smallest,
+}
+REFUSED: dict[str, Callable[[], Any]] = {
+    "track": lambda: hfa.track(LINEAR, EXACT, {"x1": 1.0}),
+    "expand": lambda: hfa.expand(LINEAR, EXACT, 3),
+    "Expansion": lambda: hfa.expand(LINEAR, EXACT, 3),
+    "record": lambda: controller.record(GAME, np.eye(2)),
+    "random_pool": lambda: controller.random_pool(GAME, 9, 0),
+    "prove_solution": lambda: hfa.prove_solution(GAME),
+    "prove_critic": lambda: hfa.prove_critic(GAME, hfa.from_gain(GAME, EXACT.K)),
+}
+pytestmark = pytest.mark.usefixtures("folder")
+
+
+def test_the_tables_have_every_function_that_takes_a_game() -> None:
+    """No public function with an argument of the type Game or Solution is missing below."""
+    found = set()
+    for package in map(importlib.import_module, PACKAGES):
+        for name in dir(package):
+            value = getattr(package, name)
+            if callable(value) and not name.startswith("_"):
+                try:
+                    parameters = inspect.signature(value).parameters.values()
+                except (TypeError, ValueError):
+                    continue
+                kinds = {str(parameter.annotation).split(" |")[0] for parameter in parameters}
+                found |= {name} if kinds & {"Game", "Solution"} else set()
+    assert found == HANDLED.keys() | REFUSED.keys()
+
+
+@pytest.mark.parametrize("name", HANDLED)
+def test_a_game_in_discrete_time_is_handled(name: str) -> None:
+    """Each function gives what the game in discrete time says, by an independent formula."""
+    HANDLED[name]()
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_game_in_discrete_time_is_refused(name: str) -> None:
+    """Each other function refuses it in one line with the functions that accept it."""
+    with pytest.raises(BadInputError) as refusal:
+        REFUSED[name]()
+    assert "requires a game in continuous time" in str(refusal.value)
+    assert "hfa.solve" in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_critic_of_the_other_time_is_refused() -> None:
+    """A value made with the game in continuous time implies another policy, and is not judged."""
+    still = Game(LINEAR.A, LINEAR.B, Q=np.eye(2), R=[1.0], delta=9.0)
+    quartic = ca.Function("V", [Z], [V(Z) + Z[0] ** 4])
+    for judged, made in ((GAME, still), (still, GAME)):
+        with pytest.raises(BadInputError, match="make the critic with this game"):
+            hfa.verify(judged, hfa.from_network(made, quartic))
