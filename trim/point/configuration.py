@@ -67,8 +67,10 @@ def configuration_of(point: OperatingPoint) -> dict[str, Quantity]:
     return {name: found[name] for name in _ENTRIES if name in found}
 
 
-def configuration_parts(found: Mapping[str, Quantity]) -> Iterator[Any]:
-    """Yield the table of the configuration, and a line with the entries that are unknown."""
+def configuration_parts(point: OperatingPoint, found: Mapping[str, Quantity]) -> Iterator[Any]:
+    """Yield the table of an aircraft's configuration, and a line with unknown entries."""
+    if not found and "alpha" not in recognized(point.model.states):
+        return
     rows = [
         (_ENTRIES[name], f"{shown_value(each.value, each.unit, '.6g')}", shown_unit(each.unit))
         for name, each in found.items()
@@ -81,7 +83,7 @@ def configuration_parts(found: Mapping[str, Quantity]) -> Iterator[Any]:
     if rows:
         table = Table(("configuration", "value", "unit"), rows)
         yield (table, line) if missing else table
-    elif {"speed", "alpha"} <= named:
+    else:
         yield line
 
 

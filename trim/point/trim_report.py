@@ -274,7 +274,7 @@ def trim_report(
     ]
     if changing := _may_change(model, unbalanced):
         lines.append(changing)
-    about = [*configuration_parts(configuration), *_about_lines(point, reference)]
+    about = [*configuration_parts(point, configuration), *_about_lines(point, reference)]
     lines = [line for line in lines if line]
     parts = [*_variables(model, margins), *([tuple(lines)] if not full else lines), *about]
     parts += [*_figure_tables(figures, full), *_validity(model, validity)]

@@ -159,7 +159,10 @@ class _Files:
             outputs={},
             holds_beta=True,
             source=source,
-            about=About(notes=("read from DAVE-ML over a flat Earth in standard air",)),
+            about=About(
+                notes=("read from DAVE-ML over a flat Earth in standard air",),
+                configuration=self._configuration,
+            ),
             domain=Domain(self._table_ranges()),
         )
 
@@ -225,14 +228,7 @@ class _Files:
     def _equations(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the rates of the states, and the outputs, each by name."""
         motion = Motion(x, _GRAVITY, "english")
-        density = motion.air.density
-        given = {name: getattr(x, name) for name in STATES} | {
-            "mach": motion.mach,
-            "density": density,
-            "dynamic_pressure": motion.pressure,
-            "equivalent_airspeed": x.speed * ca.sqrt(density / SEA_LEVEL.density),
-        }
-        value = self._values(given, u, p)
+        value = self._values(_given(x, motion), u, p)
         force = motion.pressure * value(names.AREA)
         air_force = force * self._coefficients(value, x.alpha)
         arms = ca.vertcat(value(names.SPAN), value(names.CHORD), value(names.SPAN))
@@ -259,6 +255,26 @@ class _Files:
             value(names.CHORD),
         )
         return rates, outputs | forces
+
+    def _configuration(self, x: Any, u: Any, p: Any) -> dict[str, tuple[float, str]]:
+        """Return mass, center of gravity, inertias and sizes, name -> (value, unit)."""
+        state, inputs, parameters = (
+            SimpleNamespace(**dict(zip(known, vector, strict=True)))
+            for known, vector in ((STATES, x), (self.inputs, u), (self.parameters, p))
+        )
+        value = self._values(_given(state, Motion(state, _GRAVITY, "english")), inputs, parameters)
+        inertias = zip(("Ixx", "Iyy", "Izz"), names.INERTIA, strict=True)
+        of_file = {"mass": (names.MASS, "slug")} | {
+            name: (moment, "slug ft^2") for name, moment in inertias
+        }
+        of_file |= {"Ixz": (names.PRODUCTS[1], "slug ft^2"), "reference_area": (names.AREA, "ft^2")}
+        of_file |= {"reference_span": (names.SPAN, "ft"), "reference_chord": (names.CHORD, "ft")}
+        for axis, name in zip("xyz", names.CENTER, strict=True):
+            of_file[f"center_of_gravity_{axis}"] = name, "ft"
+        return {
+            name: (_number(self._vector(value, (own,))), unit)
+            for name, (own, unit) in of_file.items()
+        }
 
     def _coefficients(self, value: Callable[[str], Any], alpha: Any) -> Any:
         """Return the coefficients (C_X, C_Y, C_Z) of the aerodynamic force in body axes, (3,)."""
@@ -301,6 +317,17 @@ class _Files:
             return getattr(u if variable.name in self.inputs else p, variable.name)
 
         return value
+
+
+def _given(x: Any, motion: Motion) -> dict[str, Any]:
+    """Return the quantities of the motion that a file may use, by name."""
+    density = motion.air.density
+    return {name: getattr(x, name) for name in STATES} | {
+        "mach": motion.mach,
+        "density": density,
+        "dynamic_pressure": motion.pressure,
+        "equivalent_airspeed": x.speed * ca.sqrt(density / SEA_LEVEL.density),
+    }
 
 
 def _number(expression: Any) -> float:

@@ -194,14 +194,16 @@ def _with_derivatives(
             if apart > _DOUBTFUL
             else ()
         )
-        return function, About(notes=("A and B: exact, by the FMU",), doubts=doubts)
+        return function, About(
+            notes=("A and B: exact, by the FMU",), doubts=doubts, equations="FMU"
+        )
     # The error of a step of h is c h^2: a third of the difference between those of h and 2 h.
     error = largest_difference(slopes_at(coarse, start), slopes, scales) / 3.0
     note = (
         f"A and B: central differences, steps {STEP:g} of the nominal values; error about "
         f"{error:.1g} at the start values (the FMU provides no derivatives)"
     )
-    return fine, About(notes=(note,))
+    return fine, About(notes=(note,), equations="FMU")
 
 
 def _signal(builder: ca.DaeBuilder, name: str) -> Signal:
