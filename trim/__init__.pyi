@@ -7,7 +7,7 @@ from .linear.along import models_along as models_along
 from .linear.handling_qualities import handling_qualities as handling_qualities
 from .linear.levels import Airplane as Airplane, graded as graded
 from .linear.modes import modes_of as modes_of
-from .point.condition import release as release
+from .point.condition import release as release, usual_condition as usual_condition
 from .point.solve import TrimError as TrimError
 from .point.trim_report import trim_report as trim_report
 from .sweeps.interpolated import InterpolatedModel as InterpolatedModel

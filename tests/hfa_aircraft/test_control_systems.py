@@ -8,7 +8,7 @@ import pytest
 
 from hfa import BadInputError, linearize, trim
 from hfa_aircraft import from_control, to_control
-from trim.point.condition import usual_condition
+from trim import usual_condition
 
 
 def pendulum(t, x, u, params):

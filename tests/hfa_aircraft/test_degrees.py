@@ -9,8 +9,8 @@ import pytest
 
 import hfa
 from hfa import Model, Signal
+from hfa_aircraft import in_si
 from hfa_aircraft.degrees import notes_on_degrees
-from hfa_aircraft.units import in_si
 
 
 def pendulum(torque: Any) -> Model:

@@ -10,7 +10,7 @@ from cli import assert_refused, hfa
 
 AIRCRAFT = """
 import sys
-from hfa_aircraft.model import Model, Signal
+from hfa import Model, Signal
 
 calls = []
 

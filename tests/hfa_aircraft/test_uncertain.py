@@ -13,8 +13,8 @@ import hfa
 from hfa import BadInputError
 from hfa.main import main
 from hfa.paper import default_parameters
+from hfa_aircraft import in_si
 from hfa_aircraft.uncertain import ParameterSpread, spread_of, spread_of_file
-from hfa_aircraft.units import in_si
 
 UAV = (ROOT / "examples/uav.toml").read_text("utf-8")
 COVARIANCE = np.array([[0.04, 0.006, 0.0], [0.006, 0.0025, 0.0], [0.0, 0.0, 0.0]])

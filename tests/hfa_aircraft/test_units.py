@@ -14,7 +14,7 @@ from hfa import BadInputError, Game, Model, Signal, TrimCondition, linearize, tr
 from hfa.paper import published_game
 from hfa_aircraft.units import in_si, signal_unit
 from hfa_support.units import conversion, si_factor, si_unit
-from trim.point.condition import usual_condition
+from trim import usual_condition
 from trim.point.performance import figures_of
 
 envelopes = Extension("hfa_flight.envelope")

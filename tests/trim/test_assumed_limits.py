@@ -10,10 +10,7 @@ import pytest
 from project import ROOT
 
 import hfa
-from hfa_aircraft.limits import Limits
-from hfa_model import INPUTS, STATES
-from trim.point.condition import usual_condition
-from trim.point.trim_report import trim_report
+from trim import trim_report, usual_condition
 
 
 @pytest.mark.parametrize("name", [f"{ROOT}/examples/uav.toml", "jsbsim:c172p"])
@@ -32,23 +29,15 @@ def test_assumed_limits_are_marked(name: str) -> None:
     assert "* assumed" in text
 
 
-def test_a_limit_of_the_user_is_not_assumed() -> None:
-    """A limit that the user gives, or that the model declares, is not marked as assumed."""
-    model = hfa.load_model(f"{ROOT}/examples/uav.toml")
-    names = ("alpha", "beta")
-    assert Limits.of(model, names).assumed.all()
-    given = Limits.of(model, names, {"alpha": (-0.1, 0.2)})
-    assert given.assumed.tolist() == [False, True]
-    gtm = hfa.load_model(f"{ROOT}/examples/gtm.py:GTM")
-    assert not Limits.of(gtm, ("alpha", "pitch")).assumed.any()
-
-
-def test_limits_of_the_flexible_aircraft_are_assumed() -> None:
-    """The paper states no limits: all of the flexible aircraft are marked, but for the user's."""
-    model = hfa.aircraft()
-    names = (*(name for name in STATES if not name.endswith("_rate")), *INPUTS)
-    assert Limits.of(model, names).assumed.all()
-    assert not Limits.of(model, ("alpha",), {"alpha": (-0.1, 0.2)}).assumed.any()
+def test_a_limit_of_the_user_or_of_the_model_is_not_assumed() -> None:
+    """Limits of the flexible aircraft and of a table are assumed, but for the user's."""
+    for model in (hfa.aircraft(), hfa.load_model(f"{ROOT}/examples/uav.toml")):
+        margins = hfa.trim(model).margins
+        assert margins["alpha"].assumed
+        own = replace(usual_condition(model), limits={"alpha": (-0.1, 0.2)})
+        assert not hfa.trim(model, own).margins["alpha"].assumed
+    gtm = hfa.trim(hfa.load_model(f"{ROOT}/examples/gtm.py:GTM")).margins
+    assert [gtm[name].assumed for name in ("alpha", "pitch")] == [False, False]
 
 
 def test_flights_name_an_assumed_limit() -> None:

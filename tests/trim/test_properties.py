@@ -12,13 +12,11 @@ from hypothesis import given, strategies as st
 from strategies import flights
 
 import hfa
-from hfa import OperatingPoint
+from hfa import Model, OperatingPoint
+from hfa_aircraft import in_si
 from hfa_aircraft.limits import Limits
-from hfa_aircraft.model import Model
-from hfa_aircraft.units import in_si
 from hfa_support.units import si_factor
-from trim import TrimError, trim_report
-from trim.point.condition import usual_condition
+from trim import TrimError, trim_report, usual_condition
 
 MODELS = [hfa.aircraft("published"), hfa.aircraft("newton")]
 

@@ -16,13 +16,12 @@ import pytest
 from project import ROOT
 
 import hfa
-from hfa import BadInputError, Model, Signal, TrimCondition
+from hfa import BadInputError, LinearModel, Model, Signal, TrimCondition
 from hfa.paper import default_parameters, level_flight
 from hfa_aircraft import from_control
 from hfa_aircraft.loading import reloaded
 from hfa_aircraft.waveform import Waveform, constant
 from trim import InterpolatedModel, entry_bands, modes_of, release, trim_points
-from trim.linear.linear_model import LinearModel
 
 HFA = hfa.aircraft()
 GTM = hfa.load_model(f"{ROOT}/examples/gtm.py:GTM")

@@ -8,8 +8,6 @@ import pytest
 
 import hfa
 from hfa import Model, Signal
-from trim.point.condition import usual_condition
-from trim.point.system import TrimSystem
 
 _MASS = 10.0
 _GRAVITY = 9.81
@@ -65,17 +63,6 @@ def test_bank_angles_of_a_sweep_are_exact() -> None:
     turns = np.array([0.1, 0.5, 1.5])
     swept = hfa.sweep(TURNING, {"speed": [300.0], "turn": turns})
     np.testing.assert_allclose(swept.states[:, 2], np.arctan(300.0 * turns / _GRAVITY), rtol=1e-9)
-
-
-def test_large_angles_without_limits_lose_full_revolutions() -> None:
-    system = TrimSystem(TURNING, usual_condition(TURNING))
-    banks = np.array([0.3, 2.0, 7.0, -4.0, 30.0])
-    z = np.full((5, len(system.start)), 99.0)
-    column = system.equations.unknowns.index("bank")
-    z[:, column] = banks
-    kept = z.copy()
-    kept[:, column] = [0.3, 2.0, 7.0 - 2 * np.pi, 2 * np.pi - 4.0, 30.0 - 10 * np.pi]
-    np.testing.assert_allclose(system.wrapped(z), kept)
 
 
 def test_a_trim_from_another_start_reports_the_failure() -> None:

@@ -10,7 +10,7 @@ from known_models import model_at
 from units_of_outputs import assert_no_feet
 
 import hfa_model
-from hfa_aircraft.model import Model
+from hfa import Model
 from trim import trim_figure
 from trim.hfa.front_view import panels_from_the_front
 

@@ -13,7 +13,7 @@ from scipy.linalg import expm
 
 from hfa import BadInputError
 from hfa_aircraft import to_control
-from trim.linear.along import models_along
+from trim import models_along
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ import pytest
 from random_points import INPUT_SCALES, STATE_SCALES, random_points
 
 import hfa_model
-from hfa_aircraft.model import Model
+from hfa import Model
 from hfa_model import INPUTS, STATES, Input, State
 from hfa_model.kinematics import DISTURBANCES, winds_named
 from hfa_model.outputs import OUTPUTS, moment_of, outputs_of

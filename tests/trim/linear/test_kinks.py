@@ -17,7 +17,7 @@ from extension import Extension
 
 from hfa import Model, Signal, TrimCondition, linearize, sweep, trim
 from hfa.paper import level_flight
-from trim.point.condition import usual_condition
+from trim import usual_condition
 
 stores = Extension("trim.sweeps.store")
 

@@ -13,9 +13,8 @@ from extension import Extension
 from known_models import model_at, released_simulation
 
 import hfa
-from hfa import BadInputError, LinearModel, OperatingPoint, linearize, trim
+from hfa import BadInputError, LinearModel, Model, OperatingPoint, linearize, trim
 from hfa.paper import level_flight
-from hfa_aircraft.model import Model
 from hfa_model import LINEAR_STATES, STATES, Parameters, published_models
 from hfa_model.kinematics import DISTURBANCES
 from hfa_model.parameters import ParameterSet

@@ -1,11 +1,10 @@
-"""Trims at commands within and beyond the limits of a spring with a limited force."""
+"""Trims of a spring beyond the limits of its force."""
 
 from __future__ import annotations
 
 import pytest
 
 import hfa
-from trim.point.commanded import commanded_trim
 
 #: x'' = force - 2 x, with a force from -3 to 5 N.
 SPRING = hfa.Model(
@@ -15,27 +14,6 @@ SPRING = hfa.Model(
     lambda x, u, p, w: ({"x": x.v, "v": u.force - 2.0 * x.x}, {}),
     trim={"x": 0.5},
 )
-
-
-@pytest.mark.parametrize(
-    ("command", "force", "limit"),
-    [(1.0, 3.0, None), (2.0, 5.0, None), (3.0, 7.0, 5.0), (-2.0, -3.0, None), (-3.0, -5.0, -3.0)],
-)
-def test_a_command_needs_its_force(command: float, force: float, limit: float | None) -> None:
-    """The command is a deviation from the trim; a force beyond its limit is compared with it."""
-    found = commanded_trim(hfa.trim(SPRING), {"x": command})
-    assert found.needed["force"] == pytest.approx(force)
-    assert found.beyond == ({} if limit is None else {"force": limit})
-    assert found.is_reachable == (limit is None)
-    if limit is not None:
-        assert found.excess("force") == pytest.approx(abs(force - limit) / 8.0)
-
-
-def test_a_command_without_equilibrium_has_a_reason() -> None:
-    """A speed of the spring is no equilibrium, whatever the force."""
-    found = commanded_trim(hfa.trim(SPRING), {"v": 1.0})
-    assert not found.is_reachable
-    assert "x by 1 m/s" in found.reason
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,8 @@ from typing import Any
 
 import pytest
 
-from hfa_aircraft.about import Trimming
-from hfa_aircraft.model import Model
-from hfa_aircraft.signals import Signal
+from hfa import Model, Signal
+from hfa.extend import Trimming
 
 
 def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -13,9 +13,8 @@ from cli import refusal
 from own_models import NAVION
 
 import hfa
-from hfa import BadInputError, OperatingPoint, trim
-from hfa_aircraft.model import Model
-from hfa_aircraft.units import in_si
+from hfa import BadInputError, Model, OperatingPoint, trim
+from hfa_aircraft import in_si
 from studies.validation.outside import released_trims
 from trim import load_condition, release
 from trim.point.condition_file import read_condition

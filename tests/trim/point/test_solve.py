@@ -10,9 +10,8 @@ from random_points import INPUT_SCALES, RATE_SCALES
 
 import hfa
 import hfa_model
-from hfa import BadInputError, NoSolutionError, OperatingPoint, TrimCondition, trim
+from hfa import BadInputError, Model, NoSolutionError, OperatingPoint, TrimCondition, trim
 from hfa.paper import level_flight
-from hfa_aircraft.model import Model
 from hfa_model import STATES, Input, State
 from hfa_model.aerodynamics import aircraft_loads
 from hfa_model.dynamics import rates_from_loads

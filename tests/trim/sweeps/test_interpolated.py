@@ -13,7 +13,7 @@ from c_files import COMPILER, needs_gcc
 import hfa
 from hfa import BadInputError, sweep
 from hfa.paper import level_model
-from trim.sweeps.interpolated import InterpolatedModel
+from trim import InterpolatedModel
 
 GRID = {"dihedral": np.radians([0.0, 5.0, 10.0, 15.0]), "speed": np.array([60.0, 68.0, 76.0])}
 

@@ -15,9 +15,8 @@ from known_models import model_at
 from matplotlib import pyplot
 
 import hfa_model
-from hfa import BadInputError, TrimCondition, linearize, sweep, trim
+from hfa import BadInputError, Model, TrimCondition, linearize, sweep, trim
 from hfa.paper import level_flight
-from hfa_aircraft.model import Model
 from hfa_model import DEGREE, INPUTS, STATES, Parameters, choice
 from hfa_model.vectors import LINEAR_ROWS, STATE_UNITS
 from hfa_support.linear_table import LinearTable
