@@ -25,7 +25,6 @@ from studies.servo.__main__ import main
 from studies.servo.comparison import CASES, ServoFlight, designed_servo, fly_case, laws_of, rows_of
 from studies.servo.flights import delayed, gust_held, simulated_flight, slowest_delayed
 from studies.servo.simvfa import reference_servo, simvfa_design
-from studies.unsteady.__main__ import margins as margins_of
 
 pytestmark = pytest.mark.slow
 
@@ -243,14 +242,28 @@ def test_the_designed_servo_has_the_stored_margins(
     assert A_Z in tables[0].rows[0].loops
 
 
-def test_unsteady_air_makes_the_servo_loop_unstable() -> None:
-    """SimVFA's servo loop is stable with the dynamics `published` and `newton`, but not
-    `unsteady`.
+@pytest.mark.parametrize(
+    ("dynamics", "degrees", "abscissa", "disk"),
+    [
+        ("published", 5.0, -0.133, 1.63),
+        ("newton", 15.0, -0.101, 1.07),
+        ("unsteady", 15.0, 0.048, 0),
+    ],
+)
+def test_unsteady_air_makes_the_servo_loop_unstable(
+    dynamics: str, degrees: float, abscissa: float, disk: float
+) -> None:
+    """SimVFA's servo loop is stable with the dynamics `published` and `newton` and actuators of 2
+    rad/s, but not `unsteady`. The margin is the smallest disk margin of an input.
     """
     servo = design_controller(hfa.aircraft(), simvfa_design("simvfa-1"), np.radians([5.0, 15.0]))
-    assert margins_of("published", 5.0, servo, 1) == pytest.approx((-0.133, 1.63), abs=6e-3)
-    assert margins_of("newton", 15.0, servo, 1) == pytest.approx((-0.101, 1.07), abs=6e-3)
-    assert margins_of("unsteady", 15.0, servo, 1)[0] == pytest.approx(0.048, abs=6e-4)
+    actuators = dict.fromkeys(servo.inputs, Actuator(1, 2.0))
+    plant = servo_plant(hfa.aircraft(dynamics), model_at(degrees, dynamics), servo, actuators)
+    loop = servo_loop(plant, servo)
+    assert loop.abscissa == pytest.approx(abscissa, abs=6e-4)
+    if abscissa < 0.0:
+        found = servo_margins(loop, servo.inputs, servo.measurements)
+        assert min(found[name].disk for name in servo.inputs) == pytest.approx(disk, abs=6e-3)
 
 
 @pytest.mark.parametrize(

@@ -1,1 +1,0 @@
-"""Cost of trained policies above the best flight found, for seven aircraft and four algorithms."""

@@ -1,1 +1,0 @@
-"""Servo designs and tolerated gusts on the `unsteady` dynamics, compared with other dynamics."""
